@@ -1,0 +1,51 @@
+"""pinfric: load-dependent joint friction, stiction intervals and motor sizing on Pinocchio."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+# Pinocchio's OpenMP threads would otherwise spin after each batch and starve the next kernel;
+# it must be set before Pinocchio loads.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+__version__ = "0.1.0"
+
+#: Public name -> where it lives. Imported at first use: `pinfric --help` needs none of it.
+_PUBLIC = {
+    "Scene": "pinfric.model.scene",
+    "load_scene": "pinfric.model.scene",
+    "inverse_dynamics": "pinfric.dynamics.inverse",
+    "InverseResult": "pinfric.dynamics.result",
+    "StickInterval": "pinfric.dynamics.result",
+    "joint_wrenches": "pinfric.dynamics.reactions",
+    "Trajectory": "pinfric.study.trajectory",
+    "load_trajectory": "pinfric.study.trajectory",
+    "PinfricError": "pinfric.errors",
+    "PinfricWarning": "pinfric.errors",
+}
+
+__all__ = [*_PUBLIC, "__version__"]
+
+if TYPE_CHECKING:  # the same names for type checkers, which do not run __getattr__
+    from pinfric.dynamics.inverse import inverse_dynamics as inverse_dynamics
+    from pinfric.dynamics.reactions import joint_wrenches as joint_wrenches
+    from pinfric.dynamics.result import InverseResult as InverseResult
+    from pinfric.dynamics.result import StickInterval as StickInterval
+    from pinfric.errors import PinfricError as PinfricError
+    from pinfric.errors import PinfricWarning as PinfricWarning
+    from pinfric.model.scene import Scene as Scene
+    from pinfric.model.scene import load_scene as load_scene
+    from pinfric.study.trajectory import Trajectory as Trajectory
+    from pinfric.study.trajectory import load_trajectory as load_trajectory
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        return getattr(import_module(_PUBLIC[name]), name)
+    raise AttributeError(f"module 'pinfric' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

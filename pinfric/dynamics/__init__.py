@@ -1,0 +1,1 @@
+"""How it moves: reactions, inverse and forward dynamics, simulation."""

@@ -1,0 +1,300 @@
+"""Inverse dynamics with friction: the efforts that a motion takes, as intervals where joints stick.
+
+    M a + h - J_ext^T f_ext = u + D phi,     phi_k opposes v_k and depends on the wrench w_k
+
+(design 2.3; paper eq. 16, 17). In an open chain whose drives sit on their joints the reactions do
+not depend on how drive and friction share the axis component, so u = tau_id - D phi needs no
+iteration; at rest phi is any value between its static limits, and u an interval (eq. 21, 22).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import overload
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.reactions import (
+    CHUNK,
+    AppliedWrench,
+    Batch,
+    applied_wrenches,
+    generalized_effort,
+    reactions,
+    relieve,
+    slices,
+    threads_for,
+)
+from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.states import MotionLike, States
+from pinfric.errors import RollMomentError, StateError
+from pinfric.model.bearings import normal_loads
+from pinfric.model.compiled import kernel
+from pinfric.model.drives import motor_torque_bounds
+from pinfric.model.laws import friction_bounds
+from pinfric.model.scene import Scene
+from pinfric.model.twin import Twin
+
+
+@overload
+def inverse_dynamics(
+    scene: Scene, q: np.ndarray | MotionLike, v: np.ndarray | None = ...,
+    a: np.ndarray | None = ..., external: Mapping[str, np.ndarray] | None = ..., *,
+    t: np.ndarray | None = ..., attached: np.ndarray | None = ..., threads: int | None = ...,
+    chunks: None = ...,
+) -> InverseResult: ...  # fmt: skip
+@overload
+def inverse_dynamics(
+    scene: Scene, q: np.ndarray | MotionLike, v: np.ndarray | None = ...,
+    a: np.ndarray | None = ..., external: Mapping[str, np.ndarray] | None = ..., *,
+    t: np.ndarray | None = ..., attached: np.ndarray | None = ..., threads: int | None = ...,
+    chunks: int,
+) -> Iterator[InverseResult]: ...  # fmt: skip
+def inverse_dynamics(
+    scene: Scene,
+    q: np.ndarray | MotionLike,
+    v: np.ndarray | None = None,
+    a: np.ndarray | None = None,
+    external: Mapping[str, np.ndarray] | None = None,
+    *,
+    t: np.ndarray | None = None,
+    attached: np.ndarray | None = None,
+    threads: int | None = None,
+    chunks: int | None = None,
+) -> InverseResult | Iterator[InverseResult]:
+    """Return the drives' efforts along a motion, with friction: intervals where joints stick.
+
+    u = M a + h - J_ext^T f_ext - D phi (design 2.3; paper eq. 16, 17; at rest eq. 21, 22). A joint
+    that reverses between two samples passes through rest: the sample nearest to the reversal
+    carries the interval of standstill too.
+
+    Args:
+        scene: the robot with its friction and drives.
+        q, v, a: (T, nq), (T, nv), (T, nv) in rad, m and per second; or, in place of q alone, a
+            motion that has t, q, v, a (and `attached`).
+        external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m).
+        t: (T,) times in s, for stick intervals and time-weighted figures.
+        attached: (T, np) which payloads are carried; columns as `scene.payloads`.
+        threads: of Pinocchio; None chooses by the number of samples.
+        chunks: return an iterator of results of this many samples each, for motions whose result
+            would not fit in memory.
+
+    Raises:
+        StateError: a wrong shape, a value not finite, times not increasing.
+        RollMomentError: a guide without width is loaded by a moment about its axis.
+    """
+    if not isinstance(q, np.ndarray) and hasattr(q, "q"):
+        motion = q
+        q, v, a, t = motion.q, motion.v, motion.a, motion.t
+        attached = getattr(motion, "attached", None) if attached is None else attached
+    if v is None or a is None:
+        raise StateError("inverse_dynamics needs q, v and a, or one motion that has all of them")
+    states = States.of(scene, q, v, a, t, attached)
+    applied = applied_wrenches(scene, external, len(states.q))
+    if chunks is None:
+        return _solve(scene, states, applied, slice(0, len(states.q)), threads)
+    if chunks < 1:
+        raise StateError(f"chunks = {chunks}; should be at least 1 sample")
+    parts = slices(0, len(states.q), chunks)
+    return (_solve(scene, states, applied, part, threads) for part in parts)
+
+
+def _solve(
+    scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
+) -> InverseResult:
+    """Solve the samples of one slice; the samples beside it only tell reversals."""
+    T, ns, nv = whole.stop - whole.start, len(scene.sites), scene.model.nv
+    sites, threads = scene.site_tables, threads_for(T, threads)
+    velocity = _site_velocity(sites.velocity_index, sites.ratio, states.v)
+    reversal = reversals(velocity, sites.law[:, 9], whole)
+    load, friction_lower, friction_upper = (np.zeros((T, ns)) for _ in range(3))
+    sticking = np.zeros((T, ns), dtype=bool)
+    frictionless = np.empty((T, nv))
+    wrench = np.empty((T, ns, 6)) if _needs_wrenches(scene, applied) else None
+    for part, model, twin in _parts(scene, states, whole, CHUNK * threads):
+        here = slice(part.start - whole.start, part.stop - whole.start)
+        qva = states.q[part], states.v[part], states.a[part]
+        if wrench is None:
+            _plain(model, twin, *qva, threads, frictionless[here])
+        else:
+            batch = Batch.of(twin, part.stop - part.start)
+            reactions(twin, *qva, batch, threads)
+            relieve(twin, applied, part, batch)
+            generalized_effort(twin, batch.wrench, qva[2], frictionless[here])
+            wrench[here] = batch.wrench if ns == twin.n_joints else batch.wrench[:, sites.joint]
+            displacement = _displacement(twin, sites.joint, qva[0], sites.weights)
+            normal_loads(batch.wrench, sites.joint, sites.axis, sites.weights, displacement,
+                         load[here])  # fmt: skip
+        friction_bounds(velocity[part], load[here], sites.law, reversal[here],
+                        friction_lower[here], friction_upper[here], sticking[here])  # fmt: skip
+    if wrench is not None:
+        _check_roll_moments(scene, wrench, whole.start)
+    lower, upper = np.empty((T, nv)), np.empty((T, nv))
+    effort_bounds(frictionless, friction_lower, friction_upper, sites.velocity_index, sites.ratio,
+                  lower, upper)  # fmt: skip
+    motor_lower, motor_upper = _motor_torques(scene, states, whole, lower, upper)
+    return InverseResult(
+        scene=scene,
+        states=states.part(whole),
+        external=tuple(AppliedWrench(w.joint, w.wrench[whole]) for w in applied),
+        effort_lower=lower,
+        effort_upper=upper,
+        effort_frictionless=frictionless,
+        motor_torque_lower=motor_lower,
+        motor_torque_upper=motor_upper,
+        sticking=sticking,
+        reversal=reversal,
+        normal_load=load,
+        friction_lower=friction_lower,
+        friction_upper=friction_upper,
+        wrench=wrench,
+        iterations=np.zeros(T, dtype=np.int32),
+        contraction=np.zeros(T),
+        status=np.zeros(T, dtype=np.int8),
+    )
+
+
+def _parts(
+    scene: Scene, states: States, whole: slice, size: int
+) -> Iterator[tuple[slice, pin.Model, Twin]]:
+    """Cut `whole` into batches of constant payload, with the models that carry it."""
+    for start, stop, carried in states.phases(scene):
+        for part in slices(max(start, whole.start), min(stop, whole.stop), size):
+            yield part, scene.loaded_model(carried), scene.twin(carried)
+
+
+def _motor_torques(
+    scene: Scene, states: States, whole: slice, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(T, na) least and greatest motor torque; the efforts themselves where no gear is."""
+    if not any(drive.transmission for drive in scene.drives):
+        return lower, upper
+    motor_lower, motor_upper = lower.copy(), upper.copy()
+    for drive in scene.drives:
+        if drive.transmission is None:
+            continue
+        i = drive.velocity_index
+        v, a = states.v[:, i], states.a[whole, i]
+        stick = _drive_stick_velocity(scene, i)
+        turns = reversals(v[:, None], np.array([stick]), whole)[:, 0]
+        motor_lower[:, i], motor_upper[:, i] = motor_torque_bounds(
+            drive.transmission, lower[:, i], upper[:, i], v[whole], a, turns, stick
+        )
+    return motor_lower, motor_upper
+
+
+def reversals(velocity: np.ndarray, stick_velocity: np.ndarray, part: slice) -> np.ndarray:
+    """Return, for the samples of `part`, at which sites a velocity changes sign beside them.
+
+    Of the two samples around a sign change the slower one is marked (the earlier if equal); where
+    one of them sticks already, its interval covers the passage and nothing is marked.
+
+    Args:
+        velocity: (T, ns) of the whole motion.
+        stick_velocity: (ns,).
+        part: the samples wanted.
+
+    Returns:
+        (n, ns) bool.
+    """
+    before, after = max(part.start - 1, 0), min(part.stop + 1, len(velocity))
+    v = velocity[before:after]
+    moving = np.abs(v) > stick_velocity
+    crossing = (v[1:] * v[:-1] < 0) & moving[1:] & moving[:-1]
+    marked = np.zeros(v.shape, dtype=bool)
+    if crossing.any():
+        earlier = np.abs(v[:-1]) <= np.abs(v[1:])
+        marked[:-1] |= crossing & earlier
+        marked[1:] |= crossing & ~earlier
+    return np.ascontiguousarray(marked[part.start - before : part.stop - before])
+
+
+@kernel
+def effort_bounds(
+    frictionless: np.ndarray,
+    friction_lower: np.ndarray,
+    friction_upper: np.ndarray,
+    velocity_index: np.ndarray,
+    ratio: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> None:
+    """Write the least and greatest effort u = tau_id - D phi over each sample's friction.
+
+    Args:
+        frictionless: (n, nv), tau_id.
+        friction_lower, friction_upper: (n, ns).
+        velocity_index, ratio: (ns,), the site's column of D: `ratio` at its degree of freedom.
+        lower, upper: (n, nv), overwritten.
+    """
+    for i in range(frictionless.shape[0]):
+        for c in range(frictionless.shape[1]):
+            lower[i, c] = frictionless[i, c]
+            upper[i, c] = frictionless[i, c]
+        for s in range(ratio.size):
+            c, r = velocity_index[s], ratio[s]
+            if r >= 0.0:
+                lower[i, c] -= r * friction_upper[i, s]
+                upper[i, c] -= r * friction_lower[i, s]
+            else:
+                lower[i, c] -= r * friction_lower[i, s]
+                upper[i, c] -= r * friction_upper[i, s]
+
+
+def _needs_wrenches(scene: Scene, applied: list[AppliedWrench]) -> bool:
+    """Say whether anything in the scene looks at reactions; if not, they are not computed."""
+    return bool(applied) or any(site.friction.bearing is not None for site in scene.sites)
+
+
+def _plain(
+    model: pin.Model,
+    twin: Twin,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    threads: int,
+    effort: np.ndarray,
+) -> None:
+    """Write the ordinary RNEA (n, nv), for scenes whose friction looks at no reaction."""
+    pin.rneaInParallel(threads, twin.plain_pool(model, threads), q.T, v.T, a.T, effort.T)
+
+
+def _site_velocity(index: np.ndarray, ratio: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(T, ns) velocity of each site, child relative to parent."""
+    if len(index) == v.shape[1] and (index == np.arange(len(index))).all() and (ratio == 1).all():
+        return v
+    return v[:, index] * ratio
+
+
+def _displacement(twin: Twin, joint: np.ndarray, q: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(n, ns) position along the axis where a bearing is fixed to the parent, else 0."""
+    displacement = np.zeros((len(q), len(joint)))
+    for s in np.flatnonzero(weights[:, 8]):
+        j = joint[s]
+        displacement[:, s] = twin.ratio[j] * q[:, twin.q_index[j]] + twin.shift[j]
+    return displacement
+
+
+def _drive_stick_velocity(scene: Scene, velocity_index: int) -> float:
+    """The stick velocity of the site on a drive's joint, else the scene's default."""
+    for site in scene.sites:
+        if site.velocity_index == velocity_index and site.ratio == 1.0:
+            return site.law.stick_velocity
+    return scene.stick_velocity
+
+
+def _check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
+    """Refuse a moment about a guide's axis that nothing resists (beyond rounding)."""
+    for s, site in enumerate(scene.sites):
+        bearing = site.friction.bearing
+        if bearing is None or bearing.kind != "guide" or bearing.width is not None:
+            continue
+        assert bearing.length is not None  # the schema requires it
+        force, moment = wrench[:, s, :3], wrench[:, s, 3:]
+        roll = moment @ site.axis
+        scale = np.linalg.norm(moment, axis=1) + bearing.length * np.linalg.norm(force, axis=1)
+        beyond = np.abs(roll) > 1e-9 * scale
+        if beyond.any():
+            sample = int(np.argmax(beyond))
+            raise RollMomentError(site.name, first + sample, float(roll[sample]))

@@ -1,0 +1,168 @@
+"""Joint reactions of many samples at once, from one RNEA batch on the wrench twin."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.states import States
+from pinfric.errors import SceneError, StateError, choose_from
+from pinfric.model.scene import Scene
+from pinfric.model.twin import Twin, embed, project, transmit
+
+#: Samples per batch and thread: the twin's arrays of one batch stay in the second-level cache.
+CHUNK = 512
+#: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
+_FEW = 4096
+
+
+@dataclass(frozen=True)
+class AppliedWrench:
+    """A wrench on the robot from outside.
+
+    Attributes:
+        joint: row of the joint whose child link it acts on; -1 is the ground.
+        wrench: (T, 6), force and moment on the link, in that joint's frame, linear first.
+    """
+
+    joint: int
+    wrench: np.ndarray
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Buffers of one batch: the twin's states and the wrenches of all joints."""
+
+    q: np.ndarray  # (n, 7 nj)
+    v: np.ndarray  # (n, 6 nj)
+    a: np.ndarray  # (n, 6 nj)
+    wrench: np.ndarray  # (n, nj, 6)
+
+    @classmethod
+    def of(cls, twin: Twin, n: int) -> Batch:
+        """Make buffers for `n` samples."""
+        nj = twin.n_joints
+        shapes = (n, 7 * nj), (n, 6 * nj), (n, 6 * nj), (n, nj, 6)
+        return cls(*(np.empty(shape) for shape in shapes))
+
+    def first(self, n: int) -> Batch:
+        """Return the buffers of the first `n` samples."""
+        return Batch(self.q[:n], self.v[:n], self.a[:n], self.wrench[:n])
+
+
+def joint_wrenches(
+    scene: Scene,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    external: Mapping[str, np.ndarray] | None = None,
+    *,
+    threads: int | None = None,
+) -> np.ndarray:
+    """Return the wrench every joint transmits, parent on child, as Pinocchio's `data.f`.
+
+    w = RNEA_twin(q, E v, E a) - sum of X f_ext (design 2.1; the multipliers of paper eq. 17).
+
+    Args:
+        scene: the robot, with the payloads attached by default.
+        q, v, a: (T, nq), (T, nv), (T, nv).
+        external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m).
+        threads: of Pinocchio; None chooses by the number of samples.
+
+    Returns:
+        (T, nj, 6), N and N m, in each joint's child frame, linear first.
+    """
+    states = States.of(scene, q, v, a)
+    applied = applied_wrenches(scene, external, len(states.q))
+    twin, threads = scene.twin(), threads_for(len(states.q), threads)
+    out = np.empty((len(states.q), twin.n_joints, 6))
+    batch = Batch.of(twin, min(len(states.q), CHUNK * threads))
+    for part in slices(0, len(states.q), CHUNK * threads):
+        now = batch.first(part.stop - part.start)
+        now = Batch(now.q, now.v, now.a, out[part])
+        reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
+        relieve(twin, applied, part, now)
+    return out
+
+
+def reactions(
+    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
+) -> None:
+    """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (design 2.1)."""
+    embed(q, v, a, twin.kind, twin.q_index, twin.v_index, twin.ratio, twin.shift, twin.axis,
+          twin.components, batch.q, batch.v, batch.a)  # fmt: skip
+    flat = batch.wrench.reshape(len(q), -1)
+    # transposes of C-ordered arrays are the Fortran-ordered columns Pinocchio takes, uncopied
+    pin.rneaInParallel(threads, twin.pool(threads), batch.q.T, batch.v.T, batch.a.T, flat.T)
+
+
+def relieve(twin: Twin, applied: list[AppliedWrench], part: slice, batch: Batch) -> None:
+    """Subtract what acts from outside from the joints that carry it."""
+    for wrench in applied:
+        parents, p, R = _placements(twin)
+        transmit(wrench.wrench[part], wrench.joint, parents, p, R, batch.q, batch.wrench)
+
+
+def generalized_effort(twin: Twin, wrench: np.ndarray, a: np.ndarray, effort: np.ndarray) -> None:
+    """Write tau_id = E^T w + armature a, the total effort (n, nv) that the motion takes."""
+    project(wrench, twin.v_index, twin.ratio, twin.axis, twin.components, effort)
+    if twin.armature.any():
+        effort += twin.armature * a
+
+
+def applied_wrenches(
+    scene: Scene, external: Mapping[str, np.ndarray] | None, samples: int
+) -> list[AppliedWrench]:
+    """Check `external` and move each wrench from its frame to its joint's frame.
+
+    Raises:
+        SceneError: there is no such frame; StateError: a wrong shape or a value not finite.
+    """
+    applied = []
+    for name, given in (external or {}).items():
+        if not scene.model.existFrame(name):
+            frames = [frame.name for frame in scene.model.frames]
+            raise SceneError(f"external: there is no frame {name!r}; {choose_from(name, frames)}")
+        wrench = np.asarray(given, dtype=float)
+        if wrench.shape not in ((6,), (samples, 6)):
+            raise StateError(
+                f"external[{name!r}]: shape {wrench.shape}; should be (6,) or ({samples}, 6), "
+                "force then moment on the frame, in its axes"
+            )
+        if not np.isfinite(wrench).all():
+            raise StateError(f"external[{name!r}]: holds NaN or Inf")
+        frame = scene.model.frames[scene.model.getFrameId(name)]
+        in_joint = wrench @ frame.placement.toDualActionMatrix().T
+        in_joint = np.ascontiguousarray(np.broadcast_to(in_joint, (samples, 6)))
+        applied.append(AppliedWrench(frame.parentJoint - 1, in_joint))
+    return applied
+
+
+def threads_for(samples: int, threads: int | None) -> int:
+    """Choose Pinocchio's threads: one for small batches, all cores but one for large ones."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    if threads is None:
+        return 1 if samples < _FEW else max(1, (cores or 1) - 1)
+    if threads < 1:
+        raise StateError(f"threads = {threads}; should be at least 1")
+    return min(threads, cores or 1)
+
+
+def slices(start: int, stop: int, size: int) -> Iterator[slice]:
+    """Cut [start, stop) into slices of at most `size`."""
+    for begin in range(start, stop, size):
+        yield slice(begin, min(begin + size, stop))
+
+
+def _placements(twin: Twin) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Parents' rows and the fixed placements of all joints, as `transmit` takes them."""
+    opened = twin.opened
+    joints = range(1, opened.njoints)
+    parents = np.array([opened.parents[j] - 1 for j in joints], dtype=np.int64)
+    p = np.array([opened.jointPlacements[j].translation for j in joints])
+    R = np.array([opened.jointPlacements[j].rotation for j in joints])
+    return parents, p, R

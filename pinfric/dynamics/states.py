@@ -1,0 +1,157 @@
+"""States of motion as the dynamics take them: checked once, samples first."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import PinfricWarning, StateError
+from pinfric.model.scene import Scene
+
+
+class MotionLike(Protocol):
+    """What has a motion to analyse: a `Trajectory`, a simulated `Motion`."""
+
+    @property
+    def t(self) -> np.ndarray:  # noqa: D102
+        ...
+
+    @property
+    def q(self) -> np.ndarray:  # noqa: D102
+        ...
+
+    @property
+    def v(self) -> np.ndarray:  # noqa: D102
+        ...
+
+    @property
+    def a(self) -> np.ndarray:  # noqa: D102
+        ...
+
+
+@dataclass(frozen=True)
+class States:
+    """Checked samples of a motion.
+
+    Attributes:
+        q, v, a: (T, nq), (T, nv), (T, nv), finite, C-ordered float64, q on its manifold.
+        t: (T,) increasing times in s, or None where only instants are known.
+        attached: (T, np) which payloads are carried, columns as `scene.payloads`; None is the
+            scene's default throughout.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    t: np.ndarray | None = None
+    attached: np.ndarray | None = None
+
+    @classmethod
+    def of(
+        cls, scene: Scene, q: Any, v: Any, a: Any, t: Any = None, attached: Any = None
+    ) -> States:
+        """Check arrays against the scene; a single sample may come without its first axis.
+
+        Raises:
+            StateError: a wrong shape, a value not finite, times not increasing.
+        """
+        model = scene.model
+        q = _samples("q", q, model.nq)
+        v, a = _samples("v", v, model.nv), _samples("a", a, model.nv)
+        if not len(q) == len(v) == len(a):
+            raise StateError(f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples; should be equal")
+        if t is not None:
+            t = np.asarray(t, dtype=float)
+            if t.shape != (len(q),) or not np.isfinite(t).all():
+                raise StateError(f"t: shape {t.shape}; should be ({len(q)},) finite times in s")
+            if (np.diff(t) <= 0).any():
+                i = int(np.argmax(np.diff(t) <= 0)) + 1
+                raise StateError(f"t: not increasing at sample {i} ({t[i - 1]:g} s, {t[i]:g} s)")
+        if attached is not None:
+            attached = np.asarray(attached, dtype=bool)
+            wanted = (len(q), len(scene.payloads))
+            if attached.shape != wanted:
+                raise StateError(f"attached: shape {attached.shape}; should be {wanted}: samples, "
+                                 f"then {list(scene.payloads)}")  # fmt: skip
+        return cls(_on_manifold(model, q), v, a, t, attached)
+
+    def part(self, part: slice) -> States:
+        """Return the samples of one slice."""
+        t = None if self.t is None else self.t[part]
+        attached = None if self.attached is None else self.attached[part]
+        return States(self.q[part], self.v[part], self.a[part], t, attached)
+
+    def phases(self, scene: Scene) -> Iterator[tuple[int, int, tuple[str, ...] | None]]:
+        """Yield (start, stop, names of the payloads carried) of each phase of constant load."""
+        if self.attached is None or not scene.payloads:
+            yield 0, len(self.q), None
+            return
+        names = tuple(scene.payloads)
+        change = np.flatnonzero((self.attached[1:] != self.attached[:-1]).any(axis=1)) + 1
+        borders = [0, *change.tolist(), len(self.q)]
+        for start, stop in pairwise(borders):
+            carried = (n for n, on in zip(names, self.attached[start], strict=True) if on)
+            yield start, stop, tuple(carried)
+
+
+def _samples(name: str, given: Any, width: int) -> np.ndarray:
+    try:
+        array = np.ascontiguousarray(np.atleast_2d(np.asarray(given, dtype=float)))
+    except (TypeError, ValueError) as problem:
+        raise StateError(f"{name}: is not an array of numbers: {problem}") from None
+    if array.ndim != 2 or array.shape[1] != width:
+        raise StateError(
+            f"{name}: shape {np.shape(given)}; should be (T, {width}), samples first, "
+            f"{'n' + name if name == 'q' else 'nv'} = {width}"
+        )
+    if len(array) == 0:
+        raise StateError(f"{name}: no samples")
+    if not np.isfinite(array).all():
+        i, j = np.argwhere(~np.isfinite(array))[0]
+        raise StateError(f"{name}: sample {i}, column {j} is {array[i, j]}; should be finite")
+    return array
+
+
+#: Where the unit vectors of a joint's configuration lie: (offset, length).
+_UNIT_PARTS = {
+    "JointModelFreeFlyer": (3, 4),
+    "JointModelSpherical": (0, 4),
+    "JointModelPlanar": (2, 2),
+}
+
+
+def _on_manifold(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    """Normalize (cos, sin) pairs and quaternions; warn where that changes more than rounding."""
+    if model.nq == model.nv:
+        return q
+    normal = q.copy()
+    largest = 0.0
+    for joint in model.joints[1:]:
+        continuous = (0, 2 if (joint.nq, joint.nv) == (2, 1) else 0)
+        first, size = _UNIT_PARTS.get(joint.shortname(), continuous)
+        if size == 0:
+            continue
+        part = slice(joint.idx_q + first, joint.idx_q + first + size)
+        norm = np.linalg.norm(q[:, part], axis=1, keepdims=True)
+        if (norm < 1e-6).any():
+            i = int(np.argmin(norm))
+            raise StateError(
+                f"q: sample {i}, columns {part.start}-{part.stop - 1}: a direction of length 0; "
+                "give (cos, sin) or a unit quaternion"
+            )
+        largest = max(largest, float(np.abs(norm - 1).max()))
+        normal[:, part] = q[:, part] / norm
+    if largest > 1e-6:
+        warnings.warn(
+            f"q: not on the configuration manifold (a norm differs from 1 by {largest:.2g}); "
+            "normalized",
+            PinfricWarning,
+            stacklevel=4,
+        )
+    return normal

@@ -1,0 +1,1 @@
+"""What is there: scene, robot, twin, bearings, laws, drives."""

@@ -1,0 +1,290 @@
+"""From a URDF to a checked `pin.Model`: what Pinocchio reads silently is looked at here first."""
+
+from __future__ import annotations
+
+import math
+import os
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import RobotError, choose_from
+from pinfric.model.schema import Payload
+
+#: Triangle-inequality slack relative to the largest principal moment: URDFs print few digits.
+_INERTIA_SLACK = 1e-3
+#: Moments below this (kg m^2) are rounding of an exporter, not a statement.
+_INERTIA_FLOOR = 1e-9
+
+
+@dataclass(frozen=True)
+class UrdfDynamics:
+    """What a URDF's `<dynamics>` says of one joint: friction (N m or N) and damping."""
+
+    friction: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A URDF as read: the model, what Pinocchio leaves unread, and where its meshes are."""
+
+    model: pin.Model
+    urdf: Path
+    package_dirs: tuple[Path, ...]
+    dynamics: Mapping[str, UrdfDynamics]
+
+
+def example_robot_data() -> Path:
+    """Return the folder `robots` of the installed example-robot-data wheel (it has no module)."""
+    return Path(pin.__file__).parents[4] / "share/example-robot-data/robots"
+
+
+def locate_urdf(locator: str, relative_to: Path) -> Path:
+    """Resolve a scene's `robot.urdf`: a path, or `example-robot-data:<path below its robots>`."""
+    scheme, _, rest = locator.partition(":")
+    if scheme == "example-robot-data":
+        folder = example_robot_data()
+        path = folder / rest
+        if not path.is_file():
+            there = sorted(str(p.relative_to(folder)) for p in folder.rglob("*.urdf"))
+            near = choose_from(rest, there)
+            raise RobotError(f"robot.urdf: example-robot-data has no {rest!r}; {near}")
+        return path
+    path = (relative_to / locator).resolve()
+    if not path.is_file():
+        raise RobotError(f"robot.urdf: there is no file {path}")
+    return path
+
+
+def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
+    """Read and check a URDF, honour mimic joints, and fix the joints in `locked`.
+
+    Args:
+        urdf: the file.
+        locked: joint name -> position (rad or m) at which it is fixed and removed.
+
+    Raises:
+        RobotError: not XML, not a URDF, a mass, inertia or axis that cannot be, an unknown joint.
+    """
+    document = _read_document(urdf)
+    _check_joints(document, urdf)
+    _check_inertias(document, urdf)
+    model = _build(urdf, document, locked)
+    share = example_robot_data()
+    package_dirs = (share.parents[1], share.parent, share, urdf.parent)
+    dynamics = {
+        joint.name: UrdfDynamics(float(joint.dynamics.friction or 0.0),
+                                 float(joint.dynamics.damping or 0.0))
+        for joint in document.joints
+        if joint.dynamics is not None
+    }  # fmt: skip
+    return Robot(model, urdf, package_dirs, dynamics)
+
+
+def _read_document(urdf: Path) -> Any:
+    """The URDF as yourdfpy's data classes; no meshes, no scene graph."""
+    try:
+        root = ElementTree.parse(urdf).getroot()
+    except (ElementTree.ParseError, UnicodeDecodeError) as problem:
+        raise RobotError(f"{urdf}: is not well-formed XML: {problem}") from None
+    if root.tag != "robot":
+        raise RobotError(f"{urdf}: the root element is <{root.tag}>, a URDF begins with <robot>")
+    import yourdfpy  # 1.2 s: only where a URDF is read
+
+    try:
+        document = yourdfpy.URDF.load(
+            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
+        ).robot
+    except Exception as problem:  # yourdfpy lets ValueError, TypeError, AttributeError through
+        raise RobotError(f"{urdf}: is not a valid URDF: {problem}") from None
+    _check_tree(document, urdf)
+    return document
+
+
+def _check_tree(document: Any, urdf: Path) -> None:
+    links = [link.name for link in document.links]
+    if not links:
+        raise RobotError(f"{urdf}: has no <link>")
+    parents: dict[str, str] = {}
+    for joint in document.joints:
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise RobotError(
+                    f"{urdf}: joint {joint.name!r} names link {end!r}; {choose_from(end, links)}"
+                )
+        if joint.child in parents:
+            raise RobotError(
+                f"{urdf}: link {joint.child!r} is the child of {parents[joint.child]!r} and "
+                f"{joint.name!r}; a URDF is a tree: close loops in the scene's `loops`"
+            )
+        parents[joint.child] = joint.name
+    roots = [name for name in links if name not in parents]
+    if len(roots) != 1:
+        raise RobotError(f"{urdf}: needs one root link, found {roots or 'a ring of links'}")
+
+
+def _check_joints(document: Any, urdf: Path) -> None:
+    for joint in document.joints:
+        if joint.type in ("fixed", "floating"):
+            continue
+        axis = np.asarray((1.0, 0.0, 0.0) if joint.axis is None else joint.axis, dtype=float)
+        if not np.isfinite(axis).all() or np.linalg.norm(axis) < 1e-9:
+            raise RobotError(
+                f"{urdf}: joint {joint.name!r} has the axis {axis.tolist()}; give a direction"
+            )
+
+
+def _check_inertias(document: Any, urdf: Path) -> None:
+    """Refuse bodies that cannot exist; links fixed to the root never move and are passed over."""
+    still = _links_fixed_to_the_root(document)
+    for link in document.links:
+        if link.inertial is None or link.name in still:
+            continue
+        mass = link.inertial.mass
+        inertia = link.inertial.inertia
+        problem = implausible_body(
+            0.0 if mass is None else float(mass),
+            np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float),
+        )
+        if problem:
+            raise RobotError(f"{urdf}: link {link.name!r}: {problem}")
+
+
+def _links_fixed_to_the_root(document: Any) -> set[str]:
+    children = {joint.child for joint in document.joints}
+    still = {link.name for link in document.links if link.name not in children}
+    fixed = [joint for joint in document.joints if joint.type == "fixed"]
+    while grown := {j.child for j in fixed if j.parent in still} - still:
+        still |= grown
+    return still
+
+
+def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
+    """Say why no rigid body has this mass and inertia about its centre of mass, or None.
+
+    J's principal moments are sums of integrals over the body, so each is at most the sum of the
+    other two (triangle inequality).
+
+    Args:
+        mass: kg.
+        inertia: (3, 3), kg m^2, about the centre of mass.
+    """
+    if not math.isfinite(mass) or not np.isfinite(inertia).all():
+        return "mass or inertia is not finite"
+    if mass < 0:
+        return f"mass {mass:g} kg is negative"
+    moments = np.linalg.eigvalsh(inertia)
+    shown = ", ".join(f"{m:.3g}" for m in moments)
+    if moments[0] < -_INERTIA_FLOOR:
+        return f"principal moments of inertia {shown} kg m^2: one is negative"
+    slack = _INERTIA_SLACK * moments[2] + _INERTIA_FLOOR
+    if moments[2] > moments[0] + moments[1] + slack:
+        return (
+            f"principal moments of inertia {shown} kg m^2 violate the triangle inequality "
+            "(the largest exceeds the sum of the others): no body has them; correct <inertia>"
+        )
+    return None
+
+
+def _build(urdf: Path, document: Any, locked: Mapping[str, float]) -> pin.Model:
+    movable = [j.name for j in document.joints if j.type != "fixed"]
+    for name in locked:
+        if name not in movable:
+            raise RobotError(f"robot.locked: {urdf} has no joint {name!r}; "
+                             f"{choose_from(name, movable)}")  # fmt: skip
+    followers = {j.name: j.mimic for j in document.joints if j.mimic is not None}
+    positions = _with_followers(locked, followers)
+    # Pinocchio cannot reduce a model around a mimic joint: without one left, leave mimicry out.
+    mimic = bool(followers.keys() - positions.keys())
+    if mimic and followers.keys() & positions.keys():
+        raise RobotError(
+            f"robot.locked: {sorted(locked)} would lock some mimic joints of {urdf} and keep "
+            f"others ({sorted(followers.keys() - positions.keys())}): lock all of them or none"
+        )
+    model = _pinocchio_model(urdf, mimic)
+    if positions:
+        reference = pin.neutral(model)
+        for name, position in positions.items():
+            joint = model.joints[model.getJointId(name)]
+            if joint.nq == 2:  # continuous: cos, sin
+                reference[joint.idx_q : joint.idx_q + 2] = math.cos(position), math.sin(position)
+            elif joint.nq == 1:
+                reference[joint.idx_q] = position
+            else:
+                raise RobotError(f"robot.locked.{name}: only one-degree joints can be locked")
+        ids = [model.getJointId(name) for name in positions]
+        model = pin.buildReducedModel(model, ids, reference)
+    return model
+
+
+def _with_followers(locked: Mapping[str, float], followers: Mapping[str, Any]) -> dict[str, float]:
+    """`locked`, plus each mimic joint whose leader is locked, at the position it follows to."""
+    positions = dict(locked)
+    for name, mimic in followers.items():
+        if mimic.joint in locked:
+            multiplier = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
+            offset = 0.0 if mimic.offset is None else float(mimic.offset)
+            positions[name] = multiplier * locked[mimic.joint] + offset
+    return positions
+
+
+def _pinocchio_model(urdf: Path, mimic: bool) -> pin.Model:
+    with _silent_stderr() as said:
+        try:
+            return pin.buildModelFromUrdf(str(urdf), mimic=mimic)
+        except Exception as problem:
+            reason = said() or str(problem)
+    raise RobotError(f"{urdf}: Pinocchio cannot build it: {reason}")
+
+
+class _silent_stderr:  # noqa: N801 - used like a function
+    """Catch what C libraries print to stderr: urdfdom gives its reasons only there."""
+
+    def __enter__(self) -> Any:
+        import tempfile
+
+        self._file = tempfile.TemporaryFile()
+        self._saved = os.dup(2)
+        os.dup2(self._file.fileno(), 2)
+
+        def said() -> str:
+            self._file.seek(0)
+            lines = self._file.read().decode(errors="replace").splitlines()
+            return " ".join(line.strip() for line in lines[-3:])
+
+        return said
+
+    def __exit__(self, *_: object) -> None:
+        os.dup2(self._saved, 2)
+        os.close(self._saved)
+        self._file.close()
+
+
+def payload_inertia(payload: Payload) -> pin.Inertia:
+    """Return a payload as Pinocchio's inertia: mass, com, and inertia about the com, link axes."""
+    ixx, ixy, ixz, iyy, iyz, izz = payload.inertia
+    about_com = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    return pin.Inertia(payload.mass, np.array(payload.com), about_com)
+
+
+def link_frame(model: pin.Model, link: str) -> int:
+    """Return the frame id of a link (a body frame of the model, also of links fixed to others)."""
+    if not model.existFrame(link, pin.FrameType.BODY):
+        links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
+        raise RobotError(f"there is no link {link!r}; {choose_from(link, links)}")
+    return int(model.getFrameId(link, pin.FrameType.BODY))
+
+
+def with_payloads(model: pin.Model, payloads: Mapping[str, Payload]) -> pin.Model:
+    """Return a copy of the model that carries the payloads."""
+    loaded = model.copy()
+    for payload in payloads.values():
+        frame = loaded.frames[link_frame(loaded, payload.link)]
+        loaded.appendBodyToJoint(frame.parentJoint, payload_inertia(payload), frame.placement)
+    return loaded

@@ -1,0 +1,373 @@
+"""A scene: a robot, the friction in its joints, its drives and what it carries."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
+from pinfric.model.bearings import LoadWeights, load_weights, weight_table
+from pinfric.model.drives import Drive
+from pinfric.model.laws import FrictionLaw, friction_law, law_table
+from pinfric.model.robot import (
+    Robot,
+    implausible_body,
+    link_frame,
+    locate_urdf,
+    payload_inertia,
+    read_robot,
+    with_payloads,
+)
+from pinfric.model.schema import (
+    Actuator,
+    Coefficients,
+    Friction,
+    Payload,
+    SceneFile,
+    Simulation,
+    parse,
+)
+from pinfric.model.twin import PRISMATIC, Twin, make_twin
+from pinfric.model.yamlfile import read_yaml
+
+_COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
+
+
+@dataclass(frozen=True)
+class Site:
+    """A place with friction: a one-degree joint.
+
+    Attributes:
+        name: the joint's name.
+        joint: its row in the twin.
+        sliding: True for a prismatic joint (friction in N), False for a turning one (N m).
+        velocity_index, ratio: its velocity is ratio * v[velocity_index] (ratio 1 but for mimics).
+        axis: (3,) unit joint axis in the child's frame.
+        weights, law: how load and friction follow from the wrench and the velocity.
+        friction: the scene's entry.
+    """
+
+    name: str
+    joint: int
+    sliding: bool
+    velocity_index: int
+    ratio: float
+    axis: np.ndarray
+    weights: LoadWeights
+    law: FrictionLaw
+    friction: Friction
+
+
+@dataclass(frozen=True)
+class SiteTables:
+    """All sites as arrays for the kernels, one row per site."""
+
+    joint: np.ndarray
+    axis: np.ndarray
+    weights: np.ndarray
+    law: np.ndarray
+    velocity_index: np.ndarray
+    ratio: np.ndarray
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A robot with friction in its joints; everything the dynamics need, and nothing that changes.
+
+    Args:
+        model: Pinocchio's model, without the payloads.
+        friction: joint name -> friction, as `Friction` or as the mapping a scene file holds.
+        actuators: the drives; None is one ideal drive per joint.
+        payloads: name -> payload; those with `attached` are carried unless a trajectory says else.
+        stick_velocity: default of all sites (rad/s or m/s).
+        robot: the URDF it came from, for meshes; None for a model made in Python.
+        simulation: what `pinfric simulate` runs.
+        source: the file's name, for messages.
+
+    Raises:
+        SceneError: an entry that cannot be, or that names a joint or link that is not there.
+    """
+
+    model: pin.Model
+    friction: Mapping[str, Friction] = field(default_factory=dict)
+    actuators: Sequence[Actuator] | None = None
+    payloads: Mapping[str, Payload] = field(default_factory=dict)
+    stick_velocity: float = 1e-6
+    robot: Robot | None = None
+    simulation: Simulation | None = None
+    source: str = "scene"
+
+    def __post_init__(self) -> None:
+        def entries(kind: type[Any], section: str, given: Mapping[str, Any]) -> dict[str, Any]:
+            where = f"{self.source}: {section}"
+            return {name: parse(kind, entry, f"{where}.{name}") for name, entry in given.items()}
+
+        set_ = object.__setattr__  # the one way to normalize a frozen dataclass's own fields
+        set_(self, "friction", entries(Friction, "friction", self.friction))
+        set_(self, "payloads", entries(Payload, "robot.payloads", self.payloads))
+        if self.actuators is not None:
+            where = f"{self.source}: actuators"
+            listed = [parse(Actuator, a, f"{where}[{i}]") for i, a in enumerate(self.actuators)]
+            set_(self, "actuators", tuple(listed))
+        self._check_payloads()
+        _ = self.sites, self.drives, self.twin()  # what cannot be is said now, not at first use
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of all joints in the model's order, the universe left out."""
+        return tuple(self.model.names)[1:]
+
+    @property
+    def site_names(self) -> tuple[str, ...]:
+        """Names of the places with friction, in the model's order."""
+        return tuple(site.name for site in self.sites)
+
+    @property
+    def actuator_names(self) -> tuple[str, ...]:
+        """Names of the drives, in the model's order: the columns of every effort."""
+        return tuple(drive.name for drive in self.drives)
+
+    @cached_property
+    def sites(self) -> tuple[Site, ...]:
+        """The places with friction, in the model's order."""
+        twin, names = self.twin(), self.joint_names
+        for name in self.friction:
+            if name not in names:
+                raise SceneError(
+                    f"{self.source}: friction: there is no joint {name!r}; "
+                    f"{choose_from(name, names)}"
+                )
+        return tuple(
+            self._site(name, row, twin) for row, name in enumerate(names) if name in self.friction
+        )
+
+    @cached_property
+    def site_tables(self) -> SiteTables:
+        """The sites as arrays for the kernels."""
+        sites = self.sites
+        return SiteTables(
+            joint=np.array([s.joint for s in sites], dtype=np.int64),
+            axis=np.array([s.axis for s in sites], dtype=float).reshape(-1, 3),
+            weights=weight_table([s.weights for s in sites]),
+            law=law_table([s.law for s in sites]),
+            velocity_index=np.array([s.velocity_index for s in sites], dtype=np.int64),
+            ratio=np.array([s.ratio for s in sites], dtype=float),
+        )
+
+    @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """The drives, one per degree of freedom, in the order of the model's velocities."""
+        every = [drive for joint in range(1, self.model.njoints) for drive in self._ideal(joint)]
+        if self.actuators is None:
+            return tuple(every)
+        chosen: dict[str, Drive] = {}
+        for actuator in self.actuators:
+            drive = self._drive(actuator)
+            if drive.name in chosen:
+                raise SceneError(f"{self.source}: actuators: joint {drive.name!r} stands twice")
+            chosen[drive.name] = drive
+        undriven = [drive.name for drive in every if drive.name not in chosen]
+        if undriven:
+            raise SceneError(
+                f"{self.source}: actuators: {len(chosen)} for {self.model.nv} degrees of freedom; "
+                f"undriven: {', '.join(undriven)}; name a drive for each, or lock the joint"
+            )
+        return tuple(chosen[drive.name] for drive in every)
+
+    def loaded_model(self, attached: Iterable[str] | None = None) -> pin.Model:
+        """Return the model with the named payloads; None takes those attached by default."""
+        return self._variant(attached)[0]
+
+    def twin(self, attached: Iterable[str] | None = None) -> Twin:
+        """Return the wrench twin with the named payloads; None takes those attached by default."""
+        return self._variant(attached)[1]
+
+    @cached_property
+    def _variants(self) -> dict[frozenset[str], tuple[pin.Model, Twin]]:
+        return {}
+
+    def _variant(self, attached: Iterable[str] | None) -> tuple[pin.Model, Twin]:
+        default = (name for name, payload in self.payloads.items() if payload.attached)
+        names = frozenset(default if attached is None else attached)
+        if names not in self._variants:
+            for name in names - self.payloads.keys():
+                raise SceneError(
+                    f"{self.source}: there is no payload {name!r}; "
+                    f"{choose_from(name, self.payloads)}"
+                )
+            carried = {name: self.payloads[name] for name in sorted(names)}
+            model = with_payloads(self.model, carried)
+            self._variants[names] = model, make_twin(model)
+        return self._variants[names]
+
+    def __getstate__(self) -> dict[str, Any]:
+        derived = {"_variants", "sites", "site_tables", "drives"}
+        return {key: value for key, value in self.__dict__.items() if key not in derived}
+
+    def _check_payloads(self) -> None:
+        for name, payload in self.payloads.items():
+            where = f"{self.source}: robot.payloads.{name}"
+            try:
+                link_frame(self.model, payload.link)
+            except RobotError as problem:
+                raise SceneError(f"{where}.link: {problem}") from None
+            body = payload_inertia(payload)
+            if problem_text := implausible_body(body.mass, body.inertia):
+                raise SceneError(f"{where}: {problem_text}")
+
+    def _site(self, name: str, row: int, twin: Twin) -> Site:
+        friction = self.friction[name]
+        where = f"{self.source}: friction.{name}"
+        if twin.components[row, 0] >= 0:
+            raise SceneError(
+                f"{where}: a {self.model.joints[row + 1].shortname()} has no single axis; friction "
+                "acts at revolute, continuous and prismatic joints"
+            )
+        sliding = bool(twin.kind[row] == PRISMATIC)
+        self._check_bearing(friction, sliding, where)
+        axis = twin.axis[row, :3] if sliding else twin.axis[row, 3:]
+        return Site(
+            name=name,
+            joint=row,
+            sliding=sliding,
+            velocity_index=int(twin.v_index[row]),
+            ratio=float(twin.ratio[row]),
+            axis=axis,
+            weights=load_weights(friction.bearing),
+            law=friction_law(friction, self.stick_velocity),
+            friction=friction,
+        )
+
+    @staticmethod
+    def _check_bearing(friction: Friction, sliding: bool, where: str) -> None:
+        bearing = friction.bearing
+        if bearing is None:
+            return
+        if bearing.kind == "ball":
+            raise SceneError(f"{where}.bearing: a ball belongs to a spherical loop joint; "
+                             "a URDF joint takes pin, guide or linear")  # fmt: skip
+        if (bearing.kind == "guide") != sliding and bearing.kind != "linear":
+            joint, fitting = ("prismatic", "guide") if sliding else ("turning", "pin")
+            raise SceneError(
+                f"{where}.bearing: a {bearing.kind} does not fit a {joint} joint; take {fitting} "
+                "or linear"
+            )
+        if bearing.kind == "linear" and sliding and bearing.axial:
+            raise SceneError(
+                f"{where}.bearing.axial: along a prismatic joint the drive carries the force, "
+                "not the bearing; leave `axial` out"
+            )
+
+    def _ideal(self, joint: int) -> list[Drive]:
+        """One ideal drive per degree of freedom of a joint; none for a mimic follower."""
+        model, twin = self.model, self.twin()
+        name, count, first = model.names[joint], model.joints[joint].nv, model.joints[joint].idx_v
+        if count == 1:
+            return [Drive(name, first)]
+        parts = twin.components[joint - 1, :count]
+        return [Drive(f"{name}.{_COMPONENT_NAMES[c]}", first + n) for n, c in enumerate(parts)]
+
+    def _drive(self, actuator: Actuator) -> Drive:
+        if actuator.joint is None:
+            kind = "cylinder" if actuator.cylinder is not None else "force"
+            raise SceneError(f"{self.source}: actuators: `{kind}` is not supported yet")
+        name = actuator.joint
+        driven = [d for joint in range(1, self.model.njoints) for d in self._ideal(joint)]
+        for drive in driven:
+            if drive.name == name:
+                return Drive(name, drive.velocity_index, actuator.transmission)
+        names = [d.name for d in driven]
+        follows = (
+            " is a mimic joint, driven through its leader;" if name in self.joint_names else ""
+        )
+        raise SceneError(
+            f"{self.source}: actuators: joint {name!r}{follows or ' is not there;'} "
+            f"{choose_from(name, names)}"
+        )
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file (design 3.1), or a bundled scene by its name from any folder.
+
+    Args:
+        path: a YAML file; where there is none, the bundled scene of that name.
+
+    Raises:
+        SceneError: the file or an entry is wrong; RobotError: its URDF is.
+    """
+    file = find_file(path, (".yaml", ".yml"), SceneError)
+    entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError), str(file))
+    if entries.loops:
+        raise SceneError(f"{file}: loops: closed loops are not supported yet")
+    robot = _read(entries, file)
+    robot.model.gravity.linear = np.array(entries.robot.gravity)
+    return Scene(
+        model=robot.model,
+        friction=_with_urdf_dynamics(entries, robot, str(file)),
+        actuators=entries.actuators,
+        payloads=entries.robot.payloads,
+        stick_velocity=entries.stick.velocity,
+        robot=robot,
+        simulation=entries.simulation,
+        source=str(file),
+    )
+
+
+def bundled_folder() -> Path:
+    """Return the folder of the scenes that ship with pinfric."""
+    installed = Path(__file__).parents[1] / "robots"
+    return installed if installed.is_dir() else Path(__file__).parents[2] / "robots"
+
+
+def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
+    """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
+    path = Path(path)
+    if path.is_file():
+        return path
+    folder = bundled_folder()
+    for candidate in (path.name, *(path.name + suffix for suffix in suffixes)):
+        if (folder / candidate).is_file():
+            return folder / candidate
+    there = sorted(p.name for p in folder.iterdir() if p.suffix in suffixes)
+    raise error(f"there is no file {path}, and no bundled one of that name; "
+                f"{choose_from(path.name, there)}")  # fmt: skip
+
+
+def _read(entries: SceneFile, file: Path) -> Robot:
+    try:
+        return read_robot(locate_urdf(entries.robot.urdf, file.parent), entries.robot.locked)
+    except RobotError as problem:
+        raise RobotError(f"{file}: {problem}") from None
+
+
+def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[str, Friction]:
+    """The file's friction, completed from `<dynamics>` where the scene asks for it."""
+    friction = dict(entries.friction)
+    movable = set(tuple(robot.model.names)[1:])
+    given = {n: d for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)}
+    if not given:
+        return friction
+    if entries.robot.urdf_dynamics == "ignore":
+        warnings.warn(
+            f"{where}: the URDF's <dynamics> gives friction or damping for {', '.join(given)}; "
+            "ignored (many URDFs carry placeholders): robot.urdf_dynamics: use takes them",
+            PinfricWarning,
+            stacklevel=3,
+        )
+        return friction
+    for name, dynamics in given.items():
+        entry = friction.get(name, Friction())
+        update: dict[str, Any] = {}
+        if entry.coulomb is None and dynamics.friction > 0:
+            update["coulomb"] = Coefficients(static=dynamics.friction, kinetic=dynamics.friction)
+        if "viscous" not in entry.model_fields_set and dynamics.damping > 0:
+            update["viscous"] = dynamics.damping
+        friction[name] = entry.model_copy(update=update)
+    return friction

@@ -1,0 +1,326 @@
+"""The wrench twin: the same robot with every joint opened to six degrees of freedom.
+
+RNEA on the twin returns, as generalized forces, the wrench that every joint transmits. The
+embedding E(q) maps joint rates to twin rates; it is the paper's partial velocity matrix B (eq. 6)
+written in the twin's relative coordinates, so E^T w is the paper's B^T Q (eq. 7), and the five
+components of w that E^T leaves out are the paper's constraint reactions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import RobotError
+from pinfric.model.compiled import kernel
+
+# How a joint's configuration becomes a placement.
+REVOLUTE, PRISMATIC, CONTINUOUS, PLANAR, SPHERICAL, TRANSLATION, FREE = range(7)
+
+#: Velocity components (of vx, vy, vz, wx, wy, wz) that each many-degree joint has, in its order.
+_COMPONENTS = {PLANAR: (0, 1, 5), SPHERICAL: (3, 4, 5), TRANSLATION: (0, 1, 2), FREE: range(6)}
+_MANY_DEGREES = {
+    "JointModelPlanar": PLANAR,
+    "JointModelSpherical": SPHERICAL,
+    "JointModelTranslation": TRANSLATION,
+    "JointModelFreeFlyer": FREE,
+}
+
+
+@dataclass(frozen=True)
+class Twin:
+    """The opened model and the tables of the embedding, one row per joint (universe left out).
+
+    Attributes:
+        opened: the model whose joints are all free.
+        kind: (nj,) how configuration becomes placement.
+        q_index, v_index: (nj,) where the joint's (for a mimic joint: its leader's) numbers start.
+        ratio, shift: (nj,) angle = ratio * leader's angle + shift; 1 and 0 but for mimic joints.
+        axis: (nj, 6) unit motion subspace of one-degree joints, linear first, zero for others.
+        components: (nj, 6) velocity components of many-degree joints, in order, filled with -1.
+        armature: (nv,) rotor inertia reflected to the joints, from the model.
+        pools: Pinocchio's pools by use and number of threads; made when first used, not pickled.
+    """
+
+    opened: pin.Model
+    nq: int
+    nv: int
+    kind: np.ndarray
+    q_index: np.ndarray
+    v_index: np.ndarray
+    ratio: np.ndarray
+    shift: np.ndarray
+    axis: np.ndarray
+    components: np.ndarray
+    armature: np.ndarray
+    pools: dict[Any, pin.ModelPool] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints, the universe left out."""
+        return len(self.kind)
+
+    def pool(self, threads: int) -> pin.ModelPool:
+        """Return Pinocchio's pool of `threads` copies of the opened model's data."""
+        if threads not in self.pools:
+            self.pools[threads] = pin.ModelPool(self.opened, threads)
+        return self.pools[threads]
+
+    def plain_pool(self, model: pin.Model, threads: int) -> pin.ModelPool:
+        """Return the pool of the ordinary model, where nothing looks at reactions."""
+        key = "plain", threads
+        if key not in self.pools:
+            self.pools[key] = pin.ModelPool(model, threads)
+        return self.pools[key]
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "pools": {}}
+
+
+def make_twin(model: pin.Model) -> Twin:
+    """Open every joint of `model` and tabulate how its joints embed.
+
+    Raises:
+        RobotError: a joint that no URDF can describe (helical, universal, composite, ...).
+    """
+    opened = pin.Model()
+    opened.gravity = model.gravity
+    rows = []
+    for index in range(1, model.njoints):
+        added = opened.addJoint(
+            model.parents[index], pin.JointModelFreeFlyer(),
+            model.jointPlacements[index], model.names[index],
+        )  # fmt: skip
+        opened.appendBodyToJoint(added, model.inertias[index], pin.SE3.Identity())
+        rows.append(_embedding_row(model, index))
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 7
+    kind, q_index, v_index = (np.array(c, dtype=np.int64) for c in columns[:3])
+    ratio, shift = (np.array(c, dtype=float) for c in columns[3:5])
+    axis = np.array(columns[5], dtype=float).reshape(-1, 6)
+    components = np.array(columns[6], dtype=np.int64).reshape(-1, 6)
+    return Twin(opened, model.nq, model.nv, kind, q_index, v_index, ratio, shift, axis,
+                components, np.array(model.armature, dtype=float))  # fmt: skip
+
+
+def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:
+    """(kind, q_index, v_index, ratio, shift, axis, components) of one joint."""
+    joint = model.joints[index]
+    nothing = (-1,) * 6
+    if joint.shortname() in _MANY_DEGREES:
+        kind = _MANY_DEGREES[joint.shortname()]
+        filled = (*_COMPONENTS[kind], *nothing)[:6]
+        return kind, joint.idx_q, joint.idx_v, 1.0, 0.0, np.zeros(6), filled
+    if joint.shortname() == "JointModelMimic":
+        mimic = joint.extract()
+        ratio, shift = float(mimic.scaling), float(mimic.offset)
+        if model.joints[_leader(model, index)].nq != 1:
+            raise RobotError(
+                f"joint {model.names[index]!r} mimics a continuous joint: not supported"
+            )
+        axis = _twist(model, joint) / ratio
+    elif joint.nv == 1 and joint.nq in (1, 2):
+        ratio, shift = 1.0, 0.0
+        axis = _twist(model, joint)
+    else:
+        raise RobotError(
+            f"joint {model.names[index]!r} is a {joint.shortname()}: only revolute, continuous, "
+            "prismatic, planar, spherical, translation, free-flyer and mimic joints are supported"
+        )
+    if joint.nq == 2:
+        kind = CONTINUOUS
+    else:
+        kind = PRISMATIC if np.allclose(axis[3:], 0) else REVOLUTE
+        if kind == REVOLUTE and not np.allclose(axis[:3], 0):
+            raise RobotError(f"joint {model.names[index]!r} is helical: not supported")
+    return kind, joint.idx_q, joint.idx_v, ratio, shift, axis, nothing
+
+
+def _twist(model: pin.Model, joint: pin.JointModel) -> np.ndarray:
+    """(6,) twist of a one-degree joint's child in its own frame at unit (leader's) rate."""
+    data = joint.createData()
+    joint.calc(data, pin.neutral(model), np.ones(model.nv))
+    return np.array(data.v.vector)
+
+
+def _leader(model: pin.Model, follower: int) -> int:
+    position = list(model.mimicking_joints).index(follower)
+    return int(list(model.mimicked_joints)[position])
+
+
+@kernel
+def embed(
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    kind: np.ndarray,
+    q_index: np.ndarray,
+    v_index: np.ndarray,
+    ratio: np.ndarray,
+    shift: np.ndarray,
+    axis: np.ndarray,
+    components: np.ndarray,
+    q_twin: np.ndarray,
+    v_twin: np.ndarray,
+    a_twin: np.ndarray,
+) -> None:
+    """Write the twin's configuration, velocity E v and acceleration E a of each sample.
+
+    Args:
+        q, v, a: (n, nq), (n, nv), (n, nv) of the robot.
+        kind ... components: the columns of `Twin`.
+        q_twin, v_twin, a_twin: (n, 7 nj), (n, 6 nj), (n, 6 nj), overwritten: position and
+            quaternion (x, y, z, w) of each joint's child side, its twist and its derivative in
+            the child's frame, linear first. Joint bias accelerations are zero for these joints.
+    """
+    for i in range(q.shape[0]):
+        for j in range(kind.size):
+            k, iq, iv = kind[j], q_index[j], v_index[j]
+            p, s = 7 * j, 6 * j
+            if k <= CONTINUOUS:
+                rate, acceleration = ratio[j] * v[i, iv], ratio[j] * a[i, iv]
+                for c in range(6):
+                    v_twin[i, s + c] = axis[j, c] * rate
+                    a_twin[i, s + c] = axis[j, c] * acceleration
+                if k == PRISMATIC:
+                    distance = ratio[j] * q[i, iq] + shift[j]
+                    sine, cosine = 0.0, 1.0
+                else:
+                    distance = 0.0
+                    if k == CONTINUOUS:
+                        half = 0.5 * np.arctan2(q[i, iq + 1], q[i, iq])
+                    else:
+                        half = 0.5 * (ratio[j] * q[i, iq] + shift[j])
+                    sine, cosine = np.sin(half), np.cos(half)
+                for c in range(3):
+                    q_twin[i, p + c] = axis[j, c] * distance
+                    q_twin[i, p + 3 + c] = axis[j, 3 + c] * sine
+                q_twin[i, p + 6] = cosine
+                continue
+            for c in range(6):
+                q_twin[i, p + c] = 0.0
+                v_twin[i, s + c] = 0.0
+                a_twin[i, s + c] = 0.0
+            q_twin[i, p + 6] = 1.0
+            n = 0
+            while n < 6 and components[j, n] >= 0:
+                v_twin[i, s + components[j, n]] = v[i, iv + n]
+                a_twin[i, s + components[j, n]] = a[i, iv + n]
+                n += 1
+            if k == PLANAR:
+                half = 0.5 * np.arctan2(q[i, iq + 3], q[i, iq + 2])
+                q_twin[i, p], q_twin[i, p + 1] = q[i, iq], q[i, iq + 1]
+                q_twin[i, p + 5], q_twin[i, p + 6] = np.sin(half), np.cos(half)
+            elif k == SPHERICAL:
+                for c in range(4):
+                    q_twin[i, p + 3 + c] = q[i, iq + c]
+            elif k == TRANSLATION:
+                for c in range(3):
+                    q_twin[i, p + c] = q[i, iq + c]
+            else:
+                for c in range(7):
+                    q_twin[i, p + c] = q[i, iq + c]
+
+
+@kernel
+def project(
+    wrench: np.ndarray,
+    v_index: np.ndarray,
+    ratio: np.ndarray,
+    axis: np.ndarray,
+    components: np.ndarray,
+    effort: np.ndarray,
+) -> None:
+    """Write E^T w, the generalized effort of the joint wrenches.
+
+    Args:
+        wrench: (n, nj, 6), parent on child, in the child's joint frame, linear first.
+        v_index, ratio, axis, components: columns of `Twin`.
+        effort: (n, nv), overwritten.
+    """
+    for i in range(wrench.shape[0]):
+        for c in range(effort.shape[1]):
+            effort[i, c] = 0.0
+        for j in range(v_index.size):
+            if components[j, 0] < 0:
+                total = 0.0
+                for c in range(6):
+                    total += axis[j, c] * wrench[i, j, c]
+                effort[i, v_index[j]] += ratio[j] * total
+            else:
+                n = 0
+                while n < 6 and components[j, n] >= 0:
+                    effort[i, v_index[j] + n] += wrench[i, j, components[j, n]]
+                    n += 1
+
+
+@kernel
+def transmit(
+    wrench_on_link: np.ndarray,
+    start: int,
+    parents: np.ndarray,
+    placement_p: np.ndarray,
+    placement_R: np.ndarray,
+    q_twin: np.ndarray,
+    wrench: np.ndarray,
+) -> None:
+    """Subtract a wrench on one link from the wrenches of every joint that carries it.
+
+    What acts on a link relieves the joints between it and the ground: w_j -= X_j f.
+
+    Args:
+        wrench_on_link: (n, 6), on the link of joint `start`, in that joint's frame.
+        start: row of the joint whose link the wrench acts on; -1 is the ground.
+        parents: (nj,) row of each joint's parent, -1 for the ground.
+        placement_p, placement_R: (nj, 3), (nj, 3, 3), fixed placement of each joint in its
+            parent's frame.
+        q_twin: (n, 7 nj), as `embed` writes it.
+        wrench: (n, nj, 6), changed in place.
+    """
+    force, moment = np.empty(3), np.empty(3)
+    turned_f, turned_m = np.empty(3), np.empty(3)
+    R = np.empty((3, 3))
+    for i in range(wrench.shape[0]):
+        for c in range(3):
+            force[c], moment[c] = wrench_on_link[i, c], wrench_on_link[i, 3 + c]
+        j = start
+        while j >= 0:
+            for c in range(3):
+                wrench[i, j, c] -= force[c]
+                wrench[i, j, 3 + c] -= moment[c]
+            p = 7 * j
+            x, y, z, w = q_twin[i, p + 3], q_twin[i, p + 4], q_twin[i, p + 5], q_twin[i, p + 6]
+            R[0, 0], R[0, 1], R[0, 2] = (
+                1 - 2 * (y * y + z * z),
+                2 * (x * y - z * w),
+                2 * (x * z + y * w),
+            )
+            R[1, 0], R[1, 1], R[1, 2] = (
+                2 * (x * y + z * w),
+                1 - 2 * (x * x + z * z),
+                2 * (y * z - x * w),
+            )
+            R[2, 0], R[2, 1], R[2, 2] = (
+                2 * (x * z - y * w),
+                2 * (y * z + x * w),
+                1 - 2 * (x * x + y * y),
+            )
+            for step in range(2):  # child -> joint's parent side -> parent joint's frame
+                for r in range(3):
+                    turned_f[r] = turned_m[r] = 0.0
+                    for c in range(3):
+                        rotation = R[r, c] if step == 0 else placement_R[j, r, c]
+                        turned_f[r] += rotation * force[c]
+                        turned_m[r] += rotation * moment[c]
+                if step == 0:
+                    px, py, pz = q_twin[i, p], q_twin[i, p + 1], q_twin[i, p + 2]
+                else:
+                    px, py, pz = placement_p[j, 0], placement_p[j, 1], placement_p[j, 2]
+                for c in range(3):
+                    force[c] = turned_f[c]
+                moment[0] = turned_m[0] + py * force[2] - pz * force[1]
+                moment[1] = turned_m[1] + pz * force[0] - px * force[2]
+                moment[2] = turned_m[2] + px * force[1] - py * force[0]
+            j = parents[j]

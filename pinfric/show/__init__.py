@@ -1,0 +1,1 @@
+"""What they see: plots, tables, replay."""
