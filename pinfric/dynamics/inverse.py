@@ -106,31 +106,37 @@ def _solve(
     """Solve the samples of one slice; the samples beside it only tell reversals."""
     T, ns, nv = whole.stop - whole.start, len(scene.sites), scene.model.nv
     sites, threads = scene.site_tables, threads_for(T, threads)
-    velocity = _site_velocity(sites.velocity_index, sites.ratio, states.v)
-    reversal = reversals(velocity, sites.law[:, 9], whole)
-    load, friction_lower, friction_upper = (np.zeros((T, ns)) for _ in range(3))
-    sticking = np.zeros((T, ns), dtype=bool)
-    frictionless = np.empty((T, nv))
-    wrench = np.empty((T, ns, 6)) if _needs_wrenches(scene, applied) else None
+    velocity, reversal = _velocities(
+        sites.velocity_index, sites.ratio, sites.law[:, 9], states.v, whole
+    )
+    reacting = _needs_wrenches(scene, applied)
+    shapes = [(T, nv)] * 3 + [(T, ns)] * 3 + [(T, ns, 6 if reacting else 0)]
+    lower, upper, frictionless, load, friction_lower, friction_upper, wrench = _arrays(shapes)
+    sticking = np.empty((T, ns), dtype=bool)
+    batch = Batch.of(scene.twin(), min(T, CHUNK * threads))
     for part, model, twin in _parts(scene, states, whole, CHUNK * threads):
         here = slice(part.start - whole.start, part.stop - whole.start)
         qva = states.q[part], states.v[part], states.a[part]
-        if wrench is None:
+        if not reacting:
+            load[here] = 0.0
             _plain(model, twin, *qva, threads, frictionless[here])
         else:
-            batch = Batch.of(twin, part.stop - part.start)
-            reactions(twin, *qva, batch, threads)
-            relieve(twin, applied, part, batch)
-            generalized_effort(twin, batch.wrench, qva[2], frictionless[here])
-            wrench[here] = batch.wrench if ns == twin.n_joints else batch.wrench[:, sites.joint]
+            now = batch.first(part.stop - part.start)
+            if ns == twin.n_joints:  # every joint is a site: no second copy of its wrench
+                now = Batch(now.q, now.v, now.a, wrench[here])
+            reactions(twin, *qva, now, threads)
+            relieve(twin, applied, part, now)
+            generalized_effort(twin, now.wrench, qva[2], frictionless[here])
+            if ns != twin.n_joints:
+                wrench[here] = now.wrench[:, sites.joint]
             displacement = _displacement(twin, sites.joint, qva[0], sites.weights)
-            normal_loads(batch.wrench, sites.joint, sites.axis, sites.weights, displacement,
-                         load[here])  # fmt: skip
-        friction_bounds(velocity[part], load[here], sites.law, reversal[here],
+            normal_loads(
+                now.wrench, sites.joint, sites.axis, sites.weights, displacement, load[here]
+            )
+        friction_bounds(velocity[here], load[here], sites.law, reversal[here],
                         friction_lower[here], friction_upper[here], sticking[here])  # fmt: skip
-    if wrench is not None:
+    if reacting:
         _check_roll_moments(scene, wrench, whole.start)
-    lower, upper = np.empty((T, nv)), np.empty((T, nv))
     effort_bounds(frictionless, friction_lower, friction_upper, sites.velocity_index, sites.ratio,
                   lower, upper)  # fmt: skip
     motor_lower, motor_upper = _motor_torques(scene, states, whole, lower, upper)
@@ -148,7 +154,7 @@ def _solve(
         normal_load=load,
         friction_lower=friction_lower,
         friction_upper=friction_upper,
-        wrench=wrench,
+        wrench=wrench if reacting else None,
         iterations=np.zeros(T, dtype=np.int32),
         contraction=np.zeros(T),
         status=np.zeros(T, dtype=np.int8),
@@ -171,43 +177,66 @@ def _motor_torques(
     if not any(drive.transmission for drive in scene.drives):
         return lower, upper
     motor_lower, motor_upper = lower.copy(), upper.copy()
-    for drive in scene.drives:
-        if drive.transmission is None:
-            continue
-        i = drive.velocity_index
-        v, a = states.v[:, i], states.a[whole, i]
-        stick = _drive_stick_velocity(scene, i)
-        turns = reversals(v[:, None], np.array([stick]), whole)[:, 0]
-        motor_lower[:, i], motor_upper[:, i] = motor_torque_bounds(
-            drive.transmission, lower[:, i], upper[:, i], v[whole], a, turns, stick
-        )
+    index = np.array([drive.velocity_index for drive in scene.drives])
+    stick = np.array([_drive_stick_velocity(scene, i) for i in index])
+    velocity, turns = _velocities(index, np.ones(len(index)), stick, states.v, whole)
+    for column, drive in enumerate(scene.drives):
+        if drive.transmission is not None:
+            motor_lower[:, column], motor_upper[:, column] = motor_torque_bounds(
+                drive.transmission, lower[:, column], upper[:, column], velocity[:, column],
+                states.a[whole, drive.velocity_index], turns[:, column], stick[column],
+            )  # fmt: skip
     return motor_lower, motor_upper
 
 
-def reversals(velocity: np.ndarray, stick_velocity: np.ndarray, part: slice) -> np.ndarray:
-    """Return, for the samples of `part`, at which sites a velocity changes sign beside them.
+def _arrays(shapes: list[tuple[int, ...]]) -> list[np.ndarray]:
+    """Carve arrays out of one block: a large block gets huge pages and so few page faults, which
+    cost more than the friction kernels when every array is allocated by itself."""
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
+    pieces = np.split(np.empty(ends[-1]), ends[:-1])
+    return [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)]
+
+
+def _velocities(
+    index: np.ndarray, ratio: np.ndarray, stick_velocity: np.ndarray, v: np.ndarray, part: slice
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n, ns) velocities ratio * v[:, index] of the samples of `part`, and where they reverse."""
+    around = slice(max(part.start - 1, 0), min(part.stop + 1, len(v)))
+    wider = v[around]
+    if not np.array_equal(index, np.arange(v.shape[1])) or (ratio != 1).any():
+        wider = wider[:, index] * ratio
+    inner = slice(part.start - around.start, part.stop - around.start)
+    return wider[inner], reversals(wider, stick_velocity)[inner]
+
+
+def reversals(velocity: np.ndarray, stick_velocity: np.ndarray) -> np.ndarray:
+    """Return at which samples a velocity changes sign beside them.
 
     Of the two samples around a sign change the slower one is marked (the earlier if equal); where
     one of them sticks already, its interval covers the passage and nothing is marked.
 
     Args:
-        velocity: (T, ns) of the whole motion.
-        stick_velocity: (ns,).
-        part: the samples wanted.
+        velocity: (T, ns), rad/s or m/s.
+        stick_velocity: (ns,), rad/s or m/s.
 
     Returns:
-        (n, ns) bool.
+        (T, ns) bool.
     """
-    before, after = max(part.start - 1, 0), min(part.stop + 1, len(velocity))
-    v = velocity[before:after]
-    moving = np.abs(v) > stick_velocity
-    crossing = (v[1:] * v[:-1] < 0) & moving[1:] & moving[:-1]
-    marked = np.zeros(v.shape, dtype=bool)
-    if crossing.any():
-        earlier = np.abs(v[:-1]) <= np.abs(v[1:])
-        marked[:-1] |= crossing & earlier
-        marked[1:] |= crossing & ~earlier
-    return np.ascontiguousarray(marked[part.start - before : part.stop - before])
+    marked = np.zeros(velocity.shape, dtype=bool)
+    mark_reversals(velocity, stick_velocity, marked)
+    return marked
+
+
+@kernel
+def mark_reversals(velocity: np.ndarray, stick_velocity: np.ndarray, marked: np.ndarray) -> None:
+    """Set the samples that `reversals` describes in `marked` (T, ns)."""
+    for i in range(velocity.shape[0] - 1):
+        for s in range(velocity.shape[1]):
+            now, then = velocity[i, s], velocity[i + 1, s]
+            if (now > 0.0) == (then > 0.0):
+                continue
+            if abs(now) > stick_velocity[s] and abs(then) > stick_velocity[s]:
+                marked[i if abs(now) <= abs(then) else i + 1, s] = True
 
 
 @kernel
@@ -260,20 +289,11 @@ def _plain(
     pin.rneaInParallel(threads, twin.plain_pool(model, threads), q.T, v.T, a.T, effort.T)
 
 
-def _site_velocity(index: np.ndarray, ratio: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(T, ns) velocity of each site, child relative to parent."""
-    if len(index) == v.shape[1] and (index == np.arange(len(index))).all() and (ratio == 1).all():
-        return v
-    return v[:, index] * ratio
-
-
 def _displacement(twin: Twin, joint: np.ndarray, q: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(n, ns) position along the axis where a bearing is fixed to the parent, else 0."""
-    displacement = np.zeros((len(q), len(joint)))
-    for s in np.flatnonzero(weights[:, 8]):
-        j = joint[s]
-        displacement[:, s] = twin.ratio[j] * q[:, twin.q_index[j]] + twin.shift[j]
-    return displacement
+    """(n, ns) positions along the axes; empty where no bearing is fixed to its parent."""
+    if not weights[:, 8].any():
+        return np.empty((0, 0))
+    return twin.ratio[joint] * q[:, twin.q_index[joint]] + twin.shift[joint]
 
 
 def _drive_stick_velocity(scene: Scene, velocity_index: int) -> float:

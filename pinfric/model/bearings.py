@@ -102,8 +102,8 @@ def normal_loads(
         joint: (ns,) row of the joint at which each site sits.
         axis: (ns, 3), unit joint axis in the child's frame.
         weights: (ns, 9), `weight_table`.
-        displacement: (n, ns), position of the child along the axis; used by bearings fixed to the
-            parent, whose middle moves backwards in the child's frame.
+        displacement: (n, ns), position of the child along the axis; read only for bearings fixed
+            to the parent, whose middle moves backwards in the child's frame.
         load: (n, ns), overwritten.
     """
     for i in range(wrench.shape[0]):
@@ -112,7 +112,9 @@ def normal_loads(
             kx, ky, kz = axis[s, 0], axis[s, 1], axis[s, 2]
             fa = w[0] * kx + w[1] * ky + w[2] * kz
             fx, fy, fz = w[0] - fa * kx, w[1] - fa * ky, w[2] - fa * kz
-            middle = weights[s, 7] - weights[s, 8] * displacement[i, s]
+            middle = weights[s, 7]
+            if weights[s, 8] != 0.0:
+                middle -= weights[s, 8] * displacement[i, s]
             # M about the middle: M - middle k x F; k x F has no part along k
             mx = w[3] - middle * (ky * fz - kz * fy)
             my = w[4] - middle * (kz * fx - kx * fz)
