@@ -114,12 +114,12 @@ def _solve(
     lower, upper, frictionless, load, friction_lower, friction_upper, wrench = _arrays(shapes)
     sticking = np.empty((T, ns), dtype=bool)
     batch = Batch.of(scene.twin(), min(T, CHUNK * threads))
-    for part, model, twin in _parts(scene, states, whole, CHUNK * threads):
+    for part, twin in _parts(scene, states, whole, CHUNK * threads):
         here = slice(part.start - whole.start, part.stop - whole.start)
         qva = states.q[part], states.v[part], states.a[part]
         if not reacting:
             load[here] = 0.0
-            _plain(model, twin, *qva, threads, frictionless[here])
+            _plain(twin, *qva, threads, frictionless[here])
         else:
             now = batch.first(part.stop - part.start)
             if ns == twin.n_joints:  # every joint is a site: no second copy of its wrench
@@ -161,13 +161,11 @@ def _solve(
     )
 
 
-def _parts(
-    scene: Scene, states: States, whole: slice, size: int
-) -> Iterator[tuple[slice, pin.Model, Twin]]:
-    """Cut `whole` into batches of constant payload, with the models that carry it."""
+def _parts(scene: Scene, states: States, whole: slice, size: int) -> Iterator[tuple[slice, Twin]]:
+    """Cut `whole` into batches of constant payload, with the twin that carries it."""
     for start, stop, carried in states.phases(scene):
         for part in slices(max(start, whole.start), min(stop, whole.stop), size):
-            yield part, scene.loaded_model(carried), scene.twin(carried)
+            yield part, scene.twin(carried)
 
 
 def _motor_torques(
@@ -277,16 +275,10 @@ def _needs_wrenches(scene: Scene, applied: list[AppliedWrench]) -> bool:
 
 
 def _plain(
-    model: pin.Model,
-    twin: Twin,
-    q: np.ndarray,
-    v: np.ndarray,
-    a: np.ndarray,
-    threads: int,
-    effort: np.ndarray,
+    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, threads: int, effort: np.ndarray
 ) -> None:
     """Write the ordinary RNEA (n, nv), for scenes whose friction looks at no reaction."""
-    pin.rneaInParallel(threads, twin.plain_pool(model, threads), q.T, v.T, a.T, effort.T)
+    pin.rneaInParallel(threads, twin.plain_pool(threads), q.T, v.T, a.T, effort.T)
 
 
 def _displacement(twin: Twin, joint: np.ndarray, q: np.ndarray, weights: np.ndarray) -> np.ndarray:

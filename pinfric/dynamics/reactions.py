@@ -92,10 +92,19 @@ def joint_wrenches(
 def reactions(
     twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
 ) -> None:
-    """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (design 2.1)."""
+    """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (design 2.1).
+
+    A robot too large to open is asked sample by sample: the wrenches are then Pinocchio's `data.f`.
+    """
     embed(q, v, a, twin.kind, twin.q_index, twin.v_index, twin.ratio, twin.shift, twin.axis,
           twin.components, batch.q, batch.v, batch.a)  # fmt: skip
     flat = batch.wrench.reshape(len(q), -1)
+    if twin.opened is None:
+        data, forces = twin.joint_forces()
+        for i in range(len(q)):
+            pin.rnea(twin.model, data, q[i], v[i], a[i])
+            np.concatenate(forces, out=flat[i])
+        return
     # transposes of C-ordered arrays are the Fortran-ordered columns Pinocchio takes, uncopied
     pin.rneaInParallel(threads, twin.pool(threads), batch.q.T, batch.v.T, batch.a.T, flat.T)
 
@@ -160,9 +169,9 @@ def slices(start: int, stop: int, size: int) -> Iterator[slice]:
 
 def _placements(twin: Twin) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Parents' rows and the fixed placements of all joints, as `transmit` takes them."""
-    opened = twin.opened
-    joints = range(1, opened.njoints)
-    parents = np.array([opened.parents[j] - 1 for j in joints], dtype=np.int64)
-    p = np.array([opened.jointPlacements[j].translation for j in joints])
-    R = np.array([opened.jointPlacements[j].rotation for j in joints])
+    model = twin.model
+    joints = range(1, model.njoints)
+    parents = np.array([model.parents[j] - 1 for j in joints], dtype=np.int64)
+    p = np.array([model.jointPlacements[j].translation for j in joints])
+    R = np.array([model.jointPlacements[j].rotation for j in joints])
     return parents, p, R

@@ -17,6 +17,10 @@ import pinocchio as pin
 from pinfric.errors import RobotError
 from pinfric.model.compiled import kernel
 
+#: Most joints that are opened: Pinocchio's `Data` holds arrays of nv^3 numbers, 55 MB for 20 opened
+#: joints, 1.5 GB for 60. Larger robots are asked joint by joint.
+LARGEST = 20
+
 # How a joint's configuration becomes a placement.
 REVOLUTE, PRISMATIC, CONTINUOUS, PLANAR, SPHERICAL, TRANSLATION, FREE = range(7)
 
@@ -35,19 +39,19 @@ class Twin:
     """The opened model and the tables of the embedding, one row per joint (universe left out).
 
     Attributes:
-        opened: the model whose joints are all free.
+        model: the robot itself.
+        opened: the model whose joints are all free; None for a robot of more joints than `LARGEST`.
         kind: (nj,) how configuration becomes placement.
         q_index, v_index: (nj,) where the joint's (for a mimic joint: its leader's) numbers start.
         ratio, shift: (nj,) angle = ratio * leader's angle + shift; 1 and 0 but for mimic joints.
         axis: (nj, 6) unit motion subspace of one-degree joints, linear first, zero for others.
         components: (nj, 6) velocity components of many-degree joints, in order, filled with -1.
         armature: (nv,) rotor inertia reflected to the joints, from the model.
-        pools: Pinocchio's pools by use and number of threads; made when first used, not pickled.
+        pools: Pinocchio's pools and data by use and threads; made when first used, not pickled.
     """
 
-    opened: pin.Model
-    nq: int
-    nv: int
+    model: pin.Model
+    opened: pin.Model | None
     kind: np.ndarray
     q_index: np.ndarray
     v_index: np.ndarray
@@ -57,6 +61,11 @@ class Twin:
     components: np.ndarray
     armature: np.ndarray
     pools: dict[Any, pin.ModelPool] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def nv(self) -> int:
+        """Number of the robot's degrees of freedom."""
+        return int(self.model.nv)
 
     @property
     def n_joints(self) -> int:
@@ -69,12 +78,20 @@ class Twin:
             self.pools[threads] = pin.ModelPool(self.opened, threads)
         return self.pools[threads]
 
-    def plain_pool(self, model: pin.Model, threads: int) -> pin.ModelPool:
+    def plain_pool(self, threads: int) -> pin.ModelPool:
         """Return the pool of the ordinary model, where nothing looks at reactions."""
         key = "plain", threads
         if key not in self.pools:
-            self.pools[key] = pin.ModelPool(model, threads)
+            self.pools[key] = pin.ModelPool(self.model, threads)
         return self.pools[key]
+
+    def joint_forces(self) -> tuple[pin.Data, list[np.ndarray]]:
+        """Return the robot's data and views of its `data.f`, one (6,) array per joint."""
+        if "data" not in self.pools:
+            data = self.model.createData()
+            views = [data.f[j].vector for j in range(1, self.model.njoints)]
+            self.pools["data"] = data, views
+        return self.pools["data"]
 
     def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "pools": {}}
@@ -86,23 +103,37 @@ def make_twin(model: pin.Model) -> Twin:
     Raises:
         RobotError: a joint that no URDF can describe (helical, universal, composite, ...).
     """
+    rows = [_embedding_row(model, index) for index in range(1, model.njoints)]
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 7
+    kind, q_index, v_index = (np.array(c, dtype=np.int64) for c in columns[:3])
+    ratio, shift = (np.array(c, dtype=float) for c in columns[3:5])
+    axis = np.array(columns[5], dtype=float).reshape(-1, 6)
+    components = np.array(columns[6], dtype=np.int64).reshape(-1, 6)
+    return Twin(
+        model,
+        _open(model) if len(rows) <= LARGEST else None,
+        kind,
+        q_index,
+        v_index,
+        ratio,
+        shift,
+        axis,
+        components,
+        np.array(model.armature, dtype=float),
+    )
+
+
+def _open(model: pin.Model) -> pin.Model:
+    """Return the model with a free joint in place of every joint."""
     opened = pin.Model()
     opened.gravity = model.gravity
-    rows = []
     for index in range(1, model.njoints):
         added = opened.addJoint(
             model.parents[index], pin.JointModelFreeFlyer(),
             model.jointPlacements[index], model.names[index],
         )  # fmt: skip
         opened.appendBodyToJoint(added, model.inertias[index], pin.SE3.Identity())
-        rows.append(_embedding_row(model, index))
-    columns = list(zip(*rows, strict=True)) if rows else [()] * 7
-    kind, q_index, v_index = (np.array(c, dtype=np.int64) for c in columns[:3])
-    ratio, shift = (np.array(c, dtype=float) for c in columns[3:5])
-    axis = np.array(columns[5], dtype=float).reshape(-1, 6)
-    components = np.array(columns[6], dtype=np.int64).reshape(-1, 6)
-    return Twin(opened, model.nq, model.nv, kind, q_index, v_index, ratio, shift, axis,
-                components, np.array(model.armature, dtype=float))  # fmt: skip
+    return opened
 
 
 def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:

@@ -1,0 +1,130 @@
+"""Small models that several tests share, built in Python so that every number is in sight."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+_ALIGNED = [pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ]
+_SLIDING = [pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ]
+
+
+def random_inertia(rng: np.random.Generator) -> pin.Inertia:
+    """A body that can exist: a cloud of positive point masses."""
+    points = rng.normal(scale=0.2, size=(8, 3)) + rng.normal(scale=0.1, size=3)
+    masses = rng.uniform(0.05, 0.6, size=8)
+    com = masses @ points / masses.sum()
+    inertia = np.zeros((3, 3))
+    for m, r in zip(masses, points - com, strict=True):
+        inertia += m * (r @ r * np.eye(3) - np.outer(r, r))
+    return pin.Inertia(masses.sum(), com, inertia)
+
+
+def random_joint(rng: np.random.Generator, sliding: float = 0.25) -> pin.JointModel:
+    """A one-degree joint: aligned or not, turning, continuous or sliding."""
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    if rng.random() < sliding:
+        return (
+            rng.choice(_SLIDING)() if rng.random() < 0.5 else pin.JointModelPrismaticUnaligned(axis)
+        )
+    pick = rng.random()
+    if pick < 0.4:
+        return rng.choice(_ALIGNED)()
+    if pick < 0.7:
+        return pin.JointModelRevoluteUnaligned(axis)
+    return pin.JointModelRUBZ()
+
+
+def random_tree(seed: int, joints: int = 6, sliding: float = 0.25) -> pin.Model:
+    """A seeded random tree of one-degree joints."""
+    rng = np.random.default_rng(seed)
+    model = pin.Model()
+    for j in range(joints):
+        parent = int(rng.integers(0, j + 1))
+        name = f"joint_{j + 1}"
+        added = model.addJoint(parent, random_joint(rng, sliding), pin.SE3.Random(), name)
+        placement = model.jointPlacements[added]
+        placement.translation = rng.normal(scale=0.3, size=3)
+        turn = pin.exp3(rng.normal(size=3))
+        placement.rotation = turn
+        model.appendBodyToJoint(added, random_inertia(rng), pin.SE3.Identity())
+    model.gravity.linear = rng.normal(scale=6.0, size=3)
+    return model
+
+
+def random_states(
+    model: pin.Model, seed: int, samples: int = 20
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Seeded (q, v, a), q on its manifold."""
+    rng = np.random.default_rng(seed)
+    q = np.array([pin.integrate(model, pin.neutral(model), rng.normal(scale=1.0, size=model.nv))
+                  for _ in range(samples)])  # fmt: skip
+    return q, rng.normal(size=(samples, model.nv)), rng.normal(size=(samples, model.nv))
+
+
+def random_friction(model: pin.Model, seed: int) -> dict[str, dict]:
+    """Seeded friction of every kind for every one-degree joint of a model."""
+    rng = np.random.default_rng(seed)
+    friction = {}
+    for index in range(1, model.njoints):
+        slides = model.joints[index].shortname().startswith(("JointModelP",))
+        kinetic = float(rng.uniform(0.05, 0.4))
+        entry: dict = {
+            "bearing": _random_bearing(rng, slides),
+            "mu": {"static": 1.3 * kinetic, "kinetic": kinetic},
+            "viscous": float(rng.uniform(0, 0.3)),
+        }
+        if rng.random() < 0.5:
+            entry["stribeck"] = {"velocity": float(rng.uniform(0.05, 0.5)), "exponent": 1.5}
+        pick = rng.random()
+        if pick < 0.4:
+            entry["coulomb"] = {"static": 0.6, "kinetic": 0.5}
+        elif pick < 0.7:
+            entry["coulomb"] = {
+                "positive": {"static": 0.6, "kinetic": 0.5},
+                "negative": {"static": 0.9, "kinetic": 0.3},
+            }
+        friction[model.names[index]] = entry
+    return friction
+
+
+def _random_bearing(rng: np.random.Generator, slides: bool) -> dict:
+    if slides:
+        return {
+            "kind": "guide", "length": float(rng.uniform(0.1, 0.4)), "width": 0.1,
+            "preload": 2.0, "offset": float(rng.normal(scale=0.1)),
+            "on": str(rng.choice(["child", "parent"])),
+        }  # fmt: skip
+    pick = rng.random()
+    if pick < 0.5:
+        return {
+            "kind": "pin", "radius": 0.05, "length": float(rng.uniform(0.05, 0.2)),
+            "thrust_radius": 0.04, "preload": 1.0, "offset": float(rng.normal(scale=0.05)),
+        }  # fmt: skip
+    if pick < 0.7:
+        return {"kind": "pin", "radius": 0.05}
+    return {
+        "kind": "linear", "radial": 0.1, "axial": 0.05, "moment": 0.2, "preload": 0.3,
+        "offset": 0.02,
+    }  # fmt: skip
+
+
+def block(angle: float = 0.0, mass: float = 2.0) -> pin.Model:
+    """A block sliding along x of a plane tilted by `angle` about y, downhill for angle > 0."""
+    model = pin.Model()
+    tilted = pin.SE3(pin.rpy.rpyToMatrix(0.0, angle, 0.0), np.zeros(3))
+    joint = model.addJoint(0, pin.JointModelPX(), tilted, "slide")
+    model.appendBodyToJoint(joint, pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3)),
+                            pin.SE3.Identity())  # fmt: skip
+    return model
+
+
+#: Friction of a block on a plane: mu |N|, N m or N independent of where the load acts.
+def plane_friction(static: float, kinetic: float, **more: object) -> dict:
+    """Friction entry whose load is the force across the joint."""
+    return {
+        "bearing": {"kind": "linear", "radial": 1.0},
+        "mu": {"static": static, "kinetic": kinetic},
+        **more,
+    }

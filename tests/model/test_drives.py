@@ -1,0 +1,91 @@
+"""Transmissions in all quadrants, by hand (design 2.3)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import block, plane_friction
+
+import pinfric as pf
+
+GEAR = {"ratio": 100.0, "efficiency": 0.8, "back_efficiency": 0.7, "no_load_torque": 0.02}
+
+
+def motor(effort, velocity, acceleration=0.0, transmission=GEAR, friction=None):
+    """Motor torque bounds where the slide of a 1 kg block must deliver about `effort`."""
+    model = block(mass=1.0)
+    model.gravity.linear = np.zeros(3)
+    scene = pf.Scene(
+        model=model, friction=friction or {},
+        actuators=[{"joint": "slide", "transmission": transmission}],
+    )  # fmt: skip
+    model.addFrame(_frame(model))
+    result = pf.inverse_dynamics(
+        scene, [[0.0]], [[velocity]], [[acceleration]],
+        {"slide_child": np.array([acceleration - effort, 0, 0, 0, 0, 0])},
+    )  # fmt: skip
+    assert result.effort_frictionless[0, 0] == pytest.approx(effort)
+    return result.motor_torque_lower[0, 0], result.motor_torque_upper[0, 0]
+
+
+def _frame(model):
+    import pinocchio as pin
+
+    return pin.Frame("slide_child", 1, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
+
+
+def test_driving_forward_pays_the_loss():
+    assert motor(50.0, 1.0) == pytest.approx([(50 / 0.8 + 2) / 100] * 2)
+
+
+def test_braking_forward_gains_from_the_loss():
+    assert motor(-50.0, 1.0) == pytest.approx([(-50 * 0.7 + 2) / 100] * 2)
+
+
+def test_driving_backward_pays_the_loss():
+    assert motor(-50.0, -1.0) == pytest.approx([(-50 / 0.8 - 2) / 100] * 2)
+
+
+def test_braking_backward_gains_from_the_loss():
+    assert motor(50.0, -1.0) == pytest.approx([(50 * 0.7 - 2) / 100] * 2)
+
+
+def test_holding_needs_anything_from_lowering_to_lifting():
+    lower, upper = motor(50.0, 0.0)
+    assert lower == pytest.approx((50 * 0.7 - 2) / 100)
+    assert upper == pytest.approx((50 / 0.8 + 2) / 100)
+    assert lower < 50.0 / 100 < upper  # the least that holds is less than lifting takes
+
+
+def test_holding_adds_the_bearing_to_the_gear():
+    friction = {"slide": {"coulomb": {"static": 10.0, "kinetic": 5.0}}}
+    lower, upper = motor(50.0, 0.0, friction=friction)
+    assert lower == pytest.approx((40 * 0.7 - 2) / 100)
+    assert upper == pytest.approx((60 / 0.8 + 2) / 100)
+
+
+def test_a_self_locking_gear_must_be_pushed_to_lower_a_load():
+    worm = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.5}
+    lower, _ = motor(50.0, -1.0, transmission=worm)
+    assert lower == pytest.approx(-50 * 0.5 / 50)  # negative: pushes down, though the load pulls
+    hold = motor(50.0, 0.0, transmission=worm)
+    assert hold[0] < 0 < hold[1]  # at rest it holds with no motor torque at all
+
+
+def test_rotor_inertia_and_motor_viscosity_do_not_pass_through_the_loss():
+    gear = {**GEAR, "rotor_inertia": 1e-4, "motor_viscous": 1e-3}
+    expected = (50 / 0.8 + 2) / 100 + 100 * (1e-3 * 1.0 + 1e-4 * 3.0)
+    assert motor(50.0, 1.0, 3.0, gear) == pytest.approx([expected] * 2)
+
+
+def test_a_reversing_transmission_turns_the_interval_over():
+    turned = {**GEAR, "ratio": -100.0}
+    lower, upper = motor(50.0, 0.0)
+    assert motor(50.0, 0.0, transmission=turned) == pytest.approx([-upper, -lower])
+
+
+def test_without_a_transmission_the_motor_is_the_joint():
+    scene = pf.Scene(model=block(0.1), friction={"slide": plane_friction(0.3, 0.2)})
+    result = pf.inverse_dynamics(scene, *np.zeros((3, 1, 1)))
+    assert result.motor_torque_lower[0, 0] == result.effort_lower[0, 0]
+    assert result.motor_torque_upper[0, 0] == result.effort_upper[0, 0]

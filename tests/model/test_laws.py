@@ -1,0 +1,85 @@
+"""Friction laws: values by hand, thresholds from both sides, kernel against plain NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import block, plane_friction, random_friction, random_states, random_tree
+
+import pinfric as pf
+from pinfric.dynamics.check import plain_friction
+from pinfric.model.laws import friction_bounds, friction_law, law_table
+from pinfric.model.schema import Friction
+
+
+def bounds(friction, velocity, load=0.0, at_rest=False):
+    law = law_table([friction_law(Friction.model_validate(friction), 1e-6)])
+    lower, upper, sticking = np.empty((1, 1)), np.empty((1, 1)), np.empty((1, 1), dtype=bool)
+    friction_bounds(np.array([[velocity]]), np.array([[load]]), law, np.array([[at_rest]]),
+                    lower, upper, sticking)  # fmt: skip
+    return lower[0, 0], upper[0, 0], sticking[0, 0]
+
+
+def test_stribeck_falls_from_static_to_kinetic():
+    friction = plane_friction(0.4, 0.3, stribeck={"velocity": 0.02, "exponent": 2.0})
+    at = {v: -bounds(friction, v, 10.0)[0] for v in (1e-5, 0.02, 1.0)}
+    assert at[1e-5] == pytest.approx(4.0, rel=1e-6)
+    assert at[0.02] == pytest.approx(10 * (0.3 + 0.1 * np.exp(-1)), rel=1e-12)
+    assert at[1.0] == pytest.approx(3.0, rel=1e-12)
+
+
+def test_coulomb_by_direction_opposes_the_motion_it_is_named_for():
+    friction = {
+        "coulomb": {
+            "positive": {"static": 2.0, "kinetic": 1.0},
+            "negative": {"static": 6.0, "kinetic": 5.0},
+        },
+        "viscous": 0.5,
+    }
+    assert bounds(friction, 2.0) == (-2.0, -2.0, False)
+    assert bounds(friction, -2.0) == (6.0, 6.0, False)
+    assert bounds(friction, 0.0) == (-2.0, 6.0, True)
+
+
+def test_stick_velocity_from_both_sides():
+    friction = plane_friction(0.4, 0.3, stick_velocity=1e-3)
+    assert bounds(friction, 1e-3, 10.0) == (-4.0, 4.0, True)
+    lower, upper, sticking = bounds(friction, np.nextafter(1e-3, 1), 10.0)
+    assert (lower, upper, sticking) == (-3.0, -3.0, False)
+
+
+def test_passing_through_rest_encloses_both_standstill_and_sliding():
+    friction = plane_friction(0.4, 0.4, viscous=10.0)
+    lower, upper, sticking = bounds(friction, 1.0, 10.0, at_rest=True)
+    assert (lower, upper, sticking) == (-14.0, 4.0, False)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_kernel_equals_the_law_written_out(seed):
+    model = random_tree(seed, joints=6)
+    scene = pf.Scene(model=model, friction=random_friction(model, seed), stick_velocity=0.2)
+    q, v, a = random_states(model, seed, 40)
+    result = pf.inverse_dynamics(scene, q, v, a)
+    assert result.sticking.any()
+    assert result.reversal.any()
+    for i in range(len(q)):
+        for s, site in enumerate(scene.sites):
+            expected = plain_friction(
+                site, v[i, s], result.normal_load[i, s], result.reversal[i, s]
+            )
+            found = result.friction_lower[i, s], result.friction_upper[i, s]
+            assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_block_on_an_incline_holds_by_itself_up_to_the_static_threshold(side):
+    mu = 0.35
+    angle = np.arctan(mu) + side * 1e-3
+    scene = pf.Scene(model=block(angle), friction={"slide": plane_friction(mu, mu)})
+    result = pf.inverse_dynamics(scene, *np.zeros((3, 1, 1)))
+    holds_alone = result.effort_lower[0, 0] <= 0 <= result.effort_upper[0, 0]
+    assert holds_alone == (side < 0)
+    weight = 2.0 * 9.81
+    expected = -weight * np.sin(angle), mu * weight * np.cos(angle)
+    assert result.effort_lower[0, 0] == pytest.approx(expected[0] - expected[1], rel=1e-12)
+    assert result.effort_upper[0, 0] == pytest.approx(expected[0] + expected[1], rel=1e-12)
