@@ -1,0 +1,179 @@
+"""The joints of a model as files see them: one column, one number, its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from pinfric.errors import TrajectoryError
+
+FloatArray = NDArray[np.float64]
+
+#: rad or m (rad/s, m/s); a value this far beyond a limit is rounding of the file, no violation.
+LIMIT_TOLERANCE = 1.0e-6
+_UNLIMITED = 1.0e300  # Pinocchio's "no limit" is inf or the largest float
+
+
+@dataclass(frozen=True)
+class JointColumn:
+    """A one-dof joint as a file sees it: one number; limits in rad or m, infinite where none."""
+
+    name: str
+    index_q: int
+    index_v: int
+    nq: int
+    unit: str
+    lower: float
+    upper: float
+    velocity_limit: float
+
+
+def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn, ...]:
+    """Return the joints a file has a column for: one dof each, mimic followers left out.
+
+    Args:
+        model: the robot.
+        source: named in the error.
+
+    Raises:
+        TrajectoryError: planar, spherical or floating joints, which files cannot describe.
+    """
+    moving = [(name, joint) for name, joint in zip(model.names, model.joints, strict=True)
+              if joint.nv > 0 and name != "universe"]  # fmt: skip
+    several = [f"{name} ({joint.nv} degrees of freedom)" for name, joint in moving if joint.nv > 1]
+    if several:
+        raise TrajectoryError(
+            f"{source}: files give one number per joint, which cannot describe "
+            f"{', '.join(several)}; make the trajectory in Python: Trajectory.from_arrays"
+        )
+    return tuple(_joint_column(model, name, joint) for name, joint in moving)
+
+
+def _joint_column(model: pin.Model, name: str, joint: Any) -> JointColumn:
+    lower, upper = -np.inf, np.inf
+    if joint.nq == 1:
+        low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+        # a URDF limit without lower and upper reads as 0 to 0: no range was stated
+        if low < high:
+            lower = float(low) if low > -_UNLIMITED else -np.inf
+            upper = float(high) if high < _UNLIMITED else np.inf
+    speed = float(model.velocityLimit[joint.idx_v])
+    unit = "m" if joint.shortname().startswith("JointModelP") else "rad"
+    return JointColumn(name, joint.idx_q, joint.idx_v, joint.nq, unit, lower, upper,
+                       speed if 0.0 < speed < _UNLIMITED else np.inf)  # fmt: skip
+
+
+def limit_problems(
+    columns: Sequence[JointColumn], t: FloatArray, position: FloatArray
+) -> list[str]:
+    """Return one line per joint and side on which positions pass a limit: value, limit, time.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) one number per joint; what is not finite is passed over.
+    """
+    found: list[str] = []
+    for index, column in enumerate(columns):
+        q = np.where(np.isfinite(position[:, index]), position[:, index], np.nan)
+        for side, limit, beyond in (
+            ("below its lower", column.lower, q < column.lower - LIMIT_TOLERANCE),
+            ("above its upper", column.upper, q > column.upper + LIMIT_TOLERANCE),
+        ):
+            if beyond.any():
+                samples = np.flatnonzero(beyond)
+                worst = samples[np.argmax(np.abs(q[samples] - limit))]
+                found.append(
+                    f"joint {column.name}: {q[worst]:.6g} {column.unit} is {side} limit "
+                    f"{limit:.6g} (first at t = {t[samples[0]]:.6g} s, sample {samples[0]}; "
+                    f"samples beyond it: {samples.size})"
+                )
+    return found
+
+
+def velocity_warnings(
+    columns: Sequence[JointColumn], t: FloatArray, velocity: FloatArray
+) -> list[str]:
+    """Return one line per joint whose velocity exceeds the model's limit: peak, limit, first time.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        velocity: (T, nv) rad/s or m/s.
+    """
+    found = []
+    for column in columns:
+        speed = np.abs(velocity[:, column.index_v])
+        beyond = np.flatnonzero(speed > column.velocity_limit + LIMIT_TOLERANCE)
+        if beyond.size:
+            found.append(
+                f"joint {column.name}: reaches {speed.max():.6g} {column.unit}/s, above its "
+                f"velocity limit {column.velocity_limit:.6g} (first at t = "
+                f"{t[beyond[0]]:.6g} s; samples beyond it: {beyond.size})"
+            )
+    return found
+
+
+def configurations(columns: Sequence[JointColumn], position: FloatArray, nq: int) -> FloatArray:
+    """Return Pinocchio's q (T, nq) from one number per joint: cos, sin where it is continuous.
+
+    Args:
+        columns: (nj,) the joints.
+        position: (T, nj) rad or m.
+        nq: the model's.
+    """
+    q = np.zeros((position.shape[0], nq))
+    for index, column in enumerate(columns):
+        q[:, column.index_q] = position[:, index]
+        if column.nq == 2:
+            q[:, column.index_q] = np.cos(position[:, index])
+            q[:, column.index_q + 1] = np.sin(position[:, index])
+    return q
+
+
+def single_positions(q: FloatArray, joint_nq: Sequence[int]) -> FloatArray:
+    """Return one number per joint (T, nj) from Pinocchio's q: cos, sin become an unwrapped angle.
+
+    Args:
+        q: (T, nq).
+        joint_nq: (nj,) entries of q per joint, 1 or 2, in order.
+    """
+    position = np.empty((q.shape[0], len(joint_nq)))
+    starts = np.concatenate(([0], np.cumsum(joint_nq, dtype=np.int64)))
+    for index, (start, nq) in enumerate(zip(starts, joint_nq, strict=False)):
+        position[:, index] = q[:, start]
+        if nq == 2:
+            position[:, index] = np.unwrap(np.arctan2(q[:, start + 1], q[:, start]))
+    return position
+
+
+def unit_circle_problems(columns: Sequence[JointColumn], q: FloatArray) -> list[str]:
+    """Return one line per continuous joint whose two entries of q are not a cosine and a sine.
+
+    Args:
+        columns: (nj,) the joints.
+        q: (T, nq) configurations.
+    """
+    found = []
+    for column in columns:
+        if column.nq == 2:
+            length = np.linalg.norm(q[:, column.index_q : column.index_q + 2], axis=1)
+            wrong = np.flatnonzero(np.abs(length - 1.0) > LIMIT_TOLERANCE)
+            if wrong.size:
+                found.append(
+                    f"joint {column.name}: q[{column.index_q}:{column.index_q + 2}] is "
+                    f"(cos, sin) of its angle, but not at samples {listing(wrong)}"
+                )
+    return found
+
+
+def listing(items: Iterable[object], limit: int = 10) -> str:
+    """Return the items separated by commas, the first `limit` of them and how many there are."""
+    texts = [str(item) for item in items]
+    shown = ", ".join(texts[:limit])
+    return shown if len(texts) <= limit else f"{shown}, ... ({len(texts)} in all)"

@@ -1,0 +1,373 @@
+"""Trajectories: what the joints do over time and what the robot carries meanwhile.
+
+A file has one number per joint, an angle or a length; `Trajectory` has Pinocchio's q (a continuous
+joint has cos and sin there; a mimic follower has nothing, its leader's column moves both).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from pinfric.errors import TrajectoryError, choose_from
+from pinfric.study.joint_columns import (
+    JointColumn,
+    configurations,
+    joint_columns,
+    limit_problems,
+    listing,
+    single_positions,
+    unit_circle_problems,
+    velocity_warnings,
+)
+from pinfric.study.table import TrajectoryTable, complete_derivatives, read_table
+from pinfric.study.waypoints import read_waypoints, sample_waypoints
+
+FloatArray = NDArray[np.float64]
+
+
+class HasModel(Protocol):
+    """What a trajectory needs of a scene."""
+
+    @property
+    def model(self) -> pin.Model:
+        """The robot, locked joints removed."""
+
+    @property
+    def payloads(self) -> Mapping[str, Any]:
+        """Name -> payload; its `attached` says if it is carried where nothing else says so."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """All joints stand still (v = a = 0) from `start` to `end`, s; samples `first` to `last`."""
+
+    start: float
+    end: float
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Samples of a motion in Pinocchio's coordinates, samples first.
+
+    Args:
+        t: (T,) increasing, s.
+        q: (T, nq) configurations.
+        v: (T, nv) velocities, rad/s or m/s.
+        a: (T, nv) accelerations, rad/s^2 or m/s^2.
+        attached: (T, np) bool, which payload is carried at each sample; columns `payload_names`.
+        payload_names: (np,) all payloads of the scene, in its order.
+        joint_names: the joints in the model's order, mimic followers left out.
+        source: where it came from, for messages.
+        joint_nq: entries of q per joint in `joint_names` (2: continuous); default 1 each.
+        warnings: what a person should look at (velocity limits exceeded, noisy derivatives).
+
+    Raises:
+        TrajectoryError: no samples, shapes that do not agree, time not increasing, not finite.
+    """
+
+    t: FloatArray
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    attached: NDArray[np.bool_]
+    payload_names: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    source: str
+    joint_nq: tuple[int, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("t", "q", "v", "a"):
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "attached", np.asarray(self.attached, dtype=bool))
+        if not self.joint_nq:
+            object.__setattr__(self, "joint_nq", (1,) * len(self.joint_names))
+        _raise_all(self.source, _consistency_problems(self))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        scene: HasModel,
+        t: ArrayLike,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        attached: Mapping[str, ArrayLike] | None = None,
+        source: str = "trajectory",
+    ) -> Trajectory:
+        """Make a trajectory of any model (planar and floating joints too) from arrays.
+
+        Missing v or a come from splines, as in `load_trajectory`; that takes one-dof joints.
+
+        Args:
+            scene: its model and payloads.
+            t: (T,) increasing, s.
+            q: (T, nq) Pinocchio's configurations.
+            v: (T, nv) or None.
+            a: (T, nv) or None.
+            attached: payload name -> (T,) bool or one bool; others as the scene's defaults.
+            source: name for messages.
+
+        Raises:
+            TrajectoryError: shapes, values, limits or names that do not fit; all at once.
+        """
+        model, payloads = scene.model, _defaults(scene)
+        times, qs = np.atleast_1d(np.asarray(t, dtype=float)), np.asarray(q, dtype=float)
+        given = attached or {}
+        problems = _shape_problems(model, times, qs, v, a)
+        problems += _attached_problems(given, payloads, times.size)
+        has_many = any(count > 1 for count in model.nvs)
+        if has_many and (v is None or a is None):
+            problems.append("a planar, spherical or floating joint needs v and a given")
+        if not problems:
+            problems += _value_problems(times, (("q", qs), ("v", v), ("a", a)))
+        _raise_all(source, problems)
+        carried = _attached_columns(payloads, given, times.size)
+        if has_many and v is not None and a is not None:
+            names, nqs = _moving_joints(model)
+            return cls(times, qs, np.asarray(v), np.asarray(a), carried, tuple(payloads), names,
+                       source, nqs)  # fmt: skip
+        columns = joint_columns(model, source)
+        _raise_all(source, unit_circle_problems(columns, qs))
+        table = TrajectoryTable(
+            times,
+            single_positions(qs, [column.nq for column in columns]),
+            np.full((times.size, model.nv), np.nan) if v is None else np.asarray(v, dtype=float),
+            np.full((times.size, model.nv), np.nan) if a is None else np.asarray(a, dtype=float),
+            {},
+            np.zeros(len(columns)),
+        )
+        return _from_table(source, model, columns, table, carried, payloads)
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last, s."""
+        return float(self.t[-1] - self.t[0])
+
+    def joint_positions(self) -> FloatArray:
+        """Return one number per joint: (T, number of joints), angles (unwrapped) or lengths.
+
+        Raises:
+            TrajectoryError: a joint with several degrees of freedom has no one number.
+        """
+        if any(nq not in (1, 2) for nq in self.joint_nq) or sum(self.joint_nq) != self.q.shape[1]:
+            raise TrajectoryError(
+                f"{self.source}: planar, spherical or floating joints have no one position; use q"
+            )
+        return single_positions(self.q, self.joint_nq)
+
+    def with_speed(self, scale: float) -> Trajectory:
+        """Return the same path run `scale` times as fast: t / scale, v scale, a scale^2.
+
+        The warnings are left behind; `velocity_warnings` gives those of the new speed.
+
+        Raises:
+            TrajectoryError: scale is not positive.
+        """
+        if not (np.isfinite(scale) and scale > 0.0):
+            raise TrajectoryError(f"speed scale is {scale}; give a positive number (2: twice as "
+                                  "fast)")  # fmt: skip
+        t = self.t[0] + (self.t - self.t[0]) / scale
+        return replace(
+            self, t=t, v=self.v * scale, a=self.a * scale**2, warnings=(),
+            source=f"{self.source} at {scale:g} x speed",
+        )  # fmt: skip
+
+    def holds(self, min_duration: float = 0.0) -> tuple[Hold, ...]:
+        """Return the intervals in which every joint stands still: v = a = 0 in 2 samples or more.
+
+        Args:
+            min_duration: shorter ones are left out, s.
+        """
+        still = ((self.v == 0.0) & (self.a == 0.0)).all(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(np.int8)))
+        found = [
+            Hold(float(self.t[first]), float(self.t[stop - 1]), first, stop - 1)
+            for first, stop in edges.reshape(-1, 2).tolist()
+            if stop - first >= 2
+        ]
+        return tuple(hold for hold in found if hold.end - hold.start >= min_duration)
+
+    def to_csv(self, path: str | Path, digits: int = 9) -> Path:
+        """Write the file that `load_trajectory` reads: t, positions, .v, .a, payload columns.
+
+        Continuous joints are written as unwrapped angles (the first within +-pi).
+
+        Args:
+            path: the file to write.
+            digits: significant digits; 17 keeps every bit.
+
+        Raises:
+            TrajectoryError: a joint with several degrees of freedom; the file cannot be written.
+        """
+        names = self.joint_names
+        header = ["t", *names, *(f"{n}.v" for n in names), *(f"{n}.a" for n in names)]
+        header += [f"payload.{name}" for name in self.payload_names]
+        # + 0.0 turns -0.0 into 0.0
+        numbers = np.column_stack((self.t, self.joint_positions(), self.v, self.a)) + 0.0
+        formats = [f"%.{digits}g"] * numbers.shape[1] + ["%d"] * len(self.payload_names)
+        rows = np.column_stack((numbers, self.attached.astype(np.float64)))
+        try:
+            np.savetxt(path, rows, fmt=formats, delimiter=",", header=",".join(header), comments="")
+        except OSError as problem:
+            raise TrajectoryError(f"{path}: cannot be written: {problem.strerror}") from None
+        return Path(path)
+
+
+def load_trajectory(path: str | Path, scene: HasModel) -> Trajectory:
+    """Read a CSV or way-point file (YAML, see `waypoints`) and fit it to a scene.
+
+    CSV: a header, then `t` (s) and one column per joint (rad, m); optionally `<joint>.v`,
+    `<joint>.a`, and `payload.<name>` with 1 where the payload is carried (default: as the scene
+    says). Lines that start with # are skipped. Missing derivatives come from a quintic
+    interpolating spline over t, per joint; where a joint stands still v = a = 0 exactly
+    (`derivatives`). A missing `.a` beside a given `.v` is the derivative of a spline through v.
+
+    Args:
+        path: the file, .csv, .yaml or .yml.
+        scene: its model and payloads.
+
+    Raises:
+        TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
+            model's limits are not an error: they stand in `warnings`.
+    """
+    path = Path(path)
+    columns = joint_columns(scene.model, str(path))
+    payloads = _defaults(scene)
+    problems: list[str] = []
+    suffix = path.suffix.lower()
+    if suffix in (".yaml", ".yml"):
+        names = [column.name for column in columns]
+        speeds = np.array([column.velocity_limit for column in columns])
+        motion = sample_waypoints(read_waypoints(path), names, speeds, payloads, problems)
+        if motion is None:
+            _raise_all(str(path), problems)
+            raise AssertionError  # sample_waypoints says why it returns nothing
+        table = TrajectoryTable(motion.t, motion.position, motion.velocity, motion.acceleration,
+                                {}, np.zeros(len(columns)))  # fmt: skip
+        return _from_table(str(path), scene.model, columns, table, motion.attached, payloads)
+    if suffix != ".csv":
+        raise TrajectoryError(f"{path}: a trajectory ends in .csv, .yaml or .yml")
+    table = read_table(path, [column.name for column in columns], list(payloads), problems)
+    attached = _attached_columns(payloads, table.attached, table.t.size)
+    return _from_table(str(path), scene.model, columns, table, attached, payloads, problems)
+
+
+def _from_table(
+    source: str,
+    model: pin.Model,
+    columns: Sequence[JointColumn],
+    table: TrajectoryTable,
+    attached: NDArray[np.bool_],
+    payloads: Mapping[str, bool],
+    problems: Sequence[str] = (),
+) -> Trajectory:
+    """Check limits, complete derivatives and make Pinocchio's q; raise with all that is wrong."""
+    wrong = [*problems, *limit_problems(columns, table.t, table.position)]
+    _raise_all(source, wrong)
+    warnings: list[str] = []
+    v, a = complete_derivatives(columns, table, wrong, warnings)
+    _raise_all(source, wrong)
+    warnings += velocity_warnings(columns, table.t, v)
+    return Trajectory(
+        t=table.t,
+        q=configurations(columns, table.position, model.nq),
+        v=v,
+        a=a,
+        attached=attached,
+        payload_names=tuple(payloads),
+        joint_names=tuple(column.name for column in columns),
+        source=source,
+        joint_nq=tuple(column.nq for column in columns),
+        warnings=tuple(warnings),
+    )
+
+
+def _defaults(scene: HasModel) -> dict[str, bool]:
+    return {name: bool(payload.attached) for name, payload in scene.payloads.items()}
+
+
+def _moving_joints(model: pin.Model) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    joints = zip(model.names, model.nqs, model.nvs, strict=True)
+    moving = [(name, int(nq)) for name, nq, nv in joints if nv > 0]
+    return tuple(name for name, _ in moving), tuple(nq for _, nq in moving)
+
+
+def _attached_columns(
+    payloads: Mapping[str, bool], given: Mapping[str, ArrayLike], count: int
+) -> NDArray[np.bool_]:
+    attached = np.empty((count, len(payloads)), dtype=bool)
+    for column, (name, default) in enumerate(payloads.items()):
+        attached[:, column] = np.asarray(given.get(name, default), dtype=bool)
+    return attached
+
+
+def _attached_problems(
+    given: Mapping[str, ArrayLike], payloads: Mapping[str, bool], count: int
+) -> list[str]:
+    unknown = [f"attached: unknown payload {name!r}; {choose_from(name, payloads)}"
+               for name in given if name not in payloads]  # fmt: skip
+    return unknown + [
+        f"attached: {name!r} has shape {np.shape(values)}; one bool or ({count},) is needed"
+        for name, values in given.items()
+        if np.shape(values) not in ((), (count,))
+    ]
+
+
+def _shape_problems(
+    model: pin.Model, t: FloatArray, q: FloatArray, v: ArrayLike | None, a: ArrayLike | None
+) -> list[str]:
+    expected = (("q", q, "nq", model.nq), ("v", v, "nv", model.nv), ("a", a, "nv", model.nv))
+    return [
+        f"{name} has shape {np.shape(array)}; the model needs (T, {width}) = ({t.size}, {count})"
+        for name, array, width, count in expected
+        if array is not None and np.shape(array) != (t.size, count)
+    ]
+
+
+def _consistency_problems(trajectory: Trajectory) -> list[str]:
+    count = trajectory.t.size
+    shapes = (
+        ("t", trajectory.t.shape, (count,)),
+        ("q", trajectory.q.shape[:1], (count,)),
+        ("v", trajectory.v.shape[:1], (count,)),
+        ("a", trajectory.a.shape, trajectory.v.shape),
+        ("attached", trajectory.attached.shape, (count, len(trajectory.payload_names))),
+    )
+    wrong = [f"{name} has shape {found} where {needed} is needed"
+             for name, found, needed in shapes if found != needed]  # fmt: skip
+    return wrong or _value_problems(
+        trajectory.t, (("q", trajectory.q), ("v", trajectory.v), ("a", trajectory.a))
+    )
+
+
+def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]]) -> list[str]:
+    if t.size == 0:
+        return ["there are no samples"]
+    problems = []
+    for name, array in (("t", t), *arrays):
+        if array is not None and not np.isfinite(array).all():
+            samples = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
+            problems.append(f"{name} is not finite at samples {listing(samples)}")
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        problems.append(f"time must increase; it does not after samples {listing(back)}")
+    return problems
+
+
+def _raise_all(source: str, problems: Sequence[str]) -> None:
+    if len(problems) == 1:
+        raise TrajectoryError(f"{source}: {problems[0]}")
+    if problems:
+        lines = "".join(f"\n  {i}. {problem}" for i, problem in enumerate(problems, 1))
+        raise TrajectoryError(f"{source}: {len(problems)} problems:{lines}")

@@ -1,0 +1,331 @@
+"""Way-points: a motion written as a list of positions, holds and payload phases (YAML).
+
+Joints start and stop together; every way-point is a full stop (v = 0), and at the ends of a
+quintic move the acceleration is 0 too. With s = (t - t_start)/T from 0 to 1, q = q_0 + b(s) D:
+
+    quintic      b = 10 s^3 - 15 s^4 + 6 s^5,  peak velocity 15 |D| / (8 T)
+    trapezoidal  b' = s/(r (1 - r)) up to 1/(1 - r), down alike,  peak velocity |D| / ((1 - r) T)
+
+r is `ramp`, the part of T spent speeding up (0.5: a triangle, 1/3 by default). A point without
+`duration` takes T = max over joints of k |D| / (speed x velocity limit), k = 15/8 or 1/(1 - r),
+rounded up to whole sample periods. Equations: Biagiotti & Melchiorri, Trajectory Planning for
+Automatic Machines and Robots (2008), chapters 2 (quintic) and 3 (trapezoidal).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field
+
+from pinfric.errors import SceneError, TrajectoryError, choose_from
+from pinfric.model.schema import Entry, NonNegative, Number, Positive, parse
+from pinfric.model.yamlfile import read_yaml
+
+FloatArray = NDArray[np.float64]
+
+#: s; instants closer than this are one: sums of durations carry rounding.
+_SAME_INSTANT = 1.0e-9
+#: More samples than this are a mistyped rate or duration, not a motion.
+_MAX_SAMPLES = 20_000_000
+
+
+def _as_names(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+Names = Annotated[tuple[str, ...], BeforeValidator(_as_names)]
+
+
+class WayPoint(Entry):
+    """One stop: where (rad, m), how long the way there takes, how long it stays (s), what it grips.
+
+    `attach` and `detach` act on arrival, that is at the start of the hold.
+    """
+
+    q: tuple[Number, ...]
+    duration: Positive | None = None
+    hold: NonNegative = 0.0
+    attach: Names = ()
+    detach: Names = ()
+    name: str | None = None
+
+
+class WayPointFile(Entry):
+    """A whole way-point file; `speed`: part of the velocity limits used, `sample_rate`: Hz."""
+
+    pinfric_trajectory: Literal[1]
+    profile: Literal["quintic", "trapezoidal"] = "quintic"
+    sample_rate: Positive = 1000.0
+    joints: tuple[str, ...] | None = None
+    speed: Annotated[Number, Field(gt=0, le=1)] = 1.0
+    ramp: Annotated[Number, Field(gt=0, le=0.5)] | None = None
+    points: Annotated[tuple[WayPoint, ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class Move:
+    """From one stop to the next: start, duration (s), from and to (nj,); then a hold (s)."""
+
+    start: float
+    duration: float
+    begin: FloatArray
+    end: FloatArray
+    hold: float
+
+    @property
+    def arrival(self) -> float:
+        """The instant the joints stop, s."""
+        return self.start + self.duration
+
+    @property
+    def departure(self) -> float:
+        """The instant the hold ends, s."""
+        return self.arrival + self.hold
+
+
+@dataclass(frozen=True)
+class SampledMotion:
+    """What way-points become: t (T,), one number per joint (T, nj), payloads attached (T, np)."""
+
+    t: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    attached: NDArray[np.bool_]
+
+
+def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return b, db/ds, d2b/ds2 of b = 10 s^3 - 15 s^4 + 6 s^5, which goes from rest to rest.
+
+    Args:
+        s: (T,) elapsed part of the duration, 0 to 1.
+    """
+    return (
+        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
+        30.0 * s**2 * (1.0 - s) ** 2,
+        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
+    )
+
+
+def trapezoidal(s: FloatArray, ramp: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return b, db/ds, d2b/ds2 of a trapezoidal velocity; accelerations jump, right value taken.
+
+    Args:
+        s: (T,) elapsed part of the duration, 0 to 1.
+        ramp: the part of the duration spent speeding up, and again slowing down; (0, 0.5].
+    """
+    peak = 1.0 / (1.0 - ramp)
+    slope = peak / ramp
+    left = 1.0 - s
+    rising, falling = s < ramp, s >= 1.0 - ramp
+    b = np.where(rising, 0.5 * slope * s**2, peak * (s - 0.5 * ramp))
+    b = np.where(falling, 1.0 - 0.5 * slope * left**2, b)
+    rate = np.where(rising, slope * s, np.where(falling, slope * left, peak))
+    return b, rate, np.where(rising, slope, np.where(falling, -slope, 0.0))
+
+
+def read_waypoints(path: Path) -> WayPointFile:
+    """Read and check a way-point file by itself; `plan_moves` checks it against a robot.
+
+    Raises:
+        TrajectoryError: unreadable, not YAML, unknown keys, values that cannot be; all at once.
+    """
+    content = read_yaml(path, TrajectoryError)
+    try:
+        waypoints: WayPointFile = parse(WayPointFile, content, str(path))
+    except SceneError as problem:
+        raise TrajectoryError(str(problem)) from None
+    return waypoints
+
+
+def sample_waypoints(
+    waypoints: WayPointFile,
+    joint_names: Sequence[str],
+    velocity_limits: FloatArray,
+    payloads: Mapping[str, bool],
+    problems: list[str],
+) -> SampledMotion | None:
+    """Turn way-points into samples at `sample_rate`; the end is a sample too, on the grid or not.
+
+    v = a = 0 exactly in holds, both ends included. Where a point has no hold, the sample on it
+    takes the acceleration of the move that follows.
+
+    Args:
+        waypoints: the file.
+        joint_names: (nj,) the model's joints in its order; columns of the answer.
+        velocity_limits: (nj,) rad/s or m/s, inf where there is none.
+        payloads: name -> attached at the start.
+        problems: what is wrong is appended here, and None returned.
+    """
+    found = len(problems)
+    order = _joint_order(waypoints, joint_names, problems)
+    _check_points(waypoints, len(joint_names), payloads, problems)
+    if len(problems) > found:
+        return None
+    stops = np.array([point.q for point in waypoints.points])[:, order]
+    moves = plan_moves(waypoints, stops, joint_names, velocity_limits, problems)
+    if len(problems) > found:
+        return None
+    t = _sample_times(moves[-1].departure, waypoints.sample_rate, problems)
+    if len(problems) > found:
+        return None
+    position, velocity, acceleration = _sample_moves(moves, t, waypoints)
+    attached = _sample_phases(waypoints, moves, t, payloads)
+    return SampledMotion(t, position, velocity, acceleration, attached)
+
+
+def _ramp(waypoints: WayPointFile) -> float:
+    return 1.0 / 3.0 if waypoints.ramp is None else waypoints.ramp
+
+
+def _joint_order(
+    waypoints: WayPointFile, joint_names: Sequence[str], problems: list[str]
+) -> list[int]:
+    """Return, for each of the model's joints, its place in the points' q."""
+    if waypoints.joints is None:
+        return list(range(len(joint_names)))
+    given = list(waypoints.joints)
+    for name in dict.fromkeys(given):
+        if name not in joint_names:
+            problems.append(f"joints: unknown joint {name!r}; {choose_from(name, joint_names)}")
+        if given.count(name) > 1:
+            problems.append(f"joints: {name!r} stands {given.count(name)} times")
+    missing = [name for name in joint_names if name not in given]
+    if missing:
+        problems.append(f"joints: missing {', '.join(missing)}; every joint needs a position")
+        return []
+    return [given.index(name) for name in joint_names]
+
+
+def _check_points(
+    waypoints: WayPointFile, joint_count: int, payloads: Mapping[str, bool], problems: list[str]
+) -> None:
+    attached = dict(payloads)
+    count = joint_count if waypoints.joints is None else len(waypoints.joints)
+    if waypoints.ramp is not None and waypoints.profile != "trapezoidal":
+        problems.append("ramp: belongs to profile: trapezoidal; a quintic has none")
+    if waypoints.points[0].duration is not None:
+        problems.append("points.0.duration: the motion starts here; there is no way to take time")
+    for index, point in enumerate(waypoints.points):
+        if len(point.q) != count:
+            problems.append(f"points.{index}.q: {len(point.q)} numbers for {count} joints")
+        for key, names, state in (("detach", point.detach, False), ("attach", point.attach, True)):
+            for name in names:
+                where = f"points.{index}.{key}"
+                if name not in attached:
+                    problems.append(f"{where}: unknown payload {name!r}; "
+                                    f"{choose_from(name, attached)}")  # fmt: skip
+                elif attached[name] is state:
+                    problems.append(f"{where}: {name!r} is {key}ed already (at the start: the "
+                                    "scene's robot.payloads says so in `attached`)")  # fmt: skip
+                else:
+                    attached[name] = state
+
+
+def plan_moves(
+    waypoints: WayPointFile,
+    stops: FloatArray,
+    joint_names: Sequence[str],
+    velocity_limits: FloatArray,
+    problems: list[str],
+) -> list[Move]:
+    """Give every move its start and duration; the first is the stay at the first point.
+
+    Args:
+        waypoints: the file.
+        stops: (number of points, nj) positions, in the model's order of joints.
+        joint_names: (nj,).
+        velocity_limits: (nj,) rad/s or m/s, inf where there is none.
+        problems: points whose duration is neither given nor computable are appended here.
+    """
+    first = waypoints.points[0]
+    moves = [Move(0.0, 0.0, stops[0], stops[0], first.hold)]
+    for index, point in enumerate(waypoints.points[1:], start=1):
+        distance = np.abs(stops[index] - stops[index - 1])
+        duration = point.duration
+        if duration is None:
+            unlimited = [
+                name
+                for name, d, limit in zip(joint_names, distance, velocity_limits, strict=True)
+                if d > 0 and not math.isfinite(limit)
+            ]
+            if unlimited:
+                problems.append(
+                    f"points.{index}: needs a `duration`: the robot states no velocity limit for "
+                    f"{', '.join(unlimited)}"
+                )
+                continue
+            duration = _shortest_duration(waypoints, distance, velocity_limits)
+        begin, end = stops[index - 1], stops[index]
+        moves.append(Move(moves[-1].departure, duration, begin, end, point.hold))
+    return moves
+
+
+def _shortest_duration(
+    waypoints: WayPointFile, distance: FloatArray, velocity_limits: FloatArray
+) -> float:
+    """T = max k |D| / (speed v_max), up to whole sample periods (see the module's docstring)."""
+    peak = 15.0 / 8.0 if waypoints.profile == "quintic" else 1.0 / (1.0 - _ramp(waypoints))
+    shortest = float(np.max(peak * distance / (waypoints.speed * velocity_limits), initial=0.0))
+    return math.ceil(shortest * waypoints.sample_rate - 1.0e-9) / waypoints.sample_rate
+
+
+def _sample_times(end: float, rate: float, problems: list[str]) -> FloatArray:
+    if end * rate > _MAX_SAMPLES:
+        problems.append(
+            f"{end:g} s at sample_rate {rate:g} Hz are {end * rate:.3g} samples; at most "
+            f"{_MAX_SAMPLES} are made: lower the rate or check the durations"
+        )
+        return np.empty(0)
+    t = np.arange(math.floor(end * rate + 1.0e-6) + 1) / rate
+    return t if end - t[-1] <= _SAME_INSTANT else np.append(t, end)
+
+
+def _sample_moves(
+    moves: Sequence[Move], t: FloatArray, waypoints: WayPointFile
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    position = np.empty((t.size, moves[0].end.size))
+    velocity, acceleration = np.zeros_like(position), np.zeros_like(position)
+    for index, move in enumerate(moves):
+        is_last = index == len(moves) - 1
+        next_start = 0 if index == 0 else _first_moving_sample(moves[index - 1], t)
+        arrival = int(np.searchsorted(t, move.arrival - _SAME_INSTANT))
+        moving = slice(next_start, arrival)
+        if move.duration > 0.0:
+            s = np.clip((t[moving] - move.start) / move.duration, 0.0, 1.0)
+            b, rate, curvature = (
+                quintic(s) if waypoints.profile == "quintic" else trapezoidal(s, _ramp(waypoints))
+            )
+            way = move.end - move.begin
+            position[moving] = move.begin + np.outer(b, way)
+            velocity[moving] = np.outer(rate / move.duration, way)
+            acceleration[moving] = np.outer(curvature / move.duration**2, way)
+        position[arrival : t.size if is_last else _first_moving_sample(move, t)] = move.end
+    return position, velocity, acceleration
+
+
+def _first_moving_sample(move: Move, t: FloatArray) -> int:
+    """The first sample of the next move: after a hold its last instant is still the hold's."""
+    shift = _SAME_INSTANT if move.hold > 0.0 else -_SAME_INSTANT
+    return int(np.searchsorted(t, move.departure + shift))
+
+
+def _sample_phases(
+    waypoints: WayPointFile, moves: Sequence[Move], t: FloatArray, payloads: Mapping[str, bool]
+) -> NDArray[np.bool_]:
+    attached = np.tile(np.array(list(payloads.values()), dtype=bool), (t.size, 1))
+    names = list(payloads)
+    for point, move in zip(waypoints.points, moves, strict=True):
+        arrival = int(np.searchsorted(t, move.arrival - _SAME_INSTANT))
+        for name in point.detach:
+            attached[arrival:, names.index(name)] = False
+        for name in point.attach:
+            attached[arrival:, names.index(name)] = True
+    return attached
