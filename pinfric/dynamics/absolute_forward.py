@@ -1,0 +1,268 @@
+"""Forward dynamics of the paper's examples in absolute coordinates: eq. (3) with stiction.
+
+A sliding joint has friction -sign(rate) mu_k N(lambda), implicit because lambda depends on it. A
+sticking joint gets one more constraint, and is released when the multiplier of that constraint
+exceeds mu_s N (constraint addition-deletion: Wu, Yang, Haug 1984, the paper's reference 1).
+
+`absolute_simulate` carries this on in time.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import root
+
+from pinfric.dynamics.absolute_bodies import (
+    Array,
+    Mechanism,
+    Placement,
+    acceleration_bias,
+    actuator_forces,
+    applied_forces,
+    apply,
+    body_speeds,
+    contact_forces,
+    joint_jacobians,
+    mass_matrix,
+    normal_load,
+    place,
+    reactions,
+)
+from pinfric.errors import PinfricError
+
+Modes = NDArray[np.int_]
+
+ROUNDING = 1e-11  # of the terms that are summed; below it a number is zero
+CONVERGED = 1e-14  # of the friction and of the loads it comes from
+MOST_AT_REST = 8  # 3^8 combinations of stick and slip
+
+
+class NoConsistentFriction(PinfricError):  # noqa: N818 - it names a finding about the mechanism
+    """Neither stick nor slip obeys the law of friction (or several do): `time` s, `angle`, `rate`.
+
+    `consistent` are the modes that do; empty where there are none. `time` is None outside a
+    simulation.
+    """
+
+    def __init__(
+        self, time: float | None, angle: Array, rate: Array, effort: Array, consistent: list[Modes]
+    ) -> None:
+        self.time, self.angle, self.rate = time, angle, rate
+        self.effort, self.consistent = effort, consistent
+        found = f"{len(consistent)} combinations" if consistent else "no combination"
+        when = "" if time is None else f" at t = {time:.6g} s"
+        super().__init__(
+            f"{found} of stick and slip fit the law of friction{when}: angle {angle.tolist()}, "
+            f"rate {rate.tolist()}, effort {effort.tolist()}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AbsoluteInstant:
+    """Accelerations, reactions and friction at one state under given efforts."""
+
+    acceleration: Array  # (nj,) rad/s^2
+    body_acceleration: Array  # (n,) q'' of (3)
+    multipliers: Array  # (5 nj,) lambda of (3)
+    friction: Array  # (ns,) N m on the child about the axis
+    normal_load: Array  # (ns,) N m
+    wrench: Array  # (nj, 6) parent on child, joint's point, child's axes, linear first
+    modes: Modes  # (ns,) the sign of the slip, 0 where the joint sticks
+    rounding: Array  # (nj,) rad/s^2 below which an acceleration counts as zero
+
+
+# ---------------------------------------------------------------- eq. (3) in given modes
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Everything of (3) that does not depend on friction or modes, at one state."""
+
+    mechanism: Mechanism
+    placement: Placement
+    constraint: Array  # Phi_q (m, n)
+    axis: Array  # (nj, n)
+    bias: Array  # gamma (m,)
+    force: Array  # Q^A + Q^E (n,)
+    effort: Array  # (na,)
+
+
+def prepare(mechanism: Mechanism, angle: Array, rate: Array, effort: Array) -> State:
+    """Everything of (3) at angles (nj,), rates (nj,) and efforts (na,) that modes do not change."""
+    placement = place(mechanism, angle[None])
+    constraint, axis = joint_jacobians(mechanism, placement)
+    speed = body_speeds(constraint, axis, rate[None])
+    bias = acceleration_bias(mechanism, placement, speed)[0]
+    force = apply(actuator_forces(mechanism, placement)[0], effort)
+    force = force + applied_forces(mechanism, speed)[0]
+    return State(mechanism, placement, constraint[0], axis[0], bias, force, effort)
+
+
+def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
+    """Solve [M Phi_q^T; Phi_q 0] [q''; lambda] = [Q; gamma] (3) in given modes; None if it fails.
+
+    A sticking joint adds its axis row to Phi_q; minus that row's multiplier is its friction. The
+    solution is affine in the sliding friction, which is then found by `_sliding_friction`.
+    """
+    geo, constraint = state.mechanism.geometry, state.constraint
+    stuck, sliding = modes == 0, modes != 0
+    rows = np.concatenate([constraint, state.axis[geo.sites[stuck]]])
+    torque = state.axis[geo.sites[sliding]]
+    n, m = constraint.shape[1], len(constraint)
+    kkt = np.zeros((n + len(rows),) * 2)
+    kkt[:n, :n], kkt[:n, n:], kkt[n:, :n] = mass_matrix(state.mechanism), rows.T, rows
+    right = np.zeros((len(kkt), 1 + len(torque)))
+    right[:n, 0], right[n : n + m, 0], right[:n, 1:] = state.force, state.bias, torque.T
+    # the first row is the solution without sliding friction, the others what unit friction adds
+    columns = np.asarray(np.linalg.solve(kkt, right).T, np.float64)
+    # the joints' constraint wrenches and contact forces, linear in lambda
+    multipliers = columns[:, n : n + m]
+    wrench = reactions(state.mechanism, state.placement, constraint[None], multipliers)
+    contact = contact_forces(state.mechanism, wrench)
+    factor = -(modes * geo.kinetic * geo.radius)[sliding]
+    slip = _sliding_friction(contact[0, sliding], contact[1:, sliding], factor)
+    if slip is None:
+        return None
+    share = np.concatenate([[1.0], slip])
+    solution, wrench = share @ columns, np.tensordot(share, wrench, 1)
+    load = normal_load(state.mechanism, wrench)
+    friction = np.zeros(len(modes))
+    friction[sliding], friction[stuck] = slip, -solution[n + m :]
+    through = apply(geo.through, state.effort)
+    through[geo.sites] += friction
+    wrench[:, 3:] += through[:, None] * geo.triad[:, 2]
+    terms = np.abs(share) @ np.abs(columns[:, :n]) @ np.abs(state.axis).T
+    return AbsoluteInstant(
+        acceleration=state.axis @ solution[:n],
+        body_acceleration=solution[:n],
+        multipliers=solution[n : n + m],
+        friction=friction,
+        normal_load=load,
+        wrench=wrench,
+        modes=modes,
+        rounding=ROUNDING * terms,
+    )
+
+
+def _sliding_friction(constant: Array, slope: Array, factor: Array) -> Array | None:
+    """Friction phi (k,) with phi = factor sum |p|, p = constant (k, 2, 3) + phi slope (k, k, 2, 3).
+
+    Fixed point first; where that is slow or diverges, Powell's hybrid method. None where neither
+    reaches the tolerance.
+    """
+    if len(factor) == 0:
+        return np.zeros(0)
+    shape, flat = constant.shape, slope.reshape(len(slope), -1)
+    terms, slopes = np.abs(constant).sum(), np.abs(flat).sum(axis=1)
+
+    def residual(friction: Array) -> Array:
+        force = constant + (friction @ flat).reshape(shape)
+        return friction - factor * np.sqrt((force**2).sum(axis=-1)).sum(axis=-1)
+
+    def small(friction: Array, rest: Array) -> bool:
+        size = terms + np.abs(friction) @ slopes
+        return bool(np.all(np.abs(rest) <= CONVERGED * np.abs(factor) * size))
+
+    start = -residual(np.zeros(len(factor)))
+    friction = start
+    for _ in range(30):
+        rest = residual(friction)
+        if small(friction, rest):
+            return friction
+        friction = friction - rest
+    friction = root(residual, start, method="hybr", options={"xtol": CONVERGED}).x
+    return friction if small(friction, residual(friction)) else None
+
+
+# ---------------------------------------------------------------- which modes
+
+
+def _violated(mechanism: Mechanism, instant: AbsoluteInstant, at_rest: NDArray[np.bool_]) -> bool:
+    """Whether a sticking joint is held beyond mu_s N, or a joint at rest slips against its mode."""
+    geo = mechanism.geometry
+    limit = geo.static * instant.normal_load
+    excess = np.abs(instant.friction) - limit
+    beyond = (instant.modes == 0) & (excess > ROUNDING * (np.abs(instant.friction) + limit))
+    # a slip that starts from rest must be going its own way, or not be going at all
+    onward = instant.modes * instant.acceleration[geo.sites] >= -instant.rounding[geo.sites]
+    return bool(np.any(beyond | (at_rest & (instant.modes != 0) & ~onward)))
+
+
+def _candidates(modes: Modes, free: NDArray[np.bool_]) -> Iterator[list[Modes]]:
+    """All modes of the free joints, those with the most sticking joints first, level by level."""
+    choices = list(itertools.product((0, 1, -1), repeat=int(free.sum())))
+    for slipping in range(int(free.sum()) + 1):
+        level = []
+        for choice in choices:
+            if np.count_nonzero(choice) == slipping:
+                level.append(modes.copy())
+                level[-1][free] = choice
+        yield level
+
+
+def find_modes(
+    state: State,
+    modes: Modes,
+    free: NDArray[np.bool_],
+    at_rest: NDArray[np.bool_],
+    where: tuple[float | None, Array, Array],
+) -> AbsoluteInstant:
+    """The one consistent choice for the free joints with the most of them sticking."""
+    if free.sum() > MOST_AT_REST:
+        raise PinfricError(f"{free.sum()} joints are at rest, {MOST_AT_REST} is the most")
+    for level in _candidates(modes, free):
+        tried = (_solve_modes(state, candidate) for candidate in level)
+        found = [
+            instant
+            for instant in tried
+            if instant is not None and not _violated(state.mechanism, instant, at_rest)
+        ]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise NoConsistentFriction(*where, state.effort, [one.modes for one in found])
+    raise NoConsistentFriction(*where, state.effort, [])
+
+
+def forward(
+    mechanism: Mechanism,
+    angle: ArrayLike,
+    rate: ArrayLike,
+    effort: ArrayLike,
+    modes: ArrayLike | None = None,
+) -> AbsoluteInstant:
+    """Accelerations, multipliers and friction that efforts cause at one state.
+
+    [M Phi_q^T; Phi_q 0] [q''; lambda] = [Q^A + Q^F + Q^E; gamma] (3). A joint within its stick
+    velocity sticks if any consistent choice lets it; else it slips the way it accelerates.
+
+    Args:
+        mechanism: bodies, joints, gravity and actuators.
+        angle: (nj,) rad about the joints' axes, child relative to parent.
+        rate: (nj,) rad/s.
+        effort: (na,) N m for a joint drive.
+        modes: (ns,) prescribes 0 (sticks) or the sign of the slip, unchecked; None finds them.
+
+    Raises:
+        NoConsistentFriction: no choice of stick and slip obeys the law of friction, or several do.
+
+    Source: the paper, (3), (4), (21); its reference 1 for the change of constraints.
+    """
+    angle, rate, effort = (np.asarray(x, float) for x in (angle, rate, effort))
+    state = prepare(mechanism, angle, rate, effort)
+    where = (None, angle, rate)
+    if modes is not None:
+        instant = _solve_modes(state, np.asarray(modes, int))
+        if instant is None:
+            raise NoConsistentFriction(*where, effort, [])
+        return instant
+    geo = mechanism.geometry
+    site_rate = rate[geo.sites]
+    at_rest = np.abs(site_rate) <= geo.stick_velocity
+    signs = np.where(at_rest, 0, np.sign(site_rate)).astype(int)
+    return find_modes(state, signs, at_rest, at_rest, where)
