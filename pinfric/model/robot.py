@@ -20,6 +20,7 @@ from pinfric.model.schema import Payload
 _INERTIA_SLACK = 1e-3
 #: Moments below this (kg m^2) are rounding of an exporter, not a statement.
 _INERTIA_FLOOR = 1e-9
+_JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating")
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,11 @@ def _check_tree(document: Any, urdf: Path) -> None:
 
 def _check_joints(document: Any, urdf: Path) -> None:
     for joint in document.joints:
+        if joint.type not in _JOINT_TYPES:
+            raise RobotError(
+                f"{urdf}: joint {joint.name!r} has the type {joint.type!r}; "
+                f"{choose_from(joint.type, _JOINT_TYPES)}"
+            )
         if joint.type in ("fixed", "floating"):
             continue
         axis = np.asarray((1.0, 0.0, 0.0) if joint.axis is None else joint.axis, dtype=float)
@@ -240,6 +246,11 @@ def _pinocchio_model(urdf: Path, mimic: bool) -> pin.Model:
             return pin.buildModelFromUrdf(str(urdf), mimic=mimic)
         except Exception as problem:
             reason = said() or str(problem)
+            if "mimic" in reason:
+                reason += (
+                    "; Pinocchio visits joints depth first in alphabetical order and needs a mimic "
+                    "joint's leader before its follower: rename them, or lock both (robot.locked)"
+                )
     raise RobotError(f"{urdf}: Pinocchio cannot build it: {reason}")
 
 

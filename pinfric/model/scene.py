@@ -82,7 +82,7 @@ class Scene:
     """A robot with friction in its joints; everything the dynamics need, and nothing that changes.
 
     Args:
-        model: Pinocchio's model, without the payloads.
+        model: Pinocchio's model, without the payloads; copied.
         friction: joint name -> friction, as `Friction` or as the mapping a scene file holds.
         actuators: the drives; None is one ideal drive per joint.
         payloads: name -> payload; those with `attached` are carried unless a trajectory says else.
@@ -110,6 +110,7 @@ class Scene:
             return {name: parse(kind, entry, f"{where}.{name}") for name, entry in given.items()}
 
         set_ = object.__setattr__  # the one way to normalize a frozen dataclass's own fields
+        set_(self, "model", self.model.copy())  # what the caller does to his model later stays his
         set_(self, "friction", entries(Friction, "friction", self.friction))
         set_(self, "payloads", entries(Payload, "robot.payloads", self.payloads))
         if self.actuators is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from builders import block, plane_friction
 
@@ -15,23 +16,17 @@ def motor(effort, velocity, acceleration=0.0, transmission=GEAR, friction=None):
     """Motor torque bounds where the slide of a 1 kg block must deliver about `effort`."""
     model = block(mass=1.0)
     model.gravity.linear = np.zeros(3)
+    model.addFrame(pin.Frame("slide_child", 1, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     scene = pf.Scene(
         model=model, friction=friction or {},
         actuators=[{"joint": "slide", "transmission": transmission}],
     )  # fmt: skip
-    model.addFrame(_frame(model))
     result = pf.inverse_dynamics(
         scene, [[0.0]], [[velocity]], [[acceleration]],
         {"slide_child": np.array([acceleration - effort, 0, 0, 0, 0, 0])},
     )  # fmt: skip
     assert result.effort_frictionless[0, 0] == pytest.approx(effort)
     return result.motor_torque_lower[0, 0], result.motor_torque_upper[0, 0]
-
-
-def _frame(model):
-    import pinocchio as pin
-
-    return pin.Frame("slide_child", 1, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
 
 
 def test_driving_forward_pays_the_loss():

@@ -1,0 +1,295 @@
+"""Inverse dynamics against closed forms, Pinocchio, and what must always hold."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import block, plane_friction, random_friction, random_states, random_tree
+
+import pinfric as pf
+from pinfric.dynamics import inverse as inverse_module
+from pinfric.errors import StateError
+
+
+def scene_of(seed, joints=6, **more):
+    model = random_tree(seed, joints)
+    return pf.Scene(model=model, friction=random_friction(model, seed), **more)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_without_friction_it_is_pinocchios_rnea(seed):
+    model = random_tree(seed)
+    q, v, a = random_states(model, seed)
+    result = pf.inverse_dynamics(pf.Scene(model=model), q, v, a)
+    data = model.createData()
+    expected = np.array([pin.rnea(model, data, *s) for s in zip(q, v, a, strict=True)])
+    np.testing.assert_allclose(result.effort_lower, expected, rtol=0, atol=1e-12 * 100)
+    np.testing.assert_array_equal(result.effort_lower, result.effort_upper)
+    assert result.wrench is None  # nothing looked at reactions, none were computed
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_sliding_friction_only_ever_takes_power(seed):
+    scene = scene_of(seed)
+    q, v, a = random_states(scene.model, seed, 30)
+    result = pf.inverse_dynamics(scene, q, v, a)
+    power = result.friction_lower * v, result.friction_upper * v
+    slides = ~result.sticking & ~result.reversal
+    assert slides.any()
+    assert (power[0][slides] <= 0).all()
+    assert (power[1][slides] <= 0).all()
+    # what friction takes, the drives give beyond what the motion takes
+    given = (result.effort_lower - result.effort_frictionless) * v
+    np.testing.assert_allclose(given[slides], -power[0][slides], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_trees_satisfy_their_own_check(seed):
+    scene = scene_of(seed, stick_velocity=0.1)
+    q, v, a = random_states(scene.model, seed, 30)
+    check = pf.inverse_dynamics(scene, q, v, a).check()
+    assert check.passed(1e-12), check
+
+
+def test_check_sees_a_wrong_effort_a_wrong_friction_and_a_wrong_wrench():
+    scene = scene_of(3)
+    result = pf.inverse_dynamics(scene, *random_states(scene.model, 3, 5))
+    error = 1e-6 * result.check().scale
+    for name in ("effort_lower", "effort_upper", "friction_lower", "normal_load", "wrench"):
+        array = getattr(result, name)
+        array[2, 1] += error
+        assert not result.check().passed(1e-9), name
+        array[2, 1] -= error
+    assert result.check().passed(1e-9)
+
+
+@pytest.mark.parametrize(
+    ("v1", "v2", "expected"),
+    [(1.0, 0.2, 1.0), (0.2, 1.0, -1.0), (0.5, 0.5, None)],
+    ids=["ahead", "behind", "sticks"],
+)
+def test_block_on_a_moving_body(v1, v2, expected):
+    """Paper eq. 18-22: F = m a1 + mu_k N sign(v1 - v2), or an interval of +- mu_s N."""
+    m, a1, a2, mu_s, mu_k = 2.0, 0.7, -0.4, 0.5, 0.3
+    model = pin.Model()
+    carrier = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "carrier")
+    model.appendBodyToJoint(carrier, pin.Inertia(5.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    slide = model.addJoint(carrier, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    model.appendBodyToJoint(slide, pin.Inertia(m, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    scene = pf.Scene(model=model, friction={"slide": plane_friction(mu_s, mu_k)})
+    result = pf.inverse_dynamics(scene, [[0.0, 0.0]], [[v2, v1 - v2]], [[a2, a1 - a2]])
+    N = m * 9.81
+    assert result.normal_load[0, 0] == pytest.approx(N)
+    force = result.effort_lower[0, 1], result.effort_upper[0, 1]
+    if expected is None:
+        assert force == pytest.approx((m * a1 - mu_s * N, m * a1 + mu_s * N))
+        assert result.sticking[0, 0]
+    else:
+        assert force == pytest.approx((m * a1 + expected * mu_k * N,) * 2)
+
+
+def test_pendulum_on_a_pin():
+    """u = J theta'' + m g c sin(theta) + mu R |F| sign(theta'), F by hand."""
+    m, c, J, R, mu, g = 1.3, 0.25, 0.05, 0.02, 0.3, 9.81
+    model = pin.Model()
+    pivot = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "pivot")
+    body = pin.Inertia(m, np.array([c, 0.0, 0.0]), np.diag([J, J, J]))
+    model.appendBodyToJoint(pivot, body, pin.SE3.Identity())
+    model.gravity.linear = np.array([g, 0.0, 0.0])
+    bearing = {"kind": "pin", "radius": R}
+    scene = pf.Scene(
+        model=model, friction={"pivot": {"bearing": bearing, "mu": {"static": mu, "kinetic": mu}}}
+    )
+    theta, rate, acc = 0.7, -2.0, 3.0
+    along = -m * c * rate**2 - m * g * np.cos(theta)  # force on the bar, towards the pin
+    across = m * c * acc + m * g * np.sin(theta)
+    friction = mu * R * np.hypot(along, across)
+    expected = (J + m * c**2) * acc + m * g * c * np.sin(theta) - friction
+    result = pf.inverse_dynamics(scene, [[theta]], [[rate]], [[acc]])
+    assert result.effort_lower[0, 0] == pytest.approx(expected, rel=1e-13)
+    assert result.effort_upper[0, 0] == pytest.approx(expected, rel=1e-13)
+
+
+def test_a_reversal_between_samples_is_an_interval_at_the_slower_one():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    v = np.array([[0.3], [0.1], [-0.2], [-0.4]])
+    result = pf.inverse_dynamics(scene, np.zeros((4, 1)), v, np.zeros((4, 1)))
+    N = 2.0 * 9.81
+    assert result.reversal[:, 0].tolist() == [False, True, False, False]
+    assert result.effort_lower[:, 0] == pytest.approx(np.array([0.3, -0.5, -0.3, -0.3]) * N)
+    assert result.effort_upper[:, 0] == pytest.approx(np.array([0.3, 0.5, -0.3, -0.3]) * N)
+
+
+def test_passing_through_a_sticking_sample_is_no_second_interval():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    v = np.array([[0.3], [0.0], [-0.2]])
+    result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v, np.zeros((3, 1)))
+    assert not result.reversal.any()
+    assert result.sticking[:, 0].tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("chunks", [1, 7, 1000])
+def test_chunks_are_the_whole_in_pieces(chunks):
+    model = random_tree(4)
+    payloads = {"box": {"link": "tool", "mass": 2.0, "com": [0.0, 0.1, 0.0]}}
+    model.addFrame(pin.Frame("tool", 6, pin.SE3.Random(), pin.FrameType.BODY))
+    scene = pf.Scene(
+        model=model,
+        friction=random_friction(model, 4),
+        payloads=payloads,
+        actuators=[{"joint": f"joint_{j}", "transmission": {"ratio": 20.0, "efficiency": 0.9,
+                                                            "back_efficiency": 0.8}}
+                   for j in range(1, 7)],
+    )  # fmt: skip
+    q, v, a = random_states(model, 4, 50)
+    more = {
+        "external": {"tool": np.random.default_rng(0).normal(size=(50, 6))},
+        "t": np.linspace(0, 1, 50),
+        "attached": (np.arange(50) // 9 % 2 == 1)[:, None],
+    }
+    whole = pf.inverse_dynamics(scene, q, v, a, **more)
+    pieces = list(pf.inverse_dynamics(scene, q, v, a, **more, chunks=chunks))
+    assert len(pieces) == -(-50 // chunks)
+    for name in ("effort_lower", "effort_upper", "motor_torque_lower", "wrench", "reversal", "t"):
+        joined = np.concatenate([getattr(piece, name) for piece in pieces])
+        np.testing.assert_allclose(joined, getattr(whole, name), rtol=1e-13, atol=1e-12)
+    assert all(piece.check().passed() for piece in pieces)
+
+
+def test_a_payload_acts_only_while_it_is_attached():
+    model = block(mass=2.0)
+    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    payloads = {"box": {"link": "table", "mass": 3.0, "com": [0.0, 0.0, 0.1], "attached": False}}
+    scene = pf.Scene(model=model, friction={"slide": plane_friction(0.5, 0.5)}, payloads=payloads)
+    attached = np.array([[False], [True], [True], [False]])
+    zero, one = np.zeros((4, 1)), np.ones((4, 1))
+    result = pf.inverse_dynamics(scene, zero, one, one, attached=attached)
+    mass = np.array([2.0, 5.0, 5.0, 2.0])
+    np.testing.assert_allclose(result.effort_lower[:, 0], mass * (1.0 + 0.5 * 9.81), rtol=1e-13)
+    assert result.check().passed()
+    by_default = pf.inverse_dynamics(scene, zero, one, one)
+    np.testing.assert_allclose(by_default.effort_lower[:, 0], 2.0 * (1.0 + 0.5 * 9.81))
+
+
+def test_a_tool_wrench_loads_the_bearings_too():
+    model = block(mass=2.0)
+    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    scene = pf.Scene(model=model, friction={"slide": plane_friction(0.5, 0.5)})
+    # pressed down by 100 N and pulled back by 7 N
+    tool = np.array([-7.0, 0.0, -100.0, 0.0, 0.0, 0.0])
+    result = pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]], {"table": tool})
+    assert result.effort_upper[0, 0] == pytest.approx(7.0 + 0.5 * (2.0 * 9.81 + 100.0))
+
+
+def test_mimic_followers_give_their_friction_to_the_leader():
+    urdf = """<robot name="gripper"><link name="base"/>
+      <link name="a"><inertial><mass value="1"/>
+        <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <link name="b"><inertial><mass value="1"/>
+        <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="a_lead" type="prismatic"><parent link="base"/><child link="a"/>
+        <axis xyz="1 0 0"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+      <joint name="b_follow" type="prismatic"><parent link="base"/><child link="b"/>
+        <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
+        <mimic joint="a_lead" multiplier="-2.0" offset="0.1"/></joint></robot>"""
+    model = pin.buildModelFromXML(urdf, mimic=True)
+    friction = {
+        "a_lead": {"coulomb": {"static": 4.0, "kinetic": 3.0}},
+        "b_follow": {"coulomb": {"positive": {"static": 7.0, "kinetic": 5.0},
+                               "negative": {"static": 13.0, "kinetic": 11.0}}},
+    }  # fmt: skip
+    scene = pf.Scene(model=model, friction=friction)
+    for v, lower, upper in ((0.5, 3 + 2 * 11, 3 + 2 * 11), (-0.5, -3 - 2 * 5, -3 - 2 * 5),
+                            (0.0, -4 - 2 * 7, 4 + 2 * 13)):  # fmt: skip
+        result = pf.inverse_dynamics(scene, [[0.0]], [[v]], [[0.0]])
+        assert result.effort_lower[0, 0] == pytest.approx(lower)
+        assert result.effort_upper[0, 0] == pytest.approx(upper)
+        assert result.check().passed()
+
+
+def test_an_open_chain_never_iterates(monkeypatch):
+    scene = scene_of(7)
+    passes = []
+    original = inverse_module.reactions
+    monkeypatch.setattr(
+        inverse_module, "reactions", lambda *args: (passes.append(1), original(*args))[1]
+    )
+    result = pf.inverse_dynamics(scene, *random_states(scene.model, 7, 100))
+    assert len(passes) == 1  # one batch, looked at once
+    assert (result.iterations == 0).all()
+    assert (result.contraction == 0).all()
+
+
+def test_constant_friction_computes_no_reactions(monkeypatch):
+    model = random_tree(6)
+    scene = pf.Scene(
+        model=model, friction={"joint_2": {"coulomb": {"static": 2.0, "kinetic": 1.0}}}
+    )
+    monkeypatch.setattr(inverse_module, "reactions", lambda *_: pytest.fail("twin was called"))
+    q, v, a = random_states(model, 6, 4)
+    result = pf.inverse_dynamics(scene, q, np.abs(v), a)
+    np.testing.assert_allclose((result.effort_lower - result.effort_frictionless)[:, 1], 1.0)
+    assert result.check().passed()
+
+
+def test_stick_intervals_and_dataframe():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    t = np.linspace(0, 1, 11)
+    v = np.where((t > 0.25) & (t < 0.65), 0.0, 1.0)[:, None]
+    result = pf.inverse_dynamics(scene, np.zeros((11, 1)), v, np.zeros((11, 1)), t=t)
+    assert result.stick_intervals() == (pf.StickInterval("slide", t[3], t[6]),)
+    frame = result.to_dataframe()
+    assert frame["t"].tolist() == t.tolist()
+    np.testing.assert_array_equal(frame["slide.effort_upper"], result.effort_upper[:, 0])
+    with pytest.raises(StateError, match="need times"):
+        pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]]).stick_intervals()
+
+
+def test_a_scene_survives_pickling():
+    scene = scene_of(2)
+    q, v, a = random_states(scene.model, 2, 5)
+    before = pf.inverse_dynamics(scene, q, v, a)
+    after = pf.inverse_dynamics(pickle.loads(pickle.dumps(scene)), q, v, a)
+    np.testing.assert_array_equal(before.effort_upper, after.effort_upper)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"q": np.zeros((3, 2))}, r"q: shape \(3, 2\); should be \(T, 1\)"),
+        ({"v": np.zeros((2, 1))}, "3, 2, 3 samples"),
+        ({"a": np.array([[0.0], [np.nan], [0.0]])}, "a: sample 1, column 0 is nan"),
+        ({"t": np.array([0.0, 0.2, 0.2])}, "not increasing at sample 2"),
+        ({"threads": 0}, "threads = 0"),
+        ({"chunks": 0}, "chunks = 0"),
+        ({"external": {"table": np.zeros((2, 6))}}, "external"),
+        ({"q": np.zeros((0, 1)), "v": np.zeros((0, 1)), "a": np.zeros((0, 1))}, "no samples"),
+        ({"attached": np.zeros((3, 2), dtype=bool)}, "attached: shape"),
+        ({"q": "abc"}, "q: is not an array of numbers"),
+    ],
+)
+def test_wrong_states_are_named(change, says):
+    model = block()
+    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    scene = pf.Scene(model=model)
+    given = {"q": np.zeros((3, 1)), "v": np.zeros((3, 1)), "a": np.zeros((3, 1)), **change}
+    with pytest.raises(StateError, match=says):
+        pf.inverse_dynamics(scene, **given)
+
+
+def test_directions_off_their_circle_are_normalized_with_a_warning():
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
+    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), np.eye(3))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    scene = pf.Scene(model=model)
+    with pytest.warns(pf.PinfricWarning, match="normalized"):
+        result = pf.inverse_dynamics(scene, [[2.0, 0.0]], [[0.0]], [[0.0]])
+    assert result.effort_lower[0, 0] == pytest.approx(0.981)
+    with pytest.raises(StateError, match="length 0"):
+        pf.inverse_dynamics(scene, [[0.0, 0.0]], [[0.0]], [[0.0]])

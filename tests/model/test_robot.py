@@ -1,0 +1,178 @@
+"""URDFs that cannot be, and what a scene makes of those that can."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinfric as pf
+from pinfric.errors import PinfricWarning, RobotError, SceneError
+from pinfric.model.robot import implausible_body, read_robot
+
+INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
+
+
+def link(name, mass="1", inertia=INERTIA):
+    return f'<link name="{name}"><inertial><mass value="{mass}"/>{inertia}</inertial></link>'
+
+
+def joint(name="swing", parent="base", child="arm", kind="revolute", axis="0 0 1", more=""):
+    return f"""<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+      <axis xyz="{axis}"/><limit lower="-1" upper="1" effort="5" velocity="2"/>{more}</joint>"""
+
+
+def urdf(tmp_path, *parts):
+    file = tmp_path / "robot.urdf"
+    file.write_text(f'<robot name="r"><link name="base"/>{"".join(parts)}</robot>')
+    return file
+
+
+def scene(tmp_path, text):
+    file = tmp_path / "scene.yaml"
+    file.write_text("pinfric: 1\n" + text)
+    return file
+
+
+@pytest.mark.parametrize(
+    ("parts", "says"),
+    [
+        ([link("arm", mass="-1"), joint()], r"'arm'.*mass -1 kg is negative"),
+        ([link("arm", inertia=INERTIA.replace('ixx="0.1"', 'ixx="0.3"')), joint()],
+         r"'arm'.*triangle inequality"),
+        ([link("arm", inertia=INERTIA.replace('ixx="0.1"', 'ixx="-0.3"')), joint()],
+         r"'arm'.*negative"),
+        ([link("arm"), joint(axis="0 0 0")], r"'swing' has the axis \[0.0, 0.0, 0.0\]"),
+        ([link("arm"), joint(child="amr")], r"'swing' names link 'amr'.*did you mean 'arm'"),
+        ([link("arm"), joint(), joint(name="again")], "'again'.*tree"),
+        ([link("arm"), joint(), link("loose")], "one root link"),
+        ([link("arm"), joint(kind="hinge")], "type 'hinge'; there are: revolute"),
+    ],
+)  # fmt: skip
+def test_what_no_robot_can_be_is_refused(tmp_path, parts, says):
+    with pytest.raises(RobotError, match=says) as caught:
+        read_robot(urdf(tmp_path, *parts), {})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [("<robot", "not well-formed"), ("<sdf/>", "root element is <sdf>"), ("", "not well-formed"),
+     ("<robot name='r'/>", "no <link>")],
+)  # fmt: skip
+def test_what_is_no_urdf_is_refused(tmp_path, text, says):
+    file = tmp_path / "robot.urdf"
+    file.write_text(text)
+    with pytest.raises(RobotError, match=says):
+        read_robot(file, {})
+
+
+@pytest.mark.parametrize("excess", [-0.02, 0.02])
+def test_the_triangle_inequality_from_both_sides(excess):
+    flat = np.diag([0.1, 0.1, 0.2 * (1 + excess)])  # a plate: the limit is J_z = J_x + J_y
+    assert (implausible_body(1.0, flat) is None) == (excess < 0)
+
+
+def test_links_that_never_move_may_say_what_they_like(tmp_path):
+    weird = link("foot", inertia=INERTIA.replace('ixx="0.1"', 'ixx="9"'))
+    fixed = joint(name="bolt", child="foot", kind="fixed")
+    robot = read_robot(urdf(tmp_path, weird, fixed, link("arm"), joint()), {})
+    assert robot.model.nv == 1
+
+
+def test_locked_joints_are_gone_and_stay_where_they_were_put(tmp_path):
+    parts = link("arm"), joint(), link("hand"), joint(name="wrist", parent="arm", child="hand")
+    file = urdf(tmp_path, *parts)
+    robot = read_robot(file, {"wrist": 0.3})
+    assert list(robot.model.names)[1:] == ["swing"]
+    frame = robot.model.frames[robot.model.getFrameId("hand")]
+    np.testing.assert_allclose(frame.placement.rotation, pin.rpy.rpyToMatrix(0, 0, 0.3), atol=1e-15)
+    with pytest.raises(RobotError, match=r"no joint 'wirst'; did you mean 'wrist'"):
+        read_robot(file, {"wirst": 0.3})
+
+
+def test_locking_a_leader_locks_its_followers(tmp_path):
+    file = scene(
+        tmp_path,
+        "robot: {urdf: 'example-robot-data:panda_description/urdf/panda.urdf', "
+        "locked: {panda_finger_joint1: 0.02}}",
+    )
+    with pytest.warns(PinfricWarning, match="dynamics"):
+        arm = pf.load_scene(file)
+    assert arm.model.nv == 7
+    assert "panda_finger_joint2" not in arm.joint_names
+    frames = {f.name: f.placement.translation[1] for f in arm.model.frames}
+    assert frames["panda_rightfinger"] - frames["panda_leftfinger"] != 0
+
+
+def test_urdf_dynamics_are_ignored_with_a_notice_or_used(tmp_path):
+    urdf(tmp_path, link("arm"), joint(more='<dynamics friction="2.0" damping="0.5"/>'))
+    with pytest.warns(PinfricWarning, match=r"swing.*ignored"):
+        ignored = pf.load_scene(scene(tmp_path, "robot: {urdf: robot.urdf}"))
+    assert ignored.site_names == ()
+    used = pf.load_scene(scene(tmp_path, "robot: {urdf: robot.urdf, urdf_dynamics: use}"))
+    assert used.sites[0].law.kinetic_positive == 2.0
+    assert used.sites[0].law.viscous == 0.5
+    own = "robot: {urdf: robot.urdf, urdf_dynamics: use}\nfriction: {swing: {viscous: 0.1}}"
+    mixed = pf.load_scene(scene(tmp_path, own))
+    assert (mixed.sites[0].law.kinetic_positive, mixed.sites[0].law.viscous) == (2.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "says"),
+    [
+        ("friction: {swnig: {viscous: 1}}", SceneError, "no joint 'swnig'; did you mean 'swing'"),
+        ("friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: {static: 0, kinetic: 0}}}",
+         SceneError, "a guide does not fit a turning joint; take pin"),
+        ("friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: {static: 0, kinetic: 0}}}",
+         SceneError, "spherical loop joint"),
+        ("actuators: []", SceneError, "0 for 1 degrees of freedom; undriven: swing"),
+        ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "stands twice"),
+        ("actuators: [{joint: wing}]", SceneError, "did you mean 'swing'"),
+        ("actuators: [{cylinder: {name: boom}}]", SceneError, "`cylinder` is not supported yet"),
+        ("actuators: [{force: {name: push}}]", SceneError, "`force` is not supported yet"),
+        ("loops: [{name: rocker}]", SceneError, "loops.*not supported yet"),
+    ],
+)  # fmt: skip
+def test_a_scene_that_does_not_fit_its_robot_is_refused(tmp_path, text, error, says):
+    urdf(tmp_path, link("arm"), joint())
+    with pytest.raises(error, match=says):
+        pf.load_scene(scene(tmp_path, "robot: {urdf: robot.urdf}\n" + text))
+
+
+@pytest.mark.parametrize(
+    ("payload", "says"),
+    [
+        ("{link: amr, mass: 1, com: [0, 0, 0]}", r"payloads\.box\.link.*did you mean 'arm'"),
+        ("{link: arm, mass: 1, com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 3]}", "triangle"),
+    ],
+)
+def test_payloads_are_checked_like_links(tmp_path, payload, says):
+    urdf(tmp_path, link("arm"), joint())
+    text = f"robot: {{urdf: robot.urdf, payloads: {{box: {payload}}}}}"
+    with pytest.raises(SceneError, match=says):
+        pf.load_scene(scene(tmp_path, text))
+
+
+def test_payload_on_a_link_behind_a_fixed_joint(tmp_path):
+    tool = joint(name="bolt", parent="arm", child="tool", kind="fixed").replace(
+        "<parent", '<origin xyz="0.5 0 0" rpy="0 0 1.5707963267948966"/><parent'
+    )
+    urdf(tmp_path, link("arm"), joint(axis="0 -1 0"), '<link name="tool"/>', tool)
+    box = "{link: tool, mass: 2.0, com: [0, 0.1, 0]}"
+    bare = pf.load_scene(scene(tmp_path, "robot: {urdf: robot.urdf}"))
+    laden = pf.load_scene(scene(tmp_path, f"robot: {{urdf: robot.urdf, payloads: {{box: {box}}}}}"))
+    still = np.zeros((1, 1))
+    effort = [pf.inverse_dynamics(s, still, still, still).effort_lower[0, 0] for s in (bare, laden)]
+    # the tool frame is turned by 90 degrees: its y points back along the arm
+    assert effort[1] - effort[0] == pytest.approx(2.0 * 9.81 * (0.5 - 0.1))
+
+
+def test_bundled_scenes_are_found_by_name_from_any_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert pf.load_scene("three_link").model.nv == 3
+    assert pf.load_scene("robots/three_link.yaml").model.nv == 3
+    with pytest.raises(SceneError, match=r"did you mean 'three_link\.yaml'"):
+        pf.load_scene("three_lnk")
+    with pytest.raises(RobotError, match="example-robot-data has no"):
+        pf.load_scene(scene(tmp_path, "robot: {urdf: 'example-robot-data:ur5.urdf'}"))

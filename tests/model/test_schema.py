@@ -1,0 +1,237 @@
+"""The scene reader: what it accepts, what it refuses, and that it never does anything else."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pinfric.errors import PinfricWarning, SceneError
+from pinfric.model.schema import (
+    BEARING_KEYS,
+    Bearing,
+    Coefficients,
+    Friction,
+    SceneFile,
+    Transmission,
+    parse,
+)
+from pinfric.model.yamlfile import read_yaml
+
+WHOLE = {
+    "pinfric": 1,
+    "robot": {
+        "urdf": "three_link.urdf",
+        "gravity": [0.0, -9.81, 0.0],
+        "locked": {"finger": 0.02},
+        "payloads": {"box": {"link": "tool0", "mass": 2.0, "com": [0, 0, 0.05],
+                             "inertia": [0.01, 0, 0, 0.01, 0, 0.01]}},
+        "urdf_dynamics": "ignore",
+    },
+    "friction": {
+        "joint_12": {
+            "bearing": {"kind": "pin", "radius": 0.08, "length": 0.10},
+            "mu": {"static": 0.35, "kinetic": 0.30},
+            "stribeck": {"velocity": 0.02, "exponent": 2},
+            "coulomb": {"static": 0.5, "kinetic": 0.4},
+            "viscous": 0.1,
+            "stick_velocity": 1.0e-6,
+        },
+        "joint_23": {"coulomb": {"positive": {"static": 2, "kinetic": 1},
+                                 "negative": {"static": 3, "kinetic": 1}}},
+    },
+    "actuators": [
+        {"joint": "joint_1"},
+        {"joint": "joint_2", "transmission": {"ratio": 100, "efficiency": 0.88,
+                                              "back_efficiency": 0.83, "no_load_torque": 0.031,
+                                              "rotor_inertia": 4.4e-6}},
+    ],
+    "stick": {"velocity": 1.0e-6},
+    "simulation": {
+        "start": {"q": {"joint_1": 0.0}, "v": {"joint_1": 1.0}},
+        "effort": {"joint_1": {"sine": {"amplitude": 5.0, "angular_frequency": 1.0}},
+                   "joint_12": 0.0, "joint_23": {"table": "torques.csv"}},
+        "t_end": 1.0,
+    },
+}  # fmt: skip
+
+
+def with_change(path, value):
+    content = copy.deepcopy(WHOLE)
+    here = content
+    for key in path[:-1]:
+        here = here[key]
+    here[path[-1]] = value
+    return content
+
+
+def test_the_whole_format_is_read():
+    entries = parse(SceneFile, WHOLE, "scene.yaml")
+    assert entries.friction["joint_12"].mu == Coefficients(static=0.35, kinetic=0.30)
+    assert entries.friction["joint_23"].coulomb.negative.static == 3
+    assert entries.actuators[1].transmission.rotor_inertia == 4.4e-6
+    assert entries.simulation.effort["joint_1"].sine.amplitude == 5.0
+
+
+REFUSED = [
+    (["friction", "joint_12", "viscus"], 0.1, r"friction\.joint_12\.viscus.*'viscous'"),
+    (["friction", "joint_12", "bearing", "raduis"], 0.1, r"bearing\.raduis.*'radius'"),
+    (["frction"], {}, r"unknown key `frction`; did you mean 'friction'"),
+    (["simulation", "efort"], {}, "did you mean 'effort'"),
+    (["friction", "joint_12", "mu"], {"static": 0.3, "kinetic": 0.35}, "look swapped"),
+    (["friction", "joint_12", "mu", "static"], -0.1, "greater than or equal to 0"),
+    (["friction", "joint_12", "bearing", "radius"], -0.1, "greater than or equal to 0"),
+    (["friction", "joint_12", "bearing", "length"], 0.0, r"greater than 0, found 0\.0"),
+    (["friction", "joint_12", "bearing", "length"], -1, r"greater than 0, found -1"),
+    (["friction", "joint_12", "bearing", "width"], 1.0, "a pin has no `width`"),
+    (["friction", "joint_12", "bearing", "kind"], "pinn", r"bearing\.kind.*'pinn'"),
+    (["friction", "joint_12", "bearing"], None, "`mu` without `bearing`"),
+    (["friction", "joint_12", "mu"], None, "`bearing` without `mu`"),
+    (["friction", "joint_12", "viscous"], "0.1", "should be a number, found '0.1'"),
+    (["friction", "joint_12", "viscous"], True, "should be a number, found True"),
+    (["friction", "joint_12", "viscous"], math.nan, "finite"),
+    (["friction", "joint_12", "coulomb"], {"static": 0.4, "kinetic": 0.5}, "look swapped"),
+    (["friction", "joint_23", "coulomb", "positive", "static"], -2, "greater than or equal to 0"),
+    (["robot", "gravity"], [0, 0], "gravity"),
+    (["robot", "payloads", "box", "mass"], 0, "greater than 0"),
+    (["actuators", 1, "transmission", "ratio"], 0, "ratio 0"),
+    (["actuators", 1, "transmission", "efficiency"], 1.1, "less than or equal to 1"),
+    (["actuators", 1, "transmission", "back_efficiency"], None, "needs `back_efficiency`"),
+    (["actuators", 0], {"joint": "a", "cylinder": {}}, "one of joint, cylinder, force"),
+    (["simulation", "t_end"], 0, "greater than 0"),
+    (["pinfric"], 2, "pinfric"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "says"), REFUSED, ids=lambda x: str(x)[:40])
+def test_what_cannot_be_is_refused_by_name(path, value, says):
+    with pytest.raises(SceneError, match=says) as caught:
+        parse(SceneFile, with_change(path, value), "scene.yaml")
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("scene.yaml: ")
+
+
+def test_all_problems_come_at_once():
+    content = with_change(["friction", "joint_12", "viscous"], -1)
+    content["stick"]["velocity"] = -1
+    with pytest.raises(SceneError, match=r"viscous.*stick\.velocity"):
+        parse(SceneFile, content, "scene.yaml")
+
+
+@pytest.mark.parametrize(
+    ("entry", "content", "says"),
+    [
+        (Bearing, {"kind": "pin", "radius": 80.0}, "radius = 80 m: unusually large"),
+        (Friction, {"bearing": {"kind": "pin", "radius": 0.1}, "mu": {"static": 35, "kinetic": 30}},
+         "mu.static = 35"),
+        (Transmission, {"ratio": 10, "rotor_inertia": 4.4}, "kg cm"),
+    ],
+)  # fmt: skip
+def test_implausible_magnitudes_are_questioned_but_taken(entry, content, says):
+    with pytest.warns(PinfricWarning, match=says):
+        parse(entry, content, "scene.yaml")
+
+
+@pytest.mark.parametrize("kind", BEARING_KEYS)
+def test_every_key_of_a_bearing_is_used_by_a_kind(kind):
+    needed = {key: 0.1 for key, required in BEARING_KEYS[kind].items() if required}
+    more = {"radial": 0.1} if kind == "linear" else {}
+    Bearing.model_validate({"kind": kind, **needed, **more})
+    for key in needed:
+        rest = {k: v for k, v in needed.items() if k != key}
+        with pytest.raises(SceneError, match=f"needs `{key}`"):
+            parse(Bearing, {"kind": kind, **rest, **more}, "x")
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=True) | st.integers(-3, 3)
+words = st.text(max_size=8)
+anything = st.recursive(
+    st.none() | st.booleans() | numbers | words,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=3),
+    max_leaves=6,
+)
+
+
+def every_path(content, path=()):
+    items = content.items() if isinstance(content, dict) else enumerate(content)
+    for key, value in items:
+        yield (*path, key)
+        if isinstance(value, dict | list):
+            yield from every_path(value, (*path, key))
+
+
+@settings(max_examples=400, deadline=None)
+@given(path=st.sampled_from(list(every_path(WHOLE))), value=anything)
+@pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
+def test_any_value_anywhere_is_read_or_refused_in_one_line(path, value):
+    try:
+        parse(SceneFile, with_change(path, value), "scene.yaml")
+    except SceneError as error:
+        message = str(error)
+    else:
+        message = "scene.yaml: read"
+    assert message.startswith("scene.yaml: ")
+    assert "pydantic" not in message.lower()
+
+
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(content=st.text(max_size=80) | anything.map(yaml.safe_dump))
+def test_any_text_is_yaml_or_refused(tmp_path, content):
+    file = tmp_path / "scene.yaml"
+    file.write_text(content, encoding="utf-8", errors="replace")
+    try:
+        found: object = read_yaml(file, SceneError)
+    except SceneError as error:
+        found = str(error)
+    assert isinstance(found, dict) or found.startswith(str(file))
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    kinetic=st.floats(0, 2), more=st.floats(0, 1), radius=st.floats(0, 0.9),
+    length=st.none() | st.floats(1e-6, 0.9), viscous=st.floats(0, 10),
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
+def test_what_is_written_is_what_is_read(kinetic, more, radius, length, viscous):
+    bearing = {"kind": "pin", "radius": radius}
+    if length is not None:
+        bearing["length"] = length
+    written = {
+        "bearing": bearing,
+        "mu": {"static": kinetic + more, "kinetic": kinetic},
+        "viscous": viscous,
+    }
+    entry = parse(Friction, yaml.safe_load(yaml.safe_dump(written)), "x")
+    assert entry.model_dump(exclude_unset=True) == written
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("1e-6", 1e-6), ("1.0e-6", 1e-6), (".5", 0.5), ("-2E3", -2000.0), ("7", 7)]
+)
+def test_numbers_as_people_write_them(tmp_path, text, value):
+    file = tmp_path / "a.yaml"
+    file.write_text(f"x: {text}\n")
+    assert read_yaml(file, SceneError)["x"] == value
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a: 1\na: 2\n", r"line 2.*'a' stands twice"),
+        ("a: [1, 2\n", "not valid YAML"),
+        ("", "found an empty file"),
+        ("- 1\n", "found a list"),
+        ("a: !!python/object/apply:os.system ['true']\n", "not valid YAML"),
+    ],
+)
+def test_malformed_yaml_is_placed(tmp_path, text, says):
+    file = tmp_path / "a.yaml"
+    file.write_text(text)
+    with pytest.raises(SceneError, match=says):
+        read_yaml(file, SceneError)
