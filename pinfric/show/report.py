@@ -1,0 +1,186 @@
+"""What a result says in words and figures: tables for people, a dictionary for machines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.dynamics.result import InverseResult, Status, runs
+from pinfric.study.summary import ActuatorSummary, payload_phases, summarize
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+
+def inverse_json(
+    result: InverseResult, trajectory: str, warnings: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return everything `pinfric inverse --json` prints; SI units, None for what is not a number.
+
+    Args:
+        result: with times.
+        trajectory: its name or path.
+        warnings: what was noticed on the way.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    import pinfric
+
+    summaries = summarize(result)
+    assert result.t is not None  # summarize refuses a result without
+    return json_safe({
+        "pinfric": pinfric.__version__,
+        "scene": result.scene.source,
+        "trajectory": trajectory,
+        "samples": len(result.t),
+        "start": result.t[0],
+        "end": result.t[-1],
+        "joints": [asdict(summary) for summary in summaries],
+        "sites": [
+            {"name": name, "stick_intervals": len(runs(result.sticking[:, s])),
+             "reversals": result.reversal[:, s].sum(),
+             "max_normal_load": result.normal_load[:, s].max()}
+            for s, name in enumerate(result.site_names)
+        ],
+        "stick_intervals": [asdict(interval) for interval in result.stick_intervals()],
+        "payloads": {name: [{"start": start, "end": end} for start, end in spans]
+                     for name, spans in payload_phases(result).items()},
+        "status": {status.name.lower(): (result.status == status).sum() for status in Status},
+        "warnings": list(warnings),
+    })  # fmt: skip
+
+
+def json_safe(value: Any) -> Any:
+    """Return `value` in types of JSON: arrays as lists, NaN and infinity as None."""
+    if isinstance(value, dict):
+        return {str(key): json_safe(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_safe(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return json_safe(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def inverse_report(result: InverseResult, trajectory: str) -> list[RenderableType]:
+    """Return the tables and lines that `pinfric inverse` prints, for a rich console.
+
+    Args:
+        result: with times.
+        trajectory: its name, for the title.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    from rich.text import Text
+
+    summaries = summarize(result)
+    tables: list[RenderableType] = [_effort_table(result, summaries, trajectory)]
+    geared = [s for s, drive in zip(summaries, result.scene.drives, strict=True)
+              if drive.transmission is not None]  # fmt: skip
+    if geared:
+        tables += [Text(), _motor_table(geared)]
+    return [*tables, Text(), *(Text(line) for line in _footer(result))]
+
+
+def _effort_table(
+    result: InverseResult, summaries: Sequence[ActuatorSummary], trajectory: str
+) -> Table:
+    assert result.t is not None
+    units = {s.unit for s in summaries}
+    one_unit = units.pop() if len(units) == 1 else ""
+    title = (
+        f"{Path(result.scene.source).stem} · {trajectory}" if trajectory else result.scene.source
+    )
+    title += f": {len(result.t)} samples, {digits(result.t[-1] - result.t[0])} s"
+    table = _table(title)
+    if not one_unit:
+        table.add_column("unit", no_wrap=True, vertical="bottom")
+    for heading, unit in (
+        ("peak", one_unit), ("RMS\nleast–worst", one_unit),  # noqa: RUF001 - a range
+        ("frictionless\npeak, RMS", one_unit),
+        ("friction\nshare", ""), ("sticks", "s"), ("widest\ninterval", one_unit),
+    ):  # fmt: skip
+        table.add_column(heading + (f"\n{unit}" if unit else ""), justify="right", no_wrap=True)
+    for s in summaries:
+        table.add_row(
+            s.name, *([] if one_unit else [s.unit]),
+            digits(s.peak), span(s.rms_least, s.rms),
+            f"{digits(s.peak_frictionless)}, {digits(s.rms_frictionless)}",
+            f"{100 * s.friction_share:.0f} %", digits(s.stick_time), digits(s.max_interval),
+        )  # fmt: skip
+    return table
+
+
+def _motor_table(geared: Sequence[ActuatorSummary]) -> Table:
+    table = _table("at the motors' shafts")
+    for heading in ("peak\nN m", "RMS\nN m"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for s in geared:
+        table.add_row(s.name, digits(s.motor_peak), span(s.motor_rms_least, s.motor_rms))
+    return table
+
+
+def _table(title: str) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(
+        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
+        pad_edge=False, padding=(0, 1, 0, 0), show_edge=False,
+    )  # fmt: skip
+    table.add_column("joint", overflow="fold", vertical="bottom")
+    return table
+
+
+def _footer(result: InverseResult) -> list[str]:
+    """What the table cannot say: how often joints rest, what is carried, what did not converge."""
+    sites = len(result.site_names)
+    lines = []
+    if sites:
+        sticks = [len(runs(result.sticking[:, s])) for s in range(sites)]
+        resting = f"{np.count_nonzero(sticks)} of {_counted(sites, 'joint')} with friction stick"
+        resting += f", in {_counted(sum(sticks), 'interval')}" if any(sticks) else ""
+        reversals = _counted(int(result.reversal.sum()), "reversal")
+        lines.append(f"{resting}; {reversals} between samples")
+    else:
+        lines.append("no joint has friction")
+    for name, spans in payload_phases(result).items():
+        times = ", ".join(f"{digits(start)}-{digits(end)} s" for start, end in spans)
+        lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
+    failed = np.flatnonzero(result.status != Status.CONVERGED)
+    if failed.size:
+        lines.append(f"{_counted(failed.size, 'sample')} without a solution, the first {failed[0]}")
+    if sites:
+        lines.append("share: RMS of friction / (RMS of friction + frictionless RMS)")
+    return lines
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def digits(x: float) -> str:
+    """Return x with three significant digits and no needless exponent; "n/a" for NaN."""
+    if not math.isfinite(x):
+        return "n/a"
+    if x == 0:
+        return "0"
+    size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
+    if -3 <= size <= 5:
+        return f"{x:.{max(2 - size, 0)}f}"
+    return f"{x:.2e}"
+
+
+def span(least: float, worst: float) -> str:
+    """Return "least–worst", or one number where the two print alike."""
+    low, high = digits(least), digits(worst)
+    return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range

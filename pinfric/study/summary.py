@@ -1,0 +1,169 @@
+"""The figures of a result that size a drive: peak, RMS, and how much of them is friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics.result import InverseResult, runs
+from pinfric.errors import StateError
+from pinfric.model.scene import Scene
+from pinfric.model.twin import PRISMATIC
+
+
+@dataclass(frozen=True)
+class ActuatorSummary:
+    """What one drive must deliver along a motion.
+
+    At every sample the effort u lies in [lower, upper]; its worst value is the end that is larger
+    in magnitude, its least value the number of smallest magnitude in between (0 where the interval
+    encloses it). All RMS are over time, by the trapezoidal rule.
+
+    Attributes:
+        name: the drive's.
+        unit: of every effort here, "N m" or "N".
+        peak: max |u_worst|.
+        peak_time, peak_velocity: when (s), and the joint's velocity then (rad/s or m/s).
+        rms: sqrt(1/T int u_worst^2 dt).
+        rms_least: sqrt(1/T int u_least^2 dt).
+        peak_frictionless, rms_frictionless: the same of the effort without friction u_0.
+        friction_share: R_f / (R_f + R_0) with R_f the RMS of u_worst - u_0 and R_0 that of u_0;
+            0 without friction, 1 where friction is all there is, 0.5 where it is as large as the
+            rest. (The quotient rms / rms_frictionless would hide friction that holds the load.)
+        stick_time: sum of (end - start) over the stick intervals, s. A stick of one sample is a
+            passage through rest: it counts as an interval, and adds no time.
+        sticks, reversals: number of stick intervals, and of reversals between samples.
+        max_interval: max (upper - lower).
+        motor_unit, motor_peak, motor_rms, motor_rms_least: the same at the motor's shaft; for an
+            ideal drive, which has none, the effort's.
+    """
+
+    name: str
+    unit: str
+    peak: float
+    peak_time: float
+    peak_velocity: float
+    rms: float
+    rms_least: float
+    peak_frictionless: float
+    rms_frictionless: float
+    friction_share: float
+    stick_time: float
+    sticks: int
+    reversals: int
+    max_interval: float
+    motor_unit: str
+    motor_peak: float
+    motor_rms: float
+    motor_rms_least: float
+
+
+def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
+    """Return the summary of every drive, in the order of `result.actuator_names`.
+
+    A drive sticks while a site on its degree of freedom does: its own joint or a mimic follower.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    if result.t is None:
+        raise StateError("a summary needs times: give `t` to inverse_dynamics")
+    return tuple(_summarize(result, result.t, i) for i in range(len(result.actuator_names)))
+
+
+def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
+    drive = result.scene.drives[i]
+    frictionless = result.effort_frictionless[:, i]
+    worst, least = ends_by_magnitude(result.effort_lower[:, i], result.effort_upper[:, i])
+    motor_worst, motor_least = ends_by_magnitude(
+        result.motor_torque_lower[:, i], result.motor_torque_upper[:, i]
+    )
+    friction, rest = rms(t, worst - frictionless), rms(t, frictionless)
+    sites = sites_on(result.scene, i)
+    sticks = runs(rests(result, i))
+    unit = effort_unit(result.scene, i)
+    top = int(np.argmax(np.abs(worst)))
+    return ActuatorSummary(
+        name=drive.name,
+        unit=unit,
+        peak=float(np.abs(worst[top])),
+        peak_time=float(t[top]),
+        peak_velocity=float(result.states.v[top, drive.velocity_index]),
+        rms=rms(t, worst),
+        rms_least=rms(t, least),
+        peak_frictionless=float(np.abs(frictionless).max()),
+        rms_frictionless=rest,
+        friction_share=friction / (friction + rest) if friction > 0 else friction,
+        stick_time=float(sum(t[last] - t[first] for first, last in sticks)),
+        sticks=len(sticks),
+        reversals=int(np.count_nonzero(result.reversal[:, sites].any(axis=1))),
+        max_interval=float((result.effort_upper[:, i] - result.effort_lower[:, i]).max()),
+        motor_unit=unit if drive.transmission is None else "N m",
+        motor_peak=float(np.abs(motor_worst).max()),
+        motor_rms=rms(t, motor_worst),
+        motor_rms_least=rms(t, motor_least),
+    )
+
+
+def payload_phases(result: InverseResult) -> dict[str, list[tuple[float, float]]]:
+    """Return when each payload is carried: (start, end) in s, the end where it is let go.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    t, attached, payloads = result.t, result.states.attached, result.scene.payloads
+    if t is None:
+        raise StateError("payload phases need times: give `t` to inverse_dynamics")
+    if attached is None:
+        always = np.array([payload.attached for payload in payloads.values()], dtype=bool)
+        attached = np.broadcast_to(always, (len(t), len(payloads)))
+    return {
+        name: [
+            (float(t[first]), float(t[min(last + 1, len(t) - 1)]))
+            for first, last in runs(attached[:, p])
+        ]
+        for p, name in enumerate(payloads)
+    }
+
+
+def rms(t: np.ndarray, x: np.ndarray) -> float:
+    """Return sqrt(1/T int x^2 dt) by the trapezoidal rule; |x| of a single sample.
+
+    Args:
+        t: (T,) increasing, s.
+        x: (T,).
+    """
+    largest = float(np.abs(x).max())
+    if len(t) == 1 or not largest > 0:  # also NaN
+        return largest
+    part = x / largest  # its square cannot overflow
+    return largest * float(np.sqrt(np.trapezoid(part * part, t) / (t[-1] - t[0])))
+
+
+def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of largest and that of smallest magnitude in each [lower, upper], (T,)."""
+    worst = np.where(np.abs(upper) >= np.abs(lower), upper, lower)
+    return worst, np.clip(0.0, lower, upper)
+
+
+def sites_on(scene: Scene, actuator: int) -> list[int]:
+    """Return the columns of the sites that move with a drive: its joint's, its followers'."""
+    column = scene.drives[actuator].velocity_index
+    return [s for s, site in enumerate(scene.sites) if site.velocity_index == column]
+
+
+def rests(result: InverseResult, actuator: int) -> np.ndarray:
+    """Return (T,) where a drive sticks: any of the sites on it does."""
+    return np.asarray(result.sticking[:, sites_on(result.scene, actuator)].any(axis=1))
+
+
+def effort_unit(scene: Scene, actuator: int) -> str:
+    """Return "N" for a drive that pushes, "N m" for one that turns."""
+    column, twin = scene.drives[actuator].velocity_index, scene.twin()
+    for row, joint in enumerate(scene.model.joints[1:]):
+        if joint.idx_v <= column < joint.idx_v + joint.nv:
+            if joint.nv == 1:
+                return "N" if twin.kind[row] == PRISMATIC else "N m"
+            return "N" if twin.components[row, column - joint.idx_v] < 3 else "N m"
+    raise AssertionError(f"no joint moves column {column}")

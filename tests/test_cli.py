@@ -1,0 +1,215 @@
+"""The command line as a shell sees it: exit codes, streams, JSON, files, what it imports."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pinfric import cli
+
+ROOT = Path(__file__).parents[1]
+URDF = """<robot name="arm">
+  <link name="base"/>
+  <link name="link"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="link"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
+</robot>"""
+SCENE = """
+pinfric: 1
+robot: {urdf: arm.urdf}
+friction: {shoulder: {bearing: {kind: pin, radius: 0.05}, mu: {static: 0.2, kinetic: 0.1}}}
+"""
+WAY = """
+pinfric_trajectory: 1
+sample_rate: 50
+points:
+  - {q: [0.0], hold: 0.2}
+  - {q: [1.0], duration: 1.0, hold: 0.4}
+"""
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    for name, text in (("arm.urdf", URDF), ("arm.yaml", SCENE), ("way.yaml", WAY)):
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    return tmp_path
+
+
+def run(*arguments):
+    """Exit code of `pinfric ARGUMENTS`, in this process."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main(list(arguments))
+    return ended.value.code
+
+
+def shell(*arguments, **options):
+    code = "from pinfric.cli import main; main()"
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, **options,
+    )  # fmt: skip
+
+
+def test_table_is_printed_within_80_columns(files, capsys):
+    assert run("inverse", "arm.yaml", "way.yaml") == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "shoulder" in out
+    assert "1 of 1 joint with friction stick, in 2 intervals" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_json_has_the_figures_of_every_joint(files, capsys):
+    assert run("inverse", "arm.yaml", "way.yaml", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["scene"], answer["trajectory"]) == ("arm.yaml", "way.yaml")
+    (joint,) = answer["joints"]
+    assert {
+        "name", "unit", "peak", "rms", "rms_least", "rms_frictionless", "peak_frictionless",
+        "friction_share", "stick_time", "max_interval", "motor_peak",
+    } <= joint.keys()  # fmt: skip
+    # held out level: weight 2 kg x 9.81 at 0.5 m; pin 0.05 m, mu 0.2 under 19.62 N
+    assert joint["max_interval"] == pytest.approx(2 * 0.2 * 0.05 * 19.62)
+    assert joint["stick_time"] == pytest.approx(0.6)
+    assert [(i["site"], i["start"], i["end"]) for i in answer["stick_intervals"]] == [
+        ("shoulder", pytest.approx(0.0), pytest.approx(0.2)),
+        ("shoulder", pytest.approx(1.2), pytest.approx(1.6)),
+    ]
+    assert answer["warnings"] == []
+
+
+def test_numbers_that_are_none_are_null():
+    from pinfric.show.report import json_safe
+
+    given = {"a": np.array([1.0, np.nan]), "b": np.float64("inf"), "c": [np.int64(3), True, None]}
+    assert json.dumps(json_safe(given), allow_nan=False) == (
+        '{"a": [1.0, null], "b": null, "c": [3, true, null]}'
+    )
+
+
+@pytest.mark.parametrize(
+    ("x", "text"),
+    [(0, "0"), (9.996, "10.0"), (0.0123456, "0.0123"), (-1234.5, "-1234"), (1.2e-7, "1.20e-07"),
+     (float("nan"), "n/a"), (99.95, "100"), (3e9, "3.00e+09")],
+)  # fmt: skip
+def test_figures_have_three_digits(x, text):
+    from pinfric.show.report import digits
+
+    assert digits(x) == text
+
+
+def test_out_holds_efforts_figure_and_summary(files, capsys):
+    assert run("inverse", "arm.yaml", "way.yaml", "--json", "--out", "results/run1") == 0
+    out, err = capsys.readouterr()
+    folder = files / "results" / "run1"
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "efforts.csv",
+        "efforts.png",
+        "summary.json",
+    ]
+    assert json.loads((folder / "summary.json").read_text()) == json.loads(out)
+    efforts = pd.read_csv(folder / "efforts.csv")
+    peak = efforts[["shoulder.effort_lower", "shoulder.effort_upper"]].abs().to_numpy().max()
+    assert json.loads(out)["joints"][0]["peak"] == pytest.approx(peak)
+    assert (folder / "efforts.png").read_bytes().startswith(b"\x89PNG")
+    assert err.startswith("pinfric: wrote ")
+
+
+def test_failure_while_writing_leaves_the_old_results_and_nothing_half(files, capsys, monkeypatch):
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == 0
+    before = {p.name: p.read_bytes() for p in (files / "out").iterdir()}
+    listing = sorted(p.name for p in files.iterdir())
+    from matplotlib.figure import Figure
+
+    def full(self, path, **_):
+        Path(path).write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Figure, "savefig", full)
+    capsys.readouterr()
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == 2
+    assert "out: cannot be written: No space left on device" in capsys.readouterr().err
+    assert {p.name: p.read_bytes() for p in (files / "out").iterdir()} == before
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "new/deep") == 2
+    assert sorted(p.name for p in files.iterdir()) == listing
+
+
+def test_out_that_is_a_file_is_refused_before_any_work(files, capsys, monkeypatch):
+    monkeypatch.setattr("pinfric.model.scene.load_scene", lambda _: pytest.fail("work was done"))
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "arm.yaml") == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "arm.yaml: cannot be written" in error
+
+
+def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
+    (files / "arm.yaml").write_text(SCENE.replace("0.05", "50"))  # mm for m
+    assert run("inverse", "arm.yaml", "way.yaml", "--json") == 0
+    out, err = capsys.readouterr()
+    assert err.startswith("pinfric: warning: ")
+    assert err.count("\n") == 1
+    assert "bearing.radius" in err
+    assert json.loads(out)["warnings"] == [err.removeprefix("pinfric: warning: ").rstrip()]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "culprit"),
+    [(["nope"], "nope"), (["inverse"], "SCENE"), (["inverse", "a", "b", "--jsn"], "--jsn"),
+     (["inverse", "a", "b", "--threads", "0"], "--threads")],
+)  # fmt: skip
+def test_wrong_usage_is_one_line(arguments, culprit, capsys):
+    assert run(*arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("pinfric: error: ")
+    assert culprit in err
+    assert err.count("\n") == 1
+
+
+def test_help_and_version(capsys):
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    for arguments, expected in (
+        ((), "inverse"),
+        (("--help",), "inverse"),
+        (("inverse", "--help"), "--threads"),
+        (("--version",), declared),
+    ):
+        assert run(*arguments) == 0
+        assert expected in capsys.readouterr().out
+
+
+def test_importing_the_command_line_imports_nothing_heavy():
+    heavy = "numpy", "pinocchio", "numba", "matplotlib", "pandas", "pydantic", "yaml", "scipy"
+    code = f"import sys, pinfric.cli; print([m for m in {heavy} if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
+                         env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+    assert out.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("form", [["--json"], []])
+def test_reader_that_leaves_early_sees_no_traceback(files, form):
+    process = shell("inverse", "arm.yaml", "way.yaml", *form)
+    process.stdout.close()  # before anything is printed
+    assert process.stderr.read() == b""
+    assert process.wait(60) == cli.NO_READER
+
+
+def test_interrupt_exits_130_with_one_line(files, capsys, monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pinfric.dynamics.inverse.inverse_dynamics", stopped)
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == cli.INTERRUPTED == 130
+    assert capsys.readouterr().err == "pinfric: error: interrupted\n"
+    assert not (files / "out").exists()
