@@ -100,16 +100,14 @@ def _load(
     scene_name: str, trajectory_name: str, out: Path | None = None
 ) -> tuple[Scene, Trajectory]:
     """Read a scene and a trajectory; refuse a folder that could not be written before any work."""
-    from pinfric.errors import TrajectoryError
-    from pinfric.model.scene import find_file, load_scene
+    from pinfric.model.scene import load_scene
     from pinfric.show.files import check_writable
     from pinfric.study.trajectory import load_trajectory
 
     if out is not None:
         check_writable(out)
     scene = load_scene(scene_name)
-    file = find_file(trajectory_name, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
-    trajectory = load_trajectory(file, scene)
+    trajectory = load_trajectory(trajectory_name, scene)
     for text in trajectory.warnings:
         _notice(f"{trajectory.source}: {text}")
     return scene, trajectory

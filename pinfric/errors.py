@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
+
+
+#: Longer lists are cut: a message should be read.
+_MOST_NAMES = 40
 
 
 class PinfricError(Exception):
@@ -38,6 +43,56 @@ class RollMomentError(PinfricError):
         )
 
 
+class AccelerationError(PinfricError):
+    """Stick and slip leave no acceleration, or several, at one state (base of the two below).
+
+    Attributes:
+        q, v, effort: the state and the efforts (nq,), (nv,), (na,).
+        site: name of the site with friction where it shows.
+        time: in s where a simulation came upon it, else None.
+        motion: what the simulation had computed until then, else None.
+    """
+
+    _finding = ""
+
+    def __init__(
+        self, q: Any, v: Any, effort: Any, site: str, reason: str, time: float | None = None
+    ) -> None:
+        self.q, self.v, self.effort, self.site = q, v, effort, site
+        self.reason, self.time = reason, time
+        self.motion: Any = None
+        when = "" if time is None else f" at t = {time:.9g} s"
+        state = ", ".join(
+            f"{name} = [{', '.join(f'{x:.6g}' for x in array)}]"
+            for name, array in (("q", q), ("v", v), ("effort", effort))
+        )
+        super().__init__(f"{self._finding}{when}: joint {site!r}: {reason}; {state}")
+
+    def at(self, time: float) -> AccelerationError:
+        """Return the same finding with the time at which a simulation came upon it."""
+        return type(self)(self.q, self.v, self.effort, self.site, self.reason, time)
+
+
+class NoConsistentAcceleration(AccelerationError):  # noqa: N818 - a finding about the mechanism
+    """No combination of stick and slip obeys the laws of friction at this state (Painleve)."""
+
+    _finding = "no acceleration obeys the laws of friction"
+
+
+class AmbiguousAcceleration(AccelerationError):  # noqa: N818 - a finding about the mechanism
+    """Several accelerations obey the laws of friction at this state (Painleve)."""
+
+    _finding = "several accelerations obey the laws of friction"
+
+
+class SimulationError(PinfricError):
+    """A simulation cannot start or go on; `motion` is what was computed until then, if anything."""
+
+    def __init__(self, message: str, motion: Any = None) -> None:
+        self.motion = motion
+        super().__init__(message)
+
+
 class PinfricWarning(UserWarning):
     """Something that can be computed but that the person who made the input should look at."""
 
@@ -49,4 +104,6 @@ def choose_from(name: object, allowed: Iterable[str]) -> str:
         return "there are none"
     near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.6)
     guess = f"did you mean {near[0]!r}? " if near else ""
-    return f"{guess}there are: {', '.join(names)}"
+    shown, rest = names[:_MOST_NAMES], len(names) - _MOST_NAMES
+    more = f" and {rest} more" if rest > 0 else ""
+    return f"{guess}there are: {', '.join(shown)}{more}"

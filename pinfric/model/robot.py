@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +14,7 @@ import pinocchio as pin
 
 from pinfric.errors import RobotError, choose_from
 from pinfric.model.schema import Payload
-
-#: Triangle-inequality slack relative to the largest principal moment: URDFs print few digits.
-_INERTIA_SLACK = 1e-3
-#: Moments below this (kg m^2) are rounding of an exporter, not a statement.
-_INERTIA_FLOOR = 1e-9
-_JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating")
+from pinfric.model.urdf import read_document, warn_of_missing_meshes
 
 
 @dataclass(frozen=True)
@@ -73,12 +67,11 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
     Raises:
         RobotError: not XML, not a URDF, a mass, inertia or axis that cannot be, an unknown joint.
     """
-    document = _read_document(urdf)
-    _check_joints(document, urdf)
-    _check_inertias(document, urdf)
-    model = _build(urdf, document, locked)
+    document = read_document(urdf)
     share = example_robot_data()
     package_dirs = (share.parents[1], share.parent, share, urdf.parent)
+    warn_of_missing_meshes(document, urdf, package_dirs)
+    model = _build(urdf, document, locked)
     dynamics = {
         joint.name: UrdfDynamics(float(joint.dynamics.friction or 0.0),
                                  float(joint.dynamics.damping or 0.0))
@@ -86,116 +79,6 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
         if joint.dynamics is not None
     }  # fmt: skip
     return Robot(model, urdf, package_dirs, dynamics)
-
-
-def _read_document(urdf: Path) -> Any:
-    """The URDF as yourdfpy's data classes; no meshes, no scene graph."""
-    try:
-        root = ElementTree.parse(urdf).getroot()
-    except (ElementTree.ParseError, UnicodeDecodeError) as problem:
-        raise RobotError(f"{urdf}: is not well-formed XML: {problem}") from None
-    if root.tag != "robot":
-        raise RobotError(f"{urdf}: the root element is <{root.tag}>, a URDF begins with <robot>")
-    import yourdfpy  # 1.2 s: only where a URDF is read
-
-    try:
-        document = yourdfpy.URDF.load(
-            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-        ).robot
-    except Exception as problem:  # yourdfpy lets ValueError, TypeError, AttributeError through
-        raise RobotError(f"{urdf}: is not a valid URDF: {problem}") from None
-    _check_tree(document, urdf)
-    return document
-
-
-def _check_tree(document: Any, urdf: Path) -> None:
-    links = [link.name for link in document.links]
-    if not links:
-        raise RobotError(f"{urdf}: has no <link>")
-    parents: dict[str, str] = {}
-    for joint in document.joints:
-        for end in (joint.parent, joint.child):
-            if end not in links:
-                raise RobotError(
-                    f"{urdf}: joint {joint.name!r} names link {end!r}; {choose_from(end, links)}"
-                )
-        if joint.child in parents:
-            raise RobotError(
-                f"{urdf}: link {joint.child!r} is the child of {parents[joint.child]!r} and "
-                f"{joint.name!r}; a URDF is a tree: close loops in the scene's `loops`"
-            )
-        parents[joint.child] = joint.name
-    roots = [name for name in links if name not in parents]
-    if len(roots) != 1:
-        raise RobotError(f"{urdf}: needs one root link, found {roots or 'a ring of links'}")
-
-
-def _check_joints(document: Any, urdf: Path) -> None:
-    for joint in document.joints:
-        if joint.type not in _JOINT_TYPES:
-            raise RobotError(
-                f"{urdf}: joint {joint.name!r} has the type {joint.type!r}; "
-                f"{choose_from(joint.type, _JOINT_TYPES)}"
-            )
-        if joint.type in ("fixed", "floating"):
-            continue
-        axis = np.asarray((1.0, 0.0, 0.0) if joint.axis is None else joint.axis, dtype=float)
-        if not np.isfinite(axis).all() or np.linalg.norm(axis) < 1e-9:
-            raise RobotError(
-                f"{urdf}: joint {joint.name!r} has the axis {axis.tolist()}; give a direction"
-            )
-
-
-def _check_inertias(document: Any, urdf: Path) -> None:
-    """Refuse bodies that cannot exist; links fixed to the root never move and are passed over."""
-    still = _links_fixed_to_the_root(document)
-    for link in document.links:
-        if link.inertial is None or link.name in still:
-            continue
-        mass = link.inertial.mass
-        inertia = link.inertial.inertia
-        problem = implausible_body(
-            0.0 if mass is None else float(mass),
-            np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float),
-        )
-        if problem:
-            raise RobotError(f"{urdf}: link {link.name!r}: {problem}")
-
-
-def _links_fixed_to_the_root(document: Any) -> set[str]:
-    children = {joint.child for joint in document.joints}
-    still = {link.name for link in document.links if link.name not in children}
-    fixed = [joint for joint in document.joints if joint.type == "fixed"]
-    while grown := {j.child for j in fixed if j.parent in still} - still:
-        still |= grown
-    return still
-
-
-def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
-    """Say why no rigid body has this mass and inertia about its centre of mass, or None.
-
-    J's principal moments are sums of integrals over the body, so each is at most the sum of the
-    other two (triangle inequality).
-
-    Args:
-        mass: kg.
-        inertia: (3, 3), kg m^2, about the centre of mass.
-    """
-    if not math.isfinite(mass) or not np.isfinite(inertia).all():
-        return "mass or inertia is not finite"
-    if mass < 0:
-        return f"mass {mass:g} kg is negative"
-    moments = np.linalg.eigvalsh(inertia)
-    shown = ", ".join(f"{m:.3g}" for m in moments)
-    if moments[0] < -_INERTIA_FLOOR:
-        return f"principal moments of inertia {shown} kg m^2: one is negative"
-    slack = _INERTIA_SLACK * moments[2] + _INERTIA_FLOOR
-    if moments[2] > moments[0] + moments[1] + slack:
-        return (
-            f"principal moments of inertia {shown} kg m^2 violate the triangle inequality "
-            "(the largest exceeds the sum of the others): no body has them; correct <inertia>"
-        )
-    return None
 
 
 def _build(urdf: Path, document: Any, locked: Mapping[str, float]) -> pin.Model:
@@ -226,6 +109,8 @@ def _build(urdf: Path, document: Any, locked: Mapping[str, float]) -> pin.Model:
                 raise RobotError(f"robot.locked.{name}: only one-degree joints can be locked")
         ids = [model.getJointId(name) for name in positions]
         model = pin.buildReducedModel(model, ids, reference)
+    if model.nv == 0:
+        raise RobotError(f"{urdf}: no joint of this robot can move; there is nothing to drive")
     return model
 
 
@@ -265,9 +150,11 @@ class _silent_stderr:  # noqa: N801 - used like a function
         os.dup2(self._file.fileno(), 2)
 
         def said() -> str:
+            """The first reason; the lines after it say where in urdfdom it was noticed."""
             self._file.seek(0)
             lines = self._file.read().decode(errors="replace").splitlines()
-            return " ".join(line.strip() for line in lines[-3:])
+            reasons = [line.split("Error:")[1].strip() for line in lines if "Error:" in line]
+            return reasons[0] if reasons else ""
 
         return said
 

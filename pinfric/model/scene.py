@@ -18,7 +18,6 @@ from pinfric.model.drives import Drive
 from pinfric.model.laws import FrictionLaw, friction_law, law_table
 from pinfric.model.robot import (
     Robot,
-    implausible_body,
     link_frame,
     locate_urdf,
     payload_inertia,
@@ -35,6 +34,7 @@ from pinfric.model.schema import (
     parse,
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
+from pinfric.model.urdf import implausible_body
 from pinfric.model.yamlfile import read_yaml
 
 _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
@@ -330,13 +330,13 @@ def bundled_folder() -> Path:
 def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
     """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
     path = Path(path)
-    if path.is_file():
+    if path.exists() and not path.is_dir():  # also a pipe: <(...)
         return path
     folder = bundled_folder()
     for candidate in (path.name, *(path.name + suffix for suffix in suffixes)):
         if (folder / candidate).is_file():
             return folder / candidate
-    there = sorted(p.name for p in folder.iterdir() if p.suffix in suffixes)
+    there = sorted(p.name for p in folder.iterdir() if p.name[p.name.find(".") :] in suffixes)
     raise error(f"there is no file {path}, and no bundled one of that name; "
                 f"{choose_from(path.name, there)}")  # fmt: skip
 
@@ -356,9 +356,12 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
     if not given:
         return friction
     if entries.robot.urdf_dynamics == "ignore":
+        if "urdf_dynamics" in entries.robot.model_fields_set:
+            return friction  # said on purpose
         warnings.warn(
             f"{where}: the URDF's <dynamics> gives friction or damping for {', '.join(given)}; "
-            "ignored (many URDFs carry placeholders): robot.urdf_dynamics: use takes them",
+            "ignored (many URDFs carry placeholders); robot.urdf_dynamics: use takes them, ignore "
+            "silences this",
             PinfricWarning,
             stacklevel=3,
         )

@@ -253,7 +253,7 @@ class Simulation(Entry):
 class SceneFile(Entry):
     """A whole scene file."""
 
-    pinfric: Literal[1]
+    pinfric: Annotated[Literal[1], BeforeValidator(_strict_number)]
     robot: RobotEntry
     friction: dict[str, Friction] = {}
     loops: list[dict[str, Any]] = []
@@ -284,7 +284,11 @@ def _problem(entry: type[BaseModel], problem: Any) -> str:
         return f"unknown key `{key}`; {choose_from(path[-1], allowed)}"
     if problem["type"] == "missing":
         return f"`{key}` is missing"
-    if problem["type"] == "value_error":
+    if problem["type"] in ("model_type", "dict_type", "model_attributes_type"):
+        text = f"should be a mapping of keys, found {problem['input']!r}"
+    elif problem["type"] in ("too_short", "too_long", "tuple_type", "list_type"):
+        text = f"has a wrong length or is no list, found {problem['input']!r}"
+    elif problem["type"] == "value_error":
         text = str(problem["ctx"]["error"])
     else:
         text = f"{problem['msg'][0].lower()}{problem['msg'][1:]}, found {problem['input']!r}"

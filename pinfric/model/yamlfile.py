@@ -51,8 +51,9 @@ def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
     except yaml.YAMLError as problem:
         mark = getattr(problem, "problem_mark", None)
         line = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        text = getattr(problem, "problem", None) or str(problem)
-        raise error(f"{path}{line}: not valid YAML: {text}") from None
+        text = getattr(problem, "problem", None) or getattr(problem, "reason", None) or problem
+        one_line = " ".join(str(text).split())
+        raise error(f"{path}{line}: not valid YAML: {one_line}") from None
     if not isinstance(content, dict):
         found = "an empty file" if content is None else f"a {type(content).__name__}"
         raise error(f"{path}: should be a mapping of keys, found {found}")

@@ -203,11 +203,20 @@ def _check_finite(cells: _Cells, known: list[str], problems: list[str]) -> None:
             problems.append(f"column {name}: {where}; every value must be finite")
 
 
+#: Below this a time step is a unit error or rounding: rates from it would be noise.
+_SHORTEST_STEP = 1e-9
+
+
 def _check_time(t: FloatArray, lines: list[int], problems: list[str]) -> None:
     back = np.flatnonzero(np.diff(t) <= 0)
     if back.size:
         where = listing(f"line {lines[i + 1]} (t = {t[i + 1]:.9g} after {t[i]:.9g})" for i in back)
         problems.append(f"time must increase; it does not at {where}")
+        return
+    tiny = np.flatnonzero(np.diff(t) < _SHORTEST_STEP)
+    if tiny.size:
+        where = listing(f"line {lines[i + 1]} ({t[i + 1] - t[i]:.3g} s)" for i in tiny)
+        problems.append(f"time steps below {_SHORTEST_STEP:g} s cannot be meant: {where}")
 
 
 def _column(cells: _Cells, name: str) -> FloatArray:

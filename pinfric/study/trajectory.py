@@ -16,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.scene import find_file
 from pinfric.study.joint_columns import (
     JointColumn,
     configurations,
@@ -234,14 +235,14 @@ def load_trajectory(path: str | Path, scene: HasModel) -> Trajectory:
     (`derivatives`). A missing `.a` beside a given `.v` is the derivative of a spline through v.
 
     Args:
-        path: the file, .csv, .yaml or .yml.
+        path: the file, .csv, .yaml or .yml; where there is none, the bundled one of that name.
         scene: its model and payloads.
 
     Raises:
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
     """
-    path = Path(path)
+    path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
     columns = joint_columns(scene.model, str(path))
     payloads = _defaults(scene)
     problems: list[str] = []

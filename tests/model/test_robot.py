@@ -8,7 +8,8 @@ import pytest
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, RobotError, SceneError
-from pinfric.model.robot import implausible_body, read_robot
+from pinfric.model.robot import read_robot
+from pinfric.model.urdf import implausible_body
 
 INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
 
@@ -46,6 +47,15 @@ def scene(tmp_path, text):
         ([link("arm"), joint(child="amr")], r"'swing' names link 'amr'.*did you mean 'arm'"),
         ([link("arm"), joint(), joint(name="again")], "'again'.*tree"),
         ([link("arm"), joint(), link("loose")], "one root link"),
+        ([link("arm"), joint(axis="0 0")], r"'swing'.*axis xyz='0 0'.*3 finite numbers"),
+        ([link("arm"), joint().replace('lower="-1"', 'lower="3"')], r"'swing': limits lower 3"),
+        ([link("arm"), joint(more='<mimic joint="swing"/>')], "'swing' mimics itself"),
+        ([link("arm"), joint(more='<dynamics friction="x"/>')], "'swing'.*friction='x'"),
+        ([link("arm"), joint(), link("a"), link("b"), joint("r", "a", "b"), joint("s", "b", "a")],
+         r"\['a', 'b'\] hang in a ring"),
+        ([link("arm", mass="nan"), joint()], r"'arm': <mass value='nan'>"),
+        ([link("arm"), joint(kind="fixed")], "no joint of this robot can move"),
+        ([link("arm"), joint().replace('name="swing" ', "")], "joint number 1 has no name"),
         ([link("arm"), joint(kind="hinge")], "type 'hinge'; there are: revolute"),
     ],
 )  # fmt: skip
@@ -65,6 +75,15 @@ def test_what_is_no_urdf_is_refused(tmp_path, text, says):
     file.write_text(text)
     with pytest.raises(RobotError, match=says):
         read_robot(file, {})
+
+
+def test_a_missing_mesh_is_one_warning(tmp_path):
+    mesh = '<visual><geometry><mesh filename="package://no/a.stl"/></geometry></visual>'
+    body = link("arm").replace("</link>", mesh + mesh.replace("a.stl", "b.stl") + "</link>")
+    with pytest.warns(PinfricWarning, match=r"no mesh package://no/a\.stl and 1 more") as caught:
+        robot = read_robot(urdf(tmp_path, body, joint()), {})
+    assert len(caught) == 1
+    assert robot.model.nv == 1
 
 
 @pytest.mark.parametrize("excess", [-0.02, 0.02])

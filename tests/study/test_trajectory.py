@@ -397,8 +397,8 @@ def test_moving_across_a_gap_is_an_error_and_holding_across_it_is_not(tmp_path):
 
 def test_files_that_cannot_be_read(tmp_path):
     scene = one_joint_scene()
-    assert "No such file" in message(tmp_path / "none.csv", scene)
-    assert "No such file" in message(tmp_path / "none.yaml", scene)
+    assert "there is no file" in message(tmp_path / "none.csv", scene)
+    assert "there is no file" in message(tmp_path / "none.yaml", scene)
     assert "ends in .csv, .yaml or .yml" in message(write(tmp_path, "m.txt", "t,a"), scene)
     binary = tmp_path / "b.csv"
     binary.write_bytes(b"\xff\xfe\x00\x81")
@@ -482,3 +482,9 @@ def test_trajectory_refuses_arrays_that_do_not_agree():
         Trajectory(np.arange(3), three, three, two, none, (), ("a",), "here")
     with pytest.raises(TrajectoryError, match="no samples"):
         Trajectory(np.empty(0), *(np.empty((0, 1)),) * 3, np.empty((0, 0)), (), ("a",), "here")
+
+
+def test_time_steps_that_cannot_be_meant(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text("t,a\n0,0\n1e-300,0.1\n1,0.2\n2,0.3\n")
+    assert "time steps below 1e-09 s cannot be meant: line 3" in message(file, one_joint_scene())

@@ -1,0 +1,248 @@
+"""The URDF as a document: what Pinocchio and yourdfpy would pass over or say badly is said here."""
+
+from __future__ import annotations
+
+import math
+import warnings
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinfric.errors import PinfricWarning, RobotError, choose_from
+
+#: Triangle-inequality slack relative to the largest principal moment: URDFs print few digits.
+_INERTIA_SLACK = 1e-3
+#: Moments below this (kg m^2) are rounding of an exporter, not a statement.
+_INERTIA_FLOOR = 1e-9
+_JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating")
+
+
+def read_document(urdf: Path) -> Any:
+    """Return a URDF as yourdfpy's data classes, checked; no meshes, no scene graph.
+
+    Raises:
+        RobotError: not XML, not a URDF, no tree, or a mass, inertia, axis or limit that cannot be.
+    """
+    try:
+        root = ElementTree.parse(urdf).getroot()
+    except (ElementTree.ParseError, UnicodeDecodeError, ValueError) as problem:
+        raise RobotError(f"{urdf}: is not well-formed XML: {problem}") from None
+    if root.tag != "robot":
+        raise RobotError(f"{urdf}: the root element is <{root.tag}>, a URDF begins with <robot>")
+    _check_elements(root, urdf)
+    import yourdfpy  # 1.2 s: only where a URDF is read
+
+    try:
+        document = yourdfpy.URDF.load(
+            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
+        ).robot
+    except Exception as problem:  # yourdfpy lets ValueError, TypeError, AttributeError through
+        raise RobotError(f"{urdf}: is not a valid URDF: {problem}") from None
+    _check_tree(document, urdf)
+    _check_joints(document, urdf)
+    _check_mimics(document, urdf)
+    _check_inertias(document, urdf)
+    return document
+
+
+def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
+    """Names, types, ends and numbers: what parsers otherwise report without saying where."""
+    for tag in ("link", "joint"):
+        names = [element.get("name") for element in root.findall(tag)]
+        if None in names or "" in names:
+            position = next(i for i, name in enumerate(names) if not name) + 1
+            raise RobotError(f"{urdf}: {tag} number {position} has no name")
+        twice = [name for name, count in Counter(names).items() if count > 1]
+        if twice:
+            raise RobotError(f"{urdf}: {tag} {twice[0]!r} stands twice; names must differ")
+    for joint in root.findall("joint"):
+        where = f"{urdf}: joint {joint.get('name')!r}"
+        kind = joint.get("type")
+        if kind not in _JOINT_TYPES:
+            raise RobotError(f"{where} has the type {kind!r}; {choose_from(kind, _JOINT_TYPES)}")
+        for end in ("parent", "child"):
+            element = joint.find(end)
+            if element is None or not element.get("link"):
+                raise RobotError(f"{where} has no <{end} link=...>")
+        if kind in ("revolute", "prismatic") and joint.find("limit") is None:
+            raise RobotError(f"{where} is {kind} and has no <limit>; give one, or type continuous")
+        _check_numbers(joint, where)
+    for link in root.findall("link"):
+        for inertial in link.findall("inertial"):
+            _check_numbers(inertial, f"{urdf}: link {link.get('name')!r}")
+
+
+#: Attributes that hold numbers: element tag -> attribute -> how many.
+_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
+    "dynamics": {"friction": 1, "damping": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+}
+
+
+def _check_numbers(element: ElementTree.Element, where: str) -> None:
+    for part in element.iter():
+        for attribute, count in _NUMBERS.get(part.tag, {}).items():
+            text = part.get(attribute)
+            if text is None:
+                continue
+            values = [_number(word) for word in text.split()]
+            # no limit is often written as an infinite one
+            finite = part.tag == "limit" or all(math.isfinite(v) for v in values if v is not None)
+            if len(values) != count or None in values or not finite:
+                wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+                raise RobotError(f"{where}: <{part.tag} {attribute}={text!r}> should be {wanted}")
+
+
+def _number(word: str) -> float | None:
+    try:
+        return float(word)
+    except ValueError:
+        return None
+
+
+def _check_tree(document: Any, urdf: Path) -> None:
+    links = [link.name for link in document.links]
+    if not links:
+        raise RobotError(f"{urdf}: has no <link>")
+    parents: dict[str, Any] = {}
+    for joint in document.joints:
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise RobotError(
+                    f"{urdf}: joint {joint.name!r} names link {end!r}; {choose_from(end, links)}"
+                )
+        if joint.child in parents:
+            raise RobotError(
+                f"{urdf}: link {joint.child!r} is the child of {parents[joint.child].name!r} and "
+                f"{joint.name!r}; a URDF is a tree: close loops in the scene's `loops`"
+            )
+        parents[joint.child] = joint
+    roots = [name for name in links if name not in parents]
+    if len(roots) != 1:
+        raise RobotError(f"{urdf}: needs one root link, found {roots or 'a ring of links'}")
+    reached = _reachable(roots, document.joints)
+    if lost := [name for name in links if name not in reached]:
+        raise RobotError(f"{urdf}: links {lost} hang in a ring that no joint ties to {roots[0]!r}")
+
+
+def _reachable(start: Sequence[str], joints: Iterable[Any]) -> set[str]:
+    """Links reached from `start` along the joints, downwards."""
+    reached = set(start)
+    joints = list(joints)
+    while grown := {j.child for j in joints if j.parent in reached} - reached:
+        reached |= grown
+    return reached
+
+
+def _check_joints(document: Any, urdf: Path) -> None:
+    for joint in document.joints:
+        where = f"{urdf}: joint {joint.name!r}"
+        if joint.type in ("fixed", "floating"):
+            continue
+        axis = np.asarray((1.0, 0.0, 0.0) if joint.axis is None else joint.axis, dtype=float)
+        if np.linalg.norm(axis) < 1e-9:
+            raise RobotError(f"{where} has the axis {axis.tolist()}; give a direction")
+        limit = joint.limit
+        if limit is None or limit.lower is None or limit.upper is None:
+            continue
+        if joint.type in ("revolute", "prismatic") and float(limit.lower) > float(limit.upper):
+            raise RobotError(f"{where}: limits lower {limit.lower} > upper {limit.upper}")
+
+
+def _check_mimics(document: Any, urdf: Path) -> None:
+    joints = {joint.name: joint for joint in document.joints}
+    for name, joint in joints.items():
+        if joint.mimic is None:
+            continue
+        where, leader = f"{urdf}: joint {name!r}", joint.mimic.joint
+        if leader not in joints:
+            raise RobotError(f"{where} mimics {leader!r}; {choose_from(leader, joints)}")
+        if leader == name:
+            raise RobotError(f"{where} mimics itself")
+        if joint.mimic.multiplier is not None and float(joint.mimic.multiplier) == 0.0:
+            raise RobotError(f"{where} mimics with the multiplier 0: make it a fixed joint")
+
+
+def _check_inertias(document: Any, urdf: Path) -> None:
+    """Refuse bodies that cannot exist; links fixed to the root never move and are passed over."""
+    children = {joint.child for joint in document.joints}
+    roots = [link.name for link in document.links if link.name not in children]
+    still = _reachable(roots, (joint for joint in document.joints if joint.type == "fixed"))
+    for link in document.links:
+        if link.inertial is None or link.name in still:
+            continue
+        mass = link.inertial.mass
+        inertia = link.inertial.inertia
+        problem = implausible_body(
+            0.0 if mass is None else float(mass),
+            np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float),
+        )
+        if problem:
+            raise RobotError(f"{urdf}: link {link.name!r}: {problem}")
+
+
+def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
+    """Say why no rigid body has this mass and inertia about its centre of mass, or None.
+
+    J's principal moments are sums of integrals over the body, so each is at most the sum of the
+    other two (triangle inequality).
+
+    Args:
+        mass: kg.
+        inertia: (3, 3), kg m^2, about the centre of mass.
+    """
+    if not math.isfinite(mass) or not np.isfinite(inertia).all():
+        return "mass or inertia is not finite"
+    if mass < 0:
+        return f"mass {mass:g} kg is negative"
+    moments = np.linalg.eigvalsh(inertia)
+    shown = ", ".join(f"{m:.3g}" for m in moments)
+    if moments[0] < -_INERTIA_FLOOR:
+        return f"principal moments of inertia {shown} kg m^2: one is negative"
+    slack = _INERTIA_SLACK * moments[2] + _INERTIA_FLOOR
+    if moments[2] > moments[0] + moments[1] + slack:
+        return (
+            f"principal moments of inertia {shown} kg m^2 violate the triangle inequality "
+            "(the largest exceeds the sum of the others): no body has them; correct <inertia>"
+        )
+    return None
+
+
+def warn_of_missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Path]) -> None:
+    """Warn once, naming them, of mesh files that are not there; the dynamics do without them."""
+    missing = {
+        geometry.mesh.filename
+        for link in document.links
+        for shape in (*link.visuals, *link.collisions)
+        if (geometry := shape.geometry) is not None and geometry.mesh is not None
+        if mesh_file(geometry.mesh.filename, urdf, package_dirs) is None
+    }
+    if missing:
+        first, *others = sorted(missing)
+        more = f" and {len(others)} more" if others else ""
+        warnings.warn(
+            f"{urdf}: there is no mesh {first}{more}; loaded without (efforts do not need meshes)",
+            PinfricWarning,
+            stacklevel=2,
+        )
+
+
+def mesh_file(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
+    """Return the file of a URDF's mesh name (package://, file:// or a path), or None."""
+    scheme, _, rest = name.partition("://")
+    if not rest:
+        candidates = [urdf.parent / name]
+    elif scheme == "file":
+        candidates = [Path(rest)]
+    else:
+        candidates = [folder / rest for folder in package_dirs]
+    return next((path for path in candidates if path.is_file()), None)
