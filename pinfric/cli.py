@@ -96,6 +96,29 @@ def inverse(
     _show(summary if as_json else inverse_report(result, name))
 
 
+@app.command()
+def explain(
+    scene_name: SceneName,
+    trajectory_name: Annotated[
+        str | None,
+        typer.Argument(metavar="[TRAJECTORY]", help="CSV or way-points; else random states."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say which effects a scene calls for, why, and what each costs and changes."""
+    from pinfric.model.scene import load_scene
+    from pinfric.show.report import explain_json, explain_report
+    from pinfric.study.explain import explain as measure
+    from pinfric.study.trajectory import load_trajectory
+
+    scene = load_scene(scene_name)
+    trajectory = None if trajectory_name is None else load_trajectory(trajectory_name, scene)
+    with _working("measuring"):
+        explanation = measure(scene, trajectory)
+    show = explain_json if as_json else explain_report
+    _show(show(explanation, scene.source))
+
+
 def _load(
     scene_name: str, trajectory_name: str, out: Path | None = None
 ) -> tuple[Scene, Trajectory]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.dynamics.result import InverseResult, Status, runs
+from pinfric.study.explain import Explanation
 from pinfric.study.summary import ActuatorSummary, payload_phases, summarize
 
 if TYPE_CHECKING:
@@ -184,3 +185,39 @@ def span(least: float, worst: float) -> str:
     """Return "least–worst", or one number where the two print alike."""
     low, high = digits(least), digits(worst)
     return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range
+
+
+def explain_json(explanation: Explanation, scene: str) -> dict[str, Any]:
+    """Return everything `pinfric explain --json` prints; SI units but for `_us` (microseconds)."""
+    return json_safe({"scene": scene, **asdict(explanation)})
+
+
+def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]:
+    """Return the table and lines that `pinfric explain` prints, for a rich console."""
+    from rich.text import Text
+
+    table = _table(f"{Path(scene).stem}: the effects it calls for")
+    table.columns[0].header, table.columns[0].vertical = "effect", "top"
+    for heading in ("cost\nus", "peak\nchange", "RMS\nchange"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("of", overflow="fold")
+    table.add_column("why", overflow="fold")
+    for row in explanation.effects:
+        if not row.on:
+            table.add_row(Text(row.name, "dim"), "", "", "", "", Text(f"off: {row.why}", "dim"))
+            continue
+        table.add_row(
+            row.name, f"{row.cost_us:.2f}", _signed(row.peak_change), _signed(row.rms_change),
+            f"{row.drive}{' (motor)' if row.motor_side else ''}", row.why,
+        )  # fmt: skip
+    lines = (
+        f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
+        f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
+        "cost: what leaving it out saves; change: what it adds to the worst effort of the drive "
+        "where the RMS changes most",
+    )
+    return [table, Text(), *(Text(line) for line in lines)]
+
+
+def _signed(x: float) -> str:
+    return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x))}"

@@ -1,0 +1,179 @@
+"""Only the effects a scene calls for: which there are, which keys of the file switch them on.
+
+A scene becomes an explicit list of effects, and the dynamics evaluate what is on: without friction
+one plain RNEA batch, with constant friction no wrenches, with bearings the twin (design 6).
+`without` takes effects out of a scene, for study.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from pinfric.errors import SceneError, choose_from
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Actuator, Bearing, Coefficients, Friction, Transmission
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect of a scene.
+
+    Attributes:
+        name: what `with_effects` calls it.
+        on: whether the scene calls for it.
+        why: the keys of the scene file that switch it on; where it is off, what would.
+    """
+
+    name: str
+    on: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """An effect that can be looked for in a friction entry, and taken out of it."""
+
+    name: str
+    key: str
+    present: Callable[[Friction], bool]
+    removed: Callable[[Friction], dict[str, Any]]
+
+
+def _has_load(friction: Friction) -> bool:
+    return friction.mu is not None and friction.mu.static > 0
+
+
+def _bends(friction: Friction) -> bool:
+    bearing = friction.bearing
+    return _has_load(friction) and bearing is not None and (
+        (bearing.kind == "pin" and bearing.length is not None) or bool(bearing.moment)
+    )  # fmt: skip
+
+
+def _without_bending(friction: Friction) -> dict[str, Any]:
+    """A pin without length and a rolling bearing without moment carry the radial force only."""
+    bearing = friction.bearing
+    assert bearing is not None
+    part = {"length": None} if bearing.kind == "pin" else {"moment": None}
+    kept = {**bearing.model_dump(exclude_unset=True), **part}
+    # a bearing whose only term was the moment carries no load any more
+    still = bearing.kind == "pin" or bearing.radial or bearing.axial or bearing.preload
+    if not still:
+        return {"bearing": None, "mu": None}
+    return {"bearing": Bearing.model_validate({k: v for k, v in kept.items() if v is not None})}
+
+
+def _jumps(friction: Friction) -> bool:
+    """Static above kinetic: friction at rest exceeds friction in motion."""
+    pairs: list[Coefficients] = []
+    if friction.mu is not None:
+        pairs.append(friction.mu)
+    if isinstance(friction.coulomb, Coefficients):
+        pairs.append(friction.coulomb)
+    elif friction.coulomb is not None:
+        pairs += [friction.coulomb.positive, friction.coulomb.negative]
+    return any(pair.static > pair.kinetic for pair in pairs)
+
+
+def _without_static(friction: Friction) -> dict[str, Any]:
+    def kinetic(pair: Coefficients) -> Coefficients:
+        return Coefficients(static=pair.kinetic, kinetic=pair.kinetic)
+
+    change: dict[str, Any] = {"stribeck": None}
+    if friction.mu is not None:
+        change["mu"] = kinetic(friction.mu)
+    if isinstance(friction.coulomb, Coefficients):
+        change["coulomb"] = kinetic(friction.coulomb)
+    elif friction.coulomb is not None:
+        both = {"positive": kinetic(friction.coulomb.positive),
+                "negative": kinetic(friction.coulomb.negative)}  # fmt: skip
+        change["coulomb"] = friction.coulomb.model_copy(update=both)
+    return change
+
+
+_KINDS = (
+    _Kind("load", "bearing", _has_load, lambda _: {"bearing": None, "mu": None}),
+    _Kind("bending", "bearing.length, bearing.moment", _bends, _without_bending),
+    _Kind("static", "mu.static, coulomb.static", _jumps, _without_static),
+    _Kind("stribeck", "stribeck", lambda f: f.stribeck is not None, lambda _: {"stribeck": None}),
+    _Kind("coulomb", "coulomb", lambda f: f.coulomb is not None, lambda _: {"coulomb": None}),
+    _Kind("viscous", "viscous", lambda f: f.viscous > 0, lambda _: {"viscous": 0.0}),
+)
+
+#: All effects that can be switched, in the order they build on each other.
+NAMES = (*(kind.name for kind in _KINDS), "transmission", "payload")
+
+
+def effects(scene: Scene) -> tuple[Effect, ...]:
+    """Return what a scene calls for, and by which keys, in the order of `NAMES`."""
+    found = []
+    for kind in _KINDS:
+        names = [name for name, friction in scene.friction.items() if kind.present(friction)]
+        found.append(_effect(kind.name, f"friction.{{}}.{kind.key}", names))
+    geared = [a.joint or "?" for a in scene.actuators or () if _lossless(a) != a]
+    found.append(_effect("transmission", "actuators.{}.transmission", geared))
+    found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
+    return tuple(found)
+
+
+def _effect(name: str, key: str, where: list[str]) -> Effect:
+    if not where:
+        return Effect(name, False, f"no {key.format('<name>')}")
+    first, *others = where
+    more = f" and {len(others)} more" if others else ""
+    return Effect(name, True, key.format(first) + more)
+
+
+def with_effects(
+    scene: Scene, *, only: Iterable[str] | None = None, without: Iterable[str] | None = None
+) -> Scene:
+    """Return the scene with effects switched off, for study.
+
+    Args:
+        scene: stays as it is.
+        only: the effects to keep; those of them that the scene has.
+        without: the effects to leave out.
+
+    Raises:
+        SceneError: an unknown effect, or both `only` and `without`.
+    """
+    if (only is None) == (without is None):
+        raise SceneError("with_effects: give either `only` or `without`")
+    named = list(only if only is not None else without or ())
+    for name in named:
+        if name not in NAMES:
+            raise SceneError(f"with_effects: no effect {name!r}; {choose_from(name, NAMES)}")
+    off = set(NAMES) - set(named) if only is not None else set(named)
+    friction = dict(scene.friction)
+    for kind in _KINDS:
+        if kind.name in off:
+            for name, entry in friction.items():
+                if kind.present(entry):
+                    friction[name] = entry.model_copy(update=kind.removed(entry))
+    # an entry with nothing left in it is no site: it costs nothing
+    friction = {name: entry for name, entry in friction.items() if _acts(entry)}
+    actuators = scene.actuators
+    if "transmission" in off and actuators is not None:
+        actuators = tuple(_lossless(actuator) for actuator in actuators)
+    return dataclasses.replace(
+        scene,
+        friction=friction,
+        actuators=actuators,
+        payloads={} if "payload" in off else scene.payloads,
+    )
+
+
+def _acts(friction: Friction) -> bool:
+    some = friction.bearing is not None or friction.coulomb is not None
+    return some or friction.viscous > 0
+
+
+def _lossless(actuator: Actuator) -> Actuator:
+    """The ratio stays: without it motor torques could not be compared."""
+    if actuator.transmission is None:
+        return actuator
+    ratio = Transmission(ratio=actuator.transmission.ratio)
+    return actuator.model_copy(update={"transmission": ratio})

@@ -1,0 +1,138 @@
+"""Effects: which are on, what is left when they are taken out, and what is then not evaluated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import random_states, random_tree
+
+import pinfric as pf
+from pinfric.dynamics import inverse as inverse_module
+from pinfric.errors import SceneError
+from pinfric.model.effects import NAMES, effects, with_effects
+
+EVERYTHING = {
+    "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
+    "mu": {"static": 0.3, "kinetic": 0.2},
+    "stribeck": {"velocity": 0.1},
+    "coulomb": {"static": 0.5, "kinetic": 0.4},
+    "viscous": 0.1,
+}
+
+
+def whole_scene(seed=1, joints=4):
+    model = random_tree(seed, joints, sliding=0.0)
+    model.addFrame(pin.Frame("tool", joints, pin.SE3.Identity(), pin.FrameType.BODY))
+    gear = {"ratio": 50.0, "efficiency": 0.9, "back_efficiency": 0.85, "rotor_inertia": 1e-5}
+    return pf.Scene(
+        model=model,
+        friction={f"joint_{j}": EVERYTHING for j in range(1, joints + 1)},
+        actuators=[{"joint": f"joint_{j}", "transmission": gear} for j in range(1, joints + 1)],
+        payloads={"box": {"link": "tool", "mass": 2.0, "com": [0.0, 0.0, 0.1]}},
+    )
+
+
+def on(scene):
+    return {effect.name for effect in effects(scene) if effect.on}
+
+
+def test_a_scene_with_everything_has_every_effect_and_says_why():
+    found = effects(whole_scene())
+    assert {e.name for e in found} == set(NAMES)
+    assert all(e.on for e in found)
+    why = {e.name: e.why for e in found}
+    assert why["stribeck"] == "friction.joint_1.stribeck and 3 more"
+    assert why["payload"] == "robot.payloads.box"
+    off = effects(pf.Scene(model=random_tree(1)))
+    assert not any(e.on for e in off)
+    assert {e.name: e.why for e in off}["viscous"] == "no friction.<name>.viscous"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_effect_taken_out_is_off_and_the_others_stay(name):
+    left = on(with_effects(whole_scene(), without=[name]))
+    # bending needs a load; the Stribeck curve lies between static and kinetic
+    follow = {"load": {"bending"}, "static": {"stribeck"}}.get(name, set())
+    assert left == set(NAMES) - {name} - follow
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_single_effect_can_be_kept(name):
+    needs = {"bending": {"load"}, "stribeck": {"load", "static"}, "static": {"load"}}
+    kept = {name} | needs.get(name, set())
+    assert on(with_effects(whole_scene(), only=kept)) == kept
+
+
+def test_nothing_kept_is_pinocchios_rnea():
+    scene = with_effects(whole_scene(), only=[])
+    q, v, a = random_states(scene.model, 0, 5)
+    data = scene.model.createData()
+    expected = np.array([pin.rnea(scene.model, data, *s) for s in zip(q, v, a, strict=True)])
+    found = pf.inverse_dynamics(scene, q, v, a)
+    np.testing.assert_allclose(found.effort_upper, expected, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found.motor_torque_upper * 50.0, expected, rtol=0, atol=1e-11)
+    assert scene.site_names == ()
+
+
+def test_each_effect_adds_what_its_formula_says():
+    """One joint at v = 0.2 rad/s: the parts of phi, each by itself."""
+    model = random_tree(3, 1, sliding=0.0)
+    scene = pf.Scene(
+        model=model, friction={"joint_1": {**EVERYTHING, "stribeck": {"velocity": 0.2}}}
+    )
+    q, v, a = random_states(model, 0, 1)
+    v[:] = 0.2
+
+    def friction(**which):
+        result = pf.inverse_dynamics(with_effects(scene, **which), q, v, a)
+        return result.friction_upper[0, 0] if result.friction_upper.size else 0.0
+
+    load = pf.inverse_dynamics(scene, q, v, a).normal_load[0, 0]
+    blend = np.exp(-1.0)
+    assert friction(only=["viscous"]) == pytest.approx(-0.1 * 0.2)
+    assert friction(only=["coulomb"]) == pytest.approx(-0.4)
+    assert friction(only=["load", "bending"]) == pytest.approx(-0.2 * load)
+    everything = (0.2 + 0.1 * blend) * load + 0.4 + 0.1 * blend + 0.02
+    assert friction(without=["payload"]) == pytest.approx(-everything)
+    assert abs(friction(only=["load"])) < 0.2 * load  # the radial force alone
+
+
+def count_calls(monkeypatch, scene):
+    counts = {}
+
+    def counted(name):
+        original = getattr(inverse_module, name)
+
+        def call(*arguments):
+            counts[name] = counts.get(name, 0) + 1
+            return original(*arguments)
+
+        monkeypatch.setattr(inverse_module, name, call)
+
+    for name in ("reactions", "normal_loads", "_plain", "motor_torque_bounds"):
+        counted(name)
+    q, v, a = random_states(scene.model, 0, 30)
+    pf.inverse_dynamics(scene, q, v, a)
+    return counts
+
+
+@pytest.mark.parametrize(
+    ("only", "expected"),
+    [
+        ([], {"_plain": 1, "motor_torque_bounds": 4}),
+        (["coulomb", "viscous"], {"_plain": 1, "motor_torque_bounds": 4}),
+        (["load"], {"reactions": 1, "normal_loads": 1, "motor_torque_bounds": 4}),
+        (NAMES, {"reactions": 1, "normal_loads": 1, "motor_torque_bounds": 4}),
+    ],
+    ids=["nothing", "constant friction", "bearings", "everything"],
+)
+def test_what_is_off_is_not_evaluated(monkeypatch, only, expected):
+    assert count_calls(monkeypatch, with_effects(whole_scene(), only=only)) == expected
+
+
+def test_unknown_effects_are_refused():
+    with pytest.raises(SceneError, match="did you mean 'stribeck'"):
+        with_effects(whole_scene(), without=["striebeck"])
+    with pytest.raises(SceneError, match="either"):
+        with_effects(whole_scene())
