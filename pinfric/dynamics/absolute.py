@@ -357,7 +357,7 @@ def pendulum(reading: str = "consistent", gravity: float = 9.81) -> Example:
     about_center = 0.400 if _known_reading(reading) == "consistent" else 0.400 - 1.00 * 0.25**2
     bar = Body("bar", 1.00, about_center * np.eye(3), (0.25, 0.0, 0.0))
     pin = PinFriction(radius=0.1, length=None, **COEFFICIENTS[reading])
-    joint = RevoluteJoint("pin", GROUND, "bar", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), pin)
+    joint = RevoluteJoint("joint_1", GROUND, "bar", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), pin)
     return Example(
         mechanism=Mechanism((bar,), (joint,), (gravity, 0.0, 0.0)),
         angle=np.array([0.524]),

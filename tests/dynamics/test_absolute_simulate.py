@@ -64,7 +64,7 @@ def test_rotor_beyond_the_critical_friction_has_no_acceleration():
 @pytest.mark.parametrize(
     ("example", "joint", "start", "end"),
     [
-        ("pendulum", "pin", (1.060, 1.072), (1.208, 1.216)),
+        ("pendulum", "joint_1", (1.060, 1.072), (1.208, 1.216)),
         ("three_link", "joint_12", (0.515, 0.523), (0.555, 0.561)),
     ],
 )
@@ -80,7 +80,7 @@ def test_paper_stick_times(example, joint, start, end):
 def test_pendulum_sticks_when_its_scalar_equation_says():
     """Stick ends where |2 sin 2t - m g l sin| first reaches mu_s R m g at the resting angle."""
     _, motion = simulated("pendulum")
-    ((first, last),) = motion.stick_intervals("pin")
+    ((first, last),) = motion.stick_intervals("joint_1")
     angle, rate, instant = motion.sample((first + last) / 2)
     assert rate[0] == 0
     needed = 2 * np.sin(2 * last) - PENDULUM_LENGTH * 9.81 * np.sin(angle[0])
@@ -176,7 +176,7 @@ def test_reversal_without_sticking_is_one_event():
     mechanism = absolute.pendulum().mechanism
     motion = absolute.simulate(mechanism, [1.2], [1.0], lambda _: [0.0], 0.8, sample_step=0.1)
     assert [p.modes.tolist() for p in motion.phases] == [[1], [-1]]
-    assert motion.stick_intervals("pin") == []
+    assert motion.stick_intervals("joint_1") == []
     angle, rate, instant = motion.sample(motion.phases[1].start)
     assert rate[0] == 0
     needed = PENDULUM_LENGTH * 9.81 * np.sin(angle[0]) - 0.30 * instant.normal_load[0]
@@ -216,16 +216,16 @@ def test_two_pendulums_that_change_together_are_two_single_ones():
     motion = absolute.simulate(
         mechanism, [0.524] * 2, [1.0] * 2, lambda t: np.tile(case.effort(t), 2), 1.3
     )
-    for joint in ("pin", "twin_pin"):
+    for joint in ("joint_1", "twin_pin"):
         np.testing.assert_allclose(
-            motion.stick_intervals(joint), single.stick_intervals("pin"), atol=1e-11
+            motion.stick_intervals(joint), single.stick_intervals("joint_1"), atol=1e-11
         )
 
 
 def test_pendulum_without_any_load_stays_at_rest():
     mechanism = replace(absolute.pendulum().mechanism, gravity=(0.0, 0.0, 0.0))
     motion = absolute.simulate(mechanism, [0.3], [0.0], lambda _: [0.0], 0.5, sample_step=0.1)
-    assert motion.stick_intervals("pin") == [(0.0, 0.5)]
+    assert motion.stick_intervals("joint_1") == [(0.0, 0.5)]
     np.testing.assert_array_equal(motion.angle, 0.3)
 
 
