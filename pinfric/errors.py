@@ -6,7 +6,6 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
-
 #: Longer lists are cut: a message should be read.
 _MOST_NAMES = 40
 
@@ -40,6 +39,43 @@ class RollMomentError(PinfricError):
             f"friction.{site}.bearing: sample {sample} loads this guide with a moment of "
             f"{moment:.6g} N m about its axis, and a guide without width has no lever to resist "
             f"it; give `width` (m, between the two rails or keys)"
+        )
+
+
+class ClosureError(PinfricError):
+    """A loop cannot close from where it was asked to.
+
+    Attributes:
+        loop: its name.
+        sample: which of the configurations.
+        residual: m, how far apart its frames stay (rotations times the mechanism's size).
+    """
+
+    def __init__(self, loop: str, sample: int, residual: float, reason: str = "") -> None:
+        self.loop, self.sample, self.residual = loop, sample, residual
+        super().__init__(
+            f"loop {loop!r}, sample {sample}: {reason}"
+            if reason
+            else f"loop {loop!r} cannot close at sample {sample}: its frames stay {residual:.3g} m "
+            "apart (rotations times the mechanism's size); start nearer, or hold other joints"
+        )
+
+
+class LoopMotionError(StateError):
+    """A motion that a loop does not allow.
+
+    Attributes:
+        loop: its name.
+        sample: the first such sample.
+        amount: by how much (`unit`).
+    """
+
+    def __init__(self, loop: str, sample: int, what: str, amount: float, unit: str) -> None:
+        self.loop, self.sample, self.amount, self.unit = loop, sample, amount, unit
+        super().__init__(
+            f"loop {loop!r} {what} at sample {sample}, by {amount:.3g} {unit}; give independent "
+            "joints only and let the others follow (a trajectory file with their columns, "
+            "`scene.close`, `consistent_motion`)"
         )
 
 
@@ -90,6 +126,22 @@ class SimulationError(PinfricError):
 
     def __init__(self, message: str, motion: Any = None) -> None:
         self.motion = motion
+        super().__init__(message)
+
+
+class CatalogError(PinfricError):
+    """A catalogue of motors and gears cannot be read, or holds figures that cannot be."""
+
+
+class SizingError(PinfricError):
+    """Drives cannot be sized: nothing to choose from, or no candidate that fits.
+
+    Attributes:
+        report: what was found until then, or None.
+    """
+
+    def __init__(self, message: str, report: Any = None) -> None:
+        self.report = report
         super().__init__(message)
 
 

@@ -1,7 +1,8 @@
 """The solver's judge: equilibrium and friction laws recomputed in another way, sample by sample.
 
 Nothing here calls the twin or a compiled kernel: wrenches come from `data.f` of Pinocchio's RNEA
-with external forces, loads and friction from the formulas written out in NumPy.
+with external forces, loads and friction from the formulas written out in NumPy. Scenes with loops,
+cylinders or forces are judged in `coupled_check`.
 """
 
 from __future__ import annotations
@@ -45,18 +46,23 @@ class Check:
 
 def check(result: InverseResult) -> Check:
     """Recompute the residuals of a result (see `Check`)."""
+    from pinfric.dynamics.coupled_check import coupled_residuals  # it needs this file
+
     states, scene = result.states, result.scene
     worst = np.zeros(3)
     worst_sample = 0
-    scale = max(float(np.abs(result.effort_lower).max(initial=0)),
-                float(np.abs(result.effort_upper).max(initial=0)),
-                float(np.abs(result.effort_frictionless).max(initial=0)))  # fmt: skip
+    every = (result.effort_lower, result.effort_upper, result.effort_frictionless)
+    scale = max(float(np.abs(np.nan_to_num(efforts)).max(initial=0)) for efforts in every)
     for start, stop, carried in states.phases(scene):
         model = scene.loaded_model(carried)
         data = model.createData()
         for i in range(start, stop):
             total, wrenches = _plain_rnea(model, data, result, i)
-            residuals = _residuals(result, i, total, wrenches)
+            if scene.linkage is None:
+                residuals = _residuals(result, i, total, wrenches)
+            else:
+                residuals, largest = coupled_residuals(result, model, data, i)
+                scale = max(scale, largest)
             if residuals[0] > worst[0]:
                 worst_sample = i
             worst = np.maximum(worst, residuals)
@@ -160,7 +166,13 @@ def _linear(
     return float(sum(terms) + b.preload)
 
 
-_LOADS = {"pin": _pin, "guide": _guide, "linear": _linear}
+def _ball(
+    b: Bearing, k: np.ndarray, F_r: np.ndarray, F_a: float, _: np.ndarray, __: float
+) -> float:
+    return float((b.radius or 0) * (np.linalg.norm(F_r + F_a * k) + b.preload))
+
+
+_LOADS = {"pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball}
 
 
 def plain_friction(

@@ -27,12 +27,12 @@ from pinfric.dynamics.reactions import (
     threads_for,
 )
 from pinfric.dynamics.result import InverseResult
-from pinfric.dynamics.states import MotionLike, States
+from pinfric.dynamics.states import MotionLike, States, attached_columns
 from pinfric.errors import RollMomentError, StateError
-from pinfric.model.bearings import normal_loads
+from pinfric.model.bearings import FOLLOWS_PARENT, normal_loads
 from pinfric.model.compiled import kernel
 from pinfric.model.drives import motor_torque_bounds
-from pinfric.model.laws import friction_bounds
+from pinfric.model.laws import STICK_VELOCITY, friction_bounds
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
 
@@ -78,16 +78,20 @@ def inverse_dynamics(
         attached: (T, np) which payloads are carried; columns as `scene.payloads`.
         threads: of Pinocchio; None chooses by the number of samples.
         chunks: return an iterator of results of this many samples each, for motions whose result
-            would not fit in memory.
+            would not fit in memory; a time at rest that goes on into the next result is a stick
+            interval of both.
 
     Raises:
         StateError: a wrong shape, a value not finite, times not increasing.
         RollMomentError: a guide without width is loaded by a moment about its axis.
+        LoopMotionError: a loop is open, or the motion violates it.
     """
     if not isinstance(q, np.ndarray) and hasattr(q, "q"):
+        if not (v is None and a is None and t is None):
+            raise StateError("inverse_dynamics: a motion brings its own v, a and t; leave them out")
         motion = q
         q, v, a, t = motion.q, motion.v, motion.a, motion.t
-        attached = getattr(motion, "attached", None) if attached is None else attached
+        attached = attached_columns(scene, motion) if attached is None else attached
     if v is None or a is None:
         raise StateError("inverse_dynamics needs q, v and a, or one motion that has all of them")
     states = States.of(scene, q, v, a, t, attached)
@@ -104,17 +108,21 @@ def _solve(
     scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
 ) -> InverseResult:
     """Solve the samples of one slice; the samples beside it only tell reversals."""
+    if scene.linkage is not None:
+        from pinfric.dynamics.coupled_inverse import solve_coupled  # it needs this file
+
+        return solve_coupled(scene, states, applied, whole, threads)
     T, ns, nv = whole.stop - whole.start, len(scene.sites), scene.model.nv
     sites, threads = scene.site_tables, threads_for(T, threads)
     velocity, reversal = _velocities(
-        sites.velocity_index, sites.ratio, sites.law[:, 9], states.v, whole
+        sites.velocity_index, sites.ratio, sites.law[:, STICK_VELOCITY], states.v, whole
     )
     reacting = _needs_wrenches(scene, applied)
     shapes = [(T, nv)] * 3 + [(T, ns)] * 3 + [(T, ns, 6 if reacting else 0)]
     lower, upper, frictionless, load, friction_lower, friction_upper, wrench = _arrays(shapes)
     sticking = np.empty((T, ns), dtype=bool)
     batch = Batch.of(scene.twin(), min(T, CHUNK * threads))
-    for part, twin in _parts(scene, states, whole, CHUNK * threads):
+    for part, twin in constant_payloads(scene, states, whole, CHUNK * threads):
         here = slice(part.start - whole.start, part.stop - whole.start)
         qva = states.q[part], states.v[part], states.a[part]
         if not reacting:
@@ -129,16 +137,18 @@ def _solve(
             generalized_effort(twin, now.wrench, qva[2], frictionless[here])
             if ns != twin.n_joints:
                 wrench[here] = now.wrench[:, sites.joint]
-            displacement = _displacement(twin, sites.joint, qva[0], sites.weights)
+            moves = sites.weights[:, FOLLOWS_PARENT].any()
+            displacement = displacements(twin, sites.joint, qva[0]) if moves else np.empty((0, 0))
             normal_loads(
                 now.wrench, sites.joint, sites.axis, sites.weights, displacement, load[here]
             )
         friction_bounds(velocity[here], load[here], sites.law, reversal[here],
                         friction_lower[here], friction_upper[here], sticking[here])  # fmt: skip
     if reacting:
-        _check_roll_moments(scene, wrench, whole.start)
+        check_roll_moments(scene, wrench, whole.start)
     effort_bounds(frictionless, friction_lower, friction_upper, sites.velocity_index, sites.ratio,
                   lower, upper)  # fmt: skip
+    _check_finite(scene, lower + upper, whole.start)
     motor_lower, motor_upper = _motor_torques(scene, states, whole, lower, upper)
     return InverseResult(
         scene=scene,
@@ -161,7 +171,9 @@ def _solve(
     )
 
 
-def _parts(scene: Scene, states: States, whole: slice, size: int) -> Iterator[tuple[slice, Twin]]:
+def constant_payloads(
+    scene: Scene, states: States, whole: slice, size: int
+) -> Iterator[tuple[slice, Twin]]:
     """Cut `whole` into batches of constant payload, with the twin that carries it."""
     for start, stop, carried in states.phases(scene):
         for part in slices(max(start, whole.start), min(stop, whole.stop), size):
@@ -281,10 +293,8 @@ def _plain(
     pin.rneaInParallel(threads, twin.plain_pool(threads), q.T, v.T, a.T, effort.T)
 
 
-def _displacement(twin: Twin, joint: np.ndarray, q: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(n, ns) positions along the axes; empty where no bearing is fixed to its parent."""
-    if not weights[:, 8].any():
-        return np.empty((0, 0))
+def displacements(twin: Twin, joint: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return positions (n, len(joint)) along the joints' axes (rad or m)."""
     return twin.ratio[joint] * q[:, twin.q_index[joint]] + twin.shift[joint]
 
 
@@ -296,7 +306,17 @@ def _drive_stick_velocity(scene: Scene, velocity_index: int) -> float:
     return scene.stick_velocity
 
 
-def _check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
+def _check_finite(scene: Scene, efforts: np.ndarray, first: int) -> None:
+    """Refuse a result that overflowed: a number that is none must not reach a table."""
+    if not np.isfinite(efforts).all():
+        sample, drive = np.argwhere(~np.isfinite(efforts))[0]
+        raise StateError(
+            f"the effort of {scene.actuator_names[drive]} at sample {first + sample} is beyond "
+            "what numbers can hold: a state, a load or a coefficient of friction is too large"
+        )
+
+
+def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
     """Refuse a moment about a guide's axis that nothing resists (beyond rounding)."""
     for s, site in enumerate(scene.sites):
         bearing = site.friction.bearing

@@ -133,9 +133,6 @@ def applied_wrenches(
     """
     applied = []
     for name, given in (external or {}).items():
-        if not scene.model.existFrame(name):
-            frames = [frame.name for frame in scene.model.frames]
-            raise SceneError(f"external: there is no frame {name!r}; {choose_from(name, frames)}")
         wrench = np.asarray(given, dtype=float)
         if wrench.shape not in ((6,), (samples, 6)):
             raise StateError(
@@ -144,11 +141,24 @@ def applied_wrenches(
             )
         if not np.isfinite(wrench).all():
             raise StateError(f"external[{name!r}]: holds NaN or Inf")
-        frame = scene.model.frames[scene.model.getFrameId(name)]
+        frame = _frame(scene, name)
         in_joint = wrench @ frame.placement.toDualActionMatrix().T
         in_joint = np.ascontiguousarray(np.broadcast_to(in_joint, (samples, 6)))
         applied.append(AppliedWrench(frame.parentJoint - 1, in_joint))
     return applied
+
+
+def _frame(scene: Scene, name: str) -> pin.Frame:
+    """The frame of that name: a link's before others, for URDFs give joints the same names."""
+    model = scene.model
+    found = [frame for frame in model.frames if frame.name == name]
+    bodies = [frame for frame in found if frame.type == pin.FrameType.BODY]
+    if bodies or found:
+        return (bodies or found)[0]
+    if model.existJointName(name):  # a model made in Python need not have frames
+        return pin.Frame(name, model.getJointId(name), pin.SE3.Identity(), pin.FrameType.JOINT)
+    names = [frame.name for frame in model.frames] + list(model.names)[1:]
+    raise SceneError(f"external: there is no frame {name!r}; {choose_from(name, names)}")
 
 
 def threads_for(samples: int, threads: int | None) -> int:

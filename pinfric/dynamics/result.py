@@ -23,6 +23,33 @@ class Status(IntEnum):
     """How the solution of one sample ended."""
 
     CONVERGED = 0
+    #: No friction obeys the laws in this motion (moving), or friction holds against any effort (at
+    #: rest): efforts are NaN.
+    JAMMED = 1
+    #: Several do: `solutions(sample)` returns them, the interval of the efforts encloses them.
+    AMBIGUOUS = 2
+    #: There is a solution, and rounding keeps the solver from it: efforts are NaN.
+    NOT_CONVERGED = 3
+    #: The drives cannot balance the load here, or the closure changes its rank: a toggle, NaN.
+    SINGULAR = 4
+
+
+@dataclass(frozen=True)
+class Solution:
+    """One state of friction, efforts and reactions that obeys the laws at one sample.
+
+    Attributes:
+        effort: (na,). friction: (ns,), a ball's along its direction of slip.
+        friction_coordinates: (nf,) the same, a ball's as three components in frame b.
+        normal_load: (ns,). wrench: (ns, 6). multipliers: (number of loops, 6).
+    """
+
+    effort: np.ndarray
+    friction: np.ndarray
+    friction_coordinates: np.ndarray
+    normal_load: np.ndarray
+    wrench: np.ndarray
+    multipliers: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -63,6 +90,16 @@ class InverseResult:
         iterations: (T,) passes of the coupled solve; 0 in an open chain with joint drives.
         contraction: (T,) its certificate: below 1 the solution is unique; 0 without coupling.
         status: (T,) `Status`.
+        multipliers: (T, number of loops, 6) force and moment of side a on side b of each loop, in
+            frame b, friction and drives at the loop's joint left out; None without loops.
+        interval_exact: (T,) the ends are certain; False where more sites stick than are enumerated
+            (a search by single flips), a coupled ball sticks, or a sample has several solutions.
+        redundant: the loops close more directions than are independent: reactions are those of
+            least sum of |F|^2 + |M/l|^2 over all joints (design 2.2).
+        actuator_velocity: (T, na) rate of what each drive moves (rad/s or m/s).
+
+    With loops, cylinders or forces, wrenches, multipliers and loads depend on the friction: where
+    something sticks they are those of the state in which what sticks has none.
     """
 
     scene: Scene
@@ -82,6 +119,42 @@ class InverseResult:
     iterations: np.ndarray
     contraction: np.ndarray
     status: np.ndarray
+    multipliers: np.ndarray | None = None
+    interval_exact: np.ndarray = None  # type: ignore[assignment]  # filled below
+    redundant: bool = False
+    actuator_velocity: np.ndarray = None  # type: ignore[assignment]  # filled below
+
+    def __post_init__(self) -> None:
+        # an open chain with joint drives: its intervals are the paper's, its drives the joints
+        if self.interval_exact is None:
+            object.__setattr__(self, "interval_exact", np.ones(len(self.status), dtype=bool))
+        if self.actuator_velocity is None:
+            object.__setattr__(self, "actuator_velocity", self.states.v)
+
+    @property
+    def critical_mu(self) -> np.ndarray:
+        """(T,) common factor on all coefficients at which `contraction` reaches 1, or inf.
+
+        Below it the solution exists and is the only one. Exact for a single guide that jams,
+        conservative for several bearings (by 14 to 29 % on a four-bar): a bound.
+        """
+        with np.errstate(divide="ignore"):
+            return np.asarray(1.0 / self.contraction)
+
+    def solutions(self, sample: int) -> tuple[Solution, ...]:
+        """Return the states of friction that obey the laws at one sample.
+
+        Where everything slides: all that a wide search finds, none if it jams. Where something
+        sticks or reverses: those in which the ends of the efforts are attained.
+
+        Raises:
+            StateError: there is no such sample.
+        """
+        from pinfric.dynamics.solutions import solutions
+
+        if not 0 <= sample < len(self.status):
+            raise StateError(f"there is no sample {sample}; there are {len(self.status)}")
+        return solutions(self, sample)
 
     @property
     def t(self) -> np.ndarray | None:

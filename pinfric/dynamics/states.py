@@ -100,6 +100,27 @@ class States:
             yield start, stop, tuple(carried)
 
 
+def attached_columns(scene: Scene, motion: Any) -> np.ndarray | None:
+    """Return a motion's payload phases with the columns of `scene.payloads`, or None.
+
+    Raises:
+        StateError: the motion was made for other joints or other payloads.
+    """
+    movable = [n for n, nv in zip(scene.joint_names, tuple(scene.model.nvs)[1:], strict=True) if nv]
+    made_for = getattr(motion, "joint_names", None)
+    if made_for is not None and list(made_for) != movable:
+        raise StateError(f"the motion is of the joints {list(made_for)}, the scene has {movable}")
+    attached = getattr(motion, "attached", None)
+    names = getattr(motion, "payload_names", None)
+    if attached is None or names is None or tuple(names) == tuple(scene.payloads):
+        return attached
+    if set(names) != set(scene.payloads):
+        raise StateError(
+            f"the motion carries the payloads {list(names)}, the scene has {list(scene.payloads)}"
+        )
+    return np.asarray(attached)[:, [tuple(names).index(name) for name in scene.payloads]]
+
+
 def _samples(name: str, given: Any, width: int) -> np.ndarray:
     try:
         array = np.ascontiguousarray(np.atleast_2d(np.asarray(given, dtype=float)))

@@ -19,6 +19,9 @@ import numpy as np
 from pinfric.model.compiled import kernel
 from pinfric.model.schema import Bearing
 
+#: Columns of `weight_table`: the bearing's middle, and whether it follows the parent.
+OFFSET, FOLLOWS_PARENT = 7, 8
+
 
 @dataclass(frozen=True)
 class LoadWeights:
@@ -112,9 +115,9 @@ def normal_loads(
             kx, ky, kz = axis[s, 0], axis[s, 1], axis[s, 2]
             fa = w[0] * kx + w[1] * ky + w[2] * kz
             fx, fy, fz = w[0] - fa * kx, w[1] - fa * ky, w[2] - fa * kz
-            middle = weights[s, 7]
-            if weights[s, 8] != 0.0:
-                middle -= weights[s, 8] * displacement[i, s]
+            middle = weights[s, OFFSET]
+            if weights[s, FOLLOWS_PARENT] != 0.0:
+                middle -= weights[s, FOLLOWS_PARENT] * displacement[i, s]
             # M about the middle: M - middle k x F; k x F has no part along k
             mx = w[3] - middle * (ky * fz - kz * fy)
             my = w[4] - middle * (kz * fx - kx * fz)

@@ -6,7 +6,7 @@ motor's torque times r is (design 2.3)
 
     moving forward    upper(t) = max(t/eta, eta_b t) + n|r|
     moving backward   lower(t) = min(t/eta, eta_b t) - n|r|
-    at standstill     anything in [lower(least effort), upper(greatest effort)]
+    at standstill     anything from the least lower(t) to the greatest upper(t) over the efforts t
 
 plus r^2 viscous v and r^2 J_rotor a, which do not pass through the loss. eta_b <= 0 is a
 self-locking gear: the load alone never moves it, so the motor must push to lower it.
@@ -60,16 +60,21 @@ def motor_torque_bounds(
     eta_back = 1.0 if transmission.back_efficiency is None else transmission.back_efficiency
     r = transmission.ratio
     no_load = transmission.no_load_torque * abs(r)
-    forward = np.maximum(effort_upper / eta, eta_back * effort_upper) + no_load
-    backward = np.minimum(effort_lower / eta, eta_back * effort_lower) - no_load
+    ends = np.stack([effort_lower, effort_upper])
+    # upper is convex in t and lower concave, and neither is monotone in a self-locking gear:
+    # the outer ends lie at an end of the effort's interval, the inner ones where it is nearest to 0
+    inner = np.clip(0.0, effort_lower, effort_upper)
+    forward = np.maximum(ends / eta, eta_back * ends).max(axis=0) + no_load
+    backward = np.minimum(ends / eta, eta_back * ends).min(axis=0) - no_load
+    forward_inner = np.maximum(ends / eta, eta_back * ends).min(axis=0)
+    backward_inner = np.minimum(ends / eta, eta_back * ends).max(axis=0)
+    forward_least = np.minimum(forward_inner, np.maximum(inner / eta, eta_back * inner)) + no_load
+    backward_most = np.maximum(backward_inner, np.minimum(inner / eta, eta_back * inner)) - no_load
     still = at_rest | (np.abs(velocity) <= stick_velocity)
-    # a sliding joint's effort can be an interval too, where another site on its drive sticks
-    forward_least = np.maximum(effort_lower / eta, eta_back * effort_lower) + no_load
-    backward_most = np.minimum(effort_upper / eta, eta_back * effort_upper) - no_load
     least = np.where(still | (velocity < 0), backward, forward_least)
     greatest = np.where(still | (velocity > 0), forward, backward_most)
     motor_side = r * (
         transmission.motor_viscous * velocity + transmission.rotor_inertia * acceleration
     )
-    ends = least / r + motor_side, greatest / r + motor_side
-    return np.minimum(*ends), np.maximum(*ends)
+    torques = least / r + motor_side, greatest / r + motor_side
+    return np.minimum(*torques), np.maximum(*torques)

@@ -17,6 +17,9 @@ import numpy as np
 from pinfric.model.compiled import kernel
 from pinfric.model.schema import Coefficients, Friction
 
+#: Column of `law_table` that others read.
+STICK_VELOCITY = 9
+
 
 @dataclass(frozen=True)
 class FrictionLaw:
@@ -97,7 +100,7 @@ def friction_bounds(
     for i in range(velocity.shape[0]):
         for s in range(law.shape[0]):
             v, c, speed = velocity[i, s], load[i, s], abs(velocity[i, s])
-            sticks = speed <= law[s, 9]
+            sticks = speed <= law[s, STICK_VELOCITY]
             sticking[i, s] = sticks
             limit_forward = law[s, 0] * c + law[s, 2]
             limit_backward = law[s, 0] * c + law[s, 4]

@@ -14,8 +14,10 @@ import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
 from pinfric.model.bearings import LoadWeights, load_weights, weight_table
+from pinfric.model.closure import check_drives, close, velocity_indices
 from pinfric.model.drives import Drive
 from pinfric.model.laws import FrictionLaw, friction_law, law_table
+from pinfric.model.loops import Linkage, make_linkage
 from pinfric.model.robot import (
     Robot,
     link_frame,
@@ -27,7 +29,9 @@ from pinfric.model.robot import (
 from pinfric.model.schema import (
     Actuator,
     Coefficients,
+    DirectedCoefficients,
     Friction,
+    Loop,
     Payload,
     SceneFile,
     Simulation,
@@ -42,16 +46,19 @@ _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 @dataclass(frozen=True)
 class Site:
-    """A place with friction: a one-degree joint.
+    """A place with friction: a one-degree joint, or the joint that closes a loop.
 
     Attributes:
-        name: the joint's name.
-        joint: its row in the twin.
+        name: the joint's or loop's name.
+        joint: its row in the twin; the loops' joints follow those of the tree.
         sliding: True for a prismatic joint (friction in N), False for a turning one (N m).
-        velocity_index, ratio: its velocity is ratio * v[velocity_index] (ratio 1 but for mimics).
-        axis: (3,) unit joint axis in the child's frame.
+        velocity_index, ratio: its velocity is ratio * v[velocity_index] (ratio 1 but for mimics);
+            -1 for a loop's joint.
+        axis: (3,) unit joint axis in the child's frame (a loop: in frame b).
         weights, law: how load and friction follow from the wrench and the velocity.
         friction: the scene's entry.
+        loop: row of the loop, -1 for a joint of the tree.
+        ball: True for a spherical loop joint, whose friction opposes a relative angular velocity.
     """
 
     name: str
@@ -63,6 +70,8 @@ class Site:
     weights: LoadWeights
     law: FrictionLaw
     friction: Friction
+    loop: int = -1
+    ball: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,6 +99,9 @@ class Scene:
         robot: the URDF it came from, for meshes; None for a model made in Python.
         simulation: what `pinfric simulate` runs.
         source: the file's name, for messages.
+        loops: joints that close loops, as `Loop` or as the mappings a scene file holds.
+        redundancy_length: l of design 2.2 (m): where reactions are not unique, the sum over all
+            joints of |F|^2 + |M/l|^2 is least.
 
     Raises:
         SceneError: an entry that cannot be, or that names a joint or link that is not there.
@@ -103,6 +115,8 @@ class Scene:
     robot: Robot | None = None
     simulation: Simulation | None = None
     source: str = "scene"
+    loops: Sequence[Loop] = ()
+    redundancy_length: float = 0.1
 
     def __post_init__(self) -> None:
         def entries(kind: type[Any], section: str, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -117,8 +131,16 @@ class Scene:
             where = f"{self.source}: actuators"
             listed = [parse(Actuator, a, f"{where}[{i}]") for i, a in enumerate(self.actuators)]
             set_(self, "actuators", tuple(listed))
+        listed_loops = enumerate(self.loops)
+        where = f"{self.source}: loops"
+        set_(self, "loops", tuple(parse(Loop, x, f"{where}[{i}]") for i, x in listed_loops))
+        self._check_bodies()
         self._check_payloads()
-        _ = self.sites, self.drives, self.twin()  # what cannot be is said now, not at first use
+        # what cannot be is said now, not at first use
+        _ = self.linkage, self.sites, self.drives, self.twin()
+        if self.linkage is not None:
+            columns = [(d.name, d.velocity_index, getattr(d, "column", -1)) for d in self.drives]
+            check_drives(self.twin(), self.linkage, columns, self.start_configuration, self.source)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -127,27 +149,74 @@ class Scene:
 
     @property
     def site_names(self) -> tuple[str, ...]:
-        """Names of the places with friction, in the model's order."""
+        """Names of the places with friction, in the model's order, then the loops'."""
         return tuple(site.name for site in self.sites)
 
     @property
     def actuator_names(self) -> tuple[str, ...]:
-        """Names of the drives, in the model's order: the columns of every effort."""
+        """Names of the drives: the columns of every effort."""
         return tuple(drive.name for drive in self.drives)
 
     @cached_property
     def sites(self) -> tuple[Site, ...]:
-        """The places with friction, in the model's order."""
+        """The places with friction, in the model's order, then the loops'."""
         twin, names = self.twin(), self.joint_names
+        loops = tuple(loop.name for loop in self.loops)
         for name in self.friction:
-            if name not in names:
+            if name not in names + loops:
                 raise SceneError(
                     f"{self.source}: friction: there is no joint {name!r}; "
-                    f"{choose_from(name, names)}"
+                    f"{choose_from(name, names + loops)}"
                 )
-        return tuple(
-            self._site(name, row, twin) for row, name in enumerate(names) if name in self.friction
-        )
+        return (
+            *(self._site(name, row, twin) for row, name in enumerate(names)
+              if name in self.friction),
+            *(self._loop_site(row, loop) for row, loop in enumerate(self.loops)
+              if loop.name in self.friction),
+        )  # fmt: skip
+
+    @cached_property
+    def linkage(self) -> Linkage | None:
+        """Loops and drives off the joints as arrays; None for an open chain with joint drives."""
+        actuators = self.actuators or ()
+        if not self.loops and all(a.joint is not None for a in actuators):
+            return None
+        return make_linkage(self.model, self.loops, actuators, self.friction, self.source)
+
+    @cached_property
+    def start_configuration(self) -> np.ndarray:
+        """(nq,) near which the loops close: `simulation.start.q`, else Pinocchio's neutral one."""
+        q = np.array(pin.neutral(self.model))
+        for name, position in (self.simulation.start.q if self.simulation else {}).items():
+            if name in self.joint_names:
+                joint = self.model.joints[self.model.getJointId(name)]
+                if joint.nq == 1:
+                    q[joint.idx_q] = position
+                elif joint.nv == 1:  # continuous: cos, sin
+                    q[joint.idx_q : joint.idx_q + 2] = np.cos(position), np.sin(position)
+        return q
+
+    def close(self, q_guess: Any, independent: Sequence[str] | None = None) -> np.ndarray:
+        """Return the configuration near a guess in which every loop is closed.
+
+        Newton's method on Phi(q) = 0 (paper eq. 2), with the smallest steps that close.
+
+        Args:
+            q_guess: (nq,) rad, m.
+            independent: names of joints that stay where the guess has them; None lets all move.
+
+        Raises:
+            SceneError: a joint that is not there.
+            ClosureError: it cannot close; says how far apart the frames stay.
+        """
+        held = np.zeros(self.model.nv, dtype=bool)
+        where = f"{self.source}: close: independent"
+        held[velocity_indices(self.model, independent or (), where)] = True
+        q = np.array(q_guess, dtype=float)
+        if q.shape != (self.model.nq,):
+            raise SceneError(f"{self.source}: close: q_guess has shape {q.shape}; should be "
+                             f"({self.model.nq},)")  # fmt: skip
+        return q if self.linkage is None else close(self.twin(), self.linkage, q, held)
 
     @cached_property
     def site_tables(self) -> SiteTables:
@@ -164,10 +233,16 @@ class Scene:
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """The drives, one per degree of freedom, in the order of the model's velocities."""
+        """The drives, one per degree of freedom.
+
+        In the order of the model's velocities; as they are listed where loops or drives off the
+        joints leave no such order.
+        """
         every = [drive for joint in range(1, self.model.njoints) for drive in self._ideal(joint)]
         if self.actuators is None:
             return tuple(every)
+        if self.linkage is not None:
+            return self._listed_drives(self.actuators, self.linkage)
         chosen: dict[str, Drive] = {}
         for actuator in self.actuators:
             drive = self._drive(actuator)
@@ -181,6 +256,17 @@ class Scene:
                 f"undriven: {', '.join(undriven)}; name a drive for each, or lock the joint"
             )
         return tuple(chosen[drive.name] for drive in every)
+
+    def _listed_drives(self, actuators: Sequence[Actuator], linkage: Linkage) -> tuple[Drive, ...]:
+        off_joint = {drive.name: drive for drive in linkage.drives}
+        listed: dict[str, Drive] = {}
+        for actuator in actuators:
+            given = actuator.cylinder or actuator.force
+            name = actuator.joint or (given.name if given else "")
+            if name in listed:
+                raise SceneError(f"{self.source}: actuators: {name!r} stands twice")
+            listed[name] = off_joint.get(name) or self._drive(actuator)
+        return tuple(listed.values())
 
     def loaded_model(self, attached: Iterable[str] | None = None) -> pin.Model:
         """Return the model with the named payloads; None takes those attached by default."""
@@ -209,8 +295,16 @@ class Scene:
         return self._variants[names]
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = {"_variants", "sites", "site_tables", "drives"}
+        derived = {"_variants", "sites", "site_tables", "drives", "linkage"}
         return {key: value for key, value in self.__dict__.items() if key not in derived}
+
+    def _check_bodies(self) -> None:
+        """Links are merged by fixed joints: of the sums only the mass is asked."""
+        for name, inertia in zip(self.joint_names, tuple(self.model.inertias)[1:], strict=True):
+            if not inertia.mass >= 0:
+                raise SceneError(
+                    f"{self.source}: joint {name!r} moves a mass of {inertia.mass:g} kg"
+                )
 
     def _check_payloads(self) -> None:
         for name, payload in self.payloads.items():
@@ -246,6 +340,36 @@ class Scene:
             friction=friction,
         )
 
+    def _loop_site(self, row: int, loop: Loop) -> Site:
+        friction, where = self.friction[loop.name], f"{self.source}: friction.{loop.name}"
+        bearing = friction.bearing
+        fitting = {"spherical": ("ball",), "revolute": ("pin", "linear"),
+                   "planar_pin": ("pin", "linear")}.get(loop.kind)  # fmt: skip
+        if fitting is None:
+            raise SceneError(f"{where}: a {loop.kind} loop does not move: it has no friction")
+        if bearing is not None and bearing.kind not in fitting:
+            raise SceneError(f"{where}.bearing: a {bearing.kind} does not fit a {loop.kind} loop; "
+                             f"take {' or '.join(fitting)}")  # fmt: skip
+        if loop.kind == "planar_pin" and bearing is not None and bearing.length is not None:
+            raise SceneError(f"{where}.bearing.length: a planar_pin carries no moment that a "
+                             "length would matter for; leave it out")  # fmt: skip
+        if loop.kind == "spherical" and isinstance(friction.coulomb, DirectedCoefficients):
+            raise SceneError(f"{where}.coulomb: a ball has no positive and negative direction")
+        axis = np.array(loop.axis, dtype=float)
+        return Site(
+            name=loop.name,
+            joint=self.model.njoints - 1 + row,
+            sliding=False,
+            velocity_index=-1,
+            ratio=1.0,
+            axis=axis / np.linalg.norm(axis),
+            weights=load_weights(bearing),
+            law=friction_law(friction, self.stick_velocity),
+            friction=friction,
+            loop=row,
+            ball=loop.kind == "spherical",
+        )
+
     @staticmethod
     def _check_bearing(friction: Friction, sliding: bool, where: str) -> None:
         bearing = friction.bearing
@@ -276,10 +400,8 @@ class Scene:
         return [Drive(f"{name}.{_COMPONENT_NAMES[c]}", first + n) for n, c in enumerate(parts)]
 
     def _drive(self, actuator: Actuator) -> Drive:
-        if actuator.joint is None:
-            kind = "cylinder" if actuator.cylinder is not None else "force"
-            raise SceneError(f"{self.source}: actuators: `{kind}` is not supported yet")
         name = actuator.joint
+        assert name is not None  # those off the joints are in the linkage
         driven = [d for joint in range(1, self.model.njoints) for d in self._ideal(joint)]
         for drive in driven:
             if drive.name == name:
@@ -305,8 +427,6 @@ def load_scene(path: str | Path) -> Scene:
     """
     file = find_file(path, (".yaml", ".yml"), SceneError)
     entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError), str(file))
-    if entries.loops:
-        raise SceneError(f"{file}: loops: closed loops are not supported yet")
     robot = _read(entries, file)
     robot.model.gravity.linear = np.array(entries.robot.gravity)
     return Scene(
@@ -318,6 +438,8 @@ def load_scene(path: str | Path) -> Scene:
         robot=robot,
         simulation=entries.simulation,
         source=str(file),
+        loops=entries.loops,
+        redundancy_length=entries.redundancy.length,
     )
 
 
@@ -330,11 +452,15 @@ def bundled_folder() -> Path:
 def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
     """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
     path = Path(path)
-    if path.exists() and not path.is_dir():  # also a pipe: <(...)
-        return path
+    try:
+        if path.exists() and not path.is_dir():  # also a pipe: <(...)
+            return path
+    except (OSError, ValueError) as problem:  # a name too long, or with a NUL
+        raise error(f"{str(path)[:80]!r}: cannot be a file: {problem.args[-1]}") from None
     folder = bundled_folder()
+    bundled = path.parent in (Path("."), Path("robots"))  # a path to elsewhere means just that
     for candidate in (path.name, *(path.name + suffix for suffix in suffixes)):
-        if (folder / candidate).is_file():
+        if bundled and (folder / candidate).is_file():
             return folder / candidate
     there = sorted(p.name for p in folder.iterdir() if p.name[p.name.find(".") :] in suffixes)
     raise error(f"there is no file {path}, and no bundled one of that name; "

@@ -21,12 +21,13 @@ from pydantic import (
 )
 
 from pinfric.errors import PinfricWarning, SceneError, choose_from
+from pinfric.model.yamlfile import brief
 
 
 def _strict_number(value: Any) -> Any:
     """Refuse what pydantic would silently turn into a number: `true` and quoted digits."""
     if isinstance(value, bool | str):
-        raise ValueError(f"should be a number, found {value!r}")
+        raise ValueError(f"should be a number, found {brief(value)}")
     return value
 
 
@@ -193,13 +194,61 @@ class Transmission(Entry):
         return self
 
 
+class LinkPoint(Entry):
+    """A point of a link, in the link's frame (m)."""
+
+    link: str
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+
+
+class Cylinder(Entry):
+    """A drive along the line between two points of two links; a positive effort lengthens it."""
+
+    name: str
+    a: LinkPoint
+    b: LinkPoint
+
+
+class PointForce(Entry):
+    """A drive that pushes a point of a link and reacts on the world; all in the link's frame."""
+
+    name: str
+    link: str
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    direction: Vector3
+
+
+class LinkFrame(Entry):
+    """A frame on a link, in the link's frame (m, rad)."""
+
+    link: str
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Vector3 = (0.0, 0.0, 0.0)
+
+
+class Loop(Entry):
+    """A joint that closes a loop: frame a on one link and frame b on another coincide."""
+
+    name: str
+    kind: Literal["spherical", "revolute", "fixed", "planar_pin"]
+    axis: Vector3 = (0.0, 0.0, 1.0)
+    a: LinkFrame
+    b: LinkFrame
+
+
+class Redundancy(Entry):
+    """The length l (m) that weighs moments against forces where reactions are not unique."""
+
+    length: Positive = 0.1
+
+
 class Actuator(Entry):
-    """One drive: on a joint, or (from later issues on) a cylinder or a force."""
+    """One drive: on a joint (of the robot or of a loop), a cylinder, or a force at a point."""
 
     joint: str | None = None
     transmission: Transmission | None = None
-    cylinder: dict[str, Any] | None = None
-    force: dict[str, Any] | None = None
+    cylinder: Cylinder | None = None
+    force: PointForce | None = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> Actuator:
@@ -256,7 +305,8 @@ class SceneFile(Entry):
     pinfric: Annotated[Literal[1], BeforeValidator(_strict_number)]
     robot: RobotEntry
     friction: dict[str, Friction] = {}
-    loops: list[dict[str, Any]] = []
+    loops: list[Loop] = []
+    redundancy: Redundancy = Redundancy()
     actuators: list[Actuator] | None = None
     stick: Stick = Stick()
     simulation: Simulation | None = None
@@ -267,7 +317,7 @@ def parse(entry: type[BaseModel], content: Any, where: str) -> Any:
     if isinstance(content, entry):
         return content
     if not isinstance(content, dict):
-        raise SceneError(f"{where}: should be a mapping of keys, found {content!r}")
+        raise SceneError(f"{where}: should be a mapping of keys, found {brief(content)}")
     try:
         return entry.model_validate(content)
     except ValidationError as error:
@@ -285,13 +335,13 @@ def _problem(entry: type[BaseModel], problem: Any) -> str:
     if problem["type"] == "missing":
         return f"`{key}` is missing"
     if problem["type"] in ("model_type", "dict_type", "model_attributes_type"):
-        text = f"should be a mapping of keys, found {problem['input']!r}"
+        text = f"should be a mapping of keys, found {brief(problem['input'])}"
     elif problem["type"] in ("too_short", "too_long", "tuple_type", "list_type"):
-        text = f"has a wrong length or is no list, found {problem['input']!r}"
+        text = f"has a wrong length or is no list, found {brief(problem['input'])}"
     elif problem["type"] == "value_error":
         text = str(problem["ctx"]["error"])
     else:
-        text = f"{problem['msg'][0].lower()}{problem['msg'][1:]}, found {problem['input']!r}"
+        text = f"{problem['msg'][0].lower()}{problem['msg'][1:]}, found {brief(problem['input'])}"
     return f"`{key}`: {text}" if key else text
 
 

@@ -160,6 +160,11 @@ def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:
             f"joint {model.names[index]!r} is a {joint.shortname()}: only revolute, continuous, "
             "prismatic, planar, spherical, translation, free-flyer and mimic joints are supported"
         )
+    if not abs(np.linalg.norm(axis) - 1.0) < 1e-6:
+        raise RobotError(
+            f"joint {model.names[index]!r} has an axis of length {np.linalg.norm(axis):g}; give a "
+            "direction"
+        )
     if joint.nq == 2:
         kind = CONTINUOUS
     else:

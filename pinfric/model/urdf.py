@@ -68,12 +68,30 @@ def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
             element = joint.find(end)
             if element is None or not element.get("link"):
                 raise RobotError(f"{where} has no <{end} link=...>")
+        axis = joint.find("axis")
+        if axis is not None and axis.get("xyz") is None:
+            raise RobotError(f"{where} has an <axis> without xyz; give a direction")
         if kind in ("revolute", "prismatic") and joint.find("limit") is None:
             raise RobotError(f"{where} is {kind} and has no <limit>; give one, or type continuous")
         _check_numbers(joint, where)
     for link in root.findall("link"):
-        for inertial in link.findall("inertial"):
-            _check_numbers(inertial, f"{urdf}: link {link.get('name')!r}")
+        _check_inertial(link, f"{urdf}: link {link.get('name')!r}")
+
+
+def _check_inertial(link: ElementTree.Element, where: str) -> None:
+    """Parsers fill in zeros for what is missing: a link without mass would go unnoticed."""
+    inertials = link.findall("inertial")
+    if len(inertials) > 1:
+        raise RobotError(f"{where} has {len(inertials)} <inertial>; which counts?")
+    for inertial in inertials:
+        _check_numbers(inertial, where)
+        mass, inertia = inertial.find("mass"), inertial.find("inertia")
+        if mass is None or mass.get("value") is None:
+            raise RobotError(f"{where} has an <inertial> without <mass value=...>")
+        moments = _NUMBERS["inertia"]
+        missing = [m for m in moments if inertia is None or inertia.get(m) is None]
+        if missing and float(mass.get("value", "0")) > 0:
+            raise RobotError(f"{where} has an <inertial> without inertia {', '.join(missing)}")
 
 
 #: Attributes that hold numbers: element tag -> attribute -> how many.
@@ -149,7 +167,7 @@ def _check_joints(document: Any, urdf: Path) -> None:
         if joint.type in ("fixed", "floating"):
             continue
         axis = np.asarray((1.0, 0.0, 0.0) if joint.axis is None else joint.axis, dtype=float)
-        if np.linalg.norm(axis) < 1e-9:
+        if not 1e-9 < np.abs(axis).max() < 1e9:
             raise RobotError(f"{where} has the axis {axis.tolist()}; give a direction")
         limit = joint.limit
         if limit is None or limit.lower is None or limit.upper is None:
@@ -168,6 +186,16 @@ def _check_mimics(document: Any, urdf: Path) -> None:
             raise RobotError(f"{where} mimics {leader!r}; {choose_from(leader, joints)}")
         if leader == name:
             raise RobotError(f"{where} mimics itself")
+        if joints[leader].mimic is not None:
+            raise RobotError(
+                f"{where} mimics {leader!r}, which mimics {joints[leader].mimic.joint!r}: "
+                f"Pinocchio takes no chains; mimic {joints[leader].mimic.joint!r} directly"
+            )
+        if joints[leader].type not in ("revolute", "prismatic"):
+            raise RobotError(
+                f"{where} mimics {leader!r}, a {joints[leader].type} joint; Pinocchio takes "
+                "revolute and prismatic leaders: give it limits"
+            )
         if joint.mimic.multiplier is not None and float(joint.mimic.multiplier) == 0.0:
             raise RobotError(f"{where} mimics with the multiplier 0: make it a fixed joint")
 
@@ -206,6 +234,8 @@ def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
         return f"mass {mass:g} kg is negative"
     moments = np.linalg.eigvalsh(inertia)
     shown = ", ".join(f"{m:.3g}" for m in moments)
+    if mass == 0 and moments[2] > _INERTIA_FLOOR:
+        return f"principal moments of inertia {shown} kg m^2 without a mass"
     if moments[0] < -_INERTIA_FLOOR:
         return f"principal moments of inertia {shown} kg m^2: one is negative"
     slack = _INERTIA_SLACK * moments[2] + _INERTIA_FLOOR

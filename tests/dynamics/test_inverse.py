@@ -293,3 +293,43 @@ def test_directions_off_their_circle_are_normalized_with_a_warning():
     assert result.effort_lower[0, 0] == pytest.approx(0.981)
     with pytest.raises(StateError, match="length 0"):
         pf.inverse_dynamics(scene, [[0.0, 0.0]], [[0.0]], [[0.0]])
+
+
+def test_a_motion_made_for_another_robot_or_other_payloads_is_refused_or_reordered():
+    model = block(mass=2.0)
+    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    one, two = ({"link": "table", "mass": m, "com": [0.0, 0.0, 0.0]} for m in (1.0, 10.0))
+    there = pf.Scene(model=model, payloads={"one": one, "two": two})
+    here = pf.Scene(model=model, payloads={"two": two, "one": one})
+    t, zero, a = np.array([0.0, 1.0]), np.zeros((2, 1)), np.ones((2, 1))
+    carried = {"one": [True, False], "two": [False, False]}
+    motion = pf.Trajectory.from_arrays(there, t, zero, zero, a, carried)
+    assert pf.inverse_dynamics(there, motion).effort_lower[:, 0].tolist() == [3.0, 2.0]
+    assert pf.inverse_dynamics(here, motion).effort_lower[:, 0].tolist() == [3.0, 2.0]
+    with pytest.raises(StateError, match=r"payloads \['one', 'two'\], the scene has \['one'\]"):
+        pf.inverse_dynamics(pf.Scene(model=model, payloads={"one": one}), motion)
+    other = random_tree(0, 1)
+    with pytest.raises(StateError, match=r"joints \['slide'\], the scene has \['joint_1'\]"):
+        pf.inverse_dynamics(pf.Scene(model=other, payloads={}), motion)
+    with pytest.raises(StateError, match="brings its own"):
+        pf.inverse_dynamics(there, motion, zero)
+
+
+def test_efforts_beyond_numbers_are_refused():
+    scene = pf.Scene(model=block(), friction={"slide": {"viscous": 1e200}})
+    with pytest.raises(StateError, match="effort of slide at sample 0 is beyond"):
+        pf.inverse_dynamics(scene, [[0.0]], [[1e200]], [[0.0]])
+
+
+def test_a_link_with_a_joints_name_is_the_link():
+    model = block(mass=2.0)
+    model.addFrame(pin.Frame("slide", 1, pin.SE3.Identity(), pin.FrameType.JOINT))
+    lifted = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5]))
+    model.addFrame(pin.Frame("slide", 1, lifted, pin.FrameType.BODY))
+    scene = pf.Scene(model=model)
+    push = np.array([10.0, 0, 0, 0, 0, 0])
+    wrench = pf.joint_wrenches(scene, [[0.0]], [[0.0]], [[0.0]], {"slide": push})
+    assert wrench[0, 0, 4] == pytest.approx(-10.0 * 0.5)
+    bare = pf.joint_wrenches(pf.Scene(model=block(mass=2.0)), [[0.0]], [[0.0]], [[0.0]],
+                             {"slide": push})  # fmt: skip
+    assert bare[0, 0, 0] == pytest.approx(-10.0)

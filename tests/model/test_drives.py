@@ -8,6 +8,8 @@ import pytest
 from builders import block, plane_friction
 
 import pinfric as pf
+from pinfric.model.drives import motor_torque_bounds
+from pinfric.model.schema import Transmission
 
 GEAR = {"ratio": 100.0, "efficiency": 0.8, "back_efficiency": 0.7, "no_load_torque": 0.02}
 
@@ -84,3 +86,25 @@ def test_without_a_transmission_the_motor_is_the_joint():
     result = pf.inverse_dynamics(scene, *np.zeros((3, 1, 1)))
     assert result.motor_torque_lower[0, 0] == result.effort_lower[0, 0]
     assert result.motor_torque_upper[0, 0] == result.effort_upper[0, 0]
+
+
+@pytest.mark.parametrize("back_efficiency", [-0.3, 0.0, 0.5])
+@pytest.mark.parametrize("velocity", [0.0, 0.7, -0.7])
+def test_bounds_enclose_every_effort_of_the_interval_tightly(back_efficiency, velocity):
+    """Brute force over the interval: a self-locking gear's torque is not monotone in the effort."""
+    gear = Transmission(ratio=50.0, efficiency=0.8, back_efficiency=back_efficiency,
+                        no_load_torque=0.01)  # fmt: skip
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        lower, upper = np.sort(rng.uniform(-12, 12, 2))
+        t = np.linspace(lower, upper, 2001)
+        forward = np.maximum(t / 0.8, back_efficiency * t) + 0.5
+        backward = np.minimum(t / 0.8, back_efficiency * t) - 0.5
+        possible = {0.0: np.concatenate([forward, backward]), 0.7: forward, -0.7: backward}[
+            velocity
+        ]
+        found = motor_torque_bounds(
+            gear, *(np.array([x]) for x in (lower, upper, velocity, 0.0, False)), 1e-6
+        )
+        assert found[0][0] == pytest.approx(possible.min() / 50, abs=1e-4)
+        assert found[1][0] == pytest.approx(possible.max() / 50, abs=1e-4)

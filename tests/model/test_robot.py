@@ -53,6 +53,17 @@ def scene(tmp_path, text):
         ([link("arm"), joint(more='<dynamics friction="x"/>')], "'swing'.*friction='x'"),
         ([link("arm"), joint(), link("a"), link("b"), joint("r", "a", "b"), joint("s", "b", "a")],
          r"\['a', 'b'\] hang in a ring"),
+        ([link("arm"), joint().replace(' xyz="0 0 1"', "")], "'swing' has an <axis> without xyz"),
+        ([link("arm"), joint(axis="1e200 1e200 0")], "'swing' has the axis"),
+        ([link("arm").replace('<mass value="1"/>', ""), joint()], "'arm'.*without <mass"),
+        ([link("arm", mass="0"), joint()], "'arm'.*without a mass"),
+        ([link("arm").replace('iyy="0.1"', ""), joint()], "'arm'.*without inertia iyy"),
+        ([link("arm").replace("</link>", "<inertial/></link>"), joint()], "'arm' has 2 <inert"),
+        ([link("arm"), joint(), link("a"), link("b"),
+          joint("m", "arm", "a", more='<mimic joint="swing"/>'),
+          joint("n", "arm", "b", more='<mimic joint="m"/>')], "'n' mimics 'm', which mimics"),
+        ([link("arm"), joint(kind="continuous"), link("a"),
+          joint("m", "arm", "a", more='<mimic joint="swing"/>')], "'m' mimics 'swing', a cont"),
         ([link("arm", mass="nan"), joint()], r"'arm': <mass value='nan'>"),
         ([link("arm"), joint(kind="fixed")], "no joint of this robot can move"),
         ([link("arm"), joint().replace('name="swing" ', "")], "joint number 1 has no name"),
@@ -148,9 +159,9 @@ def test_urdf_dynamics_are_ignored_with_a_notice_or_used(tmp_path):
         ("actuators: []", SceneError, "0 for 1 degrees of freedom; undriven: swing"),
         ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "stands twice"),
         ("actuators: [{joint: wing}]", SceneError, "did you mean 'swing'"),
-        ("actuators: [{cylinder: {name: boom}}]", SceneError, "`cylinder` is not supported yet"),
-        ("actuators: [{force: {name: push}}]", SceneError, "`force` is not supported yet"),
-        ("loops: [{name: rocker}]", SceneError, "loops.*not supported yet"),
+        ("actuators: [{cylinder: {name: boom}}]", SceneError, "`actuators.0.cylinder.a` is mis"),
+        ("actuators: [{force: {name: push}}]", SceneError, "`actuators.0.force.link` is missing"),
+        ("loops: [{name: rocker}]", SceneError, "`loops.0.kind` is missing"),
     ],
 )  # fmt: skip
 def test_a_scene_that_does_not_fit_its_robot_is_refused(tmp_path, text, error, says):
@@ -193,5 +204,8 @@ def test_bundled_scenes_are_found_by_name_from_any_folder(tmp_path, monkeypatch)
     assert pf.load_scene("robots/three_link.yaml").model.nv == 3
     with pytest.raises(SceneError, match=r"did you mean 'three_link\.yaml'"):
         pf.load_scene("three_lnk")
+    for elsewhere in ("mine/three_link.yaml", tmp_path / "three_link.yaml"):
+        with pytest.raises(SceneError, match="there is no file"):
+            pf.load_scene(elsewhere)
     with pytest.raises(RobotError, match="example-robot-data has no"):
         pf.load_scene(scene(tmp_path, "robot: {urdf: 'example-robot-data:ur5.urdf'}"))

@@ -101,7 +101,7 @@ REFUSED = [
     (["actuators", 1, "transmission", "ratio"], 0, "ratio 0"),
     (["actuators", 1, "transmission", "efficiency"], 1.1, "less than or equal to 1"),
     (["actuators", 1, "transmission", "back_efficiency"], None, "needs `back_efficiency`"),
-    (["actuators", 0], {"joint": "a", "cylinder": {}}, "one of joint, cylinder, force"),
+    (["actuators", 0], {"transmission": {"ratio": 2}}, "one of joint, cylinder, force"),
     (["simulation", "t_end"], 0, "greater than 0"),
     (["pinfric"], 2, "pinfric"),
 ]

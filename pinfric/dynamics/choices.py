@@ -1,0 +1,159 @@
+"""What the friction of each site can be at one sample, and a kernel that solves lists of choices.
+
+A *candidate* is a sample with one choice for every site: what slides has its sliding friction,
+what sticks is at one of its two limits or has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics import coupling, problem
+from pinfric.dynamics.chained import kernel_calling
+from pinfric.dynamics.constrained import Layout, Maps
+from pinfric.dynamics.coupling import solve_given_modes
+from pinfric.dynamics.problem import Problem
+
+#: What a site's friction is in a candidate.
+SLIDES, LOWER, UPPER, NONE = range(4)
+
+
+@dataclass(frozen=True)
+class Law:
+    """The friction of each site in each of its states, samples first.
+
+    Attributes:
+        choices: (n, ns) number of frictions a site may have: 1 where it slides, 2 where it sticks,
+            3 beside a reversal.
+        code: (n, ns) what it is in the state that wrenches are given for.
+        slip: (n, ns) sign of its velocity; 1 for a ball.
+        direction: (n, nf) along which its friction acts: 1, or a ball's unit vector.
+        mu, coulomb: (4, n, ns) for each code; drag: (n, ns), viscous friction while it slides.
+        fixed_load: (n, ns) load where it cannot vary, else 0.
+    """
+
+    choices: np.ndarray
+    code: np.ndarray
+    slip: np.ndarray
+    direction: np.ndarray
+    mu: np.ndarray
+    coulomb: np.ndarray
+    drag: np.ndarray
+    fixed_load: np.ndarray
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Samples with a choice of frictions each, and their solutions.
+
+    Attributes:
+        sample: (m,) which sample.
+        code: (m, ns). direction: (m, nf).
+        x: (m, 2, ns) friction of each site along its direction, of up to two solutions.
+        found: (m,) number of solutions, -1 where rounding defeats the solver.
+        figures: (m, 2) contraction, passes.
+    """
+
+    sample: np.ndarray
+    code: np.ndarray
+    direction: np.ndarray
+    x: np.ndarray
+    found: np.ndarray
+    figures: np.ndarray
+
+
+def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Law:
+    """Return what each site's friction can be (`laws`, paper eq. 20, 21).
+
+    Args:
+        layout, maps: see `constrained`.
+        velocity: (n, nf) relative velocities along the friction coordinates.
+        at_rest: (n, ns) bool, sites that pass through rest beside a sample.
+    """
+    n, ns = at_rest.shape
+    law, first = layout.law, layout.phi_start
+    v = velocity[:, first].copy() if ns else np.zeros((n, 0))
+    direction = np.ones((n, len(layout.phi_v)))
+    for s in np.flatnonzero(layout.phi_count == 3):
+        part = slice(first[s], first[s] + 3)
+        v[:, s] = np.linalg.norm(velocity[:, part], axis=1)
+        direction[:, part] = np.where(
+            v[:, s, None] > 0, velocity[:, part] / np.maximum(v[:, s, None], 1e-300), np.eye(3)[0]
+        )
+    speed, slip = np.abs(v), np.sign(v)
+    sticks = speed <= law[:, 9]
+    scaled = speed / np.where(law[:, 7] > 0, law[:, 7], 1.0)
+    blend = np.where(law[:, 7] > 0, np.exp(-(scaled ** law[:, 8])), 0.0)
+    dry = (law[:, [0, 2, 4]] > 0).any(axis=1)
+    ahead = slip > 0
+    static, kinetic = np.where(ahead, law[:, 2], law[:, 4]), np.where(ahead, law[:, 3], law[:, 5])
+    shape = np.broadcast_shapes(v.shape)
+    still = np.zeros(shape)
+    fixed = np.zeros(shape) + np.where(layout.varies, 0.0, layout.constant)
+    for t in np.flatnonzero(~layout.varies[layout.contact_site]):
+        fixed[:, layout.contact_site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
+    return Law(
+        choices=np.where(dry & sticks, 2, np.where(dry & at_rest, 3, 1)),
+        code=np.where(sticks, NONE, SLIDES),
+        slip=slip,
+        direction=direction,
+        mu=np.array([
+            law[:, 1] + (law[:, 0] - law[:, 1]) * blend, still + law[:, 0], still + law[:, 0], still
+        ]),
+        coulomb=np.array([
+            kinetic + (static - kinetic) * blend, still + law[:, 2], still + law[:, 4], still
+        ]),
+        drag=law[:, 6] * v,
+        fixed_load=fixed,
+    )  # fmt: skip
+
+
+@kernel_calling(coupling, problem)
+def solve_list(
+    contact: np.ndarray,
+    row: np.ndarray,
+    phi_start: np.ndarray,
+    phi_count: np.ndarray,
+    sample: np.ndarray,
+    direction: np.ndarray,
+    slip: np.ndarray,
+    mu: np.ndarray,
+    dry: np.ndarray,
+    drag: np.ndarray,
+    base: Problem,
+    nobody: np.ndarray,
+    no_guess: np.ndarray,
+    x: np.ndarray,
+    found: np.ndarray,
+    figures: np.ndarray,
+) -> None:
+    """Solve a list of candidates, x = -slip (mu load + dry) - drag for each site.
+
+    Args:
+        contact: (n, nt, 1 + nf, 3), of `Maps`.
+        row: (number of varying contact forces,) which of the nt.
+        phi_start, phi_count: of `Layout`.
+        sample: (m,) direction: (m, nf).
+        slip, mu, dry, drag: (m, ns) of each site in each candidate.
+        base: buffers; its sites, coordinates and constants are set.
+        nobody: (ns,) False. no_guess: (1,) NaN.
+        x, found, figures: (m, 2, ns), (m,), (m, 2), overwritten.
+    """
+    ns = phi_start.size
+    for m in range(sample.size):
+        i = sample[m]
+        for s in range(ns):
+            base.mu_slip[s], base.drag[s] = mu[m, s], drag[m, s]
+            base.coulomb_slip[s, 0] = base.coulomb_slip[s, 1] = dry[m, s]
+        for r in range(row.size):
+            t = row[r]
+            for e in range(3):
+                base.contact_free[r, e] = contact[i, t, 0, e]
+                for s in range(ns):
+                    total = 0.0
+                    for c in range(phi_start[s], phi_start[s] + phi_count[s]):
+                        total += direction[m, c] * contact[i, t, 1 + c, e]
+                    base.contact_slope[r, s, e] = total
+        found[m] = solve_given_modes(base, nobody, slip[m], no_guess, x[m], figures[m])

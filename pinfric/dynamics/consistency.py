@@ -1,0 +1,197 @@
+"""Whether modes are consistent: loads, static limits and slip directions of a solved `Problem`.
+
+A sticking coordinate must stay within its static limits (paper eq. 21), a slipping one that starts
+from rest must move the way its friction opposes (design 2.5).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics import coupling
+from pinfric.dynamics.chained import kernel_calling
+from pinfric.dynamics.coupling import solve_given_modes
+from pinfric.dynamics.problem import Problem
+
+#: How far beyond its law a sticking or slipping coordinate may be, relative to the terms: rounding.
+ROUNDING = 1e-11
+#: `judge`'s verdict on a slipping coordinate that moves against its direction.
+SHOULD_STICK = 2
+
+kernel = kernel_calling(coupling)
+
+
+@kernel
+def evaluate(problem: Problem, friction: np.ndarray, load: np.ndarray, rate: np.ndarray) -> None:
+    """Write each site's load (ns,) and each coordinate's rate (nc,) under given friction (nc,)."""
+    nc = friction.size
+    for s in range(load.size):
+        load[s] = problem.constant[s]
+    for t in range(problem.contact_site.size):
+        square = 0.0
+        for e in range(3):
+            p = problem.contact_free[t, e]
+            for c in range(nc):
+                p += problem.contact_slope[t, c, e] * friction[c]
+            square += p * p
+        load[problem.contact_site[t]] += np.sqrt(square)
+    for c in range(nc):
+        total = problem.rate_free[c]
+        for d in range(nc):
+            total += problem.rate_slope[c, d] * friction[d]
+        rate[c] = total
+
+
+@kernel
+def stick_limits(problem: Problem, load: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+    """Write least and greatest static friction (nc,) of each coordinate (paper eq. 21)."""
+    for c in range(lower.size):
+        lower[c] = upper[c] = 0.0
+    for s in range(load.size):
+        c, size = problem.coordinate[s], abs(problem.ratio[s])
+        forward, backward = (0, 1) if problem.ratio[s] > 0.0 else (1, 0)
+        lower[c] -= size * (problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, forward])
+        upper[c] += size * (problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, backward])
+
+
+@kernel
+def site_friction(
+    problem: Problem,
+    stuck: np.ndarray,
+    direction: np.ndarray,
+    friction: np.ndarray,
+    load: np.ndarray,
+    phi: np.ndarray,
+) -> None:
+    """Write each site's friction (ns,); sites that share a sticking coordinate share its friction.
+
+    In proportion to their limits: only the sum is determined by the motion.
+    """
+    nc = friction.size
+    lower, upper = np.empty(nc), np.empty(nc)
+    stick_limits(problem, load, lower, upper)
+    for s in range(phi.size):
+        c, ratio = problem.coordinate[s], problem.ratio[s]
+        if stuck[c]:
+            forward = problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, 0]
+            backward = problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, 1]
+            width = upper[c] - lower[c]
+            share = (friction[c] - lower[c]) / width if width > 0.0 else 0.5
+            if ratio < 0.0:
+                share = 1.0 - share
+            phi[s] = -forward + share * (forward + backward)
+        else:
+            along = direction[c] if ratio > 0.0 else -direction[c]
+            against = 0 if along > 0.0 else 1
+            dry = problem.mu_slip[s] * load[s] + problem.coulomb_slip[s, against]
+            phi[s] = -along * dry - problem.drag[s]
+
+
+@kernel
+def judge(
+    problem: Problem,
+    stuck: np.ndarray,
+    direction: np.ndarray,
+    at_rest: np.ndarray,
+    friction: np.ndarray,
+    load: np.ndarray,
+    rate: np.ndarray,
+    verdict: np.ndarray,
+) -> int:
+    """Write what each coordinate does against its law, and return how many do (design 2.5).
+
+    Args:
+        problem, stuck, direction: see `slip_law`.
+        at_rest: (nc,) bool, the coordinates whose modes the law leaves open.
+        friction, load, rate: (nc,), (ns,), (nc,) of the solution.
+        verdict: (nc,) int, overwritten: 0 obeys; -1, 1 held beyond its static limit, the way it
+            would slip; `SHOULD_STICK` slips against its direction.
+    """
+    nc = friction.size
+    lower, upper = np.empty(nc), np.empty(nc)
+    stick_limits(problem, load, lower, upper)
+    wrong = 0
+    for c in range(nc):
+        verdict[c] = 0
+        if not at_rest[c]:
+            continue
+        terms = problem.rate_scale[c]
+        for d in range(nc):
+            terms += abs(problem.rate_slope[c, d] * friction[d])
+        if stuck[c]:
+            slack = ROUNDING * (upper[c] - lower[c] + terms / problem.rate_slope[c, c])
+            if friction[c] > upper[c] + slack:
+                verdict[c] = -1
+            elif friction[c] < lower[c] - slack:
+                verdict[c] = 1
+        elif direction[c] * rate[c] < -ROUNDING * terms:
+            verdict[c] = SHOULD_STICK
+        wrong += verdict[c] != 0
+    return wrong
+
+
+@kernel
+def try_modes(
+    problem: Problem,
+    stuck: np.ndarray,
+    direction: np.ndarray,
+    at_rest: np.ndarray,
+    guess: np.ndarray,
+    friction: np.ndarray,
+    load: np.ndarray,
+    rate: np.ndarray,
+    verdict: np.ndarray,
+    figures: np.ndarray,
+) -> tuple[int, int]:
+    """Solve given modes and judge the solutions; write the first that obeys, else the first.
+
+    Args:
+        problem, stuck, direction, at_rest: see `slip_law`, `judge`.
+        guess: (nc,) friction to start from; NaN in the first place: none.
+        friction, load, rate, verdict: (nc,), (ns,), (nc,), (nc,) int, overwritten.
+        figures: (2,), overwritten: contraction, passes.
+
+    Returns:
+        (number of solutions or -1, how many of them obey), see `solve_given_modes`.
+    """
+    solutions = np.empty((2, friction.size))
+    found = solve_given_modes(problem, stuck, direction, guess, solutions, figures)
+    obeying = 0
+    for i in range(found - 1, -1, -1):
+        evaluate(problem, solutions[i], load, rate)
+        if judge(problem, stuck, direction, at_rest, solutions[i], load, rate, verdict) == 0:
+            obeying += 1
+            friction[:] = solutions[i]
+    if found > 0 and obeying == 0:
+        friction[:] = solutions[0]
+    elif found == 2:
+        evaluate(problem, friction, load, rate)
+        judge(problem, stuck, direction, at_rest, friction, load, rate, verdict)
+    return found, obeying
+
+
+@kernel
+def settle(
+    problem: Problem,
+    velocity: np.ndarray,
+    dry: np.ndarray,
+    stick_velocity: np.ndarray,
+    stuck: np.ndarray,
+    direction: np.ndarray,
+    at_rest: np.ndarray,
+) -> int:
+    """Set the modes that velocities fix and stick everything at rest; return how many are.
+
+    Args:
+        problem: `Problem`.
+        velocity: (nc,) of the coordinates.
+        dry, stick_velocity: (nc,), see `workspace.Tables`.
+        stuck, direction, at_rest: (nc,), overwritten, see `slip_law`, `judge`.
+    """
+    resting = 0
+    for c in range(velocity.size):
+        at_rest[c] = dry[c] and abs(velocity[c]) <= stick_velocity[c]
+        stuck[c] = at_rest[c]
+        direction[c] = 0.0 if stuck[c] else np.sign(velocity[c])
+        resting += at_rest[c]
+    return resting

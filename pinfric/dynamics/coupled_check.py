@@ -1,0 +1,277 @@
+"""The judge of scenes with loops, cylinders and forces: nothing of the solver's kernels.
+
+Jacobians come from Pinocchio's joint Jacobians, wrenches from `data.f` of its RNEA with every
+closure force, drive and friction torque as external forces, laws from plain NumPy (`check`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.check import plain_friction, plain_normal_load
+from pinfric.dynamics.result import Solution, Status
+from pinfric.model.scene import Scene, Site
+
+if TYPE_CHECKING:
+    from pinfric.dynamics.result import InverseResult
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A wrench of side a on side b: where it acts and on whom, at one sample.
+
+    Attributes:
+        name: of the loop or the drive.
+        a, b: joint ids of the two links, 0 for the ground.
+        at: (3,) where it acts, world. frame: (3, 3) frame b. direction: (6,) unit wrench of a
+            drive in the world's axes at `at`; zeros for a loop.
+    """
+
+    name: str
+    a: int
+    b: int
+    at: np.ndarray
+    frame: np.ndarray
+    direction: np.ndarray
+
+
+def coupled_residuals(
+    result: InverseResult, model: pin.Model, data: pin.Data, i: int
+) -> tuple[np.ndarray, float]:
+    """Return (equilibrium, friction law, wrench) residuals of one sample, and its largest effort.
+
+    Args:
+        result: of a scene with loops or drives off the joints.
+        model, data: with the payloads of this sample.
+        i: the sample.
+    """
+    if result.status[i] in (Status.JAMMED, Status.NOT_CONVERGED, Status.SINGULAR):
+        return np.zeros(3), 0.0
+    scene, states = result.scene, result.states
+    pin.computeJointJacobians(model, data, states.q[i])
+    pairs = _pairs(scene, model, data)
+    ends = result.solutions(i)
+    efforts = np.array([end.effort for end in ends])
+    worst = np.zeros(3)
+    if (result.sticking[i] | result.reversal[i]).any() or result.status[i] == Status.AMBIGUOUS:
+        worst[0] = _ends(result, i, efforts)
+    else:  # judge what is in the result, not what is solved anew
+        ends = (_reported(result, i, ends[0]),)
+        low, high = result.effort_lower[i], result.effort_upper[i]
+        worst[0] = np.abs(low - high).max(initial=0.0)
+        worst[1] = np.abs(result.friction_lower[i] - result.friction_upper[i]).max(initial=0.0)
+    for end in ends:
+        worst = np.maximum(worst, _residuals(result, model, data, pairs, i, end))
+    worst[0] = max(worst[0], _frictionless(result, model, data, pairs, i))
+    return worst, float(np.abs(efforts).max(initial=0.0))
+
+
+def _reported(result: InverseResult, i: int, solved: Solution) -> Solution:
+    """The result's own figures of a sample where everything slides; balls' directions as solved."""
+    assert result.wrench is not None
+    assert result.multipliers is not None
+    parts = []
+    sites = zip(result.scene.sites, _split(result.scene, solved.friction_coordinates), strict=True)
+    for k, (site, phi) in enumerate(sites):
+        size = result.friction_lower[i, k]
+        norm = float(np.linalg.norm(phi))
+        parts.append(
+            phi * (abs(size) / norm) if site.ball and norm > 0 else np.full(len(phi), size)
+        )
+    phi = np.concatenate(parts) if parts else np.zeros(0)
+    return Solution(result.effort_lower[i], result.friction_lower[i], phi, result.normal_load[i],
+                    result.wrench[i], result.multipliers[i])  # fmt: skip
+
+
+def _ends(result: InverseResult, i: int, efforts: np.ndarray) -> float:
+    """How far the reported ends are from the least and greatest of the solutions."""
+    return max(
+        float(np.abs(result.effort_lower[i] - efforts.min(axis=0)).max(initial=0.0)),
+        float(np.abs(result.effort_upper[i] - efforts.max(axis=0)).max(initial=0.0)),
+    )
+
+
+def _pairs(scene: Scene, model: pin.Model, data: pin.Data) -> dict[str, Pair]:
+    """All pairs of one sample by name, from the scene's own entries."""
+    pairs = {}
+
+    def place(link: str, xyz: tuple[float, ...], rpy: tuple[float, ...] = (0.0, 0.0, 0.0)):  # type: ignore[no-untyped-def]
+        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+        local = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+        return frame.parentJoint, data.oMi[frame.parentJoint] * frame.placement * local
+
+    for loop in scene.loops:
+        a, _ = place(loop.a.link, loop.a.xyz, loop.a.rpy)
+        b, pose = place(loop.b.link, loop.b.xyz, loop.b.rpy)
+        axis = np.array(loop.axis) / np.linalg.norm(loop.axis)
+        direction = np.concatenate([np.zeros(3), pose.rotation @ axis])
+        pairs[loop.name] = Pair(loop.name, a, b, pose.translation, pose.rotation, direction)
+    for actuator in scene.actuators or ():
+        if actuator.cylinder is not None:
+            a, start = place(actuator.cylinder.a.link, actuator.cylinder.a.xyz)
+            b, end = place(actuator.cylinder.b.link, actuator.cylinder.b.xyz)
+            line = end.translation - start.translation
+            direction = np.concatenate([line / np.linalg.norm(line), np.zeros(3)])
+            name = actuator.cylinder.name
+            pairs[name] = Pair(name, a, b, end.translation, end.rotation, direction)
+        elif actuator.force is not None:
+            force = actuator.force
+            b, pose = place(force.link, force.xyz)
+            along = np.array(force.direction) / np.linalg.norm(force.direction)
+            direction = np.concatenate([pose.rotation @ along, np.zeros(3)])
+            pairs[force.name] = Pair(force.name, 0, b, pose.translation, pose.rotation, direction)
+    return pairs
+
+
+def _generalized(model: pin.Model, data: pin.Data, pair: Pair, wrench: np.ndarray) -> np.ndarray:
+    """(nv,) effort of a wrench (world, at the pair's place) on b and its opposite on a."""
+    total = np.zeros(model.nv)
+    for joint, sign in ((pair.b, 1.0), (pair.a, -1.0)):
+        if joint:
+            J = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+            arm = pair.at - data.oMi[joint].translation
+            moment = wrench[3:] + np.cross(arm, wrench[:3])
+            total += sign * (J[:3].T @ wrench[:3] + J[3:].T @ moment)
+    return total
+
+
+def _in_world(pair: Pair, wrench: np.ndarray) -> np.ndarray:
+    return np.concatenate([pair.frame @ wrench[:3], pair.frame @ wrench[3:]])
+
+
+def _loop_friction(site: Site, phi: np.ndarray) -> np.ndarray:
+    """(6,) friction of a on b in frame b."""
+    moment = phi if site.ball else phi[0] * site.axis
+    return np.concatenate([np.zeros(3), moment])
+
+
+def _split(scene: Scene, phi: np.ndarray) -> list[np.ndarray]:
+    counts = np.cumsum([3 if site.ball else 1 for site in scene.sites])
+    return np.split(phi, counts[:-1]) if len(counts) else []
+
+
+def _residuals(
+    result: InverseResult, model: pin.Model, data: pin.Data, pairs: dict[str, Pair], i: int,
+    end: Solution,
+) -> np.ndarray:  # fmt: skip
+    scene, s = result.scene, result.states
+    forces = [pin.Force.Zero() for _ in range(model.njoints)]
+    for applied in result.external:
+        forces[applied.joint + 1] += pin.Force(applied.wrench[i])
+    acting = _acting(scene, pairs, end)
+    drive_effort = _joint_efforts(scene, model, end)
+    for pair, wrench in acting:
+        for joint, sign in ((pair.b, 1.0), (pair.a, -1.0)):
+            moment = wrench[3:] + np.cross(pair.at, wrench[:3])  # about the world's origin
+            whole = pin.Force(sign * wrench[:3], sign * moment)
+            forces[joint] += data.oMi[joint].actInv(whole)
+    forces[0] = pin.Force.Zero()
+    vector = pin.StdVec_Force()
+    vector.extend(forces)
+    left = pin.rnea(model, model.createData(), s.q[i], s.v[i], s.a[i], vector) - drive_effort
+    work = model.createData()
+    pin.rnea(model, work, s.q[i], s.v[i], s.a[i], vector)
+    wrenches = np.array([f.vector for f in work.f][1:]).reshape(-1, 6)
+    law = wrench_error = 0.0
+    for k, (site, phi) in enumerate(zip(scene.sites, _split(scene, end.friction_coordinates),
+                                        strict=True)):  # fmt: skip
+        if site.loop >= 0:
+            w = end.multipliers[site.loop] + _loop_friction(site, phi)
+            for drive, effort in zip(scene.drives, end.effort, strict=True):
+                if drive.name == site.name:
+                    w = w + effort * np.concatenate([np.zeros(3), site.axis])
+        else:
+            w = wrenches[site.joint]
+        wrench_error = max(wrench_error, float(np.abs(end.wrench[k] - w).max()))
+        law = max(law, _law_error(result, pairs, model, data, i, k, end, phi, w))
+    return np.array([float(np.abs(left).max(initial=0.0)), law, wrench_error])
+
+
+def _acting(scene: Scene, pairs: dict[str, Pair], end: Solution) -> list[tuple[Pair, np.ndarray]]:
+    """Everything that acts between pairs in one solution, world axes, at the pair's place."""
+    acting = [(pairs[loop.name], _in_world(pairs[loop.name], end.multipliers[row]))
+              for row, loop in enumerate(scene.loops)]  # fmt: skip
+    for drive, effort in zip(scene.drives, end.effort, strict=True):
+        if drive.velocity_index < 0:
+            acting.append((pairs[drive.name], effort * pairs[drive.name].direction))
+    for site, phi in zip(scene.sites, _split(scene, end.friction_coordinates), strict=True):
+        if site.loop >= 0:
+            pair = pairs[site.name]
+            acting.append((pair, _in_world(pair, _loop_friction(site, phi))))
+    return acting
+
+
+def _joint_efforts(scene: Scene, model: pin.Model, end: Solution) -> np.ndarray:
+    """(nv,) what drives and friction on the tree's joints contribute."""
+    total = np.zeros(model.nv)
+    for drive, effort in zip(scene.drives, end.effort, strict=True):
+        if drive.velocity_index >= 0:
+            total[drive.velocity_index] += effort
+    for site, phi in zip(scene.sites, _split(scene, end.friction_coordinates), strict=True):
+        if site.loop < 0:
+            total[site.velocity_index] += site.ratio * phi[0]
+    return total
+
+
+def _law_error(
+    result: InverseResult, pairs: dict[str, Pair], model: pin.Model, data: pin.Data, i: int,
+    k: int, end: Solution, phi: np.ndarray, w: np.ndarray,
+) -> float:  # fmt: skip
+    """How far one site's load and friction are from the formulas."""
+    site, states = result.scene.sites[k], result.states
+    moved = 0.0
+    if site.loop < 0:
+        twin = result.scene.twin()
+        q = states.q[i, twin.q_index[site.joint]]
+        moved = float(twin.ratio[site.joint] * q + twin.shift[site.joint])
+        velocity = np.array([site.ratio * states.v[i, site.velocity_index]])
+    else:
+        pair = pairs[site.name]
+        axes = np.eye(3) if site.ball else site.axis[None]
+        velocity = np.array([
+            _generalized(model, data, pair, np.concatenate([np.zeros(3), pair.frame @ axis]))
+            @ states.v[i] for axis in axes
+        ])  # fmt: skip
+    load = plain_normal_load(site, w, moved)
+    error = abs(end.normal_load[k] - load)
+    if not site.ball:
+        least, most = plain_friction(site, float(velocity[0]), load, bool(result.reversal[i, k]))
+        return max(error, least - phi[0], phi[0] - most)
+    speed = float(np.linalg.norm(velocity))
+    least, most = plain_friction(site, speed, load, bool(result.reversal[i, k]))
+    if least < most:
+        return max(error, float(np.linalg.norm(phi)) - max(-least, most))
+    return max(error, float(np.abs(phi - least * velocity / speed).max()))
+
+
+def _frictionless(
+    result: InverseResult, model: pin.Model, data: pin.Data, pairs: dict[str, Pair], i: int
+) -> float:
+    """How far `effort_frictionless` is from the least-squares solution of the equilibrium."""
+    scene, s = result.scene, result.states
+    forces = pin.StdVec_Force()
+    forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
+    for applied in result.external:
+        forces[applied.joint + 1] += pin.Force(applied.wrench[i])
+    tau = pin.rnea(model, model.createData(), s.q[i], s.v[i], s.a[i], forces)
+    columns = []
+    for drive in scene.drives:
+        unit = np.zeros(model.nv)
+        if drive.velocity_index >= 0:
+            unit[drive.velocity_index] = 1.0
+        else:
+            unit = _generalized(model, data, pairs[drive.name], pairs[drive.name].direction)
+        columns.append(unit)
+    linkage = scene.linkage
+    assert linkage is not None
+    for c in range(linkage.off_joint, linkage.solved):
+        pair = pairs[scene.loops[linkage.column_pair[c]].name]
+        columns.append(_generalized(model, data, pair, _in_world(pair, linkage.unit[c])))
+    K = np.array(columns).T
+    x = np.linalg.lstsq(K, tau, rcond=1e-12)[0]
+    error = np.abs(result.effort_frictionless[i] - x[: len(scene.drives)]).max(initial=0.0)
+    return max(float(error), float(np.abs(K @ x - tau).max(initial=0.0)))

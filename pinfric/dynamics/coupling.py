@@ -1,0 +1,473 @@
+"""Friction that depends on loads that depend on it: the kernels that solve a `Problem`.
+
+Modes given, the unknown is the friction z of the slipping coordinates whose loads depend on it:
+z = G(z), by fixed point while that is fast (the paper), then by semi-smooth Newton; the residual of
+the answer is always verified. The certificate is `contraction`, a bound of the spectral radius of
+A_kj = gain Lip(load along z_j): below 1 the solution exists and is the only one; else others are
+searched for (design 2.3). Which modes are consistent is the matter of `consistency.py`, `modes.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.problem import Problem
+from pinfric.model.compiled import kernel
+
+#: A residual below this many times the size of the terms it is the difference of is rounding.
+_RESIDUAL = 1e-15
+#: Passes of Newton; fixed-point passes where the contraction is certain but Newton cycles.
+_NEWTON_PASSES, _FIXED_POINT_PASSES = 60, 5000
+#: Two solutions closer than this, relative to their size, are one.
+_DISTINCT = 1e-6
+
+
+@kernel
+def solve_dense(A: np.ndarray, B: np.ndarray) -> bool:
+    """Overwrite B (n, m) with A^-1 B by elimination with row pivots; A is lost; False: singular."""
+    n, m = B.shape
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[pivot, k]):
+                pivot = i
+        if not abs(A[pivot, k]) > 0.0:
+            return False
+        if pivot != k:
+            for j in range(n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            for j in range(m):
+                B[k, j], B[pivot, j] = B[pivot, j], B[k, j]
+        for i in range(k + 1, n):
+            factor = A[i, k] / A[k, k]
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    A[i, j] -= factor * A[k, j]
+                for j in range(m):
+                    B[i, j] -= factor * B[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(m):
+            total = B[k, j]
+            for i in range(k + 1, n):
+                total -= A[k, i] * B[i, j]
+            B[k, j] = total / A[k, k]
+    return True
+
+
+@kernel
+def spectral_radius_bound(A: np.ndarray, vector: np.ndarray) -> float:
+    """Upper bound of the spectral radius of a non-negative A (Collatz and Wielandt).
+
+    max_i (A y)_i / y_i bounds it for every positive y; power iteration makes y nearly the Perron
+    vector and the bound nearly tight.
+
+    Args:
+        A: (n, n), no entry negative.
+        vector: (n,), overwritten with y.
+    """
+    n = A.shape[0]
+    if n == 0:
+        return 0.0
+    image = np.empty(n)
+    best = np.inf
+    for j in range(n):
+        vector[j] = 1.0
+    for _ in range(30):
+        upper, lower, largest = 0.0, np.inf, 0.0
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += A[i, j] * vector[j]
+            image[i] = total
+            upper, lower = max(upper, total / vector[i]), min(lower, total / vector[i])
+            largest = max(largest, total)
+        best = min(best, upper)
+        if largest == 0.0 or best - lower <= 1e-2 * best:
+            break
+        for i in range(n):  # half a step keeps y positive where A is reducible or cyclic
+            vector[i] = 0.5 * (vector[i] + image[i] / largest) + 1e-9
+    return best
+
+
+@kernel
+def slip_law(
+    problem: Problem, stuck: np.ndarray, direction: np.ndarray, gain: np.ndarray, offset: np.ndarray
+) -> None:
+    """Write the slip laws as x = offset + sum over sites of gain load; zeros where it sticks.
+
+    Args:
+        problem: `Problem`.
+        stuck: (nc,) bool.
+        direction: (nc,) of the slip, -1 to 1 (between: regularized friction).
+        gain: (ns,), overwritten.
+        offset: (nc,), overwritten.
+    """
+    for c in range(offset.size):
+        offset[c] = 0.0
+    for s in range(gain.size):
+        c = problem.coordinate[s]
+        gain[s] = 0.0
+        if stuck[c]:
+            continue
+        size = abs(problem.ratio[s]) * direction[c]
+        against = 0 if problem.ratio[s] * direction[c] > 0.0 else 1
+        gain[s] = -size * problem.mu_slip[s]
+        offset[c] -= size * problem.coulomb_slip[s, against] + problem.ratio[s] * problem.drag[s]
+
+
+@kernel
+def eliminate(
+    problem: Problem,
+    stuck: np.ndarray,
+    gain: np.ndarray,
+    offset: np.ndarray,
+    unknown: np.ndarray,
+    X: np.ndarray,
+) -> int:
+    """Write all friction as X[:, 0] + X[:, 1:] z, z the friction that loads make implicit.
+
+    Sticking coordinates are eliminated by r = 0, slipping ones without a load by their offset.
+
+    Args:
+        problem, stuck, gain, offset: see `slip_law`.
+        unknown: (nc,) int, overwritten: place in z, or -1.
+        X: (nc, nc + 1), overwritten as far as used.
+
+    Returns:
+        Length of z, or -1 where the sticking coordinates' equations are singular.
+    """
+    nc = offset.size
+    for c in range(nc):
+        unknown[c] = -1
+    nz = 0
+    for t in range(problem.contact_site.size):
+        s = problem.contact_site[t]
+        c = problem.coordinate[s]
+        if gain[s] != 0.0 and unknown[c] < 0:
+            unknown[c] = nz
+            nz += 1
+    held = np.empty(nc, np.int64)
+    nh = 0
+    for c in range(nc):
+        for j in range(nz + 1):
+            X[c, j] = 0.0
+        if stuck[c]:
+            held[nh] = c
+            nh += 1
+        elif unknown[c] >= 0:
+            X[c, 1 + unknown[c]] = 1.0
+        else:
+            X[c, 0] = offset[c]
+    if nh == 0:
+        return nz
+    A, B = np.empty((nh, nh)), np.empty((nh, nz + 1))
+    for i in range(nh):
+        c = held[i]
+        for j in range(nh):
+            A[i, j] = problem.rate_slope[c, held[j]]
+        for j in range(nz + 1):
+            B[i, j] = -problem.rate_free[c] if j == 0 else 0.0
+            for d in range(nc):
+                if not stuck[d]:
+                    B[i, j] -= problem.rate_slope[c, d] * X[d, j]
+    if not solve_dense(A, B):
+        return -1
+    for i in range(nh):
+        for j in range(nz + 1):
+            X[held[i], j] = B[i, j]
+    return nz
+
+
+@kernel
+def reduce_contacts(problem: Problem, X: np.ndarray, nz: int, contact: np.ndarray) -> None:
+    """Write the contact forces as contact[:, 0] + contact[:, 1:] z; contact is (nt, nz + 1, 3)."""
+    for t in range(contact.shape[0]):
+        for e in range(3):
+            contact[t, 0, e] = problem.contact_free[t, e]
+            for j in range(nz):
+                contact[t, 1 + j, e] = 0.0
+    for c in range(X.shape[0]):
+        for j in range(nz + 1):
+            share = X[c, j]
+            if share != 0.0:
+                for t in range(contact.shape[0]):
+                    for e in range(3):
+                        contact[t, j, e] += share * problem.contact_slope[t, c, e]
+
+
+@kernel
+def residual(
+    problem: Problem,
+    gain: np.ndarray,
+    offset: np.ndarray,
+    unknown: np.ndarray,
+    contact: np.ndarray,
+    z: np.ndarray,
+    rest: np.ndarray,
+    jacobian: np.ndarray,
+) -> float:
+    """Write z - (offset + gain load(z)) and its Jacobian; return the largest relative residual.
+
+    A contact force of zero has no direction: it adds nothing to the Jacobian (an element of the
+    generalized Jacobian of the norm).
+
+    Args:
+        problem, gain, offset: see `slip_law`.
+        unknown: (nc,) place in z.
+        contact: (nt, nz + 1, 3), `reduce_contacts`.
+        z: (nz,).
+        rest: (nz,), overwritten.
+        jacobian: (nz, nz), overwritten.
+    """
+    nz = z.size
+    size = np.empty(nz)
+    for c in range(unknown.size):
+        k = unknown[c]
+        if k >= 0:
+            rest[k] = z[k] - offset[c]
+            size[k] = abs(z[k]) + abs(offset[c])
+    for k in range(nz):
+        for j in range(nz):
+            jacobian[k, j] = 1.0 if j == k else 0.0
+    p = np.empty(3)
+    for s in range(gain.size):
+        k = unknown[problem.coordinate[s]]
+        if k >= 0:
+            rest[k] -= gain[s] * problem.constant[s]
+            size[k] += abs(gain[s]) * problem.constant[s]
+    for t in range(contact.shape[0]):
+        s = problem.contact_site[t]
+        k = unknown[problem.coordinate[s]]
+        if k < 0 or gain[s] == 0.0:
+            continue
+        square, terms = 0.0, 0.0
+        for e in range(3):
+            p[e] = contact[t, 0, e]
+            terms += abs(p[e])
+            for j in range(nz):
+                step = contact[t, 1 + j, e] * z[j]
+                p[e] += step
+                terms += abs(step)
+            square += p[e] * p[e]
+        norm = np.sqrt(square)
+        rest[k] -= gain[s] * norm
+        size[k] += abs(gain[s]) * terms
+        if norm > 0.0:
+            for j in range(nz):
+                slope = 0.0
+                for e in range(3):
+                    slope += p[e] * contact[t, 1 + j, e]
+                jacobian[k, j] -= gain[s] * slope / norm
+    worst = 0.0
+    for k in range(nz):
+        if not abs(rest[k]) <= 1e300:
+            return np.inf
+        if rest[k] != 0.0:
+            worst = max(worst, abs(rest[k]) / size[k])
+    return worst
+
+
+@kernel
+def largest(values: np.ndarray) -> float:
+    """Return the largest magnitude in (n,)."""
+    most = 0.0
+    for value in values:
+        most = max(most, abs(value))
+    return most
+
+
+@kernel
+def newton(
+    problem: Problem,
+    gain: np.ndarray,
+    offset: np.ndarray,
+    unknown: np.ndarray,
+    contact: np.ndarray,
+    z: np.ndarray,
+    fast: bool,
+) -> tuple[float, int]:
+    """Solve z = offset + gain load(z) from the given z: fixed point while fast, then Newton.
+
+    Args:
+        problem, gain, offset, unknown, contact: see `residual`.
+        z: (nz,), overwritten.
+        fast: False leaves the fixed point out: it can jump from one solution to another.
+
+    Returns:
+        (the relative residual reached, passes).
+    """
+    nz = z.size
+    rest, J = np.empty(nz), np.empty((nz, nz))
+    tolerance = _RESIDUAL * (8 + nz)
+    error = residual(problem, gain, offset, unknown, contact, z, rest, J)
+    if error <= tolerance:
+        return error, 0
+    trial_rest, trial = np.empty(nz), np.empty(nz)
+    trial_J, step = np.empty((nz, nz)), np.empty((nz, 1))
+    # steps are judged by the residual itself: relative to its terms it is no smaller far out
+    size = largest(rest)
+    for passes in range(_NEWTON_PASSES):
+        if error <= tolerance or not error < np.inf:
+            return error, passes
+        for k in range(nz):
+            step[k, 0] = rest[k]
+        if not fast and not solve_dense(J, step):
+            return error, passes
+        damping, new, trial_size = 1.0, np.inf, np.inf
+        for _ in range(30):
+            for k in range(nz):
+                trial[k] = z[k] - damping * step[k, 0]
+            new = residual(problem, gain, offset, unknown, contact, trial, trial_rest, trial_J)
+            trial_size = largest(trial_rest)
+            if fast or trial_size < size or new <= tolerance:
+                break
+            damping *= 0.5
+        better = trial_size < size or new <= tolerance
+        if fast and not trial_size < 0.05 * size:
+            fast = False
+            if not better:
+                continue  # a pass that leads away is not taken
+        elif not better:
+            return error, passes + 1  # no way down: rounding, or no solution near
+        for k in range(nz):
+            z[k], rest[k] = trial[k], trial_rest[k]
+            for j in range(nz):
+                J[k, j] = trial_J[k, j]
+        error, size = new, trial_size
+    return error, _NEWTON_PASSES
+
+
+@kernel
+def fixed_point(
+    problem: Problem,
+    gain: np.ndarray,
+    offset: np.ndarray,
+    unknown: np.ndarray,
+    contact: np.ndarray,
+    z: np.ndarray,
+    tolerance: float,
+) -> int:
+    """Iterate z = offset + gain load(z), certain to converge below contraction 1; return passes."""
+    rest, jacobian = np.empty(z.size), np.empty((z.size, z.size))
+    for passes in range(_FIXED_POINT_PASSES):
+        if residual(problem, gain, offset, unknown, contact, z, rest, jacobian) <= tolerance:
+            return passes
+        for k in range(z.size):
+            z[k] -= rest[k]
+    return _FIXED_POINT_PASSES
+
+
+@kernel
+def contraction_matrix(
+    problem: Problem, gain: np.ndarray, unknown: np.ndarray, contact: np.ndarray, A: np.ndarray
+) -> None:
+    """Write A_kj = sum |gain| Lip(load along z_j): |G(z) - G(z')| <= A |z - z'| (design 2.3)."""
+    for k in range(A.shape[0]):
+        for j in range(A.shape[0]):
+            A[k, j] = 0.0
+    for t in range(contact.shape[0]):
+        s = problem.contact_site[t]
+        k = unknown[problem.coordinate[s]]
+        if k < 0 or gain[s] == 0.0:
+            continue
+        for j in range(A.shape[0]):
+            x, y, z = contact[t, 1 + j, 0], contact[t, 1 + j, 1], contact[t, 1 + j, 2]
+            A[k, j] += abs(gain[s]) * np.sqrt(x * x + y * y + z * z)
+
+
+@kernel
+def keep(X: np.ndarray, z: np.ndarray, solutions: np.ndarray, found: int) -> int:
+    """Append x = X (1, z) to the solutions unless it is there already; return their number."""
+    nc = X.shape[0]
+    x = np.empty(nc)
+    size, difference = 0.0, np.inf if found == 0 else 0.0
+    for c in range(nc):
+        x[c] = X[c, 0]
+        for j in range(z.size):
+            x[c] += X[c, 1 + j] * z[j]
+        size = max(size, abs(x[c]))
+        if found > 0:
+            difference = max(difference, abs(x[c] - solutions[0, c]))
+            size = max(size, abs(solutions[0, c]))
+    if difference <= _DISTINCT * size:
+        return found
+    for c in range(nc):
+        solutions[found, c] = x[c]
+    return found + 1
+
+
+@kernel
+def solve_given_modes(
+    problem: Problem,
+    stuck: np.ndarray,
+    direction: np.ndarray,
+    guess: np.ndarray,
+    solutions: np.ndarray,
+    figures: np.ndarray,
+) -> int:
+    """Find the friction that fits given modes; all solutions a search finds where several may be.
+
+    Args:
+        problem: `Problem`.
+        stuck, direction: see `slip_law`.
+        guess: (nc,) friction to start from; NaN in the first place: none.
+        solutions: (2, nc), overwritten with the solutions found.
+        figures: (2,), overwritten: contraction, passes.
+
+    Returns:
+        Number of solutions, at most 2; -1 where none was found although the contraction is
+        certain (rounding defeats the solver).
+    """
+    nc, ns, nt = stuck.size, problem.constant.size, problem.contact_site.size
+    gain, offset = np.empty(ns), np.empty(nc)
+    unknown, X = np.empty(nc, np.int64), np.empty((nc, nc + 1))
+    slip_law(problem, stuck, direction, gain, offset)
+    nz = eliminate(problem, stuck, gain, offset, unknown, X)
+    figures[0] = figures[1] = 0.0
+    if nz < 0:
+        return 0
+    if nz == 0:
+        for c in range(nc):
+            solutions[0, c] = X[c, 0]
+        return 1
+    contact = np.empty((nt, nz + 1, 3))
+    reduce_contacts(problem, X, nz, contact)
+    A, perron = np.empty((nz, nz)), np.empty(nz)
+    contraction_matrix(problem, gain, unknown, contact, A)
+    figures[0] = spectral_radius_bound(A, perron)
+    tolerance = _RESIDUAL * (8 + nz) * 100
+    z = np.zeros(nz)
+    if guess[0] == guess[0]:
+        for c in range(nc):
+            if unknown[c] >= 0:
+                z[unknown[c]] = guess[c]
+    error, passes = newton(problem, gain, offset, unknown, contact, z, figures[0] < 1.0)
+    figures[1] = passes
+    found = 0
+    if error <= tolerance:
+        found = keep(X, z, solutions, found)
+    if figures[0] < 1.0:
+        if found == 0:
+            passes = fixed_point(problem, gain, offset, unknown, contact, z, tolerance)
+            figures[1] += passes
+            if passes == _FIXED_POINT_PASSES:
+                return -1
+            found = keep(X, z, solutions, found)
+        return found
+    # No uniqueness: look from where other solutions would be, rest and far out on every side.
+    far, most = 1.0, 1.0
+    for t in range(nt):
+        most = max(most, abs(gain[problem.contact_site[t]]))
+        for e in range(3):
+            far = max(far, abs(contact[t, 0, e]))
+    for start in range(nz + 2):
+        for c in range(nc):
+            k = unknown[c]
+            if k >= 0:
+                weight = start * perron[k] if start < 2 else 1.0 if k == start - 2 else 0.0
+                z[k] = -direction[c] * 1e4 * far * most * weight
+        error, passes = newton(problem, gain, offset, unknown, contact, z, False)
+        figures[1] += passes
+        if error <= tolerance and found < 2:
+            found = keep(X, z, solutions, found)
+    return found

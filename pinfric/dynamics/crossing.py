@@ -1,0 +1,84 @@
+"""Where a guard first falls below zero within a step, grazing included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+#: Halvings of an interval in which a guard may dip below zero unseen.
+_DEPTH = 8
+
+Guard = Callable[[float], float]
+
+
+def first_crossing(
+    guard: Guard, times: np.ndarray, values: np.ndarray, slack: float
+) -> float | None:
+    """Return the first time at which a guard falls below zero, or None.
+
+    Only what falls below -slack counts, but it is located at zero. Between two positive values a
+    dip is looked for where the values' second differences leave room for one. A guard that starts
+    below zero and stays there fires at the start.
+
+    Args:
+        guard: of time; continuous, or with jumps, which are located too.
+        times: (n,) evenly spaced over the step.
+        values: (n,) of the guard there.
+        slack: rounding of the guard.
+    """
+    if not np.isfinite(values).all():
+        return None
+    bend = float(np.abs(np.diff(values, 2)).max()) if len(values) > 2 else 0.0
+    for i in range(len(times) - 1):
+        ends = (times[i], times[i + 1]), (values[i], values[i + 1])
+        found = _within(guard, *ends, slack, bend, _DEPTH)
+        if found is not None:
+            return found
+    return None
+
+
+def _within(
+    guard: Guard,
+    times: tuple[float, float],
+    values: tuple[float, float],
+    slack: float,
+    bend: float,
+    depth: int,
+) -> float | None:
+    (start, end), (at_start, at_end) = times, values
+    if at_end < -slack:
+        if at_start > 0.0:
+            return root(guard, start, end)
+        if at_start >= -slack:  # it starts on zero: after a moment above, or from where it leaves
+            for k in range(1, 45):
+                middle = start + (end - start) * 0.5**k
+                if guard(middle) > slack:
+                    return root(guard, middle, end)
+            return root(lambda t: guard(t) + slack, start, end) if slack > 0.0 else start
+        return start
+    # a parabola with this second difference dips at most bend / 8 below both ends
+    if min(at_start, at_end) > 0.5 * bend or depth == 0 or bend <= slack:
+        return None
+    middle = 0.5 * (start + end)
+    at_middle = guard(middle)
+    bend = max(0.25 * bend, abs(at_start - 2.0 * at_middle + at_end))
+    found = _within(guard, (start, middle), (at_start, at_middle), slack, bend, depth - 1)
+    if found is not None:
+        return found
+    return _within(guard, (middle, end), (at_middle, at_end), slack, bend, depth - 1)
+
+
+def root(guard: Guard, start: float, end: float) -> float:
+    """Return where a guard falls through zero, to rounding of time.
+
+    Args:
+        guard: not negative at `start`, negative at `end` (s).
+    """
+    from scipy.optimize import brentq  # 0.6 s to import
+
+    if guard(start) <= 0.0:
+        return start
+    tolerance = 4.0 * np.finfo(float).eps
+    found = float(brentq(guard, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=tolerance))
+    return min(found, end)

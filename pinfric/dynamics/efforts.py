@@ -1,0 +1,181 @@
+"""What drives a simulation: constants, tables over time, sines, or any function of (t, q, v)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinfric.errors import SimulationError, choose_from
+from pinfric.model.scene import Scene
+from pinfric.model.schema import SineEffort, TableEffort
+
+EffortFunction = Callable[[float, np.ndarray, np.ndarray], Any]
+#: What `simulate` takes as effort.
+EffortLike = EffortFunction | Mapping[str, Any] | Sequence[Any] | np.ndarray | None
+
+
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """Efforts of all drives as one function.
+
+    Attributes:
+        function: (t, q, v) -> (na,), N m or N at the joints.
+        breakpoints: (n,) times (s) at which it jumps or bends: a step of integration ends there.
+    """
+
+    function: EffortFunction
+    breakpoints: np.ndarray
+
+
+def make_effort(
+    scene: Scene, effort: EffortLike, breakpoints: Sequence[float] | None = None
+) -> Effort:
+    """Return what `simulate` was given as one function.
+
+    Args:
+        scene: its drives.
+        effort: a function (t, q, v) -> (na,); (na,) constants; (times (n,), values (n, na)), linear
+            between and constant beyond; a mapping drive name -> number, function of t, or the scene
+            file's `sine` and `table`, the drives left out give 0; None: the scene's own
+            `simulation.effort`.
+        breakpoints: times (s) at which a function jumps or bends.
+
+    Raises:
+        SimulationError: an unknown drive, a wrong shape, a value not finite.
+    """
+    own = np.asarray([] if breakpoints is None else breakpoints, dtype=float).ravel()
+    if not np.isfinite(own).all():
+        raise SimulationError("breakpoints: hold NaN or Inf; give times in s")
+    if effort is None:
+        if scene.simulation is None:
+            raise SimulationError(
+                f"{scene.source}: has no `simulation` section; give `effort`: a function of "
+                "(t, q, v), constants, or (times, values)"
+            )
+        effort = scene.simulation.effort
+    if callable(effort):
+        return Effort(effort, own)
+    if isinstance(effort, Mapping):
+        made = _by_name(scene, effort)
+    elif isinstance(effort, tuple) and len(effort) == 2 and np.ndim(effort[0]) == 1:
+        made = _table("effort", effort[0], effort[1], len(scene.drives))
+    else:
+        values = _numbers("effort", effort)
+        if values.shape != (len(scene.drives),):
+            raise SimulationError(
+                f"effort: shape {values.shape}; should be ({len(scene.drives)},), one for each of "
+                f"{', '.join(scene.actuator_names)}; a table over time is (times, values)"
+            )
+        made = Effort(lambda t, q, v: values, np.zeros(0))
+    return Effort(made.function, np.union1d(made.breakpoints, own))
+
+
+def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
+    names = scene.actuator_names
+    constant = np.zeros(len(names))
+    varying: list[tuple[int, EffortFunction]] = []
+    breaks = [np.zeros(0)]
+    for name, entry in entries.items():
+        if name not in names:
+            raise SimulationError(f"effort: there is no drive {name!r}; {choose_from(name, names)}")
+        i = names.index(name)
+        if isinstance(entry, TableEffort):
+            part = _csv_column(scene, entry.table, name)
+            varying.append((i, _first_column(part.function)))
+            breaks.append(part.breakpoints)
+        elif isinstance(entry, SineEffort):
+            varying.append((i, _sine(entry)))
+        elif callable(entry):
+            varying.append((i, _of_time(entry)))
+        else:
+            number = _numbers(f"effort[{name!r}]", entry)
+            if number.shape != ():
+                raise SimulationError(
+                    f"effort[{name!r}]: shape {number.shape}; should be a number, a function of t, "
+                    "or the scene file's sine or table"
+                )
+            constant[i] = number
+
+    def function(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        out = constant.copy()
+        for i, part in varying:
+            out[i] = part(t, q, v)
+        return out
+
+    return Effort(function, np.unique(np.concatenate(breaks)))
+
+
+def _sine(entry: SineEffort) -> EffortFunction:
+    s = entry.sine
+    return lambda t, q, v: s.amplitude * np.sin(s.angular_frequency * t + s.phase)
+
+
+def _of_time(function: Callable[[float], Any]) -> EffortFunction:
+    return lambda t, q, v: function(t)
+
+
+def _first_column(table: EffortFunction) -> EffortFunction:
+    return lambda t, q, v: table(t, q, v)[0]
+
+
+def _table(where: str, times: Any, values: Any, width: int) -> Effort:
+    """Linear interpolation over time, constant beyond the ends; it bends at its rows."""
+    t, u = _numbers(f"{where}: times", times), _numbers(f"{where}: values", values)
+    if u.shape != (len(t), width) or len(t) == 0:
+        raise SimulationError(f"{where}: values of shape {u.shape}; should be ({len(t)}, {width}): "
+                              "one row per time, one column per drive")  # fmt: skip
+    if (np.diff(t) <= 0).any():
+        i = int(np.argmax(np.diff(t) <= 0)) + 1
+        raise SimulationError(f"{where}: times do not increase at row {i} ({t[i]:g} s)")
+
+    def function(time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        i = int(t.searchsorted(time, side="right"))
+        if i == 0 or i == len(t):
+            return u[min(i, len(t) - 1)].copy()
+        share = (time - t[i - 1]) / (t[i] - t[i - 1])
+        return np.asarray((1 - share) * u[i - 1] + share * u[i])
+
+    slope = np.vstack([np.zeros(width), np.diff(u, axis=0) / np.diff(t)[:, None], np.zeros(width)])
+    bends = (np.abs(np.diff(slope, axis=0)) > 1e-12 * np.abs(slope).max(initial=0.0)).any(axis=1)
+    return Effort(function, t[bends])
+
+
+def _csv_column(scene: Scene, table: str, name: str) -> Effort:
+    """A column of a CSV file with a header `t, <drive>, ...`, as the scene file names it."""
+    path = Path(scene.source).parent / table
+    where = f"{scene.source}: simulation.effort.{name}.table: {path}"
+    try:
+        with path.open(newline="") as file:
+            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+    except (OSError, UnicodeDecodeError) as problem:
+        raise SimulationError(f"{where}: cannot be read: {problem}") from None
+    header = [column.strip() for column in rows[0]] if rows else []
+    for column in ("t", name):
+        if column not in header:
+            raise SimulationError(
+                f"{where}: has no column {column!r}; {choose_from(column, header)}"
+            )
+    try:
+        picked = [[float(row[header.index(column)]) for column in ("t", name)] for row in rows[1:]]
+    except (ValueError, IndexError) as problem:
+        raise SimulationError(f"{where}: {problem}") from None
+    numbers = np.array(picked, dtype=float).reshape(-1, 2)
+    return _table(where, numbers[:, 0], numbers[:, 1:], 1)
+
+
+def _numbers(where: str, given: Any) -> np.ndarray:
+    try:
+        array = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise SimulationError(
+            f"{where}: should be numbers, (times, values), a mapping by drive or a function of "
+            f"(t, q, v), found {type(given).__name__}"
+        ) from None
+    if not np.isfinite(array).all():
+        raise SimulationError(f"{where}: holds NaN or Inf")
+    return array

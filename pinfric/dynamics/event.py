@@ -1,0 +1,328 @@
+"""Simulation with located events: the reference among the three methods (design 2.6).
+
+Within a phase nothing changes its mode, the motion is smooth and SciPy's Dormand-Prince 8(5,3)
+integrates it. Guards are watched on its polynomials: the velocity of what slips, the distance of
+friction from its static limits where something sticks. At a located instant the modes are searched
+anew, a guard that was just handled does not fire again, and the integration starts afresh.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.consistency import ROUNDING
+from pinfric.dynamics.crossing import first_crossing
+from pinfric.dynamics.modes import Found, search
+from pinfric.dynamics.record import Recorder, along
+from pinfric.dynamics.system import Chart, Settings, System
+from pinfric.errors import AccelerationError, SimulationError
+
+#: Looks at the guards within a step, both ends included.
+_LOOKS = 6
+#: Instants closer than this, relative to the time, are one.
+_SAME_TIME = 1e-12
+#: So many events within `_CROWDED` of the whole time are an accumulation.
+_MANY, _CROWDED = 60, 1e-9
+#: Shortest step (s, relative to the time) at which an inconsistent right-hand side is believed.
+_SHORTEST = 1e-12
+
+
+class EventIntegration:
+    """One simulation with located events.
+
+    Attributes:
+        t, y: present time (s) and state: coordinates xi (nv,) in `chart`, then v (nv,).
+        allowance: (nc,) how far a guard that was just handled may stay below zero.
+        changed: (nc,) when (s) each coordinate changed its mode last.
+        recent: times (s) of all changes.
+    """
+
+    def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
+        self.system, self.settings, self.record = system, settings, record
+        self.ws = system.ws
+        self.index = self.ws.tables.coordinate_v
+        self.t, self.y = 0.0, np.zeros(0)
+        self.chart: Chart
+        self.allowance = np.zeros(len(self.index))
+        self.changed = np.full(len(self.index), -np.inf)
+        self.recent: list[float] = []
+
+    def run(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Integrate from t = 0; the record holds what happens.
+
+        Args:
+            q, v: (nq,), (nv,) at the start; coordinates at rest are set to exactly 0 velocity.
+        """
+        model = self.ws.scene.loaded_model()
+        self.chart = Chart.at(model, q)
+        v = start_velocity(self.system, q, v)
+        self.y = np.concatenate([self.chart.coordinates(q), v])
+        self.system.solve(0.0, q, v)
+        self.record.phase(0.0)
+        self.record.sample(0.0, q, v)
+        self._allow()
+        breaks = self.system.effort.breakpoints
+        ends = [*breaks[(breaks > 0.0) & (breaks < self.settings.t_end)], self.settings.t_end]
+        first_step: float | None = None
+        for end in ends:
+            self.system.within(self.t, float(end), end in breaks)
+            if self.t > 0.0 and self.record.rows[-1][0] == self.t:
+                self._sample_now()  # what holds after the breakpoint
+            while self.t < end:
+                first_step = self._smooth(float(end), first_step)
+        self._sample_now()
+
+    def _sample_now(self) -> None:
+        q, v = self._state(self.y)
+        self.system.solve_given_modes(self.t, q, v)
+        self.record.sample(self.t, q, v)
+
+    def _state(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nv = self.ws.nv
+        return self.chart.configuration(np.ascontiguousarray(y[:nv])), np.ascontiguousarray(y[nv:])
+
+    def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
+        """Return d(xi, v)/dt (2 nv,) in the present modes."""
+        nv = self.ws.nv
+        q, v = self._state(y)
+        out = np.empty(2 * nv)
+        out[nv:] = self.system.solve_given_modes(t, q, v)
+        out[:nv] = self.chart.rate(y[:nv], v)
+        return out
+
+    def _smooth(self, end: float, first_step: float | None) -> float | None:
+        """Integrate until the modes change, the chart must move or `end`; return the next step."""
+        from scipy.integrate import DOP853
+
+        if self._breaks_at_once():
+            return None
+        if first_step is not None:
+            first_step = min(first_step, end - self.t)
+        solver = DOP853(self.rhs, self.t, self.y, end, rtol=self.settings.rtol,
+                        atol=self.settings.atol, max_step=self.settings.max_step,
+                        first_step=first_step)  # fmt: skip
+        longest = self.settings.max_step
+        while solver.status == "running":
+            self._step(solver)
+            polynomial = solver.dense_output()
+            found = self._first_event(solver.t_old, solver.t, polynomial)
+            stop = solver.t if found is None else found[0]
+            self._keep_step(solver.t_old, stop, polynomial)
+            if found is not None:
+                self.t = stop
+                self.y = solver.y.copy() if stop == solver.t else polynomial(stop)
+                self._change_modes(found[1])
+                return None
+            self.t, self.y = solver.t, solver.y.copy()
+            self.allowance[self._guards_at_end >= 0.0] = 0.0
+            solver.max_step = min(longest, 2.0 * solver.max_step)
+            if self.chart.is_far(self.y[: self.ws.nv]):
+                self.chart, self.y[: self.ws.nv] = self.chart.moved(self.y[: self.ws.nv])
+                break
+        return float(solver.h_abs)  # what the next step would be
+
+    def _step(self, solver: object) -> None:
+        """Take one step; where stages reach inconsistent states, a shorter one."""
+        from scipy.integrate import DOP853
+
+        assert isinstance(solver, DOP853)
+        while True:
+            try:
+                message = solver.step()
+            except AccelerationError:
+                shorter = 0.1 * min(solver.h_abs, solver.max_step)
+                if shorter < _SHORTEST * max(1.0, abs(self.t)):
+                    raise
+                solver.h_abs = solver.max_step = shorter
+                continue
+            if solver.status == "failed":
+                raise SimulationError(
+                    f"at t = {solver.t:.9g} s the integration fails: {message}; a discontinuous "
+                    "effort needs `breakpoints`, too small tolerances cannot be met"
+                )
+            return
+
+    def _keep_step(self, start: float, end: float, polynomial: object) -> None:
+        """Record the step's polynomial, the samples due in it and joints that leave their range."""
+        assert callable(polynomial)
+        record, nv = self.record, self.ws.nv
+        if end > start:
+            if not record.step_t:
+                record.step_t.append(start)
+            record.step_t.append(end)
+            record.steps.append((polynomial, self.chart))
+        for t in record.due(start, end):
+            q, v = self._state(polynomial(t))
+            self.system.solve_given_modes(t, q, v)
+            record.sample(t, q, v)
+        record.watch_limits(start, end, along(self.chart, polynomial, nv))
+        record.progress(end)
+
+    # ------------------------------------------------------------ guards
+
+    def _guards(self, t: float, y: np.ndarray) -> np.ndarray:
+        """Guards (nc,) at one time: positive while the modes hold; inf without dry friction.
+
+        Slipping: speed in its direction. Sticking: distance of friction from its limits.
+        """
+        modes, dry = self.ws.modes, self.ws.tables.dry
+        guards = np.full(len(self.index), np.inf)
+        slips = dry & ~modes.stuck
+        guards[slips] = (modes.direction * y[self.ws.nv + self.index])[slips]
+        if modes.stuck.any():
+            self.system.solve_given_modes(t, *self._state(y))
+            guards[modes.stuck] = self._stick_guards()[modes.stuck]
+        return guards
+
+    def _stick_guards(self) -> np.ndarray:
+        """(nc,) distance of friction from its static limits at the last right-hand side."""
+        ws = self.ws
+        x = ws.modes.friction
+        return np.asarray(np.minimum(x - ws.least, ws.most - x))
+
+    def _slack(self) -> np.ndarray:
+        """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
+        speeds = np.abs(self.y[self.ws.nv :]).max(initial=0.0)
+        limits = self.ws.most - self.ws.least
+        return np.where(self.ws.modes.stuck, ROUNDING * limits, 1e-15 * speeds)
+
+    def _allow(self) -> None:
+        """After a change of modes: what is below zero now was handled, and does not fire again."""
+        guards = self._guards(self.t, self.y)
+        self.allowance = np.where(guards < -0.5 * self._slack(), -2.0 * guards, 0.0)
+
+    def _breaks_at_once(self) -> bool:
+        """Change modes where friction is beyond its limits at the very start (effort jumped)."""
+        if not self.ws.modes.stuck.any():
+            return False
+        guards = self._guards(self.t, self.y) + self.allowance
+        broken = np.flatnonzero(self.ws.modes.stuck & (guards < -self._slack()))
+        if broken.size:
+            self._change_modes(broken)
+        return bool(broken.size)
+
+    def _first_event(
+        self, start: float, end: float, polynomial: object
+    ) -> tuple[float, np.ndarray] | None:
+        """First time in a step at which guards fire, and which do."""
+        assert callable(polynomial)
+        self._guards_at_end = np.zeros(0)
+        if not self.ws.tables.dry.any():
+            self._guards_at_end = np.zeros(len(self.index))
+            return None
+        times = np.linspace(start, end, _LOOKS)
+        states = polynomial(times)
+        values = np.array([self._guards(t, states[:, i]) for i, t in enumerate(times)])
+        self._guards_at_end = values[-1]
+        values, slack = values + self.allowance, self._slack()
+        fired = np.full(len(self.index), np.inf)
+        for c in range(len(self.index)):
+            if np.isinf(values[0, c]):
+                continue
+
+            def guard(t: float, c: int = c) -> float:
+                return float(self._guard(c, t, polynomial(t)) + self.allowance[c])
+
+            found = first_crossing(guard, times, values[:, c], float(slack[c]))
+            fired[c] = np.inf if found is None else found
+        time = float(fired.min())
+        if np.isinf(time):
+            return None
+        together = np.flatnonzero(fired <= time + _SAME_TIME * max(1.0, abs(time)))
+        return time, together
+
+    def _guard(self, c: int, t: float, y: np.ndarray) -> float:
+        """One guard at one time."""
+        if not self.ws.modes.stuck[c]:
+            return float(self.ws.modes.direction[c] * y[self.ws.nv + self.index[c]])
+        self.system.solve_given_modes(t, *self._state(y))
+        return float(self._stick_guards()[c])
+
+    # ------------------------------------------------------------ changes of modes
+
+    def _change_modes(self, fired: np.ndarray) -> None:
+        """Search the modes at the present instant after the guards of coordinates `fired` have."""
+        ws, modes, nv = self.ws, self.ws.modes, self.ws.nv
+        before = modes.copy()
+        stopped = [int(c) for c in fired if not modes.stuck[c]]
+        self.y[nv + self.index[stopped]] = 0.0
+        q, v = self._state(self.y)
+        forced: dict[int, float] = {}
+        if len(stopped) < len(fired):
+            self.system.solve_given_modes(self.t, q, v)
+            forced = {int(c): self._way_out(int(c)) for c in fired if modes.stuck[c]}
+        modes.at_rest[:] = modes.stuck
+        modes.at_rest[stopped] = True
+        self.system.assemble(self.t, q, v)
+        found = Found.NONE
+        again = [int(c) for c in fired if self.changed[c] == self.t]
+        if again:  # a slip that would not start, a stick that would not hold: rounding decides
+            modes.at_rest[again] = False
+            modes.stuck[again], modes.direction[again] = True, 0.0
+            found = search(ws.problem, modes)
+        elif forced:
+            found = search(ws.problem, modes, forced)
+        if found != Found.SOLVED:
+            modes.take(before)
+            modes.at_rest[:] = modes.stuck
+            modes.at_rest[stopped] = True
+            found = search(ws.problem, modes)
+        if found != Found.SOLVED:
+            raise ws.failure(found, q, v, self.system.u).at(self.t)
+        ws.finish()
+        self.changed[(modes.stuck != before.stuck) | (modes.direction != before.direction)] = self.t
+        self._note(before, stopped)
+        self.record.sample(self.t, q, v)
+        self._allow()
+        self._watch_accumulation()
+
+    def _way_out(self, c: int) -> float:
+        """Direction in which a coordinate breaks away: against its friction."""
+        ws = self.ws
+        x = ws.modes.friction[c]
+        return -1.0 if ws.most[c] - x < x - ws.least[c] else 1.0
+
+    def _note(self, before: object, stopped: list[int]) -> None:
+        """Record what changed."""
+        record, ws = self.record, self.ws
+        assert isinstance(before, type(ws.modes))
+        record.phase(self.t)
+        for s, site in enumerate(ws.scene.sites):
+            c = int(ws.tables.coordinate[s])
+            if not ws.tables.dry[c]:
+                continue
+            now = float(ws.site_modes[s])
+            if ws.modes.stuck[c] and not before.stuck[c]:
+                record.event(self.t, site.name, "stick", 0)
+            elif before.stuck[c] and not ws.modes.stuck[c]:
+                record.event(self.t, site.name, "slip", now)
+            elif c in stopped and ws.modes.direction[c] != before.direction[c]:
+                record.event(self.t, site.name, "reversal", now)
+
+    def _watch_accumulation(self) -> None:
+        """Stop where events come ever closer together, or there are too many of them."""
+        self.recent.append(self.t)
+        if len(self.recent) > self.settings.max_events:
+            raise SimulationError(
+                f"more than {self.settings.max_events} changes between stick and slip until "
+                f"t = {self.t:.9g} s; is that wanted? then raise `max_events`"
+            )
+        if len(self.recent) < _MANY:
+            return
+        if self.recent[-1] - self.recent[-_MANY] > _CROWDED * self.settings.t_end:
+            return
+        names = sorted({event.name for event in self.record.events[-_MANY:]})
+        raise SimulationError(
+            f"{_MANY} changes between stick and slip within "
+            f"{self.recent[-1] - self.recent[-_MANY]:.3g} s at t = {self.t:.12g} s, at joint "
+            f"{', '.join(names)}: they accumulate; method 'timestepping' passes such a point"
+        )
+
+
+def start_velocity(system: System, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return v with exactly 0 where a coordinate is at or below its stick velocity."""
+    t = system.ws.tables
+    v = v.copy()
+    speed = np.abs(v[t.coordinate_v])
+    v[t.coordinate_v[t.dry & (speed <= t.stick_velocity)]] = 0.0
+    return v

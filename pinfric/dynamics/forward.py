@@ -1,0 +1,123 @@
+"""Forward dynamics with friction at one instant: accelerations, stick or slip, reactions.
+
+    M a + h - J_ext^T f_ext = u + D phi,     phi_k opposes v_k and depends on the wrench w_k
+
+(design 2.5). One batch on the wrench twin gives h, M and all reactions as functions of a; with
+a = M^-1 (u - h) + M^-1 D x eliminated, what is left is the small coupled problem of `problem.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pinfric.dynamics.reactions import applied_wrenches
+from pinfric.dynamics.result import Status
+from pinfric.dynamics.states import States
+from pinfric.dynamics.workspace import Workspace, workspace
+from pinfric.errors import StateError
+from pinfric.model.scene import Scene
+
+_NO_LOOPS = np.zeros(0)
+
+
+class Instant(NamedTuple):
+    """What efforts cause at one state (a tuple: a frozen dataclass takes 2 us longer to make).
+
+    Attributes:
+        a: (nv,) accelerations (rad/s^2, m/s^2); exactly 0 where a joint sticks.
+        modes: (ns,) -1, 0, 1: slips backward, sticks, slips forward.
+        friction: (ns,) of the parent on the child, along the joint's positive direction.
+        multipliers: (0,) loop-closure forces; an open chain has none.
+        normal_load: (ns,) load c its friction acts on.
+        wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
+        contraction: below 1 the friction is the only one that fits these modes.
+        status: `Status`.
+        iterations: passes of the coupled solve.
+    """
+
+    a: np.ndarray
+    modes: np.ndarray
+    friction: np.ndarray
+    multipliers: np.ndarray
+    normal_load: np.ndarray
+    wrench: np.ndarray
+    contraction: float
+    status: Status
+    iterations: int
+
+
+def forward_dynamics(
+    scene: Scene,
+    q: np.ndarray,
+    v: np.ndarray,
+    effort: np.ndarray,
+    external: Mapping[str, np.ndarray] | None = None,
+    *,
+    attached: Iterable[str] | None = None,
+) -> Instant:
+    """Return the accelerations, the modes and the friction that efforts cause at one state.
+
+    a = M^-1 (u - h + J_ext^T f_ext + D phi) with phi by the laws of friction (design 2.5; paper
+    eq. 3, 20, 21). A site at or below its stick velocity sticks wherever that is consistent.
+
+    Args:
+        scene: the robot with its friction and drives.
+        q, v: (nq,), (nv,) in rad, m and per second.
+        effort: (na,) what the drives deliver at the joints (N m or N).
+        external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
+        attached: names of the payloads carried; None takes those attached by default.
+
+    Raises:
+        StateError: a wrong shape, a value not finite.
+        NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
+        RollMomentError: a guide without width is loaded by a moment about its axis.
+    """
+    ws = workspace(scene, attached)
+    q, v, effort = _checked(ws, q, v, effort)
+    ws.solve(q, v, effort, applied_wrenches(scene, external, 1) if external else None)
+    if ws.tables.guides:
+        ws.check_roll_moments()
+    return instant(ws)
+
+
+def instant(ws: Workspace) -> Instant:
+    """Return the workspace's solution with arrays of its own."""
+    nv, ns = ws.a.size, ws.phi.size
+    out = ws.out.copy()
+    contraction, passes = ws.modes.figures.tolist()
+    return Instant(
+        a=out[:nv],
+        modes=ws.site_modes.copy(),
+        friction=out[nv : nv + ns],
+        multipliers=_NO_LOOPS,
+        normal_load=out[nv + ns : nv + 2 * ns],
+        wrench=out[nv + 2 * ns :].reshape(ns, 6),
+        contraction=contraction,
+        status=Status.CONVERGED,
+        iterations=int(passes),
+    )
+
+
+def _checked(
+    ws: Workspace, q: np.ndarray, v: np.ndarray, effort: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Arrays as the kernels take them; non-finite values are found by the assembly."""
+    u = vector("effort", effort, ws.na, "na")
+    if ws.nq != ws.nv:
+        states = States.of(ws.scene, q, v, np.zeros(ws.nv))
+        return states.q[0], states.v[0], u
+    return vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv"), u
+
+
+def vector(name: str, given: Any, size: int, symbol: str) -> np.ndarray:
+    """Return a (size,) C-ordered float array, or raise `StateError` naming it."""
+    try:
+        array = np.ascontiguousarray(given, dtype=float)
+    except (TypeError, ValueError) as problem:
+        raise StateError(f"{name}: is not an array of numbers: {problem}") from None
+    if array.shape != (size,):
+        raise StateError(f"{name}: shape {np.shape(given)}; should be ({size},), {symbol} = {size}")
+    return array

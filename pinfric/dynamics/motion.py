@@ -1,0 +1,320 @@
+"""A simulated motion: samples, events, stick intervals, and the way to a file and back."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.result import StickInterval, runs
+from pinfric.errors import SimulationError, StateError
+from pinfric.model.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
+_FORMAT = 1
+#: Arrays of a motion that go into its file as they are.
+_ARRAYS = ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load", "phase_t",
+           "phase_modes")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at an instant.
+
+    Attributes:
+        time: s.
+        name: the site or joint.
+        kind: `stick`, `slip`, `reversal` (a site passes through rest without sticking), `limit`
+            (a joint leaves its range).
+        direction: of the slip that follows, or side of the limit: -1, 0, 1.
+    """
+
+    time: float
+    name: str
+    kind: str
+    direction: int
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Where the energy went, J: work = change + sum(friction_loss) up to `residual`.
+
+    Attributes:
+        work: of the drives' efforts.
+        change: of kinetic and potential energy.
+        friction_loss: (ns,) heat at each site.
+        residual: what the integration left over.
+    """
+
+    work: float
+    change: float
+    friction_loss: np.ndarray
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion as `simulate` returns it; samples first, SI units.
+
+    At an instant where modes change there is one sample, with what holds after the change.
+
+    Attributes:
+        scene: what was simulated.
+        method: `event`, `timestepping` or `regularized`.
+        t: (T,) s.
+        q, v, a: (T, nq), (T, nv), (T, nv); v and a exactly 0 where a joint sticks (not by
+            `regularized`, which has no stick).
+        effort: (T, na) N m or N at the joints.
+        modes: (T, ns) -1, 0, 1: slips backward, sticks, slips forward.
+        friction, normal_load: (T, ns), see `Instant`.
+        events: in the order of time.
+        phase_t: (P + 1,) borders of the times of constant modes; phase_modes: (P, ns).
+        status: `finished`, `interrupted` or `failed`; message: why it ended.
+        evaluations: right-hand sides computed.
+        carried: names of the payloads carried; None: those attached by default.
+        dense: the integrator's polynomials; None where there are none.
+    """
+
+    scene: Scene
+    method: str
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    effort: np.ndarray
+    modes: np.ndarray
+    friction: np.ndarray
+    normal_load: np.ndarray
+    events: tuple[Event, ...]
+    phase_t: np.ndarray
+    phase_modes: np.ndarray
+    status: str
+    message: str
+    evaluations: int
+    carried: tuple[str, ...] | None = None
+    dense: Dense | None = field(default=None, repr=False)
+
+    @property
+    def site_names(self) -> tuple[str, ...]:
+        """Names of the columns of modes, friction and normal_load."""
+        return self.scene.site_names
+
+    @property
+    def actuator_names(self) -> tuple[str, ...]:
+        """Names of the columns of effort."""
+        return self.scene.actuator_names
+
+    @property
+    def attached(self) -> np.ndarray | None:
+        """(T, np) payloads carried, as `inverse_dynamics` takes it; None: the default."""
+        if self.carried is None:
+            return None
+        return np.tile([name in self.carried for name in self.scene.payloads], (len(self.t), 1))
+
+    def stick_intervals(self) -> tuple[StickInterval, ...]:
+        """Return when each site sticks, in the order of the sites; ends as located, not sampled."""
+        found = []
+        for s, site in enumerate(self.scene.sites):
+            if not _can_stick(site.law):
+                continue
+            for first, last in runs(self.phase_modes[:, s] == 0):
+                start, end = self.phase_t[first], self.phase_t[last + 1]
+                found.append(StickInterval(site.name, float(start), float(end)))
+        return tuple(found)
+
+    def sample(self, t: Any) -> Motion:
+        """Return the motion at other times (T',): from the integrator's own polynomials.
+
+        Accelerations and friction are computed anew at each time, with the modes of the interval
+        it lies in (at a change: those after it).
+
+        Raises:
+            StateError: times outside the motion or not increasing; no polynomials (only `event`
+                has them), or a motion from a file, which does not hold the effort function.
+        """
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        if self.dense is None:
+            raise StateError(
+                f"this motion cannot be sampled at other times (method {self.method!r}, or read "
+                "from a file); take its samples, or simulate with a smaller `sample_step`"
+            )
+        if not ((times >= self.t[0]) & (times <= self.t[-1])).all():
+            raise StateError(f"sample: times outside {self.t[0]:g} to {self.t[-1]:g} s")
+        if (np.diff(times) <= 0).any():
+            raise StateError("sample: times do not increase")
+        return self.dense.sample(self, times)
+
+    def energy(self) -> Energy:
+        """Return the balance of energy over the whole motion.
+
+        `event`: by Gauss quadrature on the integrator's polynomials, as exact as the motion;
+        other motions: by the trapezoidal rule over the samples.
+        """
+        model = self.scene.loaded_model(self.carried)
+        data = model.createData()
+
+        def total(i: int) -> float:
+            kinetic = pin.computeKineticEnergy(model, data, self.q[i], self.v[i])
+            return float(kinetic + pin.computePotentialEnergy(model, data, self.q[i]))
+
+        if self.dense is not None:
+            work, loss = self.dense.integrate(self)
+        else:
+            sites = self.scene.site_tables
+            v_site = self.v[:, sites.velocity_index] * sites.ratio
+            work = float(np.trapezoid((self.effort * self.v).sum(axis=1), self.t))
+            loss = -np.trapezoid(self.friction * v_site, self.t, axis=0)
+        change = total(-1) - total(0)
+        return Energy(work, change, loss, work - change - float(loss.sum()))
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return all columns with names: t, positions, then `<name>.<quantity>`."""
+        import pandas as pd
+
+        columns: dict[str, np.ndarray] = {"t": self.t}
+        for i in range(self.q.shape[1]):
+            columns[f"q{i}"] = self.q[:, i]
+        for quantity, names in (("v", self.actuator_names), ("a", self.actuator_names),
+                                ("effort", self.actuator_names), ("modes", self.site_names),
+                                ("friction", self.site_names),
+                                ("normal_load", self.site_names)):  # fmt: skip
+            for i, name in enumerate(names):
+                columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, i]
+        return pd.DataFrame(columns)
+
+    def save(self, path: str | Path) -> Path:
+        """Write an npz file that `load_motion` reads back, with a digest of the scene's parts."""
+        path = Path(path).with_suffix(".npz")
+        about = {
+            "format": _FORMAT, "method": self.method, "status": self.status,
+            "message": self.message, "evaluations": self.evaluations,
+            "scene": scene_digests(self.scene), "source": self.scene.source,
+            "carried": self.carried,
+            "events": [[e.time, e.name, e.kind, e.direction] for e in self.events],
+        }  # fmt: skip
+        try:
+            np.savez_compressed(path, allow_pickle=False, about=np.array(json.dumps(about)),
+                                **{name: getattr(self, name) for name in _ARRAYS})  # fmt: skip
+        except OSError as problem:
+            raise SimulationError(f"{path}: cannot be written: {problem.strerror}") from None
+        return path
+
+
+def load_motion(path: str | Path, scene: Scene) -> Motion:
+    """Read a motion that `Motion.save` wrote; `sample` needs a motion that was just simulated.
+
+    Args:
+        path: the npz file.
+        scene: the scene it was simulated with.
+
+    Raises:
+        SimulationError: the file cannot be read, or was simulated with another scene (it says
+            which parts differ).
+    """
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            about = json.loads(str(file["about"]))
+            arrays = {name: file[name] for name in _ARRAYS}
+    except (OSError, ValueError, KeyError) as problem:
+        raise SimulationError(f"{path}: is not a motion that pinfric saved: {problem}") from None
+    if about.get("format") != _FORMAT:
+        raise SimulationError(f"{path}: format {about.get('format')}; this pinfric reads {_FORMAT}")
+    now = scene_digests(scene)
+    differ = [part for part, digest in now.items() if about["scene"].get(part) != digest]
+    if differ:
+        raise SimulationError(
+            f"{path}: was simulated with another scene ({about['source']}); {scene.source} differs "
+            f"in {', '.join(differ)}"
+        )
+    return Motion(
+        scene=scene,
+        method=about["method"],
+        events=tuple(Event(*entry) for entry in about["events"]),
+        status=about["status"],
+        message=about["message"],
+        evaluations=about["evaluations"],
+        carried=None if about["carried"] is None else tuple(about["carried"]),
+        **arrays,
+    )
+
+
+def scene_digests(scene: Scene) -> dict[str, str]:
+    """Return a digest of each part of a scene that a motion depends on."""
+    model = scene.model
+    joints = range(1, model.njoints)
+    bodies = [model.inertias[j].toDynamicParameters().tolist() for j in joints]
+    frames = [model.jointPlacements[j].homogeneous.tolist() for j in joints]
+    kinds = [(model.joints[j].shortname(), int(model.parents[j])) for j in joints]
+    twin = scene.twin()
+    parts: dict[str, Any] = {
+        "joints": [scene.joint_names, kinds, frames, twin.axis.tolist(), twin.ratio.tolist()],
+        "inertias": [bodies, np.asarray(model.armature).tolist()],
+        "gravity": np.asarray(model.gravity.linear).tolist(),
+        "payloads": {name: p.model_dump() for name, p in sorted(scene.payloads.items())},
+        "friction": {name: f.model_dump() for name, f in sorted(scene.friction.items())},
+        "stick velocity": scene.stick_velocity,
+        "actuators": scene.actuator_names,
+    }
+    return {
+        name: hashlib.sha256(json.dumps(part).encode()).hexdigest()[:16]
+        for name, part in parts.items()
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """The integrator's polynomials and what is needed to compute accelerations on them.
+
+    Attributes:
+        t: (N + 1,) borders of the steps.
+        at: step number, time (s) -> q (nq,), v (nv,).
+        solve: time, q, v, modes of the sites (ns,) -> what a sample holds, see `Recorder.row`.
+    """
+
+    t: np.ndarray
+    at: Callable[[int, float], tuple[np.ndarray, np.ndarray]]
+    solve: Callable[[float, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+
+    def rows(self, motion: Motion, times: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+        """Rows (t, q, v, a, effort, modes, friction, normal_load) at times of the motion."""
+        steps = np.clip(self.t.searchsorted(times, side="right") - 1, 0, len(self.t) - 2)
+        phases = motion.phase_t.searchsorted(times, side="right") - 1
+        phases = np.clip(phases, 0, len(motion.phase_modes) - 1)
+        return [
+            self.solve(time, *self.at(int(step), time), motion.phase_modes[phase])
+            for time, step, phase in zip(times.tolist(), steps, phases, strict=True)
+        ]
+
+    def sample(self, motion: Motion, times: np.ndarray) -> Motion:
+        """See `Motion.sample`."""
+        columns = [np.array(column) for column in zip(*self.rows(motion, times), strict=True)]
+        fields = dict(motion.__dict__)
+        fields.update(zip(_ARRAYS[:8], columns, strict=True))
+        return Motion(**fields)
+
+    def integrate(self, motion: Motion) -> tuple[float, np.ndarray]:
+        """Work of the efforts and loss (ns,) at the sites, J, by Gauss's rule in every step."""
+        nodes, weights = np.polynomial.legendre.leggauss(6)
+        sites = motion.scene.site_tables
+        work, loss = 0.0, np.zeros(len(sites.ratio))
+        for start, end in zip(self.t[:-1], self.t[1:], strict=True):
+            half = (end - start) / 2
+            rows = self.rows(motion, start + half * (1 + nodes))
+            for weight, (_, _, v, _, effort, _, friction, _) in zip(weights, rows, strict=True):
+                work += half * weight * float(effort @ v)
+                loss -= half * weight * friction * v[sites.velocity_index] * sites.ratio
+        return work, loss
+
+
+def _can_stick(law: Any) -> bool:
+    return any((law.mu_static, law.static_positive, law.static_negative))

@@ -1,0 +1,126 @@
+"""The coupled friction problem as numbers: what `coupling` solves and others fill.
+
+Friction acts on *coordinates*: relative velocities that one site has to itself, or that a mimic
+joint's sites share with their leader's. With x the friction along each of them, everything that
+friction changes is affine in x (design 2.3, 2.5):
+
+    r = rate_free + rate_slope x            relative acceleration (time stepping: next velocity)
+    p = contact_free + contact_slope x      contact forces of the bearings; load c = sum |p| + const
+
+    slipping    x = -sum |ratio| direction (mu c + coulomb) - drag                  (paper eq. 20)
+    sticking    r = 0 and x within the two static limits                            (paper eq. 21)
+
+Whoever fills a `Problem` (forward dynamics, a time step) decides what r is; nothing here knows a
+robot.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.model.bearings import LoadWeights
+
+
+class Problem(NamedTuple):
+    """One coupled friction problem: nc coordinates, ns sites, nt contact forces.
+
+    Attributes:
+        rate_free: (nc,) r without friction.
+        rate_slope: (nc, nc) change of r per unit friction; symmetric, positive definite.
+        rate_scale: (nc,) size of the terms `rate_free` is the sum of; what is small is small
+            beside it.
+        contact_free: (nt, 3) contact forces without friction, weighted (N m or N).
+        contact_slope: (nt, nc, 3) their change per unit friction.
+        contact_site: (nt,) site of each contact force.
+        constant: (ns,) part of each load that does not change.
+        coordinate: (ns,) coordinate on which each site acts.
+        ratio: (ns,) site velocity per coordinate velocity; 1 but for mimic joints.
+        mu_slip, mu_stick: (ns,) coefficients of the load at the present speed, and at rest.
+        coulomb_slip, coulomb_stick: (ns, 2) constant friction against forward, backward motion.
+        drag: (ns,) viscous friction against the site's present velocity.
+    """
+
+    rate_free: np.ndarray
+    rate_slope: np.ndarray
+    rate_scale: np.ndarray
+    contact_free: np.ndarray
+    contact_slope: np.ndarray
+    contact_site: np.ndarray
+    constant: np.ndarray
+    coordinate: np.ndarray
+    ratio: np.ndarray
+    mu_slip: np.ndarray
+    mu_stick: np.ndarray
+    coulomb_slip: np.ndarray
+    coulomb_stick: np.ndarray
+    drag: np.ndarray
+
+
+def empty_problem(
+    coordinate: np.ndarray, ratio: np.ndarray, contact_site: np.ndarray, constant: np.ndarray
+) -> Problem:
+    """Return a problem of the given structure whose numbers are still to be written."""
+    ns, nt = len(coordinate), len(contact_site)
+    nc = int(coordinate.max()) + 1 if ns else 0
+    return Problem(
+        rate_free=np.zeros(nc),
+        rate_slope=np.zeros((nc, nc)),
+        rate_scale=np.zeros(nc),
+        contact_free=np.zeros((nt, 3)),
+        contact_slope=np.zeros((nt, nc, 3)),
+        contact_site=contact_site,
+        constant=constant,
+        coordinate=coordinate,
+        ratio=ratio,
+        mu_slip=np.zeros(ns),
+        mu_stick=np.zeros(ns),
+        coulomb_slip=np.zeros((ns, 2)),
+        coulomb_stick=np.zeros((ns, 2)),
+        drag=np.zeros(ns),
+    )
+
+
+def contact_maps(weights: LoadWeights, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the linear maps whose norms make a bearing's load: c = sum |(B + s C) w| + constant.
+
+    The terms of `bearings.LoadWeights`, each with its weight multiplied in; terms of weight zero
+    are left out. s is the child's displacement along the axis (m), which moves the middle of a
+    bearing that is fixed to the parent.
+
+    Args:
+        weights: of the bearing.
+        axis: (3,) unit joint axis k in the child's frame.
+
+    Returns:
+        B, C: (n, 3, 6), wrench (N, N m; linear first) -> weighted contact force.
+    """
+    k = np.asarray(axis, dtype=float)
+    along = np.outer(k, k)
+    across = np.eye(3) - along
+    cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
+    zero = np.zeros((3, 3))
+    radial, axial = np.hstack([across, zero]), np.hstack([along, zero])
+    roll = np.hstack([zero, along])
+
+    def about(middle: float, moved: float) -> np.ndarray:
+        """M_b about the bearing's middle: across (M - middle k x F); `moved` drops M itself."""
+        return np.hstack([-middle * cross, moved * across])
+
+    terms = []
+    for where, keep in ((weights.offset, 1.0), (-weights.follows_parent, 0.0)):
+        bending = about(where, keep)
+        couple = -cross @ bending * weights.inverse_length  # M_b x k / length
+        terms.append([
+            weights.two_end * (keep * radial / 2 + couple),
+            weights.two_end * (keep * radial / 2 - couple),
+            weights.radial * keep * radial,
+            weights.axial * keep * axial,
+            weights.bending * bending,
+            weights.roll * keep * roll,
+        ])  # fmt: skip
+    used = [i for i in range(6) if terms[0][i].any()]
+    shape = (len(used), 3, 6)
+    return (np.array([terms[0][i] for i in used]).reshape(shape),
+            np.array([terms[1][i] for i in used]).reshape(shape))  # fmt: skip

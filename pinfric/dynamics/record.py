@@ -1,0 +1,182 @@
+"""What an integrator writes down while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pinfric.dynamics.motion import Dense, Event, Motion
+from pinfric.dynamics.system import Chart, System, timed
+from pinfric.errors import RollMomentError
+from pinfric.model.scene import Scene
+
+#: (t, q, v, a, effort, modes, friction, normal_load) at one time.
+Row = tuple[np.ndarray, ...]
+
+
+class Recorder:
+    """Samples, events, phases of constant modes and polynomials of a running simulation.
+
+    Attributes:
+        rows: samples, in the order of `Row`; t increases strictly.
+        events, phase_t, phase_modes: see `Motion`.
+        steps: (end, polynomial, chart) of every step, where the integrator has them.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        system: System,
+        method: str,
+        sample_step: float,
+        carried: tuple[str, ...] | None = None,
+    ) -> None:
+        self.scene, self.system, self.method, self.carried = scene, system, method, carried
+        self.sample_step = sample_step
+        self.rows: list[Row] = []
+        self.events: list[Event] = []
+        self.phase_t: list[float] = []
+        self.phase_modes: list[np.ndarray] = []
+        self.step_t: list[float] = []
+        self.steps: list[tuple[Callable[[float], np.ndarray], Chart]] = []
+        self.progress: Callable[[float], None] = lambda t: None
+        self._limits = _limits(scene)
+        self._beyond = np.zeros(len(self._limits[0]), dtype=int)
+
+    def row(self, t: float, q: np.ndarray, v: np.ndarray) -> Row:
+        """Make a sample of the system's present solution.
+
+        Raises:
+            SimulationError: a guide without width is loaded by a moment about its axis.
+        """
+        ws = self.system.ws
+        if ws.tables.guides:
+            try:
+                ws.check_roll_moments()
+            except RollMomentError as problem:
+                raise timed(problem, t) from None
+        return (np.float64(t), q.copy(), v.copy(), ws.a.copy(), self.system.u.copy(),
+                ws.site_modes.copy(), ws.phi.copy(), ws.modes.load.copy())  # fmt: skip
+
+    def sample(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
+        """Keep the system's present solution; in place of a sample at the same time."""
+        row = self.row(t, q, v)
+        if self.rows and t <= self.rows[-1][0]:
+            self.rows[-1] = row
+        else:
+            self.rows.append(row)
+
+    def due(self, start: float, end: float) -> np.ndarray:
+        """Return the times in (start, end] at which a sample is due."""
+        first = np.floor(start / self.sample_step) + 1
+        times = np.arange(first, np.ceil(end / self.sample_step) + 1) * self.sample_step
+        margin = 1e-9 * self.sample_step
+        return np.minimum(times[(times > start + margin) & (times <= end + margin)], end)
+
+    def phase(self, t: float) -> None:
+        """Note that from t on the present modes hold."""
+        modes = self.system.ws.site_modes.copy()
+        if self.phase_t and t <= self.phase_t[-1]:
+            self.phase_modes[-1] = modes
+        elif not self.phase_modes or (modes != self.phase_modes[-1]).any():
+            self.phase_t.append(t)
+            self.phase_modes.append(modes)
+
+    def event(self, t: float, name: str, kind: str, direction: float) -> None:
+        """Note an event."""
+        self.events.append(Event(float(t), name, kind, int(np.sign(direction))))
+
+    def watch_limits(
+        self, start: float, end: float, configuration: Callable[[float], np.ndarray]
+    ) -> None:
+        """Note the joints that left their range between two times.
+
+        Args:
+            start, end: s.
+            configuration: time -> q (nq,) between them.
+        """
+        names, index, lower, upper = self._limits
+        if not names:
+            return
+        q = configuration(end)
+        for i in np.flatnonzero((q[index] < lower) | (q[index] > upper) | (self._beyond != 0)):
+            side = int(q[index[i]] > upper[i]) - int(q[index[i]] < lower[i])
+            if side not in (0, self._beyond[i]):
+                bound = upper[i] if side > 0 else lower[i]
+                low, high = start, end
+                for _ in range(60):  # bisection: once per crossing, and nothing to converge wrongly
+                    middle = 0.5 * (low + high)
+                    outside = side * (configuration(middle)[index[i]] - bound) > 0
+                    low, high = (low, middle) if outside else (middle, high)
+                self.event(high, names[i], "limit", side)
+            self._beyond[i] = side
+
+    def motion(self, status: str, message: str) -> Motion:
+        """Return what was recorded."""
+        nq, nv = self.system.ws.nq, self.system.ws.nv
+        ns, na = self.system.ws.phi.size, self.system.ws.na
+        widths: list[tuple[int, ...]] = [(), (nq,), (nv,), (nv,), (na,), (ns,), (ns,), (ns,)]
+        columns = [
+            np.array([row[i] for row in self.rows]).reshape((len(self.rows), *w))
+            for i, w in enumerate(widths)
+        ]
+        end = columns[0][-1] if len(columns[0]) else 0.0
+        phase_t = np.array([*self.phase_t, end])
+        return Motion(
+            self.scene, self.method, *columns,
+            events=tuple(sorted(self.events, key=lambda event: event.time)),
+            phase_t=phase_t,
+            phase_modes=np.array(self.phase_modes, dtype=np.int8).reshape(len(self.phase_modes), ns),
+            status=status,
+            message=message,
+            evaluations=self.system.evaluations,
+            carried=self.carried,
+            dense=self._dense(),
+        )  # fmt: skip
+
+    def _dense(self) -> Dense | None:
+        if not self.steps:
+            return None
+        steps, system, nv = self.steps, self.system, self.system.ws.nv
+
+        def at(step: int, t: float) -> tuple[np.ndarray, np.ndarray]:
+            polynomial, chart = steps[step]
+            y = polynomial(t)
+            return chart.configuration(y[:nv].copy()), y[nv:].copy()
+
+        def solve(t: float, q: np.ndarray, v: np.ndarray, modes: np.ndarray) -> Row:
+            set_modes(system, modes)
+            v[system.ws.tables.coordinate_v[system.ws.modes.stuck]] = 0.0
+            system.solve_given_modes(t, q, v)
+            return self.row(t, q, v)
+
+        return Dense(np.array(self.step_t), at, solve)
+
+
+def along(
+    chart: Chart, polynomial: Callable[[float], np.ndarray], nv: int
+) -> Callable[[float], np.ndarray]:
+    """Return time -> configuration along a polynomial of the state in a chart."""
+    return lambda t: chart.configuration(polynomial(t)[:nv].copy())
+
+
+def set_modes(system: System, modes: np.ndarray) -> None:
+    """Write modes of sites (ns,) into the workspace as modes of its coordinates."""
+    ws = system.ws
+    ws.modes.direction[ws.tables.coordinate] = modes * np.sign(ws.tables.ratio)
+    ws.modes.stuck[:] = (ws.modes.direction == 0.0) & ws.tables.dry
+
+
+def _limits(scene: Scene) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
+    """Names, indices in q and bounds of the one-number joints that have a range."""
+    model = scene.model
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    names, index = [], []
+    for joint, name in zip(list(model.joints)[1:], list(model.names)[1:], strict=True):
+        i = joint.idx_q
+        if joint.nq == 1 == joint.nv and (np.abs([lower[i], upper[i]]) < 1e300).any():
+            names.append(name)
+            index.append(i)
+    found = np.array(index, dtype=int)
+    return names, found, lower[found], upper[found]

@@ -1,0 +1,199 @@
+"""Forward dynamics in time: one function, three methods (design 2.6)."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from pinfric.dynamics.efforts import EffortLike, make_effort
+from pinfric.dynamics.event import EventIntegration
+from pinfric.dynamics.forward import vector
+from pinfric.dynamics.motion import FAILED, FINISHED, INTERRUPTED, Motion
+from pinfric.dynamics.reactions import applied_wrenches
+from pinfric.dynamics.record import Recorder
+from pinfric.dynamics.regularized import RegularizedIntegration
+from pinfric.dynamics.states import States
+from pinfric.dynamics.system import Settings, System
+from pinfric.dynamics.timestepping import step_through
+from pinfric.dynamics.workspace import Workspace
+from pinfric.errors import AccelerationError, SimulationError, StateError
+from pinfric.model.scene import Scene
+
+#: A run that takes longer than this (s) shows its progress, where somebody watches.
+_PATIENCE = 2.0
+
+METHODS = ("event", "timestepping", "regularized")
+
+
+def simulate(
+    scene: Scene,
+    q0: np.ndarray,
+    v0: np.ndarray,
+    effort: EffortLike,
+    t_end: float,
+    method: str = "event",
+    *,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    dt: float = 1e-3,
+    sample_step: float | None = None,
+    max_step: float | None = None,
+    breakpoints: Sequence[float] | None = None,
+    regularization_velocity: float = 1e-3,
+    max_events: int = 100_000,
+    external: Mapping[str, np.ndarray] | None = None,
+    attached: Iterable[str] | None = None,
+    progress: bool | Callable[[float], None] | None = None,
+) -> Motion:
+    """Return the motion that efforts cause from a state at t = 0, with stick and slip.
+
+    M a + h = u + D phi in time (design 2.6). `event`: the modes change at located instants, the
+    reference. `timestepping`: Moreau and Jean's scheme, fixed steps, friction impulses implicit,
+    first order, exact standstill. `regularized`: mu(v) smoothed by tanh(v / velocity), a stiff
+    solver; creeps where the others stand still, and knows no static friction.
+
+    Args:
+        scene: the robot with its friction and drives.
+        q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest.
+        effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive,
+            or None for the scene's own; see `efforts.make_effort`.
+        t_end: s.
+        method: `event`, `timestepping` or `regularized`.
+        rtol, atol: tolerances of `event` and `regularized` (rad, m, and per second).
+        dt: step of `timestepping` (s).
+        sample_step: time between samples (s); None gives 1001 of them. `event` adds one at every
+            event; `timestepping` takes the nearest step.
+        max_step: longest step of `event` and `regularized` (s); None gives t_end / 50. An effort
+            function that changes within less time than its sixth part may go unnoticed.
+        breakpoints: times (s) at which an effort function jumps or bends; tables know theirs.
+        regularization_velocity: of `regularized` (rad/s or m/s).
+        max_events: of `event`; more are an error.
+        external: frame name -> (6,) constant wrench on it, in its axes at its origin (N, N m).
+        attached: names of the payloads carried; None takes those attached by default.
+        progress: function of t, called at every step; True shows a bar, False never; None shows
+            one on a terminal where the run takes longer than two seconds.
+
+    Raises:
+        SimulationError: an argument that cannot be, an effort function that raises, an integration
+            that cannot go on. StateError: q0, v0 of a wrong shape or not finite.
+        NoConsistentAcceleration, AmbiguousAcceleration: with time and state. What was computed
+            until then is the error's `motion`; after Ctrl-C it is returned, status `interrupted`.
+    """
+    settings = _settings(method, t_end, rtol, atol, dt, sample_step, max_step,
+                         regularization_velocity, max_events)  # fmt: skip
+    q, v = _start(scene, q0, v0)
+    made = make_effort(scene, effort, breakpoints)
+    applied = applied_wrenches(scene, external, 1)
+    carried = None if attached is None else tuple(attached)
+    system = System(Workspace(scene, carried), made, applied)
+    record = Recorder(scene, system, method, settings.sample_step, carried)
+    with _Progress(progress, settings.t_end) as record.progress:
+        try:
+            _run(method, system, settings, record, q, v)
+        except KeyboardInterrupt:
+            return record.motion(INTERRUPTED, "stopped by the user")
+        except (AccelerationError, SimulationError) as problem:
+            if record.rows:
+                problem.motion = record.motion(FAILED, str(problem))
+            raise
+    return record.motion(FINISHED, f"reached t_end = {settings.t_end:g} s")
+
+
+def _run(
+    method: str,
+    system: System,
+    settings: Settings,
+    record: Recorder,
+    q: np.ndarray,
+    v: np.ndarray,
+) -> None:
+    if method == "event":
+        EventIntegration(system, settings, record).run(q, v)
+    elif method == "timestepping":
+        step_through(system, settings, record, q, v)
+    else:
+        RegularizedIntegration(system, settings, record).run(q, v)
+
+
+def _settings(
+    method: str,
+    t_end: float,
+    rtol: float,
+    atol: float,
+    dt: float,
+    sample_step: float | None,
+    max_step: float | None,
+    regularization_velocity: float,
+    max_events: int,
+) -> Settings:
+    """Check the numbers, and fill in what depends on the others."""
+    if method not in METHODS:
+        raise SimulationError(f"method {method!r}: there are {', '.join(METHODS)}")
+    named = {
+        "t_end": t_end, "rtol": rtol, "atol": atol, "dt": dt,
+        "regularization_velocity": regularization_velocity,
+        "sample_step": sample_step, "max_step": max_step, "max_events": max_events,
+    }  # fmt: skip
+    for name, value in named.items():
+        if value is None:
+            continue
+        good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        if not good or not np.isfinite(value) or value <= 0:
+            raise SimulationError(f"{name} = {value!r}: should be a positive number")
+    t_end = float(t_end)
+    return Settings(
+        t_end=t_end,
+        rtol=float(rtol),
+        atol=float(atol),
+        dt=float(dt),
+        max_step=t_end / 50 if max_step is None else float(max_step),
+        sample_step=t_end / 1000 if sample_step is None else float(sample_step),
+        regularization_velocity=float(regularization_velocity),
+        max_events=int(max_events),
+    )
+
+
+def _start(scene: Scene, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
+    q, v = vector("q0", q0, scene.model.nq, "nq"), vector("v0", v0, scene.model.nv, "nv")
+    for name, array in (("q0", q), ("v0", v)):
+        if not np.isfinite(array).all():
+            i = int(np.flatnonzero(~np.isfinite(array))[0])
+            raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
+    states = States.of(scene, q, v, np.zeros(scene.model.nv))
+    return states.q[0], states.v[0]
+
+
+class _Progress:
+    """Calls the user's function, or shows a bar once a run takes long."""
+
+    def __init__(self, wanted: bool | Callable[[float], None] | None, t_end: float) -> None:
+        self.wanted, self.t_end = wanted, t_end
+        self.bar: Any = None
+        self.start = time.monotonic()
+
+    def __enter__(self) -> Callable[[float], None]:
+        if callable(self.wanted):
+            return self.wanted
+        if self.wanted is False or (self.wanted is None and not sys.stderr.isatty()):
+            return lambda t: None
+        return self._show
+
+    def _show(self, t: float) -> None:
+        if self.bar is None:
+            if self.wanted is None and time.monotonic() - self.start < _PATIENCE:
+                return
+            from rich.console import Console
+            from rich.progress import Progress
+
+            self.bar = Progress(console=Console(stderr=True), transient=True)
+            self.bar.start()
+            self.task = self.bar.add_task("simulating", total=self.t_end)
+        self.bar.update(self.task, completed=t)
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.stop()

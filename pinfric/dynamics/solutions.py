@@ -1,0 +1,150 @@
+"""All states of friction at one sample: several where it is ambiguous, none where it jams."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.dynamics.choices import SLIDES
+from pinfric.dynamics.closure import pair_rates
+from pinfric.dynamics.constrained import Layout, make_layout, write_wrenches
+from pinfric.dynamics.coupled_inverse import (
+    Samples,
+    friction_maps,
+    friction_velocities,
+    loop_wrenches,
+)
+from pinfric.dynamics.coupled_solve import Solver
+from pinfric.dynamics.coupling import eliminate, newton, reduce_contacts, slip_law
+from pinfric.dynamics.reactions import Batch
+from pinfric.dynamics.result import Solution
+from pinfric.model.loops import Linkage
+
+if TYPE_CHECKING:
+    from pinfric.dynamics.result import InverseResult
+
+#: Starts of the wide search, and how far apart solutions are (relative).
+_STARTS, _DISTINCT = 200, 1e-6
+#: What `coupling.newton` must reach to count as a solution (it stops at rounding).
+_RESIDUAL = 1e-12
+
+
+def solutions(result: InverseResult, sample: int) -> tuple[Solution, ...]:
+    """Return the states of friction that obey the laws at one sample (`result.solutions`)."""
+    if result.scene.linkage is None:
+        return (_of_open_chain(result, sample),)
+    layout, linkage, samples, velocity = one_sample(result, sample)
+    solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
+    if samples.maps.singular[0]:
+        return ()
+    if (solver.law.choices > 1).any():
+        ends = solver.solve().ends
+        found = ends.reshape(-1, ends.shape[-1])
+        found = found[~np.isnan(found).any(axis=1)]
+    else:
+        found = _search(solver)
+    return tuple(_solution(layout, linkage, samples, phi) for phi in _distinct(found))
+
+
+def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Samples, np.ndarray]:
+    """Return what the solver had of one sample: layout, linkage, maps, velocities (1, nf)."""
+    scene, states = result.scene, result.states
+    linkage = scene.linkage
+    assert linkage is not None
+    layout = make_layout(scene, linkage)
+    part = slice(sample, sample + 1)
+    carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
+    twin = scene.twin(carried)
+    batch = Batch.of(twin, 1)
+    samples = friction_maps(layout, linkage, twin, states, list(result.external), part, batch, 1)
+    rates = pair_rates(scene, states, part, part)
+    return layout, linkage, samples, friction_velocities(layout, states.v[part], rates)
+
+
+def reduced_problem(
+    solver: Solver,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return gain, offset, unknown, X and contact of `coupling` for a solver's only sample.
+
+    Its problem, `solver.base`, is left as they belong to.
+    """
+    law = solver.law
+    solver.candidates(np.zeros(1, dtype=np.int64), law.code)
+    ns = law.code.shape[1]
+    gain, offset = np.empty(ns), np.empty(ns)
+    unknown, X = np.empty(ns, dtype=np.int64), np.empty((ns, ns + 1))
+    nobody, slip = np.zeros(ns, dtype=bool), np.where(law.code[0] == SLIDES, law.slip[0], 0.0)
+    slip_law(solver.base, nobody, slip, gain, offset)
+    nz = eliminate(solver.base, nobody, gain, offset, unknown, X)
+    contact = np.empty((len(solver.base.contact_site), nz + 1, 3))
+    reduce_contacts(solver.base, X, nz, contact)
+    return gain, offset, unknown, X[:, : nz + 1], contact
+
+
+def _search(solver: Solver) -> np.ndarray:
+    """Newton from many starts on every scale; (number found, nf) friction coordinates."""
+    layout, law = solver.layout, solver.law
+    gain, offset, unknown, X, contact = reduced_problem(solver)
+    nz = X.shape[1] - 1
+    rng = np.random.default_rng(0)
+    scale = float(np.abs(contact[:, 0]).max(initial=0.0)) * float(np.abs(gain).max(initial=0.0))
+    way = np.ones(nz)
+    for s in np.flatnonzero(unknown >= 0):
+        way[unknown[s]] = -law.slip[0, s]
+    found = []
+    for start in range(_STARTS if nz else 1):
+        z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)
+        error = newton(solver.base, gain, offset, unknown, contact, z, False)[0] if nz else 0.0
+        if error <= _RESIDUAL:
+            found.append(X[:, 0] + X[:, 1:] @ z)
+    sites = np.repeat(np.arange(len(layout.phi_start)), layout.phi_count)
+    x = np.array(found).reshape(len(found), len(layout.phi_start))
+    return np.asarray(x[:, sites] * law.direction[0])
+
+
+def _distinct(found: np.ndarray) -> list[np.ndarray]:
+    kept: list[np.ndarray] = []
+    for phi in found:
+        size = float(np.abs(phi).max(initial=0.0))
+        if all(np.abs(phi - other).max(initial=0.0) > _DISTINCT * size for other in kept):
+            kept.append(phi)
+    return kept
+
+
+def _solution(layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarray) -> Solution:
+    maps, ns = samples.maps, len(layout.joint)
+    wrench, solved = np.empty((1, ns, 6)), np.empty((1, layout.solved))
+    write_wrenches(layout, samples.wrench, samples.X, maps.y, phi[None], wrench, solved)
+    one = np.concatenate([[1.0], phi])
+    load = layout.constant.copy()
+    forces = np.linalg.norm(np.einsum("tke,k->te", maps.contact[0], one), axis=1)
+    np.add.at(load, layout.contact_site, forces)
+    friction = phi[layout.phi_start].copy()
+    for s in np.flatnonzero(layout.phi_count == 3):
+        first = layout.phi_start[s]
+        friction[s] = -np.linalg.norm(phi[first : first + 3])
+    return Solution(
+        effort=maps.effort[0] @ one,
+        friction=friction,
+        friction_coordinates=phi.copy(),
+        normal_load=load,
+        wrench=wrench[0],
+        multipliers=loop_wrenches(linkage, solved)[0],
+    )
+
+
+def _of_open_chain(result: InverseResult, sample: int) -> Solution:
+    """The one solution where everything slides; where something sticks, the one in which it has
+    no friction."""
+    friction = np.where(
+        result.friction_lower[sample] == result.friction_upper[sample],
+        result.friction_lower[sample], 0.0,
+    )  # fmt: skip
+    sites = result.scene.site_tables
+    effort = result.effort_frictionless[sample].copy()
+    np.subtract.at(effort, sites.velocity_index, sites.ratio * friction)
+    ns = len(friction)
+    wrench = np.full((ns, 6), np.nan) if result.wrench is None else result.wrench[sample]
+    return Solution(effort, friction, friction, result.normal_load[sample], wrench,
+                    np.zeros((0, 6)))  # fmt: skip

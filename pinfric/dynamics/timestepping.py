@@ -1,0 +1,110 @@
+"""Simulation by time stepping: fixed steps, friction as implicit impulses (design 2.6).
+
+Moreau's midpoint scheme (Moreau 1988; Jean 1999):
+
+    q_m = q + dt/2 v,    v' = v + dt a_free(q_m, v) + dt a_slope x,    q' = q_m + dt/2 v'
+
+with x by the laws of friction at the *end* of the step: a coordinate sticks if x within the static
+limits brings it to v' = 0 exactly, else it slips against x. That is the problem of an instant with
+the next velocity in place of the acceleration, so there is nothing to locate, no step is too long
+for friction to be stable, and what stands still does so exactly. First order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.event import start_velocity
+from pinfric.dynamics.modes import MOST_ENUMERATED, Found, Modes, pivot, search
+from pinfric.dynamics.problem import Problem
+from pinfric.dynamics.record import Recorder
+from pinfric.dynamics.system import Settings, System
+
+
+def step_through(
+    system: System, settings: Settings, record: Recorder, q: np.ndarray, v: np.ndarray
+) -> None:
+    """Step from t = 0 to the end; the record holds what happens.
+
+    Args:
+        system, settings, record: of this simulation; `dt` is shortened to divide `t_end`.
+        q, v: (nq,), (nv,) at the start.
+
+    Raises:
+        NoConsistentAcceleration: a step has no solution (friction so large that it jams).
+    """
+    ws, model = system.ws, system.ws.scene.loaded_model()
+    steps = max(1, int(np.ceil(settings.t_end / settings.dt - 1e-9)))
+    dt = settings.t_end / steps
+    stride = max(1, round(settings.sample_step / dt))
+    v = start_velocity(system, q, v)
+    system.solve(0.0, q, v)
+    record.phase(0.0)
+    record.sample(0.0, q, v)
+    before = ws.modes.copy()
+    for k in range(steps):
+        t, start = k * dt, q
+        middle = pin.integrate(model, q, 0.5 * dt * v)
+        system.assemble(t + 0.5 * dt, middle, v, dt)
+        found = _solve_step(ws.problem, ws.modes, ws.tables.dry, v[ws.tables.coordinate_v], before)
+        if found != Found.SOLVED:
+            raise ws.failure(found, middle, v, system.u).at(t)
+        stopped = (v[ws.tables.coordinate_v] != 0.0) & ws.modes.stuck
+        ws.finish()
+        v = v + dt * (ws.a_free + ws.a_slope @ ws.modes.friction)
+        v[ws.tables.coordinate_v[ws.modes.stuck]] = 0.0
+        q = pin.integrate(model, middle, 0.5 * dt * v)
+        _note_changes(record, system, before, stopped.any(), t, dt)
+        before = ws.modes.copy()
+        end = (k + 1) * dt if k + 1 < steps else settings.t_end
+        record.watch_limits(t, end, _between(model, t, dt, start, q))
+        if (k + 1) % stride == 0 or k + 1 == steps:
+            system.solve_given_modes(end, q, v)
+            record.sample(end, q, v)
+        record.progress(end)
+
+
+def _between(
+    model: pin.Model, t: float, dt: float, start: np.ndarray, end: np.ndarray
+) -> Callable[[float], np.ndarray]:
+    """Time -> configuration within a step."""
+    return lambda time: np.asarray(pin.interpolate(model, start, end, (time - t) / dt))
+
+
+def _solve_step(
+    problem: Problem, modes: Modes, dry: np.ndarray, velocity: np.ndarray, before: Modes
+) -> Found:
+    """Find the modes at the end of a step: from those before by pivoting, else by enumeration."""
+    modes.at_rest[:] = dry
+    modes.stuck[:] = before.stuck
+    # where there is no dry friction there is no mode: the direction only says which way it moves
+    modes.direction[:] = np.where(dry, before.direction, np.sign(velocity))
+    found = pivot(problem, modes)
+    if found != Found.SOLVED and int(dry.sum()) <= MOST_ENUMERATED:
+        modes.at_rest[:] = dry
+        found = search(problem, modes)
+    return found
+
+
+def _note_changes(
+    record: Recorder, system: System, before: Modes, stopped: bool, t: float, dt: float
+) -> None:
+    """Note mode changes: what came to rest did so at the step's end, what left at its start."""
+    ws = system.ws
+    if (ws.modes.stuck == before.stuck).all() and (ws.modes.direction == before.direction).all():
+        return
+    when = t + dt if stopped else t
+    record.phase(when)
+    for s, site in enumerate(ws.scene.sites):
+        c = int(ws.tables.coordinate[s])
+        if not ws.tables.dry[c]:
+            continue
+        if ws.modes.stuck[c] and not before.stuck[c]:
+            record.event(when, site.name, "stick", 0)
+        elif before.stuck[c] and not ws.modes.stuck[c]:
+            record.event(when, site.name, "slip", float(ws.site_modes[s]))
+        elif ws.modes.direction[c] != before.direction[c]:
+            record.event(when, site.name, "reversal", float(ws.site_modes[s]))

@@ -1,0 +1,282 @@
+"""Closing loops: configurations, velocities and accelerations that obey them.
+
+    Phi(q) = 0,     J_c v = 0,     J_c a + Jdot_c v = 0          (paper eq. 2, 5, 6)
+
+with Phi the gaps along the multipliers. Newton's method closes; full pivoting of J_c, the paper's
+rank-revealing choice, says which joints are independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import ClosureError, SceneError, choose_from
+from pinfric.model.kinematics import act_on_joints, move_links, place_links, relate_pairs
+from pinfric.model.loops import Linkage
+from pinfric.model.twin import Twin, embed
+
+#: A gap below this many times the mechanism's size is closed: what Newton must reach, and what a
+#: given configuration may be off (files print few digits).
+CLOSED, NEARLY_CLOSED = 1e-10, 1e-6
+#: Pivots below this many times the largest one are zero: the rows depend on each other.
+RANK = 1e-9
+_PASSES = 100
+
+
+@dataclass(frozen=True)
+class LoopState:
+    """How the pairs of a linkage relate in n samples (`kinematics.relate_pairs`).
+
+    Attributes:
+        gap, rate, rate_derivative: (n, nx) along every action.
+        tilt: (n, np) rad. scale: (n, np, 2).
+        p, R: (n, nj, 3), (n, nj, 3, 3) of the links.
+    """
+
+    gap: np.ndarray
+    rate: np.ndarray
+    rate_derivative: np.ndarray
+    tilt: np.ndarray
+    scale: np.ndarray
+    p: np.ndarray
+    R: np.ndarray
+
+
+def tree_tables(twin: Twin) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return parents' rows and the fixed placements of all joints, as the kernels take them."""
+    if "tree" not in twin.pools:
+        model = twin.model
+        joints = range(1, model.njoints)
+        twin.pools["tree"] = (
+            np.array([model.parents[j] - 1 for j in joints], dtype=np.int64),
+            np.array([model.jointPlacements[j].translation for j in joints]).reshape(-1, 3),
+            np.array([model.jointPlacements[j].rotation for j in joints]).reshape(-1, 3, 3),
+        )
+    tables: tuple[np.ndarray, np.ndarray, np.ndarray] = twin.pools["tree"]
+    return tables
+
+
+def embedded(twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the twin's states (n, 7 nj), (n, 6 nj), (n, 6 nj) of a batch."""
+    n, nj = len(q), twin.n_joints
+    out = np.empty((n, 7 * nj)), np.empty((n, 6 * nj)), np.empty((n, 6 * nj))
+    embed(q, v, a, twin.kind, twin.q_index, twin.v_index, twin.ratio, twin.shift, twin.axis,
+          twin.components, *out)  # fmt: skip
+    return out
+
+
+def loop_state(
+    twin: Twin, linkage: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray
+) -> LoopState:
+    """Return how far apart the frames of each pair are and how that changes, (n, nq), (n, nv)."""
+    n, nj = len(q), twin.n_joints
+    nx, pairs = len(linkage.column_pair), len(linkage.pair_kind)
+    q_twin, v_twin, a_twin = embedded(twin, q, v, a)
+    parents, placement_p, placement_R = tree_tables(twin)
+    p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
+    velocity, acceleration = np.empty((n, nj, 6)), np.empty((n, nj, 6))
+    place_links(q_twin, parents, placement_p, placement_R, p, R)
+    move_links(v_twin, a_twin, parents, p, R, velocity, acceleration)
+    gap, rate, derivative = (np.empty((n, nx)) for _ in range(3))
+    tilt, scale = np.empty((n, pairs)), np.empty((n, pairs, 2))
+    relate_pairs(
+        p, R, velocity, acceleration, linkage.pair_kind, linkage.rotation, linkage.frame_joint,
+        linkage.frame_p, linkage.frame_R, linkage.pair_axis, linkage.column_pair, linkage.unit,
+        gap, rate, derivative, tilt, scale,
+    )  # fmt: skip
+    return LoopState(gap, rate, derivative, tilt, scale, p, R)
+
+
+def action_maps(
+    twin: Twin, linkage: Linkage, p: np.ndarray, R: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return X (n, nj + loops, 6, nx) and J (n, nx, nv) of a batch (`kinematics.act_on_joints`)."""
+    n, nx = len(p), len(linkage.column_pair)
+    X = np.empty((n, twin.n_joints + len(linkage.loops), 6, nx))
+    J = np.empty((n, nx, twin.nv))
+    act_on_joints(
+        p, R, linkage.pair_kind, linkage.frame_joint, linkage.frame_p, linkage.frame_R,
+        linkage.column_pair, linkage.unit, linkage.support, twin.v_index, twin.ratio, twin.axis,
+        twin.components, X, J,
+    )  # fmt: skip
+    return X, J
+
+
+def closure_jacobian(twin: Twin, linkage: Linkage, q: np.ndarray) -> np.ndarray:
+    """Return J_c (n, nc, nv), the rate of the gaps along the multipliers per unit velocity."""
+    zero = np.zeros((len(q), twin.nv))
+    state = loop_state(twin, linkage, q, zero, zero)
+    return action_maps(twin, linkage, state.p, state.R)[1][:, linkage.lambdas]
+
+
+def close(
+    twin: Twin, linkage: Linkage, q_guess: np.ndarray, held: np.ndarray, sample: int = 0
+) -> np.ndarray:
+    """Return the configuration near a guess that closes every loop: Newton on Phi(q) = 0.
+
+    Args:
+        twin, linkage: the robot and its loops.
+        q_guess: (nq,) where to start.
+        held: (nv,) bool, velocities whose joints stay where the guess has them.
+        sample: its number, for the error.
+
+    Raises:
+        ClosureError: no step brings the frames nearer, and they are still apart.
+    """
+    q = np.array(q_guess, dtype=float)
+    free = np.flatnonzero(~held)
+    gap, J = _gap(twin, linkage, q)
+    for _ in range(_PASSES):
+        size = float(np.linalg.norm(gap))
+        if size <= 1e-14 * linkage.size or not free.size:
+            break
+        step = np.zeros(twin.nv)
+        step[free] = -np.linalg.lstsq(J[:, free], gap, rcond=RANK)[0]
+        step *= min(1.0, 0.7 / max(float(np.abs(step).max()), 1e-300))
+        for _ in range(12):
+            trial = pin.integrate(twin.model, q, step)
+            trial_gap, trial_J = _gap(twin, linkage, trial)
+            if np.linalg.norm(trial_gap) < size:
+                break
+            step *= 0.5
+        else:
+            break
+        q, gap, J = trial, trial_gap, trial_J
+    worst = int(np.argmax(np.abs(gap))) if gap.size else 0
+    if gap.size and not np.abs(gap[worst]) <= CLOSED * linkage.size:
+        raise ClosureError(linkage.loop_of_row(worst).name, sample, float(np.linalg.norm(gap)))
+    return q
+
+
+def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(nc,) gaps, rotations times the mechanism's size, and their Jacobian (nc, nv)."""
+    zero = np.zeros((1, twin.nv))
+    state = loop_state(twin, linkage, q[None], zero, zero)
+    _, J = action_maps(twin, linkage, state.p, state.R)
+    rows = linkage.lambdas
+    length = np.where(linkage.unit[rows, 3:].any(axis=1), linkage.size, 1.0)
+    return length * state.gap[0, rows], length[:, None] * J[0, rows]
+
+
+def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
+    """Return the rank of A (m, n) and its columns in the order of full pivoting, dependent first.
+
+    The paper's choice (eq. 5): the first `rank` columns are the dependent coordinates.
+
+    Args:
+        A: (m, n).
+        scale: size of the terms that A's entries are sums of: what is small beside it is zero.
+    """
+    A = np.array(A, dtype=float)
+    columns = list(range(A.shape[1]))
+    largest = max(float(np.abs(A).max(initial=0.0)), scale)
+    for k in range(min(A.shape)):
+        rest = np.abs(A[k:, k:])
+        i, j = np.unravel_index(int(np.argmax(rest)), rest.shape)
+        if not rest[i, j] > RANK * largest:
+            return k, columns
+        A[[k, k + i]] = A[[k + i, k]]
+        A[:, [k, k + j]] = A[:, [k + j, k]]
+        columns[k], columns[k + j] = columns[k + j], columns[k]
+        A[k + 1 :] -= np.outer(A[k + 1 :, k] / A[k, k], A[k])
+    return min(A.shape), columns
+
+
+def velocity_names(model: pin.Model) -> list[str]:
+    """Return a name for every velocity: its joint's, with a number where a joint has several."""
+    names = []
+    for name, joint in zip(tuple(model.names)[1:], list(model.joints)[1:], strict=True):
+        if joint.nv and joint.shortname() != "JointModelMimic":
+            names += [name] if joint.nv == 1 else [f"{name}[{i}]" for i in range(joint.nv)]
+    return names
+
+
+def velocity_indices(model: pin.Model, joints: Sequence[str], where: str) -> np.ndarray:
+    """Return where the velocities of the named joints are.
+
+    Raises:
+        SceneError: a name that is not there.
+    """
+    indices: list[int] = []
+    for name in joints:
+        known = tuple(model.names)[1:]
+        if name not in known:
+            raise SceneError(f"{where}: there is no joint {name!r}; {choose_from(name, known)}")
+        joint = model.joints[model.getJointId(name)]
+        indices += range(joint.idx_v, joint.idx_v + joint.nv)
+    return np.array(sorted(set(indices)), dtype=np.int64)
+
+
+def check_drives(
+    twin: Twin, linkage: Linkage, drives: Sequence[tuple[str, int, int]], start: np.ndarray,
+    source: str,
+) -> None:  # fmt: skip
+    """Check that the loops can close and that the drives move every freedom exactly once.
+
+    Args:
+        twin, linkage: the robot and its loops.
+        drives: (name, velocity index or -1, column of the linkage) of each.
+        start: (nq,) a configuration near which the loops close.
+        source: the scene, for messages.
+
+    Raises:
+        SceneError: a loop that cannot close, or actuators that are not one per freedom.
+    """
+    known = _closed_configurations(twin, linkage, start, source)
+    freedom, best, undriven = twin.nv, -1, [0]
+    for q in known:
+        zero = np.zeros((1, twin.nv))
+        state = loop_state(twin, linkage, q[None], zero, zero)
+        J = action_maps(twin, linkage, state.p, state.R)[1][0]
+        S = np.array([np.eye(twin.nv)[v] if v >= 0 else J[column] for _, v, column in drives])
+        scale = min(1.0, linkage.size)
+        freedom = min(freedom, twin.nv - full_pivot(J[linkage.lambdas], scale)[0])
+        rows = np.concatenate([J[linkage.lambdas], S.reshape(-1, twin.nv)])
+        rank, order = full_pivot(rows, scale)
+        if rank > best:
+            best, undriven = rank, order[rank:]
+    counts = (
+        f"{source}: actuators: {len(drives)} for {freedom} "
+        f"degree{'' if freedom == 1 else 's'} of freedom"
+    )
+    if best < twin.nv:
+        names = velocity_names(twin.model)
+        raise SceneError(f"{counts}; undriven: {', '.join(names[v] for v in sorted(undriven))}; "
+                         "name a drive for each freedom, or lock the joint")  # fmt: skip
+    if len(drives) > freedom:
+        raise SceneError(
+            f"{counts}: how they share the work does not follow from the motion; name "
+            f"{freedom} of {', '.join(name for name, _, _ in drives)}"
+        )
+
+
+def _closed_configurations(
+    twin: Twin, linkage: Linkage, start: np.ndarray, source: str, wanted: int = 3
+) -> list[np.ndarray]:
+    """Some closed configurations: the one at the start, and others so that none is special."""
+    rng = np.random.default_rng(0)
+    held = np.zeros(twin.nv, dtype=bool)
+    found: list[np.ndarray] = []
+    nearest: ClosureError | None = None
+    for attempt in range(30):
+        reach = 0.0 if attempt == 0 else 0.3 if attempt < 8 else 2.0
+        guess = pin.integrate(twin.model, start, rng.normal(scale=reach, size=twin.nv))
+        try:
+            found.append(close(twin, linkage, guess, held))
+        except ClosureError as problem:
+            if nearest is None or problem.residual < nearest.residual:
+                nearest = problem
+        if len(found) == wanted:
+            break
+    if not found:
+        assert nearest is not None
+        raise SceneError(
+            f"{source}: loops.{nearest.loop}: cannot close: from 30 configurations the frames came "
+            f"no nearer than {nearest.residual:.3g} m (rotations times {linkage.size:.3g} m); "
+            "check `xyz` and `rpy` of its sides"
+        )
+    return found

@@ -1,0 +1,302 @@
+"""The coupled friction problem: its kernels against plain NumPy, its search against brute force."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from builders import random_friction, random_tree
+from scipy.optimize import root
+
+import pinfric as pf
+from pinfric.dynamics import coupling, modes
+from pinfric.dynamics.check import plain_normal_load
+from pinfric.dynamics.consistency import SHOULD_STICK, evaluate, judge, site_friction
+from pinfric.dynamics.modes import Found, Modes
+from pinfric.dynamics.problem import Problem, contact_maps, empty_problem
+
+
+def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Problem:
+    """A coupled problem of the kind a robot makes; `shared`: two sites on coordinate 0."""
+    rng = np.random.default_rng(seed)
+    shared = int(shared)
+    ns = nc + shared
+    coordinate = np.r_[np.arange(nc), np.zeros(shared, dtype=int)].astype(np.int64)
+    ratio = np.r_[np.ones(nc), -np.ones(shared) * 0.7]
+    contact_site = np.sort(np.r_[np.arange(ns), rng.integers(0, ns, size=nc)]).astype(np.int64)
+    p = empty_problem(coordinate, ratio, contact_site, rng.uniform(0, 0.5, ns))
+    A = rng.normal(size=(nc, nc))
+    p.rate_slope[:] = A @ A.T + 0.3 * np.eye(nc)
+    p.rate_free[:] = rng.normal(scale=3.0, size=nc)
+    p.rate_scale[:] = np.abs(p.rate_free)
+    p.contact_free[:] = rng.normal(size=p.contact_free.shape) * 2
+    p.contact_slope[:] = rng.normal(size=p.contact_slope.shape)
+    p.mu_slip[:] = strength * rng.uniform(0.5, 1.0, ns)
+    p.mu_stick[:] = static * p.mu_slip
+    p.coulomb_slip[:] = rng.uniform(0, 0.3, (ns, 2))
+    p.coulomb_stick[:] = static * p.coulomb_slip
+    p.drag[:] = 0.0
+    return p
+
+
+def plain_loads(p, x):
+    forces = p.contact_free + np.einsum("tce,c->te", p.contact_slope, x)
+    load = p.constant.copy()
+    np.add.at(load, p.contact_site, np.linalg.norm(forces, axis=1))
+    return load
+
+
+def plain_slip_friction(p, direction, load):
+    """The slip law, written out per site and summed."""
+    x = np.zeros(len(direction))
+    for s, c in enumerate(p.coordinate):
+        along = np.sign(p.ratio[s]) * direction[c]
+        dry = p.mu_slip[s] * load[s] + p.coulomb_slip[s, 0 if along > 0 else 1]
+        x[c] += p.ratio[s] * (-along * dry - p.drag[s])
+    return x
+
+
+def plain_limits(p, load):
+    lower, upper = np.zeros(len(p.rate_free)), np.zeros(len(p.rate_free))
+    for s, c in enumerate(p.coordinate):
+        ends = [p.ratio[s] * -(p.mu_stick[s] * load[s] + p.coulomb_stick[s, 0]),
+                p.ratio[s] * (p.mu_stick[s] * load[s] + p.coulomb_stick[s, 1])]  # fmt: skip
+        lower[c] += min(ends)
+        upper[c] += max(ends)
+    return lower, upper
+
+
+def plain_solve(p, stuck, direction):
+    """Friction in given modes by SciPy, all unknowns at once; None where it fails."""
+
+    def equations(x):
+        slip = x - plain_slip_friction(p, direction, plain_loads(p, x))
+        return np.where(stuck, p.rate_free + p.rate_slope @ x, slip)
+
+    found = root(equations, np.zeros(len(stuck)), method="hybr", options={"xtol": 1e-13})
+    return found.x if np.abs(equations(found.x)).max() < 1e-9 else None
+
+
+def solved(p, stuck, direction):
+    m = Modes.of(len(stuck), np.zeros(len(p.ratio)))
+    m.stuck[:], m.direction[:] = stuck, direction
+    return modes.solve(p, m), m
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_contact_maps_give_the_normal_load(seed):
+    rng = np.random.default_rng(seed)
+    model = random_tree(seed, 6, sliding=0.5)
+    scene = pf.Scene(model=model, friction=random_friction(model, seed))
+    for site in scene.sites:
+        B, C = contact_maps(site.weights, site.axis)
+        wrench, s = rng.normal(size=6) * 10, float(rng.normal())
+        load = site.weights.constant + np.linalg.norm((B + s * C) @ wrench, axis=1).sum()
+        assert load == pytest.approx(plain_normal_load(site, wrench, s), rel=1e-13)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_solve_dense_is_a_linear_solver(n):
+    rng = np.random.default_rng(n)
+    A, B = rng.normal(size=(n, n)), rng.normal(size=(n, 3))
+    A[0, 0] = 0.0  # needs a pivot
+    X = B.copy()
+    if n == 1:
+        assert not coupling.solve_dense(A.copy(), X)
+        return
+    assert coupling.solve_dense(A.copy(), X)
+    np.testing.assert_allclose(X, np.linalg.solve(A, B), rtol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_spectral_radius_bound_is_above_and_near(seed):
+    rng = np.random.default_rng(seed)
+    n = 1 + seed % 6
+    A = rng.uniform(size=(n, n)) * (rng.random((n, n)) < 0.8)
+    radius = np.abs(np.linalg.eigvals(A)).max()
+    bound = coupling.spectral_radius_bound(A, np.empty(n))
+    assert radius * (1 - 1e-12) <= bound
+    if (np.linalg.matrix_power(A + np.eye(n), n) > 0).all():  # irreducible: the bound is near
+        assert bound <= 1.05 * radius + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_jacobian_is_the_derivative_of_the_residual(seed):
+    p = random_problem(seed, shared=bool(seed % 2))
+    nc = len(p.rate_free)
+    stuck, direction = np.zeros(nc, bool), np.where(np.arange(nc) % 2, 1.0, -1.0)
+    stuck[1], direction[1] = seed % 3 == 0, 0.0 if seed % 3 == 0 else 1.0
+    gain, offset = np.empty(len(p.ratio)), np.empty(nc)
+    unknown, X = np.empty(nc, np.int64), np.empty((nc, nc + 1))
+    coupling.slip_law(p, stuck, direction, gain, offset)
+    nz = coupling.eliminate(p, stuck, gain, offset, unknown, X)
+    contact = np.empty((len(p.contact_site), nz + 1, 3))
+    coupling.reduce_contacts(p, X, nz, contact)
+    z = np.random.default_rng(seed).normal(size=nz)
+
+    def at(z):
+        rest, J = np.empty(nz), np.empty((nz, nz))
+        coupling.residual(p, gain, offset, unknown, contact, z, rest, J)
+        return rest, J
+
+    step = 1e-6
+    numeric = np.array([(at(z + step * e)[0] - at(z - step * e)[0]) / (2 * step)
+                        for e in np.eye(nz)]).T  # fmt: skip
+    np.testing.assert_allclose(at(z)[1], numeric, atol=1e-8)
+    x = X[:, 0] + X[:, 1 : nz + 1] @ z
+    slip = x - plain_slip_friction(p, direction, plain_loads(p, x))
+    np.testing.assert_allclose(at(z)[0], slip[~stuck], atol=1e-12)
+    np.testing.assert_allclose((p.rate_free + p.rate_slope @ x)[stuck], 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_given_modes_against_scipy(seed):
+    p = random_problem(seed, shared=bool(seed % 2))
+    p.drag[:] = np.random.default_rng(seed).normal(scale=0.1, size=p.drag.shape)
+    rng = np.random.default_rng(seed)
+    stuck = rng.random(4) < 0.3
+    direction = np.where(stuck, 0.0, rng.choice([-1.0, 1.0], 4))
+    (found, _), m = solved(p, stuck, direction)
+    expected = plain_solve(p, stuck, direction)
+    if m.figures[0] < 1:
+        assert found == 1
+        np.testing.assert_allclose(m.friction, expected, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(m.load, plain_loads(p, m.friction), rtol=1e-12)
+        phi = np.empty(len(p.ratio))
+        site_friction(p, m.stuck, m.direction, m.friction, m.load, phi)
+        total = np.zeros(4)
+        np.add.at(total, p.coordinate, p.ratio * phi)
+        np.testing.assert_allclose(total, m.friction, rtol=1e-9, atol=1e-11)
+    elif expected is not None and found == 0:
+        pytest.fail("SciPy finds a solution where the search found none")
+
+
+def test_fixed_point_and_newton_both_occur_and_agree():
+    """Weak coupling ends by the fixed point, strong coupling needs Newton; both are verified."""
+    passes = []
+    for strength in (0.001, 0.01, 0.05, 0.1):
+        p = random_problem(3, strength=strength)
+        (found, _), m = solved(p, np.zeros(4, bool), np.ones(4))
+        assert found == 1
+        slip = plain_slip_friction(p, m.direction, plain_loads(p, m.friction))
+        np.testing.assert_allclose(m.friction, slip, rtol=1e-12)
+        passes.append((m.figures[0], int(m.figures[1])))
+    assert passes[0][0] < 0.05 < 0.5 < passes[-1][0] < 1
+    assert all(n <= 12 for _, n in passes)
+
+
+def test_a_contact_without_load_has_no_direction_and_no_nan():
+    p = random_problem(5)
+    p.contact_free[:] = 0.0
+    p.constant[:] = 0.0
+    p.coulomb_slip[:] = 0.0
+    (found, _), m = solved(p, np.zeros(4, bool), np.ones(4))
+    assert found == 1
+    assert (m.friction == 0).all()
+
+
+def brute_force(p, at_rest):
+    """Every mode of the coordinates at rest, by SciPy; the consistent ones with fewest slipping."""
+    nc = len(at_rest)
+    free = np.flatnonzero(at_rest)
+    for level in range(len(free) + 1):
+        found = []
+        for choice in itertools.product((0.0, 1.0, -1.0), repeat=len(free)):
+            if np.count_nonzero(choice) != level:
+                continue
+            direction = np.ones(nc)
+            direction[free] = choice
+            stuck = at_rest & (direction == 0)
+            x = plain_solve(p, stuck, direction)
+            if x is None:
+                continue
+            load = plain_loads(p, x)
+            lower, upper = plain_limits(p, load)
+            rate = p.rate_free + p.rate_slope @ x
+            holds = (x >= lower - 1e-9) & (x <= upper + 1e-9)
+            slips = direction * rate >= -1e-9
+            if np.where(stuck, holds, slips | ~at_rest).all():
+                found.append((direction, x))
+        if found:
+            return found
+    return []
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_search_finds_what_brute_force_finds(seed):
+    p = random_problem(seed, nc=4, strength=0.1, shared=bool(seed % 2), static=1 + 0.4 * (seed % 3))
+    if seed % 4 == 0:
+        p.rate_free[:] *= 0.1  # more of them stick
+    at_rest = np.ones(4, bool)
+    at_rest[0] = seed % 5 != 0
+    expected = brute_force(p, at_rest)
+    m = Modes.of(4, np.zeros(len(p.ratio)))
+    m.at_rest[:], m.direction[:] = at_rest, 1.0
+    status = modes.search(p, m)
+    assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
+    if status == Found.SOLVED:
+        np.testing.assert_array_equal(m.direction, expected[0][0])
+        np.testing.assert_allclose(m.friction, expected[0][1], rtol=1e-7, atol=1e-8)
+
+
+def test_the_random_problems_have_every_number_of_slipping_coordinates():
+    """What the test above covers: from all stick to all slip."""
+    levels = set()
+    for seed in range(40):
+        p = random_problem(seed, strength=0.1, static=1 + 0.4 * (seed % 3))
+        p.rate_free[:] *= 0.1 if seed % 4 == 0 else 1.0
+        m = Modes.of(4, np.zeros(4))
+        m.at_rest[:] = True
+        if modes.search(p, m) == Found.SOLVED:
+            levels.add(int(np.count_nonzero(m.direction)))
+    assert levels == {0, 1, 2, 3, 4}
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_pivoting_beyond_eight_finds_consistent_modes(seed, monkeypatch):
+    p = random_problem(seed, nc=10, strength=0.03, static=1.0)
+    m = Modes.of(10, np.zeros(10))
+    m.at_rest[:] = True
+    assert modes.search(p, m) == Found.SOLVED
+    verdict = np.empty(10, np.int64)
+    load, rate = np.empty(10), np.empty(10)
+    evaluate(p, m.friction, load, rate)
+    assert judge(p, m.stuck, m.direction, m.at_rest, m.friction, load, rate, verdict) == 0
+    if seed < 3:  # static = kinetic and weak coupling: the answer is the only one
+        other = Modes.of(10, np.zeros(10))
+        other.at_rest[:] = True
+        monkeypatch.setattr(modes, "MOST_ENUMERATED", 10)
+        # enumeration of 3^10 is long: start where the pivoting ended, and go one level down
+        level = int(np.count_nonzero(m.direction))
+        below = [modes.solve(p, other)[1] for _ in modes._candidates(
+            other, np.arange(10), max(level - 1, 0), {})] if level < 4 else []  # fmt: skip
+        assert not any(below)
+
+
+def test_judge_names_what_is_wrong():
+    p = random_problem(1, nc=2, strength=0.0)
+    p.coulomb_slip[:], p.coulomb_stick[:] = 1.0, 1.0
+    p.rate_slope[:], p.rate_free[:] = np.eye(2), [5.0, -0.5]
+    (_, obeying), m = solved(p, np.array([True, True]), np.zeros(2))
+    assert obeying == 1  # nothing was open
+    m.at_rest[:] = True
+    assert modes.solve(p, m) == (1, 0)
+    assert m.verdict.tolist() == [1, 0]  # pulled forward by 5, held by 1
+    m.stuck[:], m.direction[:] = False, [1.0, 1.0]
+    assert modes.solve(p, m) == (1, 0)
+    assert m.verdict.tolist() == [0, SHOULD_STICK]
+
+
+def test_what_is_forced_to_slip_slips_even_where_stick_is_admissible():
+    p = random_problem(1, nc=1, strength=0.0)
+    p.coulomb_slip[:], p.coulomb_stick[:] = 1.0, 1.0
+    p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = 1.0, 1.0, 1.0  # exactly at the limit
+    m = Modes.of(1, np.zeros(1))
+    m.at_rest[:] = True
+    assert modes.search(p, m) == Found.SOLVED
+    assert m.stuck[0]
+    assert modes.search(p, m, {0: 1.0}) == Found.SOLVED
+    assert m.direction[0] == 1.0
+    p.rate_free[:] = 0.5  # the slip would go backward
+    assert modes.search(p, m, {0: 1.0}) == Found.NONE

@@ -1,0 +1,363 @@
+"""Forward dynamics at one instant: Pinocchio without friction, closed forms, thresholds, errors."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import block, plane_friction, random_friction, random_states, random_tree
+
+import pinfric as pf
+from pinfric.dynamics.workspace import Workspace, workspace
+from pinfric.errors import (
+    AmbiguousAcceleration,
+    NoConsistentAcceleration,
+    RollMomentError,
+    SceneError,
+    SimulationError,
+    StateError,
+)
+
+G = 9.81
+
+
+def gentle(friction: dict) -> dict:
+    """The random friction with a fifth of the coefficients: random guides jam otherwise."""
+    for entry in friction.values():
+        entry["mu"] = {key: 0.2 * value for key, value in entry["mu"].items()}
+    return friction
+
+
+def pinned_body(b: float, mu_static: float | None = None) -> pf.Scene:
+    """A body on a pin, no gravity: friction over inertia torque is b, a = -b |(a, v^2)|.
+
+    b = mu R m l / J about the pin (design's issue 3), with m = l = J = 1 and R = 0.1.
+    """
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "pin")
+    body = pin.Inertia(1.0, np.array([1.0, 0, 0]), np.zeros((3, 3)))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    mu = b / 0.1
+    static = mu if mu_static is None else mu_static
+    with pytest.warns(pf.PinfricWarning) if static > 2 else _nothing():
+        return pf.Scene(model=model, friction={"pin": {
+            "bearing": {"kind": "pin", "radius": 0.1},
+            "mu": {"static": static, "kinetic": mu},
+        }})  # fmt: skip
+
+
+class _nothing:  # noqa: N801
+    def __enter__(self): ...
+    def __exit__(self, *_): ...
+
+
+# ---------------------------------------------------------------- against Pinocchio and inverse
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_without_friction_it_is_aba(seed):
+    model = random_tree(seed, 7)
+    q, v, u = random_states(model, seed, 5)
+    scene = pf.Scene(model=model)
+    data = model.createData()
+    for i in range(5):
+        instant = pf.forward_dynamics(scene, q[i], v[i], u[i])
+        np.testing.assert_allclose(instant.a, pin.aba(model, data, q[i], v[i], u[i]), rtol=1e-9)
+        assert instant.modes.shape == instant.friction.shape == (0,)
+        assert instant.wrench.shape == (0, 6)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_inverse_dynamics_gives_the_efforts_back(seed):
+    joints = 1 + seed % 8 if seed < 20 else 24  # beyond 20 joints there is no opened model
+    model = random_tree(seed, joints)
+    model.armature = np.linspace(0, 0.2, model.nv)
+    friction = gentle(random_friction(model, seed))
+    friction = {name: f for i, (name, f) in enumerate(friction.items()) if (i + seed) % 4}
+    scene = pf.Scene(model=model, friction=friction)
+    rng = np.random.default_rng(seed)
+    q, v, u = random_states(model, seed, 4)
+    u *= 3
+    v[2:][rng.random((2, model.nv)) < 0.5] = 0.0
+    if joints == 24:
+        v[2:] = np.where(np.arange(24) < 5, 0.0, rng.normal(size=(2, 24)))
+    for i in range(4):
+        instant = pf.forward_dynamics(scene, q[i], v[i], u[i])
+        inverse = pf.inverse_dynamics(scene, q[i], v[i], instant.a)
+        scale = max(1.0, np.abs(inverse.effort_frictionless).max())
+        assert (inverse.effort_lower[0] - u[i]).max() < 1e-9 * scale
+        assert (u[i] - inverse.effort_upper[0]).max() < 1e-9 * scale
+        slides = np.ones(model.nv, bool)
+        slides[scene.site_tables.velocity_index[inverse.sticking[0]]] = False
+        np.testing.assert_allclose(inverse.effort_lower[0][slides], u[i][slides], atol=1e-9 * scale)
+        if inverse.wrench is not None:
+            np.testing.assert_allclose(instant.wrench, inverse.wrench[0], atol=1e-9 * scale)
+        np.testing.assert_allclose(instant.normal_load, inverse.normal_load[0], atol=1e-9 * scale)
+        # the friction itself closes the balance, sticking or not
+        total = u[i].copy()
+        t = scene.site_tables
+        np.add.at(total, t.velocity_index, t.ratio * instant.friction)
+        np.testing.assert_allclose(total, inverse.effort_frictionless[0], atol=1e-9 * scale)
+        assert (instant.a[t.velocity_index[instant.modes == 0]] == 0.0).all()
+
+
+def test_wrenches_from_outside_act():
+    model = random_tree(4, 5)
+    q, v, u = random_states(model, 4, 1)
+    frame = model.addFrame(pin.Frame("tool", 4, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    wrench = np.array([3.0, -1, 2, 0.5, 1, -2])
+    scene = pf.Scene(model=model)
+    instant = pf.forward_dynamics(scene, q[0], v[0], u[0], {"tool": wrench})
+    forces = pin.StdVec_Force([pin.Force.Zero() for _ in range(model.njoints)])
+    forces[4] = model.frames[frame].placement.act(pin.Force(wrench))
+    expected = pin.aba(model, model.createData(), q[0], v[0], u[0], forces)
+    np.testing.assert_allclose(instant.a, expected, rtol=1e-9)
+    again = pf.forward_dynamics(scene, q[0], v[0], u[0])  # nothing stays behind
+    plain = pin.aba(model, model.createData(), q[0], v[0], u[0])
+    np.testing.assert_allclose(again.a, plain, rtol=1e-9)
+
+
+def test_a_floating_base_and_continuous_joints():
+    model = pin.Model()
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    model.appendBodyToJoint(base, pin.Inertia.Random(), pin.SE3.Identity())
+    wheel = model.addJoint(base, pin.JointModelRUBX(), pin.SE3.Random(), "wheel")
+    model.appendBodyToJoint(wheel, pin.Inertia.Random(), pin.SE3.Identity())
+    scene = pf.Scene(model=model, friction={"wheel": {
+        "bearing": {"kind": "pin", "radius": 0.02, "length": 0.1},
+        "mu": {"static": 0.2, "kinetic": 0.1}}})  # fmt: skip
+    q, v, u = random_states(model, 1, 3)
+    for i in range(3):
+        instant = pf.forward_dynamics(scene, q[i], v[i], u[i])
+        inverse = pf.inverse_dynamics(scene, q[i], v[i], instant.a)
+        np.testing.assert_allclose(inverse.effort_lower[0], u[i], atol=1e-9)
+    with pytest.warns(pf.PinfricWarning, match="manifold"):
+        pf.forward_dynamics(scene, 1.5 * q[0], v[0], u[0])
+
+
+def mimic_scene(static: float = 0.3) -> pf.Scene:
+    """Two fingers, the second mimics the first backwards at 0.7; friction in both."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -9.81])
+    first = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "finger_1")
+    model.appendBodyToJoint(first, pin.Inertia.Random(), pin.SE3.Identity())
+    second = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "finger_2")
+    model.appendBodyToJoint(second, pin.Inertia.Random(), pin.SE3.Identity())
+    model = pin.transformJointIntoMimic(model, first, second, -0.7, 0.1)
+    entry = {"coulomb": {"positive": {"static": static + 1, "kinetic": static + 0.5},
+                         "negative": {"static": static, "kinetic": static}}}  # fmt: skip
+    return pf.Scene(model=model, friction={"finger_1": entry, "finger_2": entry})
+
+
+def test_mimic_joints_share_one_coordinate():
+    scene = mimic_scene()
+    # forward: 1.3 at the leader, and 0.7 x 0.3 of the follower, which moves backward
+    limit, kinetic = 1.3 + 0.7 * 0.3, 0.8 + 0.7 * 0.3
+    held = pf.forward_dynamics(scene, [0.0], [0.0], [0.999999 * limit])
+    assert held.modes.tolist() == [0, 0]
+    assert held.a[0] == 0.0
+    np.testing.assert_allclose(held.friction, [-1.3, 0.3], rtol=1e-5)
+    freed = pf.forward_dynamics(scene, [0.0], [0.0], [1.000001 * limit])
+    assert freed.modes.tolist() == [1, -1]
+    np.testing.assert_allclose(freed.friction, [-0.8, 0.3], rtol=1e-12)
+    inverse = pf.inverse_dynamics(scene, [0.0], [1e-3], freed.a)
+    assert inverse.effort_lower[0, 0] == pytest.approx(1.000001 * limit, rel=1e-12)
+    assert freed.a[0] > 0
+    assert kinetic < limit
+
+
+# ---------------------------------------------------------------- thresholds
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_block_on_an_incline_starts_at_the_static_threshold(sign):
+    mu = 0.35
+    for eps, modes in ((-1e-9, [0]), (1e-9, [sign])):
+        angle = np.arctan(mu * (1 + eps))
+        scene = pf.Scene(model=block(sign * angle), friction={"slide": plane_friction(mu, 0.3)})
+        instant = pf.forward_dynamics(scene, [0.0], [0.0], [0.0])
+        assert instant.modes.tolist() == modes
+        if modes != [0]:
+            expected = sign * G * (np.sin(angle) - 0.3 * np.cos(angle))
+            assert instant.a[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_sliding_block_speeds_up_or_slows_down_at_the_kinetic_threshold():
+    mu = 0.3
+    for eps in (-1e-3, 1e-3):
+        angle = np.arctan(mu * (1 + eps))
+        scene = pf.Scene(model=block(angle), friction={"slide": plane_friction(0.35, mu)})
+        down = pf.forward_dynamics(scene, [0.0], [1.0], [0.0]).a[0]
+        up = pf.forward_dynamics(scene, [0.0], [-1.0], [0.0]).a[0]
+        assert np.sign(down) == np.sign(eps)
+        assert down == pytest.approx(G * (np.sin(angle) - mu * np.cos(angle)), rel=1e-9)
+        assert up == pytest.approx(G * (np.sin(angle) + mu * np.cos(angle)), rel=1e-12)
+
+
+def test_held_between_the_two_limits_stick_has_priority():
+    angle = np.arctan(0.32)  # above kinetic 0.3, below static 0.35: both are consistent
+    scene = pf.Scene(model=block(angle), friction={"slide": plane_friction(0.35, 0.3)})
+    assert pf.forward_dynamics(scene, [0.0], [0.0], [0.0]).modes.tolist() == [0]
+
+
+def test_at_rest_a_stribeck_law_starts_from_its_static_value():
+    friction = plane_friction(0.35, 0.3, stribeck={"velocity": 0.1})
+    angle = np.arctan(0.36)
+    scene = pf.Scene(model=block(angle), friction={"slide": friction})
+    instant = pf.forward_dynamics(scene, [0.0], [0.0], [0.0])
+    expected = G * (np.sin(angle) - 0.35 * np.cos(angle))
+    assert instant.a[0] == pytest.approx(expected, rel=1e-10)
+
+
+def test_viscous_friction_alone_never_sticks():
+    scene = pf.Scene(model=block(1e-8), friction={"slide": {"viscous": 2.0}})
+    assert pf.forward_dynamics(scene, [0.0], [0.0], [0.0]).a[0] == pytest.approx(G * 1e-8)
+    moving = pf.forward_dynamics(scene, [0.0], [3.0], [0.0])
+    assert moving.a[0] == pytest.approx(G * 1e-8 - 3.0)
+    assert moving.friction[0] == pytest.approx(-6.0)
+
+
+def test_below_its_stick_velocity_a_joint_sticks():
+    friction = plane_friction(0.35, 0.3, stick_velocity=1e-3)
+    scene = pf.Scene(model=block(0.1), friction={"slide": friction})
+    assert pf.forward_dynamics(scene, [0.0], [1e-3], [0.0]).modes.tolist() == [0]
+    assert pf.forward_dynamics(scene, [0.0], [1.001e-3], [0.0]).modes.tolist() == [1]
+
+
+# ---------------------------------------------------------------- Painleve
+
+
+@pytest.mark.parametrize("b", [0.3, 0.9, 1 - 1e-6])
+def test_a_spinning_body_slows_down_by_the_closed_form(b):
+    """J a = -b J |(a, v^2)| gives |a| = v^2 b / sqrt(1 - b^2)."""
+    instant = pf.forward_dynamics(pinned_body(b), [0.4], [2.0], [0.0])
+    assert instant.a[0] == pytest.approx(-4 * b / np.sqrt(1 - b**2), rel=1e-9)
+    assert instant.contraction == pytest.approx(b, rel=1e-12)
+
+
+@pytest.mark.parametrize("b", [1 + 1e-9, 1.2, 8.0])
+def test_beyond_the_critical_radius_no_acceleration_is_consistent(b):
+    with pytest.raises(NoConsistentAcceleration, match=r"'pin'.*contraction") as error:
+        pf.forward_dynamics(pinned_body(b), [0.4], [2.0], [0.0])
+    assert (error.value.q, error.value.v, error.value.site) == ([0.4], [2.0], "pin")
+    assert error.value.time is None
+
+
+def test_beyond_it_a_torque_has_no_solution_or_two_from_a_threshold_on():
+    """b |(a, v^2)| + a = u/J: none below v^2 sqrt(b^2 - 1), two above."""
+    b, v = 1.5, 2.0
+    threshold = v**2 * np.sqrt(b**2 - 1)
+    with pytest.raises(NoConsistentAcceleration):
+        pf.forward_dynamics(pinned_body(b), [0.4], [v], [threshold * (1 - 1e-6)])
+    with pytest.raises(AmbiguousAcceleration, match="several"):
+        pf.forward_dynamics(pinned_body(b), [0.4], [v], [threshold * (1 + 1e-6)])
+
+
+def test_at_rest_a_body_without_load_is_held_by_the_load_of_its_own_drive():
+    """No gravity: the pin's load is m l |a|, a body at rest has none, any effort moves it."""
+    instant = pf.forward_dynamics(pinned_body(0.5), [0.0], [0.0], [1.0])
+    assert instant.a[0] == pytest.approx(1.0 / 1.5, rel=1e-12)  # J a = u - b J |a|
+    with pytest.raises(NoConsistentAcceleration):  # static < kinetic cannot be entered; b > 1 can
+        pf.forward_dynamics(pinned_body(1.5), [0.0], [1.0], [0.0])
+
+
+def test_a_guide_without_width_refuses_a_roll_moment():
+    model = block(0.3)
+    model.inertias[1] = pin.Inertia(2.0, np.array([0, 0.1, 0]), 0.01 * np.eye(3))
+    guide = {"bearing": {"kind": "guide", "length": 0.2}, "mu": {"static": 0.1, "kinetic": 0.1}}
+    scene = pf.Scene(model=model, friction={"slide": guide})
+    with pytest.raises(RollMomentError):
+        pf.forward_dynamics(scene, [0.0], [1.0], [0.0])
+    with pytest.raises(SimulationError, match=r"t = 0 s: friction\.slide.*width"):
+        pf.simulate(scene, [0.0], [1.0], [0.0], 1.0)
+
+
+# ---------------------------------------------------------------- several at rest
+
+
+def many_blocks(n: int, mu: float = 0.3) -> tuple[pf.Scene, np.ndarray]:
+    """n independent blocks on planes of rising slope; those above atan(mu) slip."""
+    model = pin.Model()
+    angles = np.linspace(0.05, 0.55, n)
+    for i, angle in enumerate(angles):
+        tilted = pin.SE3(pin.rpy.rpyToMatrix(0.0, angle, 0.0), np.zeros(3))
+        joint = model.addJoint(0, pin.JointModelPX(), tilted, f"block_{i}")
+        body = pin.Inertia(1.0 + i, np.zeros(3), 0.01 * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    names = list(model.names)[1:]
+    return pf.Scene(model=model, friction={n: plane_friction(mu, mu) for n in names}), angles
+
+
+@pytest.mark.parametrize("n", [3, 8, 12])
+def test_each_of_many_blocks_slips_where_its_slope_is_too_steep(n):
+    scene, angles = many_blocks(n)
+    instant = pf.forward_dynamics(scene, np.zeros(n), np.zeros(n), np.zeros(n))
+    slips = np.tan(angles) > 0.3
+    assert instant.modes.tolist() == slips.astype(int).tolist()
+    expected = np.where(slips, G * (np.sin(angles) - 0.3 * np.cos(angles)), 0.0)
+    np.testing.assert_allclose(instant.a, expected, rtol=1e-10)
+
+
+# ---------------------------------------------------------------- use
+
+
+def test_nothing_of_an_instant_changes_with_the_next_call():
+    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    first = pf.forward_dynamics(scene, [0.0], [1.0], [0.0])
+    kept = [np.copy(x) for x in first]
+    pf.forward_dynamics(scene, [0.3], [-2.0], [5.0])
+    for now, then in zip(first, kept, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+def test_threads_and_pickles_have_workspaces_of_their_own():
+    scene = pf.Scene(model=block(0.5), friction={"slide": plane_friction(0.35, 0.3)})
+    mine = workspace(scene)
+    assert workspace(scene) is mine
+    other: list[Workspace] = []
+    thread = threading.Thread(target=lambda: other.append(workspace(scene)))
+    thread.start()
+    thread.join()
+    assert other[0] is not mine
+    copied = pickle.loads(pickle.dumps(scene))
+    a = [pf.forward_dynamics(s, [0.0], [1.0], [0.0]).a[0] for s in (scene, copied)]
+    assert a[0] == a[1]
+
+
+def test_payloads_count_where_they_are_attached():
+    payload = {"link": "universe", "mass": 1.0, "com": [0, 0, 0]}
+    model = block(0.5)
+    model.addBodyFrame("body", 1, pin.SE3.Identity(), 0)
+    payload["link"] = "body"
+    scene = pf.Scene(model=model, payloads={"box": payload})
+    with_box = pf.forward_dynamics(scene, [0.0], [0.0], [6.0]).a[0]
+    without = pf.forward_dynamics(scene, [0.0], [0.0], [6.0], attached=[]).a[0]
+    assert with_box == pytest.approx(G * np.sin(0.5) + 6 / 3)
+    assert without == pytest.approx(G * np.sin(0.5) + 6 / 2)
+
+
+@pytest.mark.parametrize(("q", "v", "u", "message"), [
+    ([0.0, 1.0], [0.0], [0.0], r"q: shape \(2,\); should be \(1,\)"),
+    ([0.0], [[0.0]], [0.0], "v: shape"),
+    ([0.0], [0.0], [], "effort: shape"),
+    ([0.0], [0.0], ["a"], "effort: is not an array of numbers"),
+    ([np.nan], [0.0], [0.0], "q: column 0 is nan"),
+    ([0.0], [np.inf], [0.0], "v: column 0 is inf"),
+    ([0.0], [0.0], [np.nan], "effort: column 0 is nan"),
+])  # fmt: skip
+@pytest.mark.parametrize("friction", [{}, {"slide": plane_friction(0.35, 0.3)}])
+def test_bad_input(q, v, u, message, friction):
+    scene = pf.Scene(model=block(0.5), friction=friction)
+    with pytest.raises(StateError, match=message):
+        pf.forward_dynamics(scene, q, v, u)
+
+
+def test_a_joint_that_moves_no_mass_is_an_error():
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    with pytest.raises(SceneError, match="moves no mass"):
+        pf.forward_dynamics(pf.Scene(model=model), [0.0], [0.0], [1.0])
