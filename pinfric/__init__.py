@@ -20,8 +20,18 @@ _PUBLIC = {
     "InverseResult": "pinfric.dynamics.result",
     "StickInterval": "pinfric.dynamics.result",
     "joint_wrenches": "pinfric.dynamics.reactions",
+    "forward_dynamics": "pinfric.dynamics.forward",
+    "Instant": "pinfric.dynamics.forward",
+    "simulate": "pinfric.dynamics.simulate",
+    "Motion": "pinfric.dynamics.motion",
+    "load_motion": "pinfric.dynamics.motion",
     "Trajectory": "pinfric.study.trajectory",
     "load_trajectory": "pinfric.study.trajectory",
+    "size": "pinfric.study.sizing",
+    "SizingReport": "pinfric.study.sizing",
+    "load_catalog": "pinfric.study.catalog",
+    "replay": "pinfric.show.replay",
+    "LiveReplay": "pinfric.show.live",
     "PinfricError": "pinfric.errors",
     "PinfricWarning": "pinfric.errors",
 }
@@ -29,14 +39,24 @@ _PUBLIC = {
 __all__ = [*_PUBLIC, "__version__"]
 
 if TYPE_CHECKING:  # the same names for type checkers, which do not run __getattr__
+    from pinfric.dynamics.forward import Instant as Instant
+    from pinfric.dynamics.forward import forward_dynamics as forward_dynamics
     from pinfric.dynamics.inverse import inverse_dynamics as inverse_dynamics
+    from pinfric.dynamics.motion import Motion as Motion
+    from pinfric.dynamics.motion import load_motion as load_motion
     from pinfric.dynamics.reactions import joint_wrenches as joint_wrenches
     from pinfric.dynamics.result import InverseResult as InverseResult
     from pinfric.dynamics.result import StickInterval as StickInterval
+    from pinfric.dynamics.simulate import simulate as simulate
     from pinfric.errors import PinfricError as PinfricError
     from pinfric.errors import PinfricWarning as PinfricWarning
     from pinfric.model.scene import Scene as Scene
     from pinfric.model.scene import load_scene as load_scene
+    from pinfric.show.live import LiveReplay as LiveReplay
+    from pinfric.show.replay import replay as replay
+    from pinfric.study.catalog import load_catalog as load_catalog
+    from pinfric.study.sizing import SizingReport as SizingReport
+    from pinfric.study.sizing import size as size
     from pinfric.study.trajectory import Trajectory as Trajectory
     from pinfric.study.trajectory import load_trajectory as load_trajectory
 

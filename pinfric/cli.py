@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from pinfric.show.files import Writer
     from pinfric.study.trajectory import Trajectory
 
-#: Exit codes: what was given is wrong; the reader of our output left; stopped by Ctrl-C.
-BAD_INPUT, NO_READER, INTERRUPTED = 2, 141, 130
+#: Exit codes: what was given is wrong; a defect of pinfric (sysexits.h's EX_SOFTWARE); the reader
+#: of our output left; stopped by Ctrl-C.
+BAD_INPUT, INTERNAL_ERROR, NO_READER, INTERRUPTED = 2, 70, 141, 130
 
 app = typer.Typer(
     name="pinfric", add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -94,6 +95,192 @@ def inverse(
             "summary.json": lambda path: path.write_text(_as_text(summary), encoding="utf-8"),
         })  # fmt: skip
     _show(summary if as_json else inverse_report(result, name))
+
+
+@app.command()
+def simulate(
+    scene_name: SceneName,
+    method: Annotated[
+        str, typer.Option(help="event (exact), timestepping or regularized.")
+    ] = "event",
+    t_end: Annotated[float | None, typer.Option(help="Seconds; by default the scene's.")] = None,
+    rtol: Annotated[float, typer.Option(help="Tolerance of event and regularized.")] = 1e-8,
+    dt: Annotated[float, typer.Option(help="Step of timestepping (s).")] = 1e-3,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Move a scene by its own efforts, with stick and slip.
+
+    Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png and
+    summary.json.
+    """
+    from pinfric.model.scene import load_scene
+    from pinfric.show.files import check_writable
+    from pinfric.show.motion_report import motion_figure, motion_json, motion_report
+    from pinfric.study.scene_run import run_scene
+
+    if out is not None:
+        check_writable(out)
+    scene = load_scene(scene_name)
+    motion = run_scene(scene, t_end=t_end, method=method, rtol=rtol, atol=1e-2 * rtol, dt=dt)
+    summary = motion_json(motion, _noticed)
+    if out is not None:
+        _write(out, {
+            "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
+            "motion.npz": motion.save,
+            "motion.png": lambda path: motion_figure(motion).savefig(path),
+            "summary.json": lambda path: path.write_text(_as_text(summary), encoding="utf-8"),
+        })  # fmt: skip
+    _show(summary if as_json else motion_report(motion))
+    if motion.status == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+
+
+@app.command()
+def paper(
+    reading: Annotated[
+        str, typer.Option(help="consistent, or literal: the data as they are printed.")
+    ] = "consistent",
+    out: OutFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Reproduce both examples of the paper, forward and inverse, by two formulations.
+
+    --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
+    """
+    from pinfric.show.files import check_writable
+    from pinfric.show.paper_figures import paper_figures
+    from pinfric.show.paper_report import literal_report, paper_report
+    from pinfric.study.paper import EXAMPLES, paper_json, read_literally, reproduce
+
+    if reading not in ("consistent", "literal"):
+        raise typer.BadParameter(
+            f"{reading!r}: there are consistent, literal", param_hint="--reading"
+        )
+    if out is not None:
+        check_writable(out)
+    if reading == "literal":
+        with _working("simulating both examples as printed"):
+            literal = [read_literally(example) for example in EXAMPLES]
+        summary = paper_json([], literal)
+        report, figures = literal_report(literal), {}
+    else:
+        with _working("simulating both examples, twice"):
+            found = [reproduce(example) for example in EXAMPLES]
+        summary, report = paper_json(found), paper_report(found)
+        figures = paper_figures(*found) if out is not None else {}
+    if out is not None:
+        _write(out, {
+            **{name: figure.savefig for name, figure in figures.items()},
+            "summary.json": lambda path: path.write_text(_as_text(summary), encoding="utf-8"),
+        })  # fmt: skip
+    _show(summary if as_json else report)
+
+
+@app.command()
+def size(
+    scene_name: SceneName,
+    trajectory_name: TrajectoryName,
+    catalog: Annotated[
+        str | None,
+        typer.Option("--catalog", metavar="FILE", help="Catalogue file, or `default` (bundled)."),
+    ] = None,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Size the drives for a cycle that repeats.
+
+    Without a catalogue: what each joint demands. With one: the lightest motor and gear that
+    meets it. --out writes sizing.json and report.html.
+    """
+    scene, trajectory = _load(scene_name, trajectory_name, out)
+    from pinfric.show.sizing_report import sizing_json, sizing_report
+    from pinfric.study.sizing import size as size_drives
+
+    with _working(f"sizing {len(scene.drives)} drives"):
+        report = size_drives(scene, trajectory, catalog, on_miss="ignore")
+    summary = sizing_json(report, _noticed)
+    if out is not None:
+        from pinfric.show.sizing_page import sizing_page
+
+        page = sizing_page(report)
+        _write(out, {
+            "sizing.json": lambda path: path.write_text(_as_text(summary), encoding="utf-8"),
+            "report.html": lambda path: path.write_text(page, encoding="utf-8"),
+        })  # fmt: skip
+    _show(summary if as_json else sizing_report(report))
+    report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+@app.command()
+def replay(
+    scene_name: SceneName,
+    motion_name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[TRAJECTORY | MOTION.npz]", help="By default the scene's own simulation."
+        ),
+    ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            "--html", metavar="FILE", help="The page to write; by default SCENE.replay.html here."
+        ),
+    ] = None,
+    open_browser: Annotated[bool, typer.Option("--open", help="Show it in a browser.")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the simulation while it computes, too.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show a motion in 3D: what slides, what sticks, and when.
+
+    The page is one file that plays without a network.
+    """
+    from pinfric.model.scene import load_scene
+    from pinfric.show.files import check_writable
+    from pinfric.show.live import simulate_live
+    from pinfric.show.replay import motion_to_replay, replay_json, replay_lines
+    from pinfric.show.replay import replay as make_replay
+
+    scene = load_scene(scene_name)
+    html = html or Path(f"{Path(scene.source).stem}.replay.html")
+    check_writable(html.parent, [html.name])
+    if live and motion_name is not None:
+        raise typer.BadParameter(
+            "is for the scene's own simulation, not for a motion that is there already",
+            param_hint="--live",
+        )
+    motion: Any
+    if live:
+        motion = simulate_live(scene, _say, open_browser=open_browser)
+    else:
+        with _working("computing the motion"):
+            motion = motion_to_replay(scene, motion_name, _notice)
+    title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
+    with _working(f"writing {html}"):
+        shown = make_replay(scene, motion, html=html, title=title)
+    opened = shown.open() if open_browser and not live else None
+    if as_json:
+        _show(replay_json(shown))
+        return
+    for line in replay_lines(shown, opened):
+        _print(line)
+
+
+@app.command()
+def new(
+    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="The robot.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path(),
+) -> None:
+    """Write a starting scene and a first motion for a URDF; every guess is marked."""
+    from pinfric.study.new_scene import write_new
+
+    files = write_new(urdf, out)
+    for file in files:
+        _print(f"wrote {file}")
+    command = "inverse" if len(files) > 1 else "explain"
+    _print(f"try: pinfric {command} {' '.join(map(str, files))}")
 
 
 @app.command()
@@ -183,6 +370,11 @@ def _print(text: str) -> None:
         raise typer.Exit(NO_READER) from None
 
 
+def _say(text: str) -> None:
+    """Tell what goes on, beside the results."""
+    print(f"pinfric: {text}", file=sys.stderr)
+
+
 def _notice(text: str) -> None:
     """Show a warning as one line on stderr, each text once."""
     if text not in _noticed:
@@ -241,9 +433,24 @@ def _run(arguments: list[str] | None) -> int:
         message, code = f"{problem.format_message()} (see {command} --help)", BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # typer before 0.20 has Abort, later an exit code
         message, code = "interrupted", INTERRUPTED
+    except Exception as problem:
+        if os.environ.get("PINFRIC_TRACEBACK"):
+            raise
+        message, code = _unexpected(problem)
     if message:
-        print(f"pinfric: error: {message}", file=sys.stderr)
+        kind = "internal error" if code == INTERNAL_ERROR else "error"
+        print(f"pinfric: {kind}: {message}", file=sys.stderr)
     return int(code)
+
+
+def _unexpected(problem: Exception) -> tuple[str, int]:
+    """Return the line and the exit code for what no reader and no check has caught."""
+    if isinstance(problem, OSError) and problem.filename is not None:  # a disk, a name, a right
+        name = str(problem.filename)
+        name = name if len(name) <= 250 else f"{name[:80]}..."
+        return f"{name}: {problem.strerror}", BAD_INPUT
+    text = " ".join(f"{type(problem).__name__}: {problem}".split())[:200]
+    return f"{text}; run with PINFRIC_TRACEBACK=1 to see where", INTERNAL_ERROR
 
 
 if __name__ == "__main__":

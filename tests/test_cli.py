@@ -100,8 +100,8 @@ def test_numbers_that_are_none_are_null():
 
 @pytest.mark.parametrize(
     ("x", "text"),
-    [(0, "0"), (9.996, "10.0"), (0.0123456, "0.0123"), (-1234.5, "-1234"), (1.2e-7, "1.20e-07"),
-     (float("nan"), "n/a"), (99.95, "100"), (3e9, "3.00e+09")],
+    [(0, "0"), (9.996, "10.0"), (0.0123456, "0.0123"), (-1234.5, "-1234"), (1.2e-7, "1.20e-7"),
+     (float("nan"), "n/a"), (99.95, "100"), (3e9, "3.00e9")],
 )  # fmt: skip
 def test_figures_have_three_digits(x, text):
     from pinfric.show.report import digits
@@ -151,6 +151,73 @@ def test_out_that_is_a_file_is_refused_before_any_work(files, capsys, monkeypatc
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "arm.yaml: cannot be written" in error
+
+
+def test_folder_in_the_place_of_a_result_leaves_the_old_results(files, capsys):
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == 0
+    (files / "out" / "efforts.png").unlink()
+    (files / "out" / "efforts.png").mkdir()
+    before = (files / "out" / "efforts.csv").stat()
+    capsys.readouterr()
+    assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == 2
+    error = capsys.readouterr().err
+    assert "out: cannot be written: efforts.png there is a folder" in error
+    assert error.count("\n") == 1
+    assert (files / "out" / "efforts.csv").stat() == before
+
+
+@pytest.mark.parametrize("place", [0, 1, 3])
+def test_name_no_file_system_takes_is_one_short_line(files, capsys, place):
+    arguments = ["arm.yaml", "way.yaml", "--out", "out"]
+    arguments[place] = "x" * 5000
+    assert run("inverse", *arguments) == 2
+    error = capsys.readouterr().err
+    assert "File name too long" in error
+    assert error.count("\n") == 1
+    assert len(error) < 300
+
+
+def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("first line\nsecond line" + 999 * " long")
+
+    monkeypatch.setattr("pinfric.dynamics.inverse.inverse_dynamics", broken)
+    assert run("inverse", "arm.yaml", "way.yaml") == cli.INTERNAL_ERROR == 70
+    error = capsys.readouterr().err
+    assert error.startswith("pinfric: internal error: ZeroDivisionError: first line second line")
+    assert error.endswith("; run with PINFRIC_TRACEBACK=1 to see where\n")
+    assert error.count("\n") == 1
+    assert len(error) < 350
+    monkeypatch.setenv("PINFRIC_TRACEBACK", "1")
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["inverse", "arm.yaml", "way.yaml"])
+
+
+def test_rounding_is_printed_as_zero(capsys):
+    # the UR5's last axis is upright all the way: what RNEA leaves there, 2e-12 N m, is rounding
+    assert run("inverse", "ur5_pick_and_place", "ur5_pick_and_place.csv") == 0
+    lines = capsys.readouterr().out.splitlines()
+    effort = next(line for line in lines if line.startswith("wrist_3_joint"))
+    assert " 0, 0 " in effort
+    assert not any("e-" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("scene", "trajectory"),
+    [("ur5_pick_and_place", "ur5_pick_and_place.csv"), ("so101", "so101.waypoints.yaml")],
+)
+def test_bundled_robots_have_one_line_per_joint_at_80_columns(
+    scene, trajectory, capsys, monkeypatch
+):
+    import pinfric as pf
+
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run("inverse", scene, trajectory) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    firsts = [line.split()[0] for line in lines if line.strip()]
+    for name in pf.load_scene(scene).actuator_names:
+        assert firsts.count(name) == 2  # at the joint, at the motor's shaft
 
 
 def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
@@ -213,3 +280,17 @@ def test_interrupt_exits_130_with_one_line(files, capsys, monkeypatch):
     assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == cli.INTERRUPTED == 130
     assert capsys.readouterr().err == "pinfric: error: interrupted\n"
     assert not (files / "out").exists()
+
+
+def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["size", "panda_pick_and_place", "panda_pick_and_place.csv", "--catalog",
+                  "default", "--json", "--out", str(tmp_path / "out")])  # fmt: skip
+    assert stop.value.code == 0
+    joints = json.loads(capsys.readouterr().out)["joints"]
+    keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "margins", "rejected"}
+    assert len(joints) == 7
+    assert all(keys <= joint.keys() for joint in joints)
+    assert all(len(joint["holding"]) == 2 for joint in joints)
+    assert joints[1]["rejected"][0]["why"]
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"sizing.json", "report.html"}

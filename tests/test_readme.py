@@ -48,11 +48,12 @@ def test_sample_is_what_the_first_command_prints(monkeypatch, capsys):
 
 def test_python_example_runs():
     (example,) = blocks("python")
-    assert len(example.splitlines()) <= 11
+    assert len(example.splitlines()) == 10
     run = subprocess.run([sys.executable, "-c", f"import sys; sys.path.insert(0, '.')\n{example}"],
                          cwd=ROOT, capture_output=True, text=True)  # fmt: skip
     assert run.returncode == 0, run.stderr
     assert "panda_joint2 sticks from 0.00 s to 0.20 s" in run.stdout
+    assert not re.search(r"from (\S+) s to \1 s", run.stdout)  # passages through rest
     assert "Check(equilibrium=" in run.stdout
 
 

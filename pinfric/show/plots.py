@@ -23,6 +23,7 @@ from pinfric.study.summary import (
     ends_by_magnitude,
     payload_phases,
     rests,
+    rounding,
     sites_on,
     summarize,
 )
@@ -33,11 +34,17 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's palette, told apart with every kind of colour vision.
 _EFFORT, _STICKING, _CARRIED = "#0072B2", "#E69F00", "#009E73"
-#: The band is `_EFFORT` lightened, but opaque: shading shining through would change its colour.
-_BAND = "#A9CFE8"
+#: The band's colour. It is drawn in two layers, white and over it a veil that makes the colour: the
+#: frictionless curve between them shows through, the shading below both does not.
+_BAND, _VEIL, _VEIL_ALPHA = "#A9CFE8", "#539FD1", 0.5
 _INK, _QUIET = "#222222", "#6B6B6B"
 #: Opacity of the shaded times.
 _SHADE = 0.17
+#: The mark of an instant at rest, at the bottom of a panel.
+_PASSAGE: dict[str, Any] = {
+    "linestyle": "", "marker": 2, "markersize": 9, "markeredgecolor": "#B87400",  # 2: a tick upward
+    "markeredgewidth": 1.4,
+}  # fmt: skip
 #: The mark of the largest effort.
 _PEAK: dict[str, Any] = {
     "marker": "o", "markersize": 4.5, "markerfacecolor": "white", "markeredgecolor": _EFFORT,
@@ -45,6 +52,8 @@ _PEAK: dict[str, Any] = {
 }  # fmt: skip
 #: Pieces a long motion is cut into, each drawn by its extremes: more than a panel has pixels.
 _PIECES = 2000
+#: A stick of this part of the whole time is a line, not a band: three pixels wide.
+_INSTANT = 1 / 500
 #: Up to this many samples each one gets a dot.
 _FEW = 80
 #: Inches a letter takes in a panel's label, on average.
@@ -56,8 +65,9 @@ _WIDTH, _LEFT, _RIGHT, _HEADER, _FOOT, _STRIP, _LABEL = 11.0, 0.75, 0.25, 0.92, 
 def effort_figure(result: InverseResult, trajectory: str = "") -> Figure:
     """Draw every drive's effort over time: a line while it slides, a band while it sticks.
 
-    The thin line behind is the effort without friction; times at rest are shaded; a bar above
-    says when a payload is carried.
+    The thin line behind is the effort without friction; times at rest are shaded; a tick below
+    marks an instant at rest (a single sample, or a reversal between two); a bar above says when a
+    payload is carried.
 
     Args:
         result: with times.
@@ -81,6 +91,7 @@ def effort_figure(result: InverseResult, trajectory: str = "") -> Figure:
     always = [name for name, spans in carried.items() if spans == whole_way]
     phases = {name: spans for name, spans in carried.items() if spans and name not in always}
     strips = _STRIP * len(phases) + (0.08 if phases else 0.0)
+    zero = rounding(result)
     total = _HEADER + strips + rows * (height + _LABEL) + _FOOT
     with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
         figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
@@ -90,10 +101,10 @@ def effort_figure(result: InverseResult, trajectory: str = "") -> Figure:
             row, column = i % rows, i // rows
             axes = grid.panel(row, column)
             bottom = row == rows - 1 or i == count - 1
-            _draw_panel(axes, result, i, _floor(result, summaries, summary), bottom)
+            _draw_panel(axes, result, i, zero, bottom)
             _mark_phases(axes, phases)
             axes.plot(summary.peak_time, _peak(result, i), zorder=5, gid="peak", **_PEAK)
-            _label(axes, names[i], summary, grid.width)
+            _label(axes, names[i], summary, grid.width, zero)
         if phases:
             for column in range(columns):
                 _draw_phases(grid.strip(column), phases, result.t)
@@ -159,7 +170,7 @@ class _Grid:
         return self.figure.add_axes(box, **options)
 
 
-def _draw_panel(axes: Axes, result: InverseResult, i: int, floor: float, bottom: bool) -> None:
+def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float, bottom: bool) -> None:
     assert result.t is not None
     lower, upper = result.effort_lower[:, i], result.effort_upper[:, i]
     frictionless = result.effort_frictionless[:, i]
@@ -170,17 +181,19 @@ def _draw_panel(axes: Axes, result: InverseResult, i: int, floor: float, bottom:
     sticking = rests(result, i)
     interval = lower != upper
     _shade(axes, result.t, sticking)
+    passages = _passages(result, i)
+    _mark_passages(axes, result.t, passages)
     axes.axhline(0.0, color=_QUIET, linewidth=0.5, alpha=0.6, zorder=1)
     if sites_on(result.scene, i):
-        axes.plot(t, frictionless, color=_INK, linewidth=0.7, zorder=3.4, gid="frictionless")
-    _draw_interval(axes, t, lower, upper, interval, interval & sticking[kept])
+        axes.plot(t, frictionless, color=_INK, linewidth=0.7, zorder=2.9, gid="frictionless")
+    _draw_interval(axes, t, lower, upper, interval, interval & (sticking & ~passages)[kept])
     sliding = np.where(interval, np.nan, upper)
     axes.plot(t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding",
               solid_capstyle="round")  # fmt: skip
     dots = ~interval if len(t) <= _FEW else _alone(~interval)
     axes.plot(t[dots], upper[dots], ".", color=_EFFORT, markersize=4, zorder=4,
               clip_on=False)  # fmt: skip
-    _dress(axes, result.t, (lower, upper, frictionless), floor, bottom)
+    _dress(axes, result.t, (lower, upper, frictionless), zero, bottom)
 
 
 def _draw_interval(
@@ -191,13 +204,15 @@ def _draw_interval(
     interval: np.ndarray,
     lasting: np.ndarray,
 ) -> None:
-    """The band of possible efforts; a reversal or a stick of one sample is a vertical line."""
+    """The band of possible efforts; of an instant at rest a vertical line."""
+    where = lasting.tolist()
+    axes.fill_between(t, lower, upper, where=where, color="white", linewidth=0, zorder=2.8)
     axes.fill_between(
-        t, lower, upper, where=lasting.tolist(), facecolor=_BAND, edgecolor=_EFFORT,
-        linewidth=0.6, zorder=3, gid="interval",
+        t, lower, upper, where=where, facecolor=_VEIL, alpha=_VEIL_ALPHA, linewidth=0,
+        zorder=3, gid="interval",
     )  # fmt: skip
-    for end in (lower, upper):  # over the frictionless line, which would hide a narrow band
-        axes.plot(t, np.where(lasting, end, np.nan), color=_EFFORT, linewidth=0.8, zorder=3.7)
+    axes.fill_between(t, lower, upper, where=where, facecolor="none", edgecolor=_EFFORT,
+                      linewidth=0.7, zorder=3.7)  # fmt: skip
     instants = (interval & ~lasting) | _alone(lasting)
     axes.vlines(t[instants], lower[instants], upper[instants], color=_EFFORT, linewidth=1.2,
                 alpha=0.6, zorder=3, gid="instants")  # fmt: skip
@@ -219,8 +234,31 @@ def _shade(axes: Axes, t: np.ndarray, sticking: np.ndarray) -> None:
     )  # fmt: skip
 
 
+def _passages(result: InverseResult, i: int) -> np.ndarray:
+    """(T,) where a drive is at rest for an instant: a stick too short to see, or a reversal."""
+    assert result.t is not None
+    t, sticking = result.t, rests(result, i)
+    passages = result.reversal[:, sites_on(result.scene, i)].any(axis=1) & ~sticking
+    for first, last in runs(sticking):
+        if t[last] - t[first] <= _INSTANT * (t[-1] - t[0]):
+            passages[first : last + 1] = True
+    return np.asarray(passages)
+
+
+def _mark_passages(axes: Axes, t: np.ndarray, passages: np.ndarray) -> None:
+    """A tick at the bottom per instant at rest; those too close to be told apart are one."""
+    width = _INSTANT * float(t[-1] - t[0]) or 1.0
+    _, first = np.unique(np.floor((t[passages] - t[0]) / width), return_index=True)
+    moments: list[float] = []
+    for moment in t[passages][first].tolist():
+        if not moments or moment - moments[-1] > width:
+            moments.append(moment)
+    axes.plot(moments, np.zeros(len(moments)), transform=axes.get_xaxis_transform(), zorder=4.5,
+              clip_on=False, gid="passages", **_PASSAGE)  # fmt: skip
+
+
 def _dress(
-    axes: Axes, t: np.ndarray, series: Sequence[np.ndarray], floor: float, bottom: bool
+    axes: Axes, t: np.ndarray, series: Sequence[np.ndarray], zero: float, bottom: bool
 ) -> None:
     """Limits, ticks and spines: as little ink as a reader needs."""
     from matplotlib.ticker import MaxNLocator
@@ -229,7 +267,7 @@ def _dress(
     values = values[np.isfinite(values)]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
     low, high = min(low, 0.0), max(high, 0.0)
-    if high - low < floor:
+    if high - low <= zero:
         low, high = -1.0, 1.0
     axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
     still = 0.5 if len(t) == 1 else 0.0  # a single instant has no width
@@ -245,11 +283,11 @@ def _dress(
         axes.set_xlabel("time (s)", color=_QUIET)
 
 
-def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float) -> None:
+def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: float) -> None:
     """The drive's name above its panel; at the right the figures that leave room for it."""
-    peak, spread = f"peak {digits(summary.peak)}", span(summary.rms_least, summary.rms)
+    peak, spread = f"peak {digits(summary.peak, zero)}", span(summary.rms_least, summary.rms, zero)
     choices = (
-        f"{peak}   RMS {spread}   without friction {digits(summary.rms_frictionless)}",
+        f"{peak}   RMS {spread}   RMS without friction {digits(summary.rms_frictionless, zero)}",
         f"{peak}   RMS {spread}",
         peak,
     )
@@ -305,7 +343,7 @@ def _head(
         text += f"; carries {', '.join(always)} all the way"
     figure.text(left, 1 - 0.46 / total, text, fontsize=9, color=_QUIET, va="top")
     figure.legend(
-        handles=_key(result), loc="upper left", ncols=5, frameon=False, fontsize=8.5,
+        handles=_key(result), loc="upper left", ncols=6, frameon=False, fontsize=8.5,
         bbox_to_anchor=(left, 1 - 0.63 / total), borderaxespad=0, borderpad=0.2, handlelength=1.8,
         columnspacing=1.8, labelcolor=_INK,
     )  # fmt: skip
@@ -323,17 +361,13 @@ def _key(result: InverseResult) -> list[Any]:
                              label="possible efforts where it sticks"))  # fmt: skip
     if result.sticking.any():
         handles.append(Patch(facecolor=_STICKING, alpha=_SHADE * 1.8, label="time at rest"))
+    if any(_passages(result, i).any() for i in range(len(result.actuator_names))):
+        in_line = {**_PASSAGE, "marker": "|"}  # a tick would stand above the letters
+        handles.append(Line2D([], [], label="passes through rest", **in_line))
     if result.site_names:
         handles.append(Line2D([], [], color=_INK, linewidth=0.7, label="without friction"))
     handles.append(Line2D([], [], linestyle="", label="peak", **_PEAK))
     return handles
-
-
-def _floor(
-    result: InverseResult, summaries: Sequence[ActuatorSummary], of: ActuatorSummary
-) -> float:
-    """Range below which a drive's effort is rounding beside the others', not a curve."""
-    return 1e-9 * max(s.peak for s in summaries if s.unit == of.unit) + 1e-300
 
 
 def _peak(result: InverseResult, i: int) -> float:

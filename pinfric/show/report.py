@@ -12,7 +12,13 @@ import numpy as np
 
 from pinfric.dynamics.result import InverseResult, Status, runs
 from pinfric.study.explain import Explanation
-from pinfric.study.summary import ActuatorSummary, payload_phases, summarize
+from pinfric.study.summary import (
+    ROUNDING,
+    ActuatorSummary,
+    payload_phases,
+    rounding,
+    summarize,
+)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -111,12 +117,13 @@ def _effort_table(
         ("friction\nshare", ""), ("sticks", "s"), ("widest\ninterval", one_unit),
     ):  # fmt: skip
         table.add_column(heading + (f"\n{unit}" if unit else ""), justify="right", no_wrap=True)
+    zero = rounding(result)
     for s in summaries:
         table.add_row(
             s.name, *([] if one_unit else [s.unit]),
-            digits(s.peak), span(s.rms_least, s.rms),
-            f"{digits(s.peak_frictionless)}, {digits(s.rms_frictionless)}",
-            f"{100 * s.friction_share:.0f} %", digits(s.stick_time), digits(s.max_interval),
+            digits(s.peak, zero), span(s.rms_least, s.rms, zero),
+            f"{digits(s.peak_frictionless, zero)}, {digits(s.rms_frictionless, zero)}",
+            f"{100 * s.friction_share:.0f} %", digits(s.stick_time), digits(s.max_interval, zero),
         )  # fmt: skip
     return table
 
@@ -125,8 +132,10 @@ def _motor_table(geared: Sequence[ActuatorSummary]) -> Table:
     table = _table("at the motors' shafts")
     for heading in ("peak\nN m", "RMS\nN m"):
         table.add_column(heading, justify="right", no_wrap=True)
+    zero = ROUNDING * max(s.motor_peak for s in geared)
     for s in geared:
-        table.add_row(s.name, digits(s.motor_peak), span(s.motor_rms_least, s.motor_rms))
+        rms = span(s.motor_rms_least, s.motor_rms, zero)
+        table.add_row(s.name, digits(s.motor_peak, zero), rms)
     return table
 
 
@@ -169,21 +178,27 @@ def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def digits(x: float) -> str:
-    """Return x with three significant digits and no needless exponent; "n/a" for NaN."""
+def digits(x: float, zero: float = 0.0) -> str:
+    """Return x with three significant digits and no needless exponent; "n/a" for NaN.
+
+    Args:
+        x: the number.
+        zero: what is not larger prints as 0; see `rounding`.
+    """
     if not math.isfinite(x):
         return "n/a"
-    if x == 0:
+    if abs(x) <= zero:
         return "0"
     size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
     if -3 <= size <= 5:
         return f"{x:.{max(2 - size, 0)}f}"
-    return f"{x:.2e}"
+    mantissa, exponent = f"{x:.2e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
 
 
-def span(least: float, worst: float) -> str:
+def span(least: float, worst: float, zero: float = 0.0) -> str:
     """Return "least–worst", or one number where the two print alike."""
-    low, high = digits(least), digits(worst)
+    low, high = digits(least, zero), digits(worst, zero)
     return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range
 
 

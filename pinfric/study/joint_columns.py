@@ -58,14 +58,26 @@ def _joint_column(model: pin.Model, name: str, joint: Any) -> JointColumn:
     lower, upper = -np.inf, np.inf
     if joint.nq == 1:
         low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-        # a URDF limit without lower and upper reads as 0 to 0: no range was stated
-        if low < high:
-            lower = float(low) if low > -_UNLIMITED else -np.inf
-            upper = float(high) if high < _UNLIMITED else np.inf
-    speed = float(model.velocityLimit[joint.idx_v])
+        lower, upper = stated_range(float(low), float(high))
+    speed = stated_speed(float(model.velocityLimit[joint.idx_v]))
     unit = "m" if joint.shortname().startswith("JointModelP") else "rad"
-    return JointColumn(name, joint.idx_q, joint.idx_v, joint.nq, unit, lower, upper,
-                       speed if 0.0 < speed < _UNLIMITED else np.inf)  # fmt: skip
+    return JointColumn(name, joint.idx_q, joint.idx_v, joint.nq, unit, lower, upper, speed)
+
+
+def stated_range(low: float, high: float) -> tuple[float, float]:
+    """Return a joint's limits, infinite where none was stated.
+
+    A URDF limit without lower and upper reads as 0 to 0; any other range is meant, also one of a
+    single position.
+    """
+    if low > high or low == high == 0.0:
+        return -np.inf, np.inf
+    return (low if low > -_UNLIMITED else -np.inf), (high if high < _UNLIMITED else np.inf)
+
+
+def stated_speed(limit: float) -> float:
+    """Return a joint's velocity limit, infinite where none was stated (0, or Pinocchio's most)."""
+    return limit if 0.0 < limit < _UNLIMITED else np.inf
 
 
 def limit_problems(

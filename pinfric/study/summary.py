@@ -8,6 +8,7 @@ import numpy as np
 
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
+from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 
@@ -89,7 +90,7 @@ def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
         unit=unit,
         peak=float(np.abs(worst[top])),
         peak_time=float(t[top]),
-        peak_velocity=float(result.states.v[top, drive.velocity_index]),
+        peak_velocity=float(result.actuator_velocity[top, i]),
         rms=rms(t, worst),
         rms_least=rms(t, least),
         peak_frictionless=float(np.abs(frictionless).max()),
@@ -104,6 +105,21 @@ def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
         motor_rms=rms(t, motor_worst),
         motor_rms_least=rms(t, motor_least),
     )
+
+
+#: What is smaller than this beside the largest effort or reaction is rounding of the dynamics.
+ROUNDING = 1e-9
+
+
+def rounding(result: InverseResult) -> float:
+    """Return the effort (N m or N) below which a figure of this result is rounding: to print as 0.
+
+    1e-9 of the largest effort, force or moment in it.
+    """
+    arrays = [result.effort_lower, result.effort_upper, result.effort_frictionless, result.wrench]
+    ends = [abs(float(end.reduce(x, axis=None, initial=0.0)))  # fmin, fmax pass over NaN
+            for x in arrays if x is not None for end in (np.fmin, np.fmax)]  # fmt: skip
+    return ROUNDING * max(ends)
 
 
 def payload_phases(result: InverseResult) -> dict[str, list[tuple[float, float]]]:
@@ -148,8 +164,13 @@ def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray,
 
 
 def sites_on(scene: Scene, actuator: int) -> list[int]:
-    """Return the columns of the sites that move with a drive: its joint's, its followers'."""
+    """Return the columns of the sites that move with a drive: its joint's, its followers'.
+
+    With loops, cylinders or forces every site's friction reaches every drive: all of them.
+    """
     column = scene.drives[actuator].velocity_index
+    if scene.linkage is not None:
+        return list(range(len(scene.sites)))
     return [s for s, site in enumerate(scene.sites) if site.velocity_index == column]
 
 
@@ -160,7 +181,10 @@ def rests(result: InverseResult, actuator: int) -> np.ndarray:
 
 def effort_unit(scene: Scene, actuator: int) -> str:
     """Return "N" for a drive that pushes, "N m" for one that turns."""
-    column, twin = scene.drives[actuator].velocity_index, scene.twin()
+    drive = scene.drives[actuator]
+    if isinstance(drive, OffJointDrive):
+        return drive.unit
+    column, twin = drive.velocity_index, scene.twin()
     for row, joint in enumerate(scene.model.joints[1:]):
         if joint.idx_v <= column < joint.idx_v + joint.nv:
             if joint.nv == 1:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.yamlfile import brief, brief_path
 from pinfric.study.derivatives import (
     acceleration_noise,
     find_holds,
@@ -27,6 +28,10 @@ FloatArray = NDArray[np.float64]
 GAP_FACTOR = 20.0
 #: Share of a joint's peak acceleration that may be rounding noise before it is pointed out.
 _NOISE_SHARE = 0.05
+#: Share of a joint's peak speed by which its velocities may miss those of its positions (RMS).
+_MISMATCH_SHARE = 0.1
+#: Fewer samples than this say too little about noise or about a mismatch.
+_FEWEST_SAMPLES = 20
 #: Rows looked at to see how many digits a file prints.
 _ROWS_FOR_DIGITS = 500
 _PAYLOAD = "payload."
@@ -96,7 +101,8 @@ def _read_cells(path: Path, problems: list[str]) -> _Cells:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as problem:
-        raise TrajectoryError(f"{path}: cannot be read: {problem.strerror}") from None
+        where = brief_path(path)
+        raise TrajectoryError(f"{where}: cannot be read: {problem.strerror}") from None
     except UnicodeDecodeError:
         raise TrajectoryError(f"{path}: is not a text file in UTF-8") from None
     rows = [
@@ -108,12 +114,28 @@ def _read_cells(path: Path, problems: list[str]) -> _Cells:
         raise TrajectoryError(
             f"{path}: is empty; a header with t and the joints' names comes first"
         )
+    _check_cells(path, rows)
     header = [cell.strip() for cell in next(csv.reader([rows[0][1]]))]
     if len(header) == 1 and re.search(r"[;\t]", header[0]):
-        raise TrajectoryError(f"{path}: columns are separated by commas, found {header[0]!r}")
+        raise TrajectoryError(f"{path}: columns are separated by commas, found {brief(header[0])}")
     if len(rows) == 1:
         raise TrajectoryError(f"{path}: has a header and no samples below it")
     return _parse_rows(header, [n for n, _ in rows[1:]], [line for _, line in rows[1:]], problems)
+
+
+def _check_cells(path: Path, rows: Sequence[tuple[int, str]]) -> None:
+    """Refuse lines no CSV reader takes by themselves: an open quote swallows the next line."""
+    wrong, longest = [], csv.field_size_limit()
+    for number, line in rows:
+        if '"' in line or len(line) > longest:
+            try:
+                next(csv.reader([line], strict=True))
+            except csv.Error as problem:
+                is_open = "unexpected end" in str(problem)
+                wrong.append(f"line {number} ({'a quote is not closed' if is_open else problem})")
+    if wrong:
+        raise TrajectoryError(f"{path}: cannot be split at its commas: {listing(wrong)}; numbers "
+                              "and names need no quotes")  # fmt: skip
 
 
 def _parse_rows(
@@ -133,7 +155,7 @@ def _parse_rows(
             continue
         row = [_number(cell) for cell in cells]
         wrong_cell += [
-            f"line {lines[index]}, column {name}: {cell.strip()!r}"
+            f"line {lines[index]}, column {name}: {brief(cell.strip())}"
             for name, cell, number in zip(header, cells, row, strict=True)
             if number is None
         ]
@@ -176,15 +198,15 @@ def _check_header(
 ) -> None:
     for name in dict.fromkeys(header):
         if header.count(name) > 1:
-            problems.append(f"column {name!r} stands {header.count(name)} times")
+            problems.append(f"column {brief(name)} stands {header.count(name)} times")
         if name in known:
             continue
         if name.startswith(_PAYLOAD):
             short = name.removeprefix(_PAYLOAD)
-            problems.append(f"unknown payload in column {name!r}; "
+            problems.append(f"unknown payload in column {brief(name)}; "
                             f"{choose_from(short, payload_names)}")  # fmt: skip
         else:
-            problems.append(f"unknown column {name!r} (locked joints and mimic followers have "
+            problems.append(f"unknown column {brief(name)} (locked joints and mimic followers have "
                             f"none); {choose_from(name, known)}")  # fmt: skip
     if "t" not in header:
         problems.append("there is no column t (time, s)")
@@ -203,11 +225,20 @@ def _check_finite(cells: _Cells, known: list[str], problems: list[str]) -> None:
             problems.append(f"column {name}: {where}; every value must be finite")
 
 
-#: Below this a time step is a unit error or rounding: rates from it would be noise.
+#: s. Below this a time step is a unit error or rounding: rates from it would be noise.
 _SHORTEST_STEP = 1e-9
+#: s, three centuries. Beyond it a time is a unit error (a clock's milliseconds are), and the steps
+#: between times drown in its rounding.
+_LONGEST_TIME = 1e10
 
 
 def _check_time(t: FloatArray, lines: list[int], problems: list[str]) -> None:
+    far = np.flatnonzero(np.isfinite(t) & (np.abs(t) > _LONGEST_TIME))
+    if far.size:
+        where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far)
+        problems.append(f"times beyond {_LONGEST_TIME:g} s cannot be meant, t is in seconds: "
+                        f"{where}")  # fmt: skip
+        return
     back = np.flatnonzero(np.diff(t) <= 0)
     if back.size:
         where = listing(f"line {lines[i + 1]} (t = {t[i + 1]:.9g} after {t[i]:.9g})" for i in back)
@@ -253,6 +284,7 @@ def _significant_digits(cell: str) -> int:
     return len(re.sub(r"\D", "", mantissa).lstrip("0"))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is refused as not finite
 def complete_derivatives(
     columns: Sequence[JointColumn],
     table: TrajectoryTable,
@@ -265,9 +297,15 @@ def complete_derivatives(
         columns: (nj,) the joints.
         table: the motion; its time increases and its positions are finite.
         problems: what cannot be derived is appended here.
-        warnings: where rounding spoils an acceleration is appended here.
+        warnings: where rounding spoils an acceleration, or velocities do not fit the positions,
+            is appended here.
     """
     v, a = table.velocity.copy(), table.acceleration.copy()
+    for i, column in enumerate(columns):
+        if not np.isnan(v[0, i]):
+            warnings += _mismatch_warning(
+                column, table.t, table.position[:, i], v[:, i], table.resolution[i]
+            )
     missing = [i for i in range(len(columns)) if np.isnan(v[0, i]) or np.isnan(a[0, i])]
     if missing and table.t.size == 1:
         names = ", ".join(columns[i].name for i in missing)
@@ -278,10 +316,15 @@ def complete_derivatives(
         q, resolution = table.position[:, i], table.resolution[i]
         holds = find_holds(q, resolution)
         problems += _moved_across(columns[i], table.t, q, gaps)
-        if not np.isnan(v[0, i]):
-            a[:, i] = velocity_derivative(table.t, v[:, i], holds)
+        try:
+            if not np.isnan(v[0, i]):
+                a[:, i] = velocity_derivative(table.t, v[:, i], holds)
+                continue
+            fitted_v, fitted_a = position_derivatives(table.t, q, holds)
+        except ValueError as problem:  # SciPy: numbers too far apart for a spline
+            problems.append(f"joint {columns[i].name}: no spline goes through its samples "
+                            f"({problem}); give .v and .a")  # fmt: skip
             continue
-        fitted_v, fitted_a = position_derivatives(table.t, q, holds)
         v[:, i] = fitted_v
         if np.isnan(a[0, i]):
             a[:, i] = fitted_a
@@ -306,11 +349,40 @@ def _moved_across(
             "would be invented; give .v and .a, or the missing samples"]  # fmt: skip
 
 
+def _mismatch_warning(
+    column: JointColumn, t: FloatArray, q: FloatArray, v: FloatArray, resolution: float
+) -> list[str]:
+    """Compare the mean velocity of each time step by positions and by velocities.
+
+    Both are of second order in the step, which is as fine as a share of a tenth asks for, and cost
+    little where a motion has millions of samples.
+    """
+    if t.size < _FEWEST_SAMPLES:
+        return []
+    steps, moves = np.diff(t), np.diff(q)
+    if column.nq == 2:  # an angle may be written within +-pi
+        moves -= 2.0 * np.pi * np.round(moves / (2.0 * np.pi))
+    dense = steps <= GAP_FACTOR * np.median(steps)
+    by_position = moves[dense] / steps[dense]
+    by_velocity = 0.5 * (v[1:] + v[:-1])[dense]
+    # two roundings of resolution / sqrt(12) each, and three standard deviations
+    noise = 3.0 * resolution / np.sqrt(6.0) / float(np.median(steps))
+    peak = max(float(np.abs(by_position).max()) - noise, float(np.abs(v).max()))
+    miss = float(np.sqrt(np.mean((by_position - by_velocity) ** 2)))
+    if miss <= _MISMATCH_SHARE * peak + noise:
+        return []
+    return [
+        f"joint {column.name}: the velocities given do not fit the positions: they differ by "
+        f"{miss:.3g} {column.unit}/s (RMS) at speeds up to {peak:.3g}; check units, order and "
+        "sign, or leave the velocities out"
+    ]
+
+
 def _noise_warning(
     column: JointColumn, t: FloatArray, acceleration: FloatArray, resolution: float
 ) -> list[str]:
     noise, peak = acceleration_noise(t, resolution), float(np.abs(acceleration).max())
-    if t.size < 20 or noise <= _NOISE_SHARE * peak:
+    if t.size < _FEWEST_SAMPLES or noise <= _NOISE_SHARE * peak:
         return []
     return [
         f"joint {column.name}: positions rounded to {resolution:.1g} {column.unit} leave noise of "

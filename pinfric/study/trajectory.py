@@ -16,7 +16,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from pinfric.errors import TrajectoryError, choose_from
-from pinfric.model.scene import find_file
+from pinfric.model.scene import Scene, find_file
+from pinfric.study.followers import find_followers, follower_problems, follower_warnings
 from pinfric.study.joint_columns import (
     JointColumn,
     configurations,
@@ -27,6 +28,7 @@ from pinfric.study.joint_columns import (
     unit_circle_problems,
     velocity_warnings,
 )
+from pinfric.study.loop_motion import complete_motion, csv_names, named_columns
 from pinfric.study.table import TrajectoryTable, complete_derivatives, read_table
 from pinfric.study.waypoints import read_waypoints, sample_waypoints
 
@@ -148,7 +150,7 @@ class Trajectory:
             {},
             np.zeros(len(columns)),
         )
-        return _from_table(source, model, columns, table, carried, payloads)
+        return _from_table(source, scene, columns, columns, table, carried, payloads)
 
     @property
     def duration(self) -> float:
@@ -248,41 +250,60 @@ def load_trajectory(path: str | Path, scene: HasModel) -> Trajectory:
     problems: list[str] = []
     suffix = path.suffix.lower()
     if suffix in (".yaml", ".yml"):
-        names = [column.name for column in columns]
-        speeds = np.array([column.velocity_limit for column in columns])
-        motion = sample_waypoints(read_waypoints(path), names, speeds, payloads, problems)
+        waypoints = read_waypoints(path)
+        given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
+        named = named_columns(scene, columns, given, problems)
+        names = [column.name for column in named]
+        speeds = np.array([column.velocity_limit for column in named])
+        motion = (
+            None if problems else sample_waypoints(waypoints, names, speeds, payloads, problems)
+        )
         if motion is None:
             _raise_all(str(path), problems)
             raise AssertionError  # sample_waypoints says why it returns nothing
         table = TrajectoryTable(motion.t, motion.position, motion.velocity, motion.acceleration,
-                                {}, np.zeros(len(columns)))  # fmt: skip
-        return _from_table(str(path), scene.model, columns, table, motion.attached, payloads)
+                                {}, np.zeros(len(named)))  # fmt: skip
+        return _from_table(str(path), scene, columns, named, table, motion.attached, payloads)
     if suffix != ".csv":
         raise TrajectoryError(f"{path}: a trajectory ends in .csv, .yaml or .yml")
-    table = read_table(path, [column.name for column in columns], list(payloads), problems)
+    named = named_columns(scene, columns, csv_names(path), problems)
+    table = read_table(path, [column.name for column in named], list(payloads), problems)
     attached = _attached_columns(payloads, table.attached, table.t.size)
-    return _from_table(str(path), scene.model, columns, table, attached, payloads, problems)
+    return _from_table(str(path), scene, columns, named, table, attached, payloads, problems)
 
 
 def _from_table(
     source: str,
-    model: pin.Model,
+    scene: HasModel,
     columns: Sequence[JointColumn],
+    named: Sequence[JointColumn],
     table: TrajectoryTable,
     attached: NDArray[np.bool_],
     payloads: Mapping[str, bool],
     problems: Sequence[str] = (),
 ) -> Trajectory:
     """Check limits, complete derivatives and make Pinocchio's q; raise with all that is wrong."""
-    wrong = [*problems, *limit_problems(columns, table.t, table.position)]
+    followers = find_followers(scene, columns)
+    wrong = [*problems, *limit_problems(named, table.t, table.position)]
+    if len(named) == len(columns):
+        wrong += follower_problems(followers, columns, table.t, table.position)
     _raise_all(source, wrong)
     warnings: list[str] = []
-    v, a = complete_derivatives(columns, table, wrong, warnings)
+    v, a = complete_derivatives(named, table, wrong, warnings)
     _raise_all(source, wrong)
+    if isinstance(scene, Scene) and scene.loops:
+        derived = bool(np.isnan(table.velocity).any() or np.isnan(table.acceleration).any())
+        q, v, a = complete_motion(scene, source, columns, named, table.position, v, a, derived)
+        moved = single_positions(q, [column.nq for column in columns])
+        wrong += limit_problems(columns, table.t, moved)
+        _raise_all(source, wrong + follower_problems(followers, columns, table.t, moved))
+    else:
+        q = configurations(columns, table.position, scene.model.nq)
     warnings += velocity_warnings(columns, table.t, v)
+    warnings += follower_warnings(followers, table.t, v)
     return Trajectory(
         t=table.t,
-        q=configurations(columns, table.position, model.nq),
+        q=q,
         v=v,
         a=a,
         attached=attached,

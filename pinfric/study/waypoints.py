@@ -8,8 +8,9 @@ quintic move the acceleration is 0 too. With s = (t - t_start)/T from 0 to 1, q 
 
 r is `ramp`, the part of T spent speeding up (0.5: a triangle, 1/3 by default). A point without
 `duration` takes T = max over joints of k |D| / (speed x velocity limit), k = 15/8 or 1/(1 - r),
-rounded up to whole sample periods. Equations: Biagiotti & Melchiorri, Trajectory Planning for
-Automatic Machines and Robots (2008), chapters 2 (quintic) and 3 (trapezoidal).
+rounded up to whole sample periods. No move takes less than four of them. Equations: Biagiotti &
+Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), chapters 2 (quintic) and
+3 (trapezoidal).
 """
 
 from __future__ import annotations
@@ -32,12 +33,21 @@ FloatArray = NDArray[np.float64]
 
 #: s; instants closer than this are one: sums of durations carry rounding.
 _SAME_INSTANT = 1.0e-9
+#: A move sampled more coarsely than this is a jump: its velocities fall between the samples.
+_MIN_PERIODS = 4
 #: More samples than this are a mistyped rate or duration, not a motion.
 _MAX_SAMPLES = 20_000_000
 
 
 def _as_names(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
+
+
+def _not_a_truth(value: Any) -> Any:
+    """Refuse `true`, which Python takes for 1."""
+    if isinstance(value, bool):
+        raise ValueError(f"should be 1, the version of the format, found {str(value).lower()}")
+    return value
 
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_as_names)]
@@ -60,9 +70,9 @@ class WayPoint(Entry):
 class WayPointFile(Entry):
     """A whole way-point file; `speed`: part of the velocity limits used, `sample_rate`: Hz."""
 
-    pinfric_trajectory: Literal[1]
+    pinfric_trajectory: Annotated[Literal[1], BeforeValidator(_not_a_truth)]
     profile: Literal["quintic", "trapezoidal"] = "quintic"
-    sample_rate: Positive = 1000.0
+    sample_rate: Annotated[Number, Field(ge=1e-3, le=1e6)] = 1000.0
     joints: tuple[str, ...] | None = None
     speed: Annotated[Number, Field(gt=0, le=1)] = 1.0
     ramp: Annotated[Number, Field(gt=0, le=0.5)] | None = None
@@ -243,7 +253,8 @@ def plan_moves(
         stops: (number of points, nj) positions, in the model's order of joints.
         joint_names: (nj,).
         velocity_limits: (nj,) rad/s or m/s, inf where there is none.
-        problems: points whose duration is neither given nor computable are appended here.
+        problems: points whose duration is neither given nor computable, or too short to be
+            sampled, are appended here.
     """
     first = waypoints.points[0]
     moves = [Move(0.0, 0.0, stops[0], stops[0], first.hold)]
@@ -263,6 +274,12 @@ def plan_moves(
                 )
                 continue
             duration = _shortest_duration(waypoints, distance, velocity_limits)
+        elif distance.any() and duration * waypoints.sample_rate < _MIN_PERIODS - 1e-9:
+            problems.append(
+                f"points.{index}.duration: {duration:g} s is no more than a jump at sample_rate "
+                f"{waypoints.sample_rate:g} Hz; a move takes at least {_MIN_PERIODS} sample "
+                f"periods, {_MIN_PERIODS / waypoints.sample_rate:g} s: raise one of the two"
+            )
         begin, end = stops[index - 1], stops[index]
         moves.append(Move(moves[-1].departure, duration, begin, end, point.hold))
     return moves
@@ -272,9 +289,14 @@ def _shortest_duration(
     waypoints: WayPointFile, distance: FloatArray, velocity_limits: FloatArray
 ) -> float:
     """T = max k |D| / (speed v_max), up to whole sample periods (see the module's docstring)."""
+    if not distance.any():
+        return 0.0
     peak = 15.0 / 8.0 if waypoints.profile == "quintic" else 1.0 / (1.0 - _ramp(waypoints))
     shortest = float(np.max(peak * distance / (waypoints.speed * velocity_limits), initial=0.0))
-    return math.ceil(shortest * waypoints.sample_rate - 1.0e-9) / waypoints.sample_rate
+    if shortest * waypoints.sample_rate > _MAX_SAMPLES:
+        return shortest  # refused where the samples are made
+    periods = math.ceil(shortest * waypoints.sample_rate - 1.0e-9)
+    return max(periods, _MIN_PERIODS) / waypoints.sample_rate
 
 
 def _sample_times(end: float, rate: float, problems: list[str]) -> FloatArray:

@@ -1,6 +1,6 @@
 """What friction costs: ratios measured in one process, medians of several rounds.
 
-    python -m pytest tests/benchmarks -p no:xdist -s
+    python -m pytest tests/benchmarks -n 0 -s
 
 Every round times the contestants one after the other, so that a busy machine slows all of them.
 """

@@ -73,7 +73,8 @@ def test_sliding_line_breaks_where_the_joint_sticks_and_frictionless_goes_on():
     assert sliding[(t < 4) | (t > 6)] == pytest.approx(2.0)
     frictionless = part(resting, "frictionless").get_ydata()
     assert np.isfinite(frictionless).all()
-    assert part(resting, "frictionless").get_zorder() < part(resting, "sliding").get_zorder()
+    for over in ("interval", "sliding"):
+        assert part(resting, "frictionless").get_zorder() < part(resting, over).get_zorder()
 
 
 def test_stick_of_one_sample_is_a_line_not_nothing():
@@ -83,6 +84,25 @@ def test_stick_of_one_sample_is_a_line_not_nothing():
     (axes,) = panels(effort_figure(alone))
     (line,) = part(axes, "instants").get_segments()
     assert np.asarray(line) == pytest.approx(np.array([[4, -3], [4, 3]]))
+    assert part(axes, "passages").get_xdata() == pytest.approx([4])
+    assert part(axes, "interval").get_paths() == []
+
+
+def test_reversals_and_sticks_too_short_to_see_are_ticked_each_once():
+    moving = result(1, 1001)  # every 0.01 s; at rest from 4 to 6 s
+    moving.sticking[402:600] = False  # of that rest two samples are left, and one
+    moving.reversal[800] = moving.reversal[801] = True
+    (axes,) = panels(effort_figure(moving))
+    assert part(axes, "passages").get_xdata() == pytest.approx([4, 6, 8])
+
+
+def test_noise_about_rest_makes_no_more_ticks_than_can_be_told_apart():
+    noisy = result(1, 100_001)
+    noisy.reversal[::2] = True
+    (axes,) = panels(effort_figure(noisy))
+    ticks = part(axes, "passages").get_xdata()
+    assert 150 < len(ticks) <= 500
+    assert max(np.diff(ticks)[np.diff(ticks) < 1]) < 0.05
 
 
 def test_payload_phase_is_named_and_marked_in_every_panel():
@@ -102,6 +122,13 @@ def test_title_names_scene_and_trajectory_and_labels_name_drives_and_units():
     assert "upright · motion.csv" in found
     assert "joint_0" in found
     assert any("peak 3.00" in text and text.endswith("N m") for text in found)
+    assert any("RMS 1.78–2.25   RMS without friction 0  N m" in text for text in found)  # noqa: RUF001
+
+
+def test_rounding_is_labelled_as_zero():
+    rounded = result()
+    rounded.effort_frictionless[:] = 1e-12
+    assert any("RMS without friction 0  N m" in text for text in texts(effort_figure(rounded)))
 
 
 def test_key_names_only_what_is_there():
@@ -111,6 +138,10 @@ def test_key_names_only_what_is_there():
     plain = key(effort_figure(result(friction=None)))
     assert not any("sticks" in text or "friction" in text for text in plain)
     assert sum("sticks" in text for text in key(effort_figure(result()))) == 1
+    assert "passes through rest" not in key(effort_figure(result()))
+    passing = result()
+    passing.reversal[20, 0] = True
+    assert "passes through rest" in key(effort_figure(passing))
 
 
 def test_effort_that_is_rounding_is_not_blown_up_to_a_curve():

@@ -1,0 +1,288 @@
+"""Frames of a replay: where the joints are, what each friction site does, and when.
+
+One form for both things that can be replayed: a result of inverse dynamics, whose friction at
+rest is an interval, and a simulated motion, whose friction is a number at every instant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.reactions import Batch, reactions, relieve
+from pinfric.dynamics.result import InverseResult, Status, StickInterval, runs
+from pinfric.dynamics.states import States
+from pinfric.errors import StateError
+from pinfric.model.scene import Scene
+
+#: Frames per second of a replay.
+RATE = 60.0
+#: Most frames; a longer motion gets fewer per second.
+MOST_FRAMES = 20_000
+#: A simulated site this near its stick limit is about to break away.
+NEAR = 0.9
+#: In inverse dynamics break-away is certain only where motion resumes: the end of the interval is
+#: marked, this many seconds of it, at most this part.
+BEFORE, BEFORE_PART = 0.1, 0.25
+
+Spans = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class SiteTimes:
+    """When one friction site does what else than sliding: spans (start, end) in s, in order.
+
+    Attributes:
+        sticking: at rest, friction anywhere up to its limit.
+        near: at rest and about to break away.
+        reversal: passes through rest between two samples.
+        jammed: the friction laws leave no effort or acceleration, or several.
+    """
+
+    sticking: Spans
+    near: Spans
+    reversal: Spans
+    jammed: Spans
+
+
+@dataclass(frozen=True)
+class Frames:
+    """A motion cut into frames, F of them, for nj joints and ns friction sites.
+
+    Attributes:
+        t: (F,) increasing, s; every beginning and end of sticking is among them.
+        placement: (F, nj, 7) of each joint in the world: x, y, z in m, quaternion x, y, z, w.
+        friction_lower, friction_upper: (F, ns) friction of the parent on the child along the
+            joint's positive direction (N m or N).
+        load: (F, ns) normal load (N m or N).
+        force: (F, ns, 3) force of the parent on the child, in the child's joint frame (N).
+        use: (F, ns) |friction| over its limit where a simulated site sticks, NaN elsewhere.
+        sites: what each site does when.
+        stick_intervals: all intervals, in the order of the sites.
+        carried: payload -> spans in which it is carried.
+        simulated: True for a simulated motion.
+    """
+
+    t: np.ndarray
+    placement: np.ndarray
+    friction_lower: np.ndarray
+    friction_upper: np.ndarray
+    load: np.ndarray
+    force: np.ndarray
+    use: np.ndarray
+    sites: tuple[SiteTimes, ...]
+    stick_intervals: tuple[StickInterval, ...]
+    carried: dict[str, Spans]
+    simulated: bool
+
+    @property
+    def duration(self) -> float:
+        """From the first frame to the last, s."""
+        return float(self.t[-1] - self.t[0])
+
+
+def make_frames(scene: Scene, motion: InverseResult | Motion, rate: float = RATE) -> Frames:
+    """Cut a motion into frames that lose no change between sliding and sticking.
+
+    Args:
+        scene: the robot.
+        motion: a result of inverse dynamics with times, or a simulated motion.
+        rate: frames per second; fewer where they would be more than `MOST_FRAMES`.
+
+    Raises:
+        StateError: no times, a rate that is not positive.
+    """
+    if not (np.isfinite(rate) and rate > 0):
+        raise StateError(f"replay: rate {rate}; give a positive number of frames per second")
+    states = _states(scene, motion)
+    t = states.t
+    assert t is not None  # _states refuses a motion without
+    intervals = motion.stick_intervals()
+    rate = min(rate, MOST_FRAMES / max(float(t[-1] - t[0]), 1e-9))
+    times, index = frame_times(t, _keys(t, motion, states), rate)
+    if isinstance(motion, Motion):
+        about = _simulated(scene, motion, states)
+    else:
+        about = _solved(scene, motion)
+    lower, upper, load, force, use = (array[index] for array in about)
+    return Frames(
+        t=times,
+        placement=_placements(scene.model, _positions(scene.model, states, times, index)),
+        friction_lower=lower,
+        friction_upper=upper,
+        load=load,
+        force=force,
+        use=use,
+        sites=tuple(_site_times(motion, s, intervals, about[4]) for s in range(len(scene.sites))),
+        stick_intervals=intervals,
+        carried=_carried(scene, states),
+        simulated=isinstance(motion, Motion),
+    )
+
+
+def frame_times(t: np.ndarray, keys: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times of the frames and, for each, the sample at or before it.
+
+    Where the samples lie closer than the frames, frames are samples; where they lie farther
+    apart, frames are added in between. The keys and the last sample are always there.
+
+    Args:
+        t: (T,) increasing times of the samples, s.
+        keys: indices of samples that must be frames.
+        rate: frames per second.
+    """
+    count = max(int(np.ceil((t[-1] - t[0]) * rate)), 1)
+    grid = np.linspace(t[0], t[-1], count + 1)
+    before = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 1)
+    after = np.minimum(before + 1, len(t) - 1)
+    wide = t[after] - t[before] > 1.5 / rate
+    nearest = np.where(t[after] - grid < grid - t[before], after, before)
+    ends = [0, len(t) - 1]
+    chosen = np.concatenate((nearest[~wide], before[wide], after[wide], keys, ends))
+    chosen = np.unique(chosen.astype(int))
+    between = np.setdiff1d(grid[wide], t)
+    times = np.concatenate((t[chosen], between))
+    order = np.argsort(times, kind="stable")
+    times = times[order]
+    return times, np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 1)
+
+
+def _states(scene: Scene, motion: InverseResult | Motion) -> States:
+    if isinstance(motion, Motion):
+        return States.of(scene, motion.q, motion.v, motion.a, motion.t, motion.attached)
+    if motion.t is None:
+        raise StateError("a replay needs times: give `t` to inverse_dynamics")
+    return motion.states
+
+
+def _keys(t: np.ndarray, motion: InverseResult | Motion, states: States) -> np.ndarray:
+    """Samples around every change of what a site does and of what is carried."""
+    if isinstance(motion, Motion):
+        marks = [motion.modes]
+    else:
+        marks = [motion.sticking, motion.reversal, motion.status[:, None]]
+    if states.attached is not None:
+        marks.append(states.attached)
+    change = np.zeros(len(t) - 1, dtype=bool)
+    for mark in marks:
+        change |= (mark[1:] != mark[:-1]).any(axis=1)
+    first = np.flatnonzero(change)
+    return np.concatenate((first, first + 1))
+
+
+def _solved(scene: Scene, result: InverseResult) -> tuple[np.ndarray, ...]:
+    """friction_lower, friction_upper, load, force and use of every sample."""
+    wrench = result.wrench if result.wrench is not None else _wrenches(scene, result)
+    shape = result.friction_lower.shape
+    return (result.friction_lower, result.friction_upper, result.normal_load,
+            wrench[:, :, :3], np.full(shape, np.nan))  # fmt: skip
+
+
+def _simulated(scene: Scene, motion: Motion, states: States) -> tuple[np.ndarray, ...]:
+    """The same of a simulated motion, whose friction is a number at rest, too."""
+    if scene.linkage is None:
+        result = inverse_dynamics(scene, states.q, states.v, states.a, attached=states.attached)
+        force = _solved(scene, result)[3]
+    else:  # an integrated motion closes its loops to the integrator's tolerance only
+        force = np.full((*motion.friction.shape, 3), np.nan)
+    load, friction, law = motion.normal_load, motion.friction, scene.site_tables.law
+    limit = np.where(friction < 0, law[:, 0] * load + law[:, 2], law[:, 0] * load + law[:, 4])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        use = np.where(motion.modes == 0, np.abs(friction) / limit, np.nan)
+    return friction, friction, load, force, use
+
+
+def _wrenches(scene: Scene, result: InverseResult) -> np.ndarray:
+    """(T, ns, 6) of a scene in which no friction looks at a reaction; NaN where loops close it."""
+    states, rows = result.states, scene.site_tables.joint
+    out = np.full((len(states.q), len(rows), 6), np.nan)
+    if scene.linkage is not None:
+        return out  # reactions there need the multipliers, which were not solved for
+    for start, stop, carried in states.phases(scene):
+        twin, part = scene.twin(carried), slice(start, stop)
+        batch = Batch.of(twin, stop - start)
+        reactions(twin, states.q[part], states.v[part], states.a[part], batch, 1)
+        relieve(twin, list(result.external), part, batch)
+        out[part] = batch.wrench[:, rows]
+    return out
+
+
+def _positions(
+    model: pin.Model, states: States, times: np.ndarray, index: np.ndarray
+) -> np.ndarray:
+    """(F, nq): the samples, and between samples the cubic that meets their q and v."""
+    q, v, t = states.q, states.v, states.t
+    assert t is not None
+    out = q[index].copy()
+    for f in np.flatnonzero(times > t[index]):
+        i = index[f]
+        h = t[i + 1] - t[i]
+        s = (times[f] - t[i]) / h
+        step = (s**3 - 2 * s**2 + s) * h * v[i] + (s**3 - s**2) * h * v[i + 1]
+        step += (3 * s**2 - 2 * s**3) * pin.difference(model, q[i], q[i + 1])
+        out[f] = pin.integrate(model, q[i], step)
+    return out
+
+
+def _placements(model: pin.Model, q: np.ndarray) -> np.ndarray:
+    data = model.createData()
+    out = np.empty((len(q), model.njoints - 1, 7))
+    for f, row in enumerate(q):
+        pin.forwardKinematics(model, data, row)
+        for j in range(1, model.njoints):
+            out[f, j - 1] = pin.SE3ToXYZQUAT(data.oMi[j])
+    return out
+
+
+def _site_times(
+    motion: InverseResult | Motion, s: int, intervals: Sequence[StickInterval], use: np.ndarray
+) -> SiteTimes:
+    t, name = motion.t, motion.site_names[s]
+    assert t is not None  # _states refuses a motion without
+    sticking = tuple((i.start, i.end) for i in intervals if i.site == name)
+    if isinstance(motion, Motion):
+        turns = tuple((e.time, e.time) for e in motion.events
+                      if e.name == name and e.kind == "reversal")  # fmt: skip
+        return SiteTimes(sticking, _spans(t, use[:, s] >= NEAR), turns, ())
+    end = float(t[-1])
+    near = tuple(
+        (stop - min(BEFORE, BEFORE_PART * (stop - start)), stop)
+        for start, stop in sticking
+        if start < stop < end
+    )
+    failed = motion.status != Status.CONVERGED
+    return SiteTimes(sticking, near, _spans(t, motion.reversal[:, s], half=True), _spans(t, failed))
+
+
+def _spans(t: np.ndarray, mask: np.ndarray, half: bool = False) -> Spans:
+    """Times of the runs of a mask; with `half`, widened by half a sample to both sides."""
+    found = []
+    for first, last in runs(mask):
+        start, end = t[first], t[last]
+        if half:
+            start = 0.5 * (start + t[max(first - 1, 0)])
+            end = 0.5 * (end + t[min(last + 1, len(t) - 1)])
+        found.append((float(start), float(end)))
+    return tuple(found)
+
+
+def _carried(scene: Scene, states: States) -> dict[str, Spans]:
+    t = states.t
+    assert t is not None
+    spans: dict[str, list[tuple[float, float]]] = {name: [] for name in scene.payloads}
+    for start, stop, names in states.phases(scene):
+        if names is None:
+            names = tuple(name for name, payload in scene.payloads.items() if payload.attached)
+        for name in names:
+            there = spans[name]
+            end = float(t[min(stop, len(t) - 1)])
+            if there and there[-1][1] == float(t[start]):
+                there[-1] = there[-1][0], end
+            else:
+                there.append((float(t[start]), end))
+    return {name: tuple(there) for name, there in spans.items()}

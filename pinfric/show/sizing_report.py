@@ -1,0 +1,238 @@
+"""Sizing in words and figures: tables for people, a dictionary for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.show.report import digits, json_safe, span
+from pinfric.study.assess import Assessment
+from pinfric.study.criteria import Criterion, load_factor, optimum_ratio
+from pinfric.study.sizing import JointSizing, SizingReport
+from pinfric.study.summary import ends_by_magnitude
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+#: Efforts below (N m, N) are rounding.
+ROUNDING = 1e-9
+#: Longer names of joints are folded.
+_WIDEST_NAME = 13
+
+
+def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str, Any]:
+    """Return everything `pinfric size --json` prints; SI units, None for what is not known.
+
+    Args:
+        report: of `size`.
+        warnings: what was noticed on the way.
+    """
+    import pinfric
+
+    t = report.result.t
+    assert t is not None  # size refuses a motion without times
+    return json_safe(
+        {
+            "pinfric": pinfric.__version__,
+            "scene": report.given.source,
+            "trajectory": report.trajectory,
+            "catalog": None if report.catalog is None else report.catalog.source,
+            "conditions": report.conditions.model_dump(),
+            "cycle_time": t[-1] - t[0],
+            "passes": report.passes,
+            "settled": report.settled,
+            "drive_mass": report.drive_mass,
+            "joints": [_joint_json(joint) for joint in report.joints],
+            "misses": list(report.misses),
+            "notes": list(report.notes),
+            "warnings": list(warnings),
+        }
+    )
+
+
+def _joint_json(joint: JointSizing) -> dict[str, Any]:
+    d = joint.demand
+    entry: dict[str, Any] = {
+        "name": d.name, "unit": d.unit,
+        "peak": d.peak, "rms": d.rms, "rms_least": d.rms_least,
+        "breakaway": d.breakaway, "breakaway_friction": d.breakaway_friction,
+        "holding": None if d.holding is None else list(d.holding),
+        "speed": d.speed, "speed_at_peak": d.speed_at_peak, "mean_speed": d.mean_speed,
+        "mean_cubic": d.mean_cubic, "duty": d.duty, "hold_share": d.hold_share,
+        "power": asdict(d.power),
+        "frictionless": {
+            "peak": d.peak_frictionless, "rms": d.rms_frictionless,
+            "holding": d.holding_frictionless, "power": asdict(d.power_frictionless),
+            "choice": _name(joint.choice_frictionless),
+        },
+        "without_drive_masses": {
+            "peak": joint.demand_without_masses.peak, "rms": joint.demand_without_masses.rms,
+            "choice": _name(joint.choice_without_masses),
+        },
+        "load_inertia": joint.load_inertia,
+        "choice": _name(joint.choice), "mass": None, "not_checked": None, "margin": None,
+        "margins": {}, "criteria": [], "motor": None,
+    }  # fmt: skip
+    if joint.taken is not None:
+        entry |= _taken_json(joint, joint.taken)
+    fitting = [a for a in joint.assessments if a.fits]
+    rejected = [a for a in joint.assessments if not a.fits]
+    entry["alternatives"] = [
+        {"name": a.candidate.name, "mass": a.candidate.mass, "margin": a.margin,
+         "not_checked": len(a.not_checked)}
+        for a in fitting if a is not joint.choice
+    ]  # fmt: skip
+    entry["rejected"] = [{"name": a.candidate.name, "why": a.why} for a in rejected]
+    entry["nearest_miss"] = joint.miss or None
+    return entry
+
+
+def _taken_json(joint: JointSizing, taken: Assessment) -> dict[str, Any]:
+    """What there is to say of the choice; of the nearest miss where nothing fits."""
+    candidate = taken.candidate
+    return {
+        "judged": candidate.name,
+        "mass": candidate.mass,
+        "ratio": candidate.ratio,
+        "not_checked": len(taken.not_checked),
+        "margin": taken.margin,
+        "margins": {c.name: c.margin for c in taken.criteria},
+        "criteria": [asdict(c) for c in taken.criteria],
+        "motor": None if taken.motor is None else asdict(taken.motor),
+        "losses": candidate.losses,
+        "stand_ins": list(candidate.stand_ins),
+        "sources": list(candidate.sources),
+        **ratio_figures(joint, taken),
+    }
+
+
+def ratio_figures(joint: JointSizing, taken: Assessment) -> dict[str, float | None]:
+    """Return how good a drive's ratio is: the best one, and Giberti's factors of motor and load.
+
+    `optimum_ratio` (least RMS motor torque), `load_factor` beta and `accelerating_factor`
+    T_N^2/J_rotor, W/s; None where a figure is missing or the joint never accelerates.
+    """
+    candidate, inertia = taken.candidate, taken.candidate.rotor_inertia
+    worst = ends_by_magnitude(joint.cycle.effort_lower, joint.cycle.effort_upper)[0]
+    torque = candidate.ratings.continuous_torque
+    if torque is not None and candidate.at_output:
+        torque /= candidate.ratio
+    alpha = None if torque is None or inertia is None else torque**2 / inertia
+    best = None if inertia is None else optimum_ratio(joint.cycle, worst, inertia)
+    if best is not None and not np.isfinite(best):
+        best = None  # a joint that never accelerates gains by any ratio
+    return {"optimum_ratio": best, "load_factor": load_factor(joint.cycle, worst),
+            "accelerating_factor": alpha}  # fmt: skip
+
+
+def sizing_report(report: SizingReport) -> list[RenderableType]:
+    """Return the tables and lines that `pinfric size` prints, for a rich console.
+
+    Args:
+        report: of `size`.
+    """
+    from rich.text import Text
+
+    parts: list[RenderableType] = [_demand_table(report)]
+    if report.catalog is not None:
+        parts += [Text(), _choice_table(report), Text()]
+        parts += [Text(line) for line in _changes(report)]
+        parts += [Text(f"! {line}", style="bold red") for line in report.misses]
+    return parts
+
+
+def _demand_table(report: SizingReport) -> Table:
+    t = report.result.t
+    assert t is not None
+    units = {joint.demand.unit for joint in report.joints}
+    unit = units.pop() if len(units) == 1 else ""
+    title = f"{Path(report.given.source).stem} · {Path(report.trajectory).name}"
+    table = _table(report, f"{title}: {digits(t[-1] - t[0])} s, repeated")
+    headings = ("peak", "RMS", "frictionless\npeak, RMS", "holding", "break-\naway")
+    for heading in headings:
+        table.add_column(heading + (f"\n{unit}" if unit else ""), justify="right", no_wrap=True)
+    table.add_column("speed\nrad/s" if unit == "N m" else "speed", justify="right", no_wrap=True)
+    for joint in report.joints:
+        d = joint.demand
+        table.add_row(
+            d.name, digits(d.peak), span(d.rms_least, d.rms),
+            f"{_digits(d.peak_frictionless)}, {_digits(d.rms_frictionless)}",
+            "-" if d.holding is None else span(*d.holding),
+            "-" if d.breakaway is None else digits(d.breakaway),
+            digits(d.speed),
+        )  # fmt: skip
+    return table
+
+
+def _choice_table(report: SizingReport) -> Table:
+    source = report.catalog.source if report.catalog is not None else ""
+    table = _table(report, f"drives from {source}, {digits(report.conditions.bus_voltage)} V")
+    table.add_column("lightest that fits", overflow="fold")
+    for heading in ("mass\nkg", "least\nmargin", "not\nchecked", "fit"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for joint in report.joints:
+        fits = sum(a.fits for a in joint.assessments)
+        count = f"{fits} of {len(joint.assessments)}"
+        if joint.choice is None:
+            name = "none" if joint.nearest is None else f"none; nearest {_name(joint.nearest)}"
+            table.add_row(joint.name, name, "", "", "", count)
+            continue
+        tight = tightest(joint.choice)
+        table.add_row(
+            joint.name, joint.choice.candidate.name, digits(joint.choice.candidate.mass or 0.0),
+            f"{100 * joint.choice.margin:.0f} %\n{tight.name if tight else ''}",
+            str(len(joint.choice.not_checked)), count,
+        )  # fmt: skip
+    return table
+
+
+def tightest(assessment: Assessment) -> Criterion | None:
+    """Return the criterion with the least margin, or None where none was compared."""
+    compared = [c for c in assessment.criteria if c.margin is not None and c.name != "back-driving"]
+    return min(compared, key=lambda c: c.margin or 0.0, default=None)
+
+
+def _changes(report: SizingReport) -> list[str]:
+    """What the drives' own mass changed, and what neglecting friction would have bought."""
+    lines = [f"{digits(report.drive_mass)} kg of drives; settled after {report.passes} passes"]
+    for joint in report.joints:
+        d, before = joint.demand, joint.demand_without_masses
+        if d.rms > 1.05 * before.rms:
+            lines.append(f"{joint.name}: RMS {digits(before.rms)} -> {digits(d.rms)} {d.unit} with "
+                         "the drives' mass")  # fmt: skip
+        for other, text in ((joint.choice_without_masses, "without the drives' mass"),
+                            (joint.choice_frictionless, "without friction")):  # fmt: skip
+            if _name(other) != _name(joint.choice):
+                lines.append(f"{joint.name}: {text} it would be {_name(other) or 'none'}")
+    unchecked = sum(len(j.choice.not_checked) for j in report.joints if j.choice is not None)
+    if unchecked:
+        lines.append(f"{unchecked} criteria of the chosen drives are not checked: no figure "
+                     "(--json and the report name them)")  # fmt: skip
+    return lines
+
+
+def _table(report: SizingReport, title: str) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(
+        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
+        pad_edge=False, padding=(0, 1, 0, 0), show_edge=False,
+    )  # fmt: skip
+    longest = max(len(joint.name) for joint in report.joints)
+    table.add_column("joint", overflow="fold", min_width=min(longest, _WIDEST_NAME))
+    return table
+
+
+def _digits(x: float) -> str:
+    """As `digits`; what is rounding is 0."""
+    return digits(x) if abs(x) > ROUNDING else "0"
+
+
+def _name(assessment: Assessment | None) -> str | None:
+    return None if assessment is None else assessment.candidate.name

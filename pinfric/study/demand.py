@@ -1,0 +1,241 @@
+"""What a cycle demands of each drive, from the effort intervals of inverse dynamics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics.inverse import reversals
+from pinfric.dynamics.result import InverseResult, runs
+from pinfric.errors import StateError
+from pinfric.model.scene import Scene
+from pinfric.study.summary import effort_unit, ends_by_magnitude, rms, sites_on
+
+
+@dataclass(frozen=True)
+class Power:
+    """Mechanical power effort x velocity at the joint.
+
+    Attributes:
+        driving, braking: its peaks into and out of the joint, W (both >= 0).
+        delivered, returned: energies into and out of the joint over the cycle, J (both >= 0); what
+            is returned is what a lossless drive could regenerate.
+    """
+
+    driving: float
+    braking: float
+    delivered: float
+    returned: float
+
+
+@dataclass(frozen=True)
+class JointDemand:
+    """What one drive must do, at its joint; magnitudes, worst case over the effort interval.
+
+    `least` figures take the number of smallest magnitude in each sample's interval instead: what is
+    needed if friction at rest happens to help as much as it can. `frictionless` ones leave out all
+    friction of the joints.
+
+    Attributes:
+        name: the drive's. unit: of its efforts, "N m" or "N".
+        peak, peak_time, speed_at_peak: largest effort, when (s), and the joint's speed then.
+        rms, rms_least: root mean square over the cycle.
+        speed, mean_speed: largest and mean |v|, rad/s or m/s.
+        mean_cubic: cube root of the speed-weighted mean of |u|^3 (`average_output_effort`).
+        holding: (least, worst) largest effort over the samples of the holds; None without a hold.
+        holding_frictionless: the same without friction.
+        breakaway: largest end of the effort interval where the joint is at rest or reverses, load
+            included; None where it never rests. breakaway_friction: the part that is friction.
+        duty: part of the time in which the joint moves. hold_share: part spent in holds.
+        power, power_frictionless: at the joint.
+        peak_frictionless, rms_frictionless: of the effort without friction.
+    """
+
+    name: str
+    unit: str
+    peak: float
+    peak_time: float
+    speed_at_peak: float
+    rms: float
+    rms_least: float
+    speed: float
+    mean_speed: float
+    mean_cubic: float
+    holding: tuple[float, float] | None
+    holding_frictionless: float | None
+    breakaway: float | None
+    breakaway_friction: float | None
+    duty: float
+    hold_share: float
+    power: Power
+    power_frictionless: Power
+    peak_frictionless: float
+    rms_frictionless: float
+
+
+@dataclass(frozen=True)
+class DriveCycle:
+    """One drive's samples over the cycle, as criteria take them.
+
+    Attributes:
+        t: (T,) s. effort_lower, effort_upper, effort_frictionless: (T,) at the joint, N m or N.
+        velocity, acceleration: (T,) of the joint.
+        at_rest: (T,) it stands still, or reverses beside the sample.
+        holding: (T,) all joints stand still.
+        stick_velocity: at or below this speed it stands still.
+    """
+
+    t: np.ndarray
+    effort_lower: np.ndarray
+    effort_upper: np.ndarray
+    effort_frictionless: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    at_rest: np.ndarray
+    holding: np.ndarray
+    stick_velocity: float
+
+    def without_friction(self) -> DriveCycle:
+        """Return the same cycle as if the joints had no friction."""
+        u = self.effort_frictionless
+        return DriveCycle(self.t, u, u, u, self.velocity, self.acceleration, self.at_rest,
+                          self.holding, self.stick_velocity)  # fmt: skip
+
+
+def drive_cycle(result: InverseResult, actuator: int, holding: np.ndarray) -> DriveCycle:
+    """Return one drive's samples of a result.
+
+    Args:
+        result: with times, two samples or more.
+        actuator: its column.
+        holding: (T,) of `hold_samples`.
+
+    Raises:
+        StateError: the result has no times, or one sample.
+    """
+    if result.t is None or len(result.t) < 2:
+        raise StateError("sizing needs a motion with times and at least two samples")
+    column = result.scene.drives[actuator].velocity_index
+    stick = _stick_velocity(result.scene, actuator)
+    velocity = result.states.v[:, column]
+    turns = reversals(velocity[:, None], np.array([stick]))[:, 0]
+    return DriveCycle(
+        t=result.t,
+        effort_lower=result.effort_lower[:, actuator].copy(),  # a view would keep the whole result
+        effort_upper=result.effort_upper[:, actuator].copy(),
+        effort_frictionless=result.effort_frictionless[:, actuator].copy(),
+        velocity=velocity,
+        acceleration=result.states.a[:, column],
+        at_rest=turns | (np.abs(velocity) <= stick),
+        holding=holding,
+        stick_velocity=stick,
+    )
+
+
+def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
+    """Return (T,) where the robot holds: every joint stands still, in two samples or more.
+
+    Args:
+        scene: gives the stick velocities.
+        v: (T, nv) rad/s or m/s.
+    """
+    limits = np.full(v.shape[1], scene.stick_velocity)
+    for i, drive in enumerate(scene.drives):
+        limits[drive.velocity_index] = _stick_velocity(scene, i)
+    still = (np.abs(v) <= limits).all(axis=1)
+    for first, last in runs(still):
+        if first == last:
+            still[first] = False
+    return still
+
+
+def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> JointDemand:
+    """Return the figures of one drive (see `JointDemand`)."""
+    t, v = cycle.t, cycle.velocity
+    worst, least = ends_by_magnitude(cycle.effort_lower, cycle.effort_upper)
+    top = int(np.argmax(np.abs(worst)))
+    rest, hold = cycle.at_rest, cycle.holding
+    bare = cycle.effort_frictionless
+    friction = np.maximum(cycle.effort_upper - bare, bare - cycle.effort_lower)
+    return JointDemand(
+        name=result.actuator_names[actuator],
+        unit=effort_unit(result.scene, actuator),
+        peak=float(np.abs(worst[top])),
+        peak_time=float(t[top]),
+        speed_at_peak=float(np.abs(v[top])),
+        rms=rms(t, worst),
+        rms_least=rms(t, least),
+        speed=float(np.abs(v).max()),
+        mean_speed=mean(t, np.abs(v)),
+        mean_cubic=average_output_effort(t, worst, v),
+        holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
+        holding_frictionless=largest(bare[hold]) if hold.any() else None,
+        breakaway=largest(worst[rest]) if rest.any() else None,
+        breakaway_friction=largest(friction[rest]) if rest.any() else None,
+        duty=share(t, np.abs(v) > cycle.stick_velocity),
+        hold_share=share(t, hold),
+        power=_power(t, cycle.effort_lower * v, cycle.effort_upper * v),
+        power_frictionless=_power(t, bare * v, bare * v),
+        peak_frictionless=largest(bare),
+        rms_frictionless=rms(t, bare),
+    )
+
+
+def average_output_effort(t: np.ndarray, effort: np.ndarray, velocity: np.ndarray) -> float:
+    """Return T_av = cbrt(int |v T^3| dt / int |v| dt), which wears a strain wave gear.
+
+    A hold weighs nothing: nothing turns. 0 where the joint never moves.
+
+    Args:
+        t: (T,) s. effort: (T,) N m or N at the output. velocity: (T,) at the output.
+
+    Source: Harmonic Drive engineering data 1021387 12/2018, p. 30.
+    """
+    weight = np.trapezoid(np.abs(velocity), t)
+    if not weight > 0:
+        return 0.0
+    return float(np.cbrt(np.trapezoid(np.abs(velocity * effort**3), t) / weight))
+
+
+def mean(t: np.ndarray, x: np.ndarray) -> float:
+    """Return 1/T int x dt by the trapezoidal rule."""
+    return float(np.trapezoid(x, t) / (t[-1] - t[0]))
+
+
+def largest(x: np.ndarray) -> float:
+    """Return max |x|."""
+    return float(np.abs(x).max())
+
+
+def share(t: np.ndarray, mask: np.ndarray) -> float:
+    """Return the part of the time between samples that are both in the mask, plus half of the rest.
+
+    An interval with one end in the mask counts half (the trapezoidal rule of the mask).
+    """
+    return mean(t, mask.astype(float))
+
+
+def positive_part(t: np.ndarray, x: np.ndarray) -> float:
+    """Return int max(x, 0) dt, exactly for an x that is linear between samples."""
+    a, b, step = x[:-1], x[1:], np.diff(t)
+    top = np.maximum(a, b)
+    crossing = (a > 0) != (b > 0)
+    span = np.where(crossing, np.abs(a - b), 1.0)
+    area = np.where(crossing, top * top / (2 * span), np.maximum(a + b, 0.0) / 2)
+    return float(area @ step)
+
+
+def _power(t: np.ndarray, one: np.ndarray, other: np.ndarray) -> Power:
+    most, least = np.maximum(one, other), np.minimum(one, other)
+    delivered, returned = np.maximum(most, 0.0), np.maximum(-least, 0.0)
+    return Power(float(delivered.max()), float(returned.max()),
+                 positive_part(t, most), positive_part(t, -least))  # fmt: skip
+
+
+def _stick_velocity(scene: Scene, actuator: int) -> float:
+    """The stick velocity of the site on the drive's own joint, else the scene's default."""
+    for s in sites_on(scene, actuator):
+        if scene.sites[s].ratio == 1.0:
+            return scene.sites[s].law.stick_velocity
+    return scene.stick_velocity

@@ -1,0 +1,373 @@
+"""A starting scene for a user's URDF: every joint listed, every bearing guessed and marked so.
+
+The guesses are meant to be replaced. They are sized by what the URDF says each joint must stand:
+its effort limit, or, where that is missing or a placeholder, the weight it carries.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import PinfricError, RobotError
+from pinfric.model.robot import Robot, example_robot_data, read_robot
+from pinfric.model.twin import PRISMATIC, make_twin
+from pinfric.study.joint_columns import JointColumn, joint_columns
+
+#: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
+_SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5
+#: An effort limit beyond so many times the static load is a placeholder (a gripper's force is
+#: many times its fingers' weight).
+_PLACEHOLDER, _PLACEHOLDER_SLIDING = 300.0, 3000.0
+#: Coulomb friction of gears and seals as part of the effort, and static over kinetic friction.
+_GEAR, _STATIC = 0.02, 1.2
+#: Rolling bearings: mu of catalogues (SKF 0.0015-0.0030) and, at rest, 1.5 times that.
+_MU = {"static": 0.003, "kinetic": 0.002}
+_GRAVITY = 9.81
+_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*\Z")
+_YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """What is known of a joint.
+
+    Attributes:
+        name: as YAML writes it.
+        sliding: True for a prismatic joint.
+        degrees: 1, or more for a planar or floating joint.
+        leader: of a mimic follower, as YAML writes it; None for others.
+        lower, upper: rad or m, infinite without limits.
+        load: what it must stand (N m or N).
+        why: where that is taken from.
+        remark: what to say of its effort limit, or "".
+    """
+
+    name: str
+    sliding: bool
+    degrees: int
+    leader: str | None
+    lower: float
+    upper: float
+    load: float
+    why: str
+    remark: str
+
+
+def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
+    """Return a scene for a URDF as commented YAML that loads and runs as it is.
+
+    Bearings: a turning joint gets two bearings on a shaft that carries its torque T at a shear
+    stress tau = 20 MPa, d = (16 T/(pi tau))^(1/3); a sliding joint a guide half as long as its
+    travel. Each guess stands beside the reason for it.
+
+    Args:
+        urdf: the file.
+        folder: where the scene will be saved; the URDF is named relative to it. None: in full.
+
+    Raises:
+        RobotError: the URDF cannot be read, or describes something that cannot exist.
+    """
+    urdf = Path(urdf)
+    if not urdf.is_file():
+        raise RobotError(f"there is no file {urdf}")
+    robot, locked = _readable(urdf)
+    joints = _joints(robot.model)
+    parts = [
+        _head(urdf, robot),
+        "pinfric: 1",
+        "robot:",
+        f"  urdf: {_scalar(_locator(urdf, folder))}",
+        "  gravity: [0.0, 0.0, -9.81]",
+        *_locked_section(locked),
+        *_dynamics_section(robot),
+        "  # payloads:                  # what it carries; com in the link's frame",
+        f"  #   box: {{link: {_scalar(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
+        "friction:",
+        *[line for joint in joints for line in _joint_section(joint)],
+        "# actuators:                   # without this section: one ideal drive per joint",
+        f"#   - joint: {_scalar(robot.model.names[1])}",
+        "#     transmission: {ratio: 100, efficiency: 0.85, back_efficiency: 0.82, "
+        "rotor_inertia: 1.0e-5}",
+        "simulation:                    # pinfric simulate: lets go of the robot for a second",
+        "  t_end: 1.0",
+    ]  # fmt: skip
+    return "\n".join(parts) + "\n"
+
+
+def new_waypoints(urdf: str | Path) -> str:
+    """Return a way-point file for the same robot: a small move of every joint, a hold, and back.
+
+    Raises:
+        RobotError: the URDF cannot be read.
+        TrajectoryError: planar or floating joints, which files cannot describe.
+    """
+    robot, _ = _readable(Path(urdf))
+    columns = joint_columns(robot.model, str(urdf))
+    start = [_start(column) for column in columns]
+    end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
+    names = ", ".join(_scalar(column.name) for column in columns)
+    return "\n".join([
+        f"# A first motion for {Path(urdf).name}: every joint moves a little, holds, and returns.",
+        "# Made by `pinfric new`; positions in rad and m, times in s.",
+        "pinfric_trajectory: 1",
+        "profile: quintic",
+        "sample_rate: 250",
+        f"joints: [{names}]",
+        "points:",
+        f"  - {{name: start, q: {_numbers(start)}, hold: 0.3}}",
+        f"  - {{name: there, q: {_numbers(end)}, duration: {_duration(columns, start, end):g}, "
+        "hold: 0.5}",
+        f"  - {{name: start, q: {_numbers(start)}, duration: {_duration(columns, start, end):g}, "
+        "hold: 0.3}",
+    ]) + "\n"  # fmt: skip
+
+
+def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
+    """Write NAME.yaml and NAME.waypoints.yaml for a URDF; never over a file that is there.
+
+    Args:
+        urdf: the file; NAME is its own without suffix.
+        folder: where to; made if missing.
+
+    Raises:
+        RobotError: see `new_scene`; PinfricError: a file is there already or cannot be written.
+    """
+    folder, name = Path(folder), Path(urdf).stem
+    contents = {f"{name}.yaml": new_scene(urdf, folder)}
+    try:
+        contents[f"{name}.waypoints.yaml"] = new_waypoints(urdf)
+    except RobotError:
+        raise
+    except PinfricError:
+        pass  # a floating joint: motions are made in Python
+    for file in contents:
+        if (folder / file).exists():
+            raise PinfricError(f"{folder / file}: is there already; name another folder (--out)")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for file, text in contents.items():
+            unfinished = folder / f".{file}.unfinished"
+            unfinished.write_text(text, encoding="utf-8")
+            os.replace(unfinished, folder / file)
+    except OSError as problem:
+        raise PinfricError(f"{folder}: cannot be written: {problem.strerror}") from None
+    return [folder / file for file in contents]
+
+
+def _readable(urdf: Path) -> tuple[Robot, dict[str, float]]:
+    """The robot; with its mimic joints locked where Pinocchio cannot follow them."""
+    try:
+        return read_robot(urdf, {}), {}
+    except RobotError as problem:
+        if "mimic" not in str(problem):
+            raise
+        locked = _mimic_joints(urdf)
+        try:
+            return read_robot(urdf, locked), locked
+        except RobotError:
+            raise problem from None
+
+
+def _mimic_joints(urdf: Path) -> dict[str, float]:
+    """Leaders and followers -> 0, or the limit next to it."""
+    joints = {joint.get("name", ""): joint for joint in ElementTree.parse(urdf).iter("joint")}
+    names = set()
+    for name, joint in joints.items():
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            names |= {name, mimic.get("joint", "")}
+    locked = {}
+    for name in sorted(names & joints.keys()):
+        limit = joints[name].find("limit")
+        low, high = (-math.inf, math.inf) if limit is None else (
+            float(limit.get("lower", 0.0)), float(limit.get("upper", 0.0)))  # fmt: skip
+        locked[name] = min(max(0.0, low), high)
+    return locked
+
+
+def _joints(model: pin.Model) -> list[_Joint]:
+    """What is known of each joint; the weight it carries with the robot at rest in q0."""
+    twin, data = make_twin(model), model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    leaders = {int(twin.v_index[j - 1]): _scalar(model.names[j])
+               for j in range(1, model.njoints) if model.joints[j].nv == 1}  # fmt: skip
+    found = []
+    for j in range(1, model.njoints):
+        kind, sliding = model.joints[j], bool(twin.kind[j - 1] == PRISMATIC)
+        bodies = list(model.subtrees[j])
+        masses = np.array([model.inertias[b].mass for b in bodies])
+        centers = np.array([data.oMi[b].act(model.inertias[b].lever) for b in bodies])
+        reach = np.linalg.norm(centers - data.oMi[j].translation, axis=1)
+        weight = _GRAVITY * float(masses.sum() if sliding else masses @ reach)
+        limit = float(model.effortLimit[kind.idx_v]) if kind.nv == 1 else 0.0
+        load, why, remark = _load(limit, weight, float(masses.sum()), sliding)
+        lower, upper = _limits(model, kind)
+        follows = leaders[int(twin.v_index[j - 1])] if kind.nv == 0 else None
+        found.append(_Joint(_scalar(model.names[j]), sliding, max(kind.nv, 1), follows,
+                            lower, upper, load, why, remark))  # fmt: skip
+    return found
+
+
+def _load(limit: float, weight: float, mass: float, sliding: bool) -> tuple[float, str, str]:
+    """(what a joint must stand, why, remark): its limit if believable, else twice the weight."""
+    unit = "N" if sliding else "N m"
+    given = math.isfinite(limit) and limit > 0
+    most = (_PLACEHOLDER_SLIDING if sliding else _PLACEHOLDER) * weight
+    if given and (weight == 0 or limit <= most):
+        return limit, f"its effort limit, {limit:.4g} {unit}", ""
+    remark = f"; its effort limit, {limit:.4g} {unit}, looks like a placeholder" if given else ""
+    if weight > 0:
+        what = f"{mass:.2g} kg" if sliding else f"{mass:.2g} kg held out level"
+        return 2.0 * weight, f"twice {what}, {2.0 * weight:.2g} {unit}", remark
+    return 1.0, f"1 {unit} (no limit and no mass are given)", remark
+
+
+def _limits(model: pin.Model, kind: Any) -> tuple[float, float]:
+    if kind.nq != 1 or kind.nv != 1:
+        return -math.inf, math.inf
+    lower = float(model.lowerPositionLimit[kind.idx_q])
+    upper = float(model.upperPositionLimit[kind.idx_q])
+    return (lower, upper) if upper - lower < 1e6 else (-math.inf, math.inf)
+
+
+def _joint_section(joint: _Joint) -> list[str]:
+    """The lines of one joint; a joint without a single axis is only listed."""
+    if joint.degrees > 1:
+        return [f"  # {joint.name}: {joint.degrees} degrees of freedom; friction needs one axis"]
+    unit, position = ("N", "m") if joint.sliding else ("N m", "rad")
+    if joint.leader is not None:
+        about = f"follows {joint.leader}: bearings of its own, no drive"
+    elif math.isfinite(joint.upper):
+        about = f"{joint.lower:.4g} to {joint.upper:.4g} {position}"
+    else:
+        about = "no limits"
+    gear = _GEAR * joint.load
+    return [
+        f"  {joint.name}:  # {'slides' if joint.sliding else 'turns'}, {about}{joint.remark}",
+        _guide(joint) if joint.sliding else _pin(joint),
+        f"    mu: {{static: {_MU['static']}, kinetic: {_MU['kinetic']}}}"
+        "  # guess: rolling bearings (plain bushings: 0.1 to 0.2)",
+        f"    coulomb: {{static: {_short(_STATIC * gear)}, kinetic: {_short(gear)}}}"
+        f"  # guess: gear and seals, {100 * _GEAR:g} % of {joint.load:.3g} {unit}",
+        f"    # viscous: 0.0  # {unit} s/{position}",
+    ]
+
+
+def _guide(joint: _Joint) -> str:
+    travel = joint.upper - joint.lower
+    length = min(max(0.5 * travel, 0.02), 0.3) if math.isfinite(travel) else 0.1
+    why = "half its travel" if length == 0.5 * travel else "a usual size"
+    size = _short(length)
+    return f"    bearing: {{kind: guide, length: {size}, width: {size}}}  # guess: {why}"
+
+
+def _pin(joint: _Joint) -> str:
+    shaft = (16.0 * joint.load / (math.pi * _SHEAR)) ** (1.0 / 3.0)
+    radius = max(0.5 * _BEARING_OVER_SHAFT * shaft, 1e-3)
+    r, length = _short(radius), _short(2.0 * radius)
+    return (
+        f"    bearing: {{kind: pin, radius: {r}, length: {length}, thrust_radius: {r}}}"
+        f"  # guess: {1e3 * shaft:.2g} mm shaft for {joint.why}"
+    )
+
+
+def _head(urdf: Path, robot: Robot) -> str:
+    mass = sum(inertia.mass for inertia in robot.model.inertias)
+    joints = robot.model.njoints - 1
+    return (
+        f"# A starting scene for {urdf.name} ({joints} joints, {mass:.4g} kg that move), made by "
+        "`pinfric new`.\n"
+        "# Lines marked `guess` hold no measurement: replace them by the data sheets of your "
+        "bearings\n"
+        "# and gears, or by what you identify. `pinfric explain` shows what each of them changes."
+    )
+
+
+def _locator(urdf: Path, folder: str | Path | None) -> str:
+    """How a scene in `folder` names the URDF."""
+    full = urdf.resolve()
+    bundled = example_robot_data().resolve()
+    if full.is_relative_to(bundled):
+        return f"example-robot-data:{full.relative_to(bundled).as_posix()}"
+    if folder is None:
+        return str(full)
+    return Path(os.path.relpath(full, Path(folder).resolve())).as_posix()
+
+
+def _locked_section(locked: dict[str, float]) -> list[str]:
+    if not locked:
+        return []
+    lines = ["  locked:                      # mimic joints that Pinocchio cannot follow here"]
+    return lines + [f"    {_scalar(name)}: {_short(at)}" for name, at in locked.items()]
+
+
+def _dynamics_section(robot: Robot) -> list[str]:
+    movable = set(list(robot.model.names)[1:])
+    given = [n for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)]
+    if not given:
+        return []
+    shown = given[0] + (f" and {len(given) - 1} more" if len(given) > 1 else "")
+    return [
+        f"  # The URDF's <dynamics> has friction or damping of {shown}; many are placeholders.",
+        "  urdf_dynamics: ignore        # use: take them where this file says nothing else",
+    ]
+
+
+def _last_link(model: pin.Model) -> str:
+    bodies = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+    return str(bodies[-1])
+
+
+def _start(column: JointColumn) -> float:
+    if column.lower < 0 < column.upper or not math.isfinite(column.lower + column.upper):
+        return 0.0
+    return round(0.5 * (column.lower + column.upper), 4)
+
+
+def _end(column: JointColumn, start: float) -> float:
+    """A fifth of the range away, towards the farther limit; 0.4 rad or 0.05 m at most."""
+    most = 0.05 if column.unit == "m" else 0.4
+    up, down = column.upper - start, start - column.lower
+    step = min(most, 0.2 * min(max(up, down), 1e6))
+    return round(start + (step if up >= down else -step), 4)
+
+
+def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[float]) -> float:
+    """Long enough for 0.3 of every velocity limit that is given (quintic: peak 15/8)."""
+    needed = [
+        1.875 * abs(b - a) / (0.3 * c.velocity_limit)
+        for c, a, b in zip(columns, start, end, strict=True)
+        if math.isfinite(c.velocity_limit) and c.velocity_limit > 0
+    ]
+    return max(1.0, math.ceil(10.0 * max(needed, default=0.0)) / 10.0)
+
+
+def _scalar(text: str) -> str:
+    """Text as YAML that reads back as the same text."""
+    plain = _PLAIN.match(text) or re.match(r"[A-Za-z0-9_./\-]+(:[A-Za-z0-9_./\-]+)?\Z", text)
+    if plain and text.lower() not in _YAML_WORDS and not text[0].isdigit() and text[0] not in "-.":
+        return text
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _short(x: float) -> str:
+    """Two significant digits, as YAML reads a number."""
+    text = f"{x:.2g}"
+    if "e" in text:
+        digits, exponent = text.split("e")
+        return f"{digits if '.' in digits else digits + '.0'}e{int(exponent)}"
+    return text
+
+
+def _numbers(values: list[float]) -> str:
+    return "[" + ", ".join(f"{value:g}" for value in values) + "]"

@@ -1,0 +1,59 @@
+"""Run what a scene file's `simulation` section describes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.simulate import simulate
+from pinfric.errors import SceneError, choose_from
+from pinfric.model.scene import Scene
+
+
+def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Motion:
+    """Simulate a scene from its own start, with its own efforts.
+
+    Args:
+        scene: with a `simulation` section.
+        t_end: s; None takes the scene's.
+        options: as `simulate` takes them (method, rtol, dt, ...).
+
+    Raises:
+        SceneError: there is no such section, or it names a joint that is not there.
+        And what `simulate` raises.
+    """
+    if scene.simulation is None:
+        raise SceneError(
+            f"{scene.source}: has no `simulation` section; give it start, effort and t_end, or "
+            "call pf.simulate with them"
+        )
+    q0, v0 = start_state(scene)
+    return simulate(scene, q0, v0, None, t_end or scene.simulation.t_end, **options)
+
+
+def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return (nq,) and (nv,) of `simulation.start`; joints not named are at 0 and at rest.
+
+    Raises:
+        SceneError: a joint that is not there, or has more than one degree of freedom.
+    """
+    v0 = np.zeros(scene.model.nv)
+    assert scene.simulation is not None  # callers have a section
+    start = scene.simulation.start
+    single = [
+        name
+        for name, joint in zip(scene.joint_names, scene.model.joints[1:], strict=True)
+        if joint.nv == 1
+    ]
+    for section, given in (("q", start.q), ("v", start.v)):
+        for name in given:
+            if name not in single:
+                raise SceneError(
+                    f"{scene.source}: simulation.start.{section}: there is no one-degree joint "
+                    f"{name!r}; {choose_from(name, single)}"
+                )
+    for name, rate in start.v.items():
+        v0[scene.model.joints[scene.model.getJointId(name)].idx_v] = rate
+    return scene.start_configuration, v0

@@ -1,0 +1,68 @@
+"""All files or none, and the folder that was there before."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from pinfric.errors import PinfricError
+from pinfric.show.files import check_writable, write_folder
+
+
+def texts(folder):
+    return {p.name: p.read_text() for p in folder.iterdir() if p.is_file()}
+
+
+def writers(**contents):
+    return {name: lambda path, text=text: path.write_text(text) for name, text in contents.items()}
+
+
+def test_folder_where_a_file_should_go_is_refused_before_anything_is_written(tmp_path):
+    (tmp_path / "b").mkdir()
+    (tmp_path / "a").write_text("old")
+    called = []
+    with pytest.raises(PinfricError, match="b there is a folder, and a file of that name"):
+        write_folder(tmp_path, {"a": called.append, "b": called.append})
+    assert called == []
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b"]
+    assert texts(tmp_path) == {"a": "old"}
+
+
+def test_failure_half_way_brings_the_old_files_back(tmp_path, monkeypatch):
+    (tmp_path / "a").write_text("old")
+    (tmp_path / "kept").write_text("kept")
+    replace, count = os.replace, []
+
+    def third_fails(source, target):
+        count.append(target)
+        if len(count) == 3:
+            raise PermissionError(13, "Permission denied")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", third_fails)
+    with pytest.raises(PinfricError, match="cannot be written: Permission denied"):
+        write_folder(tmp_path, writers(a="new", b="new", c="new"))
+    assert texts(tmp_path) == {"a": "old", "kept": "kept"}
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_old_files_are_kept_also_where_links_cannot_be_made(tmp_path, monkeypatch):
+    def no_links(*_, **__):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr(os, "link", no_links)
+    test_failure_half_way_brings_the_old_files_back(tmp_path, monkeypatch)
+
+
+def test_new_files_replace_old_ones(tmp_path):
+    (tmp_path / "a").write_text("old")
+    write_folder(tmp_path, writers(a="new", b="new"))
+    assert texts(tmp_path) == {"a": "new", "b": "new"}
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_name_no_file_system_takes(tmp_path):
+    with pytest.raises(PinfricError, match="File name too long; name a folder") as caught:
+        check_writable(tmp_path / ("x" * 5000))
+    assert len(str(caught.value)) < 300

@@ -1,0 +1,75 @@
+"""`pinfric simulate`: its table, its JSON, its files."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from builders import block, plane_friction
+
+import pinfric as pf
+from pinfric.cli import main
+from pinfric.show.motion_report import motion_figure, motion_json
+
+
+def run(capsys, *arguments, code=0):
+    with pytest.raises(SystemExit) as stop:
+        main(["simulate", *map(str, arguments)])
+    assert stop.value.code == code
+    return capsys.readouterr()
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
+def test_the_scenes_own_simulation_runs_by_every_method(capsys, method):
+    answer = json.loads(run(capsys, "pendulum", "--method", method, "--json").out)
+    assert answer["method"] == method
+    assert answer["t_end"] == pytest.approx(2.0)
+    energy = answer["energy"]
+    losses = sum(energy["friction_loss"].values())
+    assert losses > 0
+    assert energy["work"] == pytest.approx(energy["change"] + losses, rel=5e-3)
+    sticks = [i for i in answer["stick_intervals"] if i["end"] - i["start"] > 0.05]
+    assert sticks[0]["start"] == pytest.approx(1.0649, abs=5e-3)
+    if method == "regularized":  # it knows no static friction, and lets go too early
+        assert 1.1 < sticks[0]["end"] < 1.2
+    else:
+        assert sticks[0]["end"] == pytest.approx(1.2128, abs=5e-3)
+
+
+def test_files_and_table(capsys, tmp_path):
+    printed = run(capsys, "three_link", "--t-end", 0.6, "--out", tmp_path / "out").out
+    assert "joint_12   0.519107   0.557644" in printed
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "motion.csv", "motion.npz", "motion.png", "summary.json",
+    }  # fmt: skip
+    scene = pf.load_scene("three_link")
+    motion = pf.load_motion(tmp_path / "out" / "motion.npz", scene)
+    assert motion.t[-1] == pytest.approx(0.6)
+    assert pf.inverse_dynamics(scene, motion).check().passed()
+
+
+def test_the_figure_shades_stick_and_has_a_panel_per_site():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    motion = pf.simulate(scene, [0.0], [1.0], np.zeros(1), 1.0)
+    assert motion.stick_intervals()[0].start == pytest.approx(1.0 / (0.3 * 9.81), rel=1e-6)
+    figure = motion_figure(motion)
+    assert len(figure.axes) == 3
+    shaded = [p for p in figure.axes[2].patches if p.get_alpha()]
+    assert len(shaded) == 1
+    assert motion_json(motion)["energy"]["friction_loss"]["slide"] == pytest.approx(1.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["pendulum", "--method", "magic"], "there are event, timestepping, regularized"),
+        (["pendulum", "--t-end", "-1"], "t_end"),
+        (["pendulum", "--method", "timestepping", "--dt", "0"], "dt"),
+        (["ur5_pick_and_place"], "has no `simulation` section"),
+    ],
+)
+def test_what_cannot_be_simulated_is_said_in_one_line(capsys, arguments, says):
+    error = run(capsys, *arguments, code=2).err
+    assert says in error
+    assert error.count("\n") == 1

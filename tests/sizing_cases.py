@@ -1,0 +1,81 @@
+"""One turntable with a trapezoidal cycle, worked out by hand, and a catalogue of one drive."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import yaml
+
+import pinfric as pf
+from pinfric.study.catalog import load_catalog
+
+INERTIA = 2.0  # kg m^2 about the vertical axis: gravity never acts on the drive
+COULOMB = 3.0  # N m, at rest as in motion
+RATE = 1.5  # rad/s, on the plateau
+RAMP, PLATEAU, PAUSE = 0.25, 0.5, 1.0  # s
+ACCELERATION = RATE / RAMP
+CYCLE = 2 * RAMP + PLATEAU + PAUSE
+#: s; a jump of the acceleration stands between two samples this close.
+_JUMP = 1e-10
+
+MOTOR = {
+    "source": "invented", "grade": "R", "continuous_torque": 0.5, "peak_torque": 2.0,
+    "torque_constant": 0.1, "resistance": 0.8, "rotor_inertia": 5e-5, "mass": 0.6,
+    "max_speed": 600.0,
+    "thermal": {"winding_housing": 2.0, "housing_ambient": 3.0, "winding_time": 20.0,
+                "housing_time": 300.0, "max_winding": 125.0},
+}  # fmt: skip
+GEAR = {
+    "source": "invented", "grade": "R", "ratio": 100.0, "rated_torque": 30.0,
+    "average_torque": 40.0, "repeated_peak_torque": 60.0, "momentary_peak_torque": 100.0,
+    "rated_speed": 200.0, "average_input_speed": 300.0, "max_input_speed": 700.0,
+    "input_inertia": 1e-5, "mass": 0.9, "nominal_life": 35000.0, "efficiency": 0.8,
+    "back_efficiency": 0.7, "stiffness": 1e4, "back_driving_torque": 3.0,
+}  # fmt: skip
+
+
+def write_catalog(path, motors=None, gears=None, **more):
+    """Write a catalogue file; None takes the one motor, the one gear."""
+    content = {"pinfric_catalog": 1, **more}
+    content["motors"] = {"M": MOTOR} if motors is None else motors
+    content["gears"] = {"G": GEAR} if gears is None else gears
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def one_drive(tmp_path, motor=None, gear=None, **more):
+    """A catalogue of one motor and one gear, each with figures changed (None leaves one out)."""
+    motors = {"M": {k: v for k, v in {**MOTOR, **(motor or {})}.items() if v is not None}}
+    gears = {"G": {k: v for k, v in {**GEAR, **(gear or {})}.items() if v is not None}}
+    return load_catalog(write_catalog(tmp_path / "catalog.yaml", motors, gears, **more))
+
+
+def turntable(**scene):
+    """One body whose effort is INERTIA x acceleration + friction."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "table")
+    body = pin.Inertia(1.0, np.zeros(3), INERTIA * np.diag([0.5, 0.5, 1.0]))
+    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    if "friction" not in scene:
+        scene["friction"] = {"table": {"coulomb": {"static": COULOMB, "kinetic": COULOMB}}}
+    scene.setdefault("stick_velocity", 0.0)  # rest is v = 0 exactly: the cycle has no jitter
+    return pf.Scene(model=model, **scene)
+
+
+def trapezoid(scene, samples=400):
+    """Speed up, run, slow down, stand: accelerations constant in each part, jumps between."""
+    a, v = ACCELERATION, RATE
+    t1, t2, t3, t4 = np.cumsum([RAMP, PLATEAU, RAMP, PAUSE])
+    parts = [  # start, end, velocity at the start, acceleration
+        (0.0, t1, 0.0, a), (t1, t2, v, 0.0), (t2, t3, v, -a), (t3, t4, 0.0, 0.0),
+    ]  # fmt: skip
+    rows = []
+    for start, end, v0, acceleration in parts:
+        last = end if end == t4 else end - _JUMP
+        # at v = 0 exactly friction is an interval: begin just after the jump
+        first = start + _JUMP * (1 if start in (0.0, t2) else 0)
+        t = np.linspace(first, last, samples)
+        rows.append((t, v0 + acceleration * (t - start), np.full(samples, acceleration)))
+    t, v, a = (np.concatenate(column) for column in zip(*rows, strict=True))
+    # positions do not matter: nothing depends on the angle
+    return pf.Trajectory.from_arrays(scene, t, np.zeros((len(t), 1)), v[:, None], a[:, None])

@@ -1,0 +1,169 @@
+"""A starting scene for any URDF: loads, runs, says what is guessed."""
+
+from __future__ import annotations
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+import yaml
+
+import pinfric as pf
+from pinfric.errors import PinfricError, PinfricWarning, RobotError
+from pinfric.model.robot import example_robot_data, locate_urdf, read_robot
+from pinfric.study.new_scene import new_scene, new_waypoints, write_new
+
+pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
+URDFS = sorted(example_robot_data().rglob("*.urdf"))
+#: Those that must get a scene, whatever is refused of others.
+USABLE = {"panda", "ur5_robot", "tiago", "tiago_pro", "baxter", "talos_reduced", "so101", *(
+    LOCKED := {"romeo", "talos_full_v2", "talos_full_v2_box"}  # their mimics make Pinocchio fail
+)}  # fmt: skip
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.5 0 0"/><mass value="4"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="rod"><inertial><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="{name}" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 1 0"/><limit lower="{lower}" upper="3" effort="{effort}" velocity="5"/></joint>
+  <joint name="slide" type="prismatic"><parent link="upper"/><child link="rod"/>
+    <origin xyz="1 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="0.1" upper="0.5" effort="0" velocity="1"/></joint>
+</robot>"""
+
+
+def arm(folder, name="shoulder", lower=-3.0, effort=100.0):
+    file = folder / "arm.urdf"
+    file.write_text(ARM.format(name=name, lower=lower, effort=effort))
+    return file
+
+
+def entries(urdf, folder=None):
+    return yaml.safe_load(new_scene(urdf, folder))
+
+
+@pytest.mark.parametrize("urdf", URDFS, ids=lambda path: path.stem)
+def test_every_robot_that_loads_gets_a_scene_that_runs(urdf, tmp_path):
+    try:
+        read_robot(urdf, {})
+    except RobotError as refused:
+        if urdf.stem not in USABLE:  # a body, joint or name that cannot be: `new` says so, too
+            with pytest.raises(RobotError, match=re.escape(str(refused))):
+                write_new(urdf, tmp_path)
+            return
+        assert urdf.stem in LOCKED
+    scene_file, way_file = write_new(urdf, tmp_path)
+    scene = pf.load_scene(scene_file)
+    one_axis = [joint for joint in scene.model.joints[1:] if joint.nv <= 1]
+    assert len(scene.sites) == len(one_axis) > 0
+    assert bool(entries(urdf)["robot"].get("locked")) == (urdf.stem in LOCKED)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)
+        trajectory = pf.load_trajectory(way_file, scene)
+        result = pf.inverse_dynamics(scene, trajectory)
+    assert trajectory.warnings == ()
+    assert np.isfinite(result.effort_upper).all()
+    assert result.sticking.any()
+    assert not result.sticking.all()
+    assert (result.normal_load >= 0).all()
+
+
+def test_bundled_urdfs_are_named_as_scenes_name_them(tmp_path):
+    urdf = locate_urdf("example-robot-data:ur_description/urdf/ur5_robot.urdf", tmp_path)
+    assert entries(urdf)["robot"]["urdf"] == "example-robot-data:ur_description/urdf/ur5_robot.urdf"
+
+
+def test_urdf_is_named_from_where_the_scene_lies(tmp_path, monkeypatch):
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "scenes").mkdir()
+    urdf = arm(tmp_path / "urdf")
+    assert entries(urdf, tmp_path / "scenes")["robot"]["urdf"] == "../urdf/arm.urdf"
+    assert entries(urdf)["robot"]["urdf"] == str(urdf.resolve())
+    monkeypatch.chdir(tmp_path)
+    scene_file, _ = write_new("urdf/arm.urdf", "scenes/deep")
+    assert pf.load_scene(scene_file).joint_names == ("shoulder", "slide")
+
+
+def test_bearings_are_sized_by_the_effort_limit(tmp_path):
+    friction = entries(arm(tmp_path, effort=100.0))["friction"]
+    shaft = (16 * 100 / (np.pi * 20e6)) ** (1 / 3)
+    pin = friction["shoulder"]["bearing"]
+    assert pin["kind"] == "pin"
+    assert pin["radius"] == pytest.approx(0.75 * shaft, rel=0.05)  # two digits
+    assert pin["length"] == pytest.approx(2 * pin["radius"], rel=0.05)
+    assert friction["shoulder"]["coulomb"]["kinetic"] == pytest.approx(2.0)
+    guide = friction["slide"]["bearing"]
+    assert guide == {"kind": "guide", "length": 0.2, "width": 0.2}  # half of 0.4 m
+    # no limit: twice the weight of 1 kg
+    assert friction["slide"]["coulomb"]["kinetic"] == pytest.approx(0.02 * 2 * 9.81, rel=0.05)
+
+
+def test_placeholder_limit_gives_way_to_the_weight(tmp_path):
+    text = new_scene(arm(tmp_path, effort=1e6))
+    assert "1e+06 N m, looks like a placeholder" in text
+    coulomb = yaml.safe_load(text)["friction"]["shoulder"]["coulomb"]["kinetic"]
+    # 4 kg at 0.5 m and 1 kg at 1 m
+    assert coulomb == pytest.approx(0.02 * 2 * 9.81 * 3.0, rel=0.05)
+
+
+def test_every_number_that_is_a_guess_says_so(tmp_path):
+    text = new_scene(locate_urdf("example-robot-data:panda_description/urdf/panda.urdf", tmp_path))
+    for line in text.splitlines():
+        if line.lstrip().startswith(("bearing:", "mu:", "coulomb:")):
+            assert re.search(r"  # guess: \S", line), line
+    assert sum("# guess:" in line for line in text.splitlines()) == 3 * 9
+    assert "follows panda_finger_joint1" in text
+    assert "urdf_dynamics: ignore" in text
+    friction = yaml.safe_load(text)["friction"]
+    assert friction["panda_finger_joint2"]["bearing"]["kind"] == "guide"
+
+
+@pytest.mark.parametrize(
+    "name", ["on", "y", "1", "1e3", "a: b", "joint #1", "-", "schulter ü", "~"]
+)
+def test_awkward_names_survive(tmp_path, name):
+    scene_file, way_file = write_new(arm(tmp_path, name=name), tmp_path)
+    scene = pf.load_scene(scene_file)
+    assert scene.site_names == (name, "slide")
+    assert pf.load_trajectory(way_file, scene).joint_names == (name, "slide")
+
+
+def test_first_motion_stays_inside_narrow_limits(tmp_path):
+    urdf = arm(tmp_path, lower=2.9)  # 2.9 to 3.0: zero is outside
+    points = yaml.safe_load(new_waypoints(urdf))["points"]
+    for point in points:
+        assert 2.9 <= point["q"][0] <= 3.0
+        assert 0.1 <= point["q"][1] <= 0.5
+    assert points[0]["q"] == points[2]["q"] != points[1]["q"]
+
+
+def test_simulation_of_the_new_scene_runs(tmp_path):
+    scene_file, _ = write_new(arm(tmp_path), tmp_path)
+    scene = pf.load_scene(scene_file)
+    motion = pf.simulate(scene, scene.start_configuration, [0, 0], None, 0.1)
+    assert motion.status == "finished"
+    assert motion.q[-1, 0] > 1e-3  # the arm falls: it turns about +y, and weighs at +x
+
+
+def test_nothing_is_overwritten_and_nothing_half_written(tmp_path, monkeypatch):
+    urdf = arm(tmp_path)
+    (tmp_path / "arm.waypoints.yaml").write_text("mine")
+    with pytest.raises(PinfricError, match=r"arm\.waypoints\.yaml: is there already"):
+        write_new(urdf, tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["arm.urdf", "arm.waypoints.yaml"]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(PinfricError, match="cannot be written"):
+        write_new(urdf, tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"), [(None, "there is no file"), ("<robot", "not well-formed XML")]
+)
+def test_bad_urdf_is_one_clear_error(tmp_path, content, message):
+    file = tmp_path / "bad.urdf"
+    if content is not None:
+        file.write_text(content)
+    with pytest.raises(RobotError, match=rf"bad\.urdf.*{message}|{message}.*bad\.urdf"):
+        new_scene(file)

@@ -1,0 +1,68 @@
+"""The paper reproduced: printed stick times, recovered torques, two formulations."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from pinfric.cli import main
+
+
+@pytest.fixture(scope="module")
+def printed(tmp_path_factory):
+    """What `pinfric paper --json --out DIR` prints and writes."""
+    import contextlib
+    import io
+
+    folder = tmp_path_factory.mktemp("paper") / "out"
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), pytest.raises(SystemExit) as stop:
+        main(["paper", "--json", "--out", str(folder)])
+    assert stop.value.code == 0
+    return json.loads(text.getvalue()), folder
+
+
+#: Bounds of the issue: the printed times, and what the readings of the data leave open.
+STICKS = {
+    "pendulum": ((1.060, 1.072), (1.208, 1.216)),
+    "three_link": ((0.515, 0.523), (0.555, 0.561)),
+}
+
+
+@pytest.mark.parametrize("name", STICKS)
+def test_the_paper_is_reproduced(printed, name):
+    example = next(e for e in printed[0]["examples"] if e["name"] == name)
+    for found in (example["stick"], example["stick_absolute"]):
+        for value, (low, high) in zip(found, STICKS[name], strict=True):
+            assert low <= value <= high
+    assert example["stick"] == pytest.approx(example["stick_absolute"], abs=1e-9)
+    assert example["max_torque_error"] < 1e-7
+    assert example["bracketed"] == 1.0
+    assert example["max_width_error"] < 1e-9
+    assert example["max_formulation_difference"] < 1e-8
+
+
+def test_the_readings_are_stated_and_the_figures_drawn(printed):
+    answer, folder = printed
+    assert len(answer["readings"]) == 3
+    names = {p.name for p in folder.iterdir()}
+    assert names == {f"figure_{n}.png" for n in (5, 6, 8, 9, 10)} | {"summary.json"}
+
+
+def test_the_literal_reading_sticks_early_and_stops(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["paper", "--reading", "literal", "--json"])
+    assert stop.value.code == 0
+    examples = {e["name"]: e for e in json.loads(capsys.readouterr().out)["examples"]}
+    for name, example in examples.items():
+        start, end = example["stick"]
+        assert start < STICKS[name][0][0]  # earlier than printed
+        assert example["no_consistent_acceleration_at"] == pytest.approx(end, abs=1e-9)
+
+
+def test_an_unknown_reading_is_refused(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["paper", "--reading", "own"])
+    assert stop.value.code == 2
+    assert "there are consistent, literal" in capsys.readouterr().err
