@@ -214,7 +214,7 @@ def finish(
         if stuck[c]:
             a[coordinate_v[c]] = 0.0
     stick_limits(problem, load, least, most)
-    site_friction(problem, stuck, direction, friction, load, phi)
+    site_friction(problem, stuck, direction, friction, load, least, most, phi)
     for s in range(joint.size):
         site_modes[s] = np.sign(direction[problem.coordinate[s]] * problem.ratio[s])
         for k in range(6):
@@ -294,13 +294,9 @@ def solve_instant(
     )  # fmt: skip
     if outcome != 0:
         return outcome, 0, 0, 0
-    nc = coordinate_v.size
     resting = 0
     if choice == FREE:
-        velocity = np.empty(nc)
-        for c in range(nc):
-            velocity[c] = v[coordinate_v[c]]
-        resting = settle(problem, velocity, dry, stick_velocity, stuck, direction, at_rest)
+        resting = settle(v, coordinate_v, dry, stick_velocity, stuck, direction, at_rest)
     else:
         at_rest[:] = False
     found, obeying = try_modes(problem, stuck, direction, at_rest, friction, friction, load,

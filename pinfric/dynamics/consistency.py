@@ -61,15 +61,20 @@ def site_friction(
     direction: np.ndarray,
     friction: np.ndarray,
     load: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
     phi: np.ndarray,
 ) -> None:
     """Write each site's friction (ns,); sites that share a sticking coordinate share its friction.
 
     In proportion to their limits: only the sum is determined by the motion.
+
+    Args:
+        problem, stuck, direction: see `slip_law`.
+        friction, load: (nc,), (ns,) of the solution.
+        lower, upper: (nc,), `stick_limits`.
+        phi: (ns,), overwritten.
     """
-    nc = friction.size
-    lower, upper = np.empty(nc), np.empty(nc)
-    stick_limits(problem, load, lower, upper)
     for s in range(phi.size):
         c, ratio = problem.coordinate[s], problem.ratio[s]
         if stuck[c]:
@@ -108,11 +113,16 @@ def judge(
             would slip; `SHOULD_STICK` slips against its direction.
     """
     nc = friction.size
+    resting = 0
+    for c in range(nc):
+        verdict[c] = 0
+        resting += at_rest[c]
+    if resting == 0:
+        return 0
     lower, upper = np.empty(nc), np.empty(nc)
     stick_limits(problem, load, lower, upper)
     wrong = 0
     for c in range(nc):
-        verdict[c] = 0
         if not at_rest[c]:
             continue
         terms = problem.rate_scale[c]
@@ -172,8 +182,8 @@ def try_modes(
 
 @kernel
 def settle(
-    problem: Problem,
-    velocity: np.ndarray,
+    v: np.ndarray,
+    coordinate_v: np.ndarray,
     dry: np.ndarray,
     stick_velocity: np.ndarray,
     stuck: np.ndarray,
@@ -183,15 +193,15 @@ def settle(
     """Set the modes that velocities fix and stick everything at rest; return how many are.
 
     Args:
-        problem: `Problem`.
-        velocity: (nc,) of the coordinates.
-        dry, stick_velocity: (nc,), see `workspace.Tables`.
+        v: (nv,) of the robot.
+        coordinate_v, dry, stick_velocity: (nc,), see `workspace.Tables`.
         stuck, direction, at_rest: (nc,), overwritten, see `slip_law`, `judge`.
     """
     resting = 0
-    for c in range(velocity.size):
-        at_rest[c] = dry[c] and abs(velocity[c]) <= stick_velocity[c]
+    for c in range(coordinate_v.size):
+        speed = v[coordinate_v[c]]
+        at_rest[c] = dry[c] and abs(speed) <= stick_velocity[c]
         stuck[c] = at_rest[c]
-        direction[c] = 0.0 if stuck[c] else np.sign(velocity[c])
+        direction[c] = 0.0 if stuck[c] else np.sign(speed)
         resting += at_rest[c]
     return resting

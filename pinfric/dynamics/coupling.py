@@ -229,7 +229,6 @@ def residual(
     for k in range(nz):
         for j in range(nz):
             jacobian[k, j] = 1.0 if j == k else 0.0
-    p = np.empty(3)
     for s in range(gain.size):
         k = unknown[problem.coordinate[s]]
         if k >= 0:
@@ -240,23 +239,26 @@ def residual(
         k = unknown[problem.coordinate[s]]
         if k < 0 or gain[s] == 0.0:
             continue
-        square, terms = 0.0, 0.0
-        for e in range(3):
-            p[e] = contact[t, 0, e]
-            terms += abs(p[e])
-            for j in range(nz):
-                step = contact[t, 1 + j, e] * z[j]
-                p[e] += step
-                terms += abs(step)
-            square += p[e] * p[e]
-        norm = np.sqrt(square)
+        px, py, pz = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
+        terms = abs(px) + abs(py) + abs(pz)
+        for j in range(nz):
+            dx, dy, dz = (
+                contact[t, 1 + j, 0] * z[j],
+                contact[t, 1 + j, 1] * z[j],
+                contact[t, 1 + j, 2] * z[j],
+            )
+            px, py, pz = px + dx, py + dy, pz + dz
+            terms += abs(dx) + abs(dy) + abs(dz)
+        norm = np.sqrt(px * px + py * py + pz * pz)
         rest[k] -= gain[s] * norm
         size[k] += abs(gain[s]) * terms
         if norm > 0.0:
             for j in range(nz):
-                slope = 0.0
-                for e in range(3):
-                    slope += p[e] * contact[t, 1 + j, e]
+                slope = (
+                    px * contact[t, 1 + j, 0]
+                    + py * contact[t, 1 + j, 1]
+                    + pz * contact[t, 1 + j, 2]
+                )
                 jacobian[k, j] -= gain[s] * slope / norm
     worst = 0.0
     for k in range(nz):

@@ -12,7 +12,7 @@ from scipy.optimize import root
 import pinfric as pf
 from pinfric.dynamics import coupling, modes
 from pinfric.dynamics.check import plain_normal_load
-from pinfric.dynamics.consistency import SHOULD_STICK, evaluate, judge, site_friction
+from pinfric.dynamics.consistency import SHOULD_STICK, evaluate, judge, site_friction, stick_limits
 from pinfric.dynamics.modes import Found, Modes
 from pinfric.dynamics.problem import Problem, contact_maps, empty_problem
 
@@ -163,8 +163,10 @@ def test_given_modes_against_scipy(seed):
         assert found == 1
         np.testing.assert_allclose(m.friction, expected, rtol=1e-8, atol=1e-9)
         np.testing.assert_allclose(m.load, plain_loads(p, m.friction), rtol=1e-12)
-        phi = np.empty(len(p.ratio))
-        site_friction(p, m.stuck, m.direction, m.friction, m.load, phi)
+        phi, lower, upper = np.empty(len(p.ratio)), np.empty(4), np.empty(4)
+        stick_limits(p, m.load, lower, upper)
+        np.testing.assert_allclose((lower, upper), plain_limits(p, m.load), rtol=1e-13)
+        site_friction(p, m.stuck, m.direction, m.friction, m.load, lower, upper, phi)
         total = np.zeros(4)
         np.add.at(total, p.coordinate, p.ratio * phi)
         np.testing.assert_allclose(total, m.friction, rtol=1e-9, atol=1e-11)
