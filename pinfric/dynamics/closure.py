@@ -75,8 +75,8 @@ def pair_rates(scene: Scene, states: States, part: slice, checked: slice) -> Pai
 
 
 def _check(linkage: Linkage, state: LoopState, here: slice, checked: slice) -> None:
-    inside = np.arange(here.start, here.stop)
-    inside = (inside >= checked.start) & (inside < checked.stop)
+    samples = np.arange(here.start, here.stop)
+    inside = np.logical_and(samples >= checked.start, samples < checked.stop)
     for drive in linkage.drives:
         if linkage.pair_kind[linkage.column_pair[drive.column]] == CYLINDER:
             short = (state.gap[:, drive.column] <= 1e-9 * linkage.size) & inside
@@ -85,7 +85,7 @@ def _check(linkage: Linkage, state: LoopState, here: slice, checked: slice) -> N
                 raise StateError(f"cylinder {drive.name!r}: its ends coincide at sample {sample}: "
                                  "it has no direction there")  # fmt: skip
     rows, pairs = linkage.lambdas, linkage.column_pair[linkage.lambdas]
-    turning = linkage.unit[rows, 3:].any(axis=1)
+    turning = np.abs(linkage.unit[rows, 3:]).max(axis=1, initial=0.0) > 0
     allowed = np.where(turning, NEARLY_CLOSED, NEARLY_CLOSED * linkage.size)
     figures = (
         ("is open", np.abs(state.gap[:, rows]), allowed, ("m", "rad")),
@@ -95,10 +95,10 @@ def _check(linkage: Linkage, state: LoopState, here: slice, checked: slice) -> N
          _MOTION * state.scale[:, pairs, 1] + 1e-9, ("m/s^2", "rad/s^2")),
     )  # fmt: skip
     for what, amount, most, units in figures:
-        beyond = (amount > most) & inside[:, None]
+        beyond = np.logical_and(amount > most, inside[:, None])
         if beyond.any():
-            sample = int(np.argmax(beyond.any(axis=1)))
-            row = int(np.argmax(np.where(beyond[sample], amount[sample], -1.0)))
+            sample = int(np.argmax(np.any(beyond, axis=1)))
+            row = int(np.argmax(np.where(beyond, amount, -1.0)[sample]))
             raise LoopMotionError(
                 linkage.loop_of_row(row).name, here.start + sample, what,
                 float(amount[sample, row]), units[int(turning[row])],

@@ -119,7 +119,7 @@ def make_layout(scene: Scene, linkage: Linkage) -> Layout:
     rest = np.setdiff1d(np.arange(scene.model.nv), drive_v[drive_v >= 0])
     n_tree = scene.model.njoints - 1
     # a tree joint's wrench depends on friction only through what is solved for, or loop friction
-    felt = linkage.support.any(axis=0)
+    felt = np.abs(linkage.support).max(axis=0, initial=0) > 0
     loaded = [s for s, site in enumerate(sites) if site.friction.bearing is not None]
     maps = []
     for s in loaded:
@@ -131,8 +131,8 @@ def make_layout(scene: Scene, linkage: Linkage) -> Layout:
     none = [np.zeros((0, 3, 6))]
     contact_site = [s for s, (B, _) in zip(loaded, maps, strict=True) for _ in B]
     varies = [
-        s in contact_site and bool(tables.law[s, :2].any())
-        and (site.loop >= 0 or bool(felt[site.joint]))
+        s in contact_site and bool(np.any(tables.law[s, :2]))
+        and (site.loop >= 0 or bool(np.take(felt, site.joint)))
         for s, site in enumerate(sites)
     ]  # fmt: skip
     return Layout(

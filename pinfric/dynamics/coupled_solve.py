@@ -226,8 +226,8 @@ class Solver:
                 self._flip(answer, samples, pattern, others, free_here, balls)
                 answer.exact[samples] = False
                 continue
-            combinations = np.array(list(product(*(_options(pattern[s]) for s in others))),
-                                    dtype=np.int64).reshape(-1, len(others))  # fmt: skip
+            every = list(product(*(_options(pattern[s]) for s in others)))
+            combinations = np.array(every, dtype=np.int64).reshape(count, len(others))
             for part in _slices(len(samples), max(1, _AT_ONCE // len(combinations))):
                 sample = np.repeat(samples[part], len(combinations))
                 code = self.law.code[sample]

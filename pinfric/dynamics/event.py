@@ -259,14 +259,14 @@ class EventIntegration:
         if again:  # a slip that would not start, a stick that would not hold: rounding decides
             modes.at_rest[again] = False
             modes.stuck[again], modes.direction[again] = True, 0.0
-            found = search(ws.problem, modes)
+            found = search(ws.problem, modes, held=before.stuck)
         elif forced:
-            found = search(ws.problem, modes, forced)
+            found = search(ws.problem, modes, forced, before.stuck)
         if found != Found.SOLVED:
             modes.take(before)
             modes.at_rest[:] = modes.stuck
             modes.at_rest[stopped] = True
-            found = search(ws.problem, modes)
+            found = search(ws.problem, modes, held=before.stuck)
         if found != Found.SOLVED:
             raise ws.failure(found, q, v, self.system.u).at(self.t)
         ws.finish()

@@ -2,9 +2,10 @@
 
 At rest stick has priority: a coordinate slips only where no admissible stick exists. So the modes
 wanted are the consistent ones with the fewest slipping coordinates; two different accelerations
-with equally few are ambiguous. Up to `MOST_ENUMERATED` coordinates at rest that is decided by
-enumeration, exactly; beyond, by pivoting, which finds consistent modes but cannot say that they
-are the only ones.
+with equally few are ambiguous, unless it is known what was sticking until now and just one of them
+lets it stick on. Up to `MOST_ENUMERATED` coordinates at rest that is decided by enumeration,
+exactly; beyond, by pivoting, which finds consistent modes but cannot say that they are the only
+ones.
 """
 
 from __future__ import annotations
@@ -94,13 +95,20 @@ def solve(problem: Problem, modes: Modes) -> tuple[int, int]:
     return found
 
 
-def search(problem: Problem, modes: Modes, forced: Mapping[int, float] | None = None) -> Found:
+def search(
+    problem: Problem,
+    modes: Modes,
+    forced: Mapping[int, float] | None = None,
+    held: np.ndarray | None = None,
+) -> Found:
     """Find the modes of the coordinates at rest; those that move keep theirs.
 
     Args:
         problem: `Problem`.
         modes: with `at_rest`, and the modes of the others, set; overwritten with the answer.
         forced: coordinate -> direction it must slip in (it has just broken away).
+        held: (nc,) bool, what has been sticking until now: among several answers with equally few
+            slipping coordinates, the one that lets all of these stick on.
     """
     free = np.flatnonzero(modes.at_rest)
     if not free.size:
@@ -122,6 +130,9 @@ def search(problem: Problem, modes: Modes, forced: Mapping[int, float] | None = 
                 return Found.AMBIGUOUS
             if obeying == 1 and not any(_same(modes, other) for other in consistent):
                 consistent.append(modes.copy())
+        if len(consistent) > 1 and held is not None:
+            stay = held & ~np.isin(np.arange(len(held)), list(forced))
+            consistent = [one for one in consistent if one.stuck[stay].all()] or consistent
         if consistent:
             modes.take(consistent[0])
             return Found.SOLVED if len(consistent) == 1 else Found.AMBIGUOUS

@@ -135,7 +135,8 @@ class Motion:
         """Return the motion at other times (T',): from the integrator's own polynomials.
 
         Accelerations and friction are computed anew at each time, with the modes of the interval
-        it lies in (at a change: those after it).
+        it lies in (at a change: those after it). Events and stick intervals stay those of the
+        whole motion.
 
         Raises:
             StateError: times outside the motion or not increasing; no polynomials (only `event`
@@ -303,11 +304,16 @@ class Dense:
         return Motion(**fields)
 
     def integrate(self, motion: Motion) -> tuple[float, np.ndarray]:
-        """Work of the efforts and loss (ns,) at the sites, J, by Gauss's rule in every step."""
+        """Work of the efforts and loss (ns,) at the sites, J, by Gauss's rule in every step.
+
+        From the motion's first sample to its last.
+        """
         nodes, weights = np.polynomial.legendre.leggauss(6)
         sites = motion.scene.site_tables
         work, loss = 0.0, np.zeros(len(sites.ratio))
-        for start, end in zip(self.t[:-1], self.t[1:], strict=True):
+        inside = self.t[(self.t > motion.t[0]) & (self.t < motion.t[-1])]
+        borders = [motion.t[0], *inside, motion.t[-1]]
+        for start, end in zip(borders[:-1], borders[1:], strict=True):
             half = (end - start) / 2
             rows = self.rows(motion, start + half * (1 + nodes))
             for weight, (_, _, v, _, effort, _, friction, _) in zip(weights, rows, strict=True):

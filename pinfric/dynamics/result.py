@@ -156,6 +156,21 @@ class InverseResult:
             raise StateError(f"there is no sample {sample}; there are {len(self.status)}")
         return solutions(self, sample)
 
+    def jamming_site(self, sample: int) -> str | None:
+        """Return the site whose load grows most with the friction it and the others cause.
+
+        The largest part of the eigenvector that belongs to `contraction`: where a jam, or a second
+        solution, comes from. None where no load depends on friction, and at a `SINGULAR` sample.
+
+        Raises:
+            StateError: there is no such sample.
+        """
+        from pinfric.dynamics.solutions import jamming_site
+
+        if not 0 <= sample < len(self.status):
+            raise StateError(f"there is no sample {sample}; there are {len(self.status)}")
+        return jamming_site(self, sample)
+
     @property
     def t(self) -> np.ndarray | None:
         """(T,) times in s, or None."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.dynamics.choices import SLIDES
+from pinfric.dynamics.choices import LOWER
 from pinfric.dynamics.closure import pair_rates
 from pinfric.dynamics.constrained import Layout, make_layout, write_wrenches
 from pinfric.dynamics.coupled_inverse import (
@@ -16,7 +16,14 @@ from pinfric.dynamics.coupled_inverse import (
     loop_wrenches,
 )
 from pinfric.dynamics.coupled_solve import Solver
-from pinfric.dynamics.coupling import eliminate, newton, reduce_contacts, slip_law
+from pinfric.dynamics.coupling import (
+    contraction_matrix,
+    eliminate,
+    newton,
+    reduce_contacts,
+    slip_law,
+    spectral_radius_bound,
+)
 from pinfric.dynamics.reactions import Batch
 from pinfric.dynamics.result import Solution
 from pinfric.model.loops import Linkage
@@ -70,16 +77,34 @@ def reduced_problem(
     Its problem, `solver.base`, is left as they belong to.
     """
     law = solver.law
-    solver.candidates(np.zeros(1, dtype=np.int64), law.code)
-    ns = law.code.shape[1]
+    code = np.where(law.choices > 1, LOWER, law.code)  # what sticks is at a limit
+    solver.candidates(np.zeros(1, dtype=np.int64), code)
+    ns = code.shape[1]
     gain, offset = np.empty(ns), np.empty(ns)
     unknown, X = np.empty(ns, dtype=np.int64), np.empty((ns, ns + 1))
-    nobody, slip = np.zeros(ns, dtype=bool), np.where(law.code[0] == SLIDES, law.slip[0], 0.0)
+    nobody, slip = np.zeros(ns, dtype=bool), np.choose(code[0], (law.slip[0], 1.0, -1.0, 0.0))
     slip_law(solver.base, nobody, slip, gain, offset)
     nz = eliminate(solver.base, nobody, gain, offset, unknown, X)
     contact = np.empty((len(solver.base.contact_site), nz + 1, 3))
     reduce_contacts(solver.base, X, nz, contact)
     return gain, offset, unknown, X[:, : nz + 1], contact
+
+
+def jamming_site(result: InverseResult, sample: int) -> str | None:
+    """Return the site whose load grows most with friction (`result.jamming_site`)."""
+    if result.scene.linkage is None or not result.site_names:
+        return None
+    layout, _, samples, velocity = one_sample(result, sample)
+    if samples.maps.singular[0]:
+        return None
+    solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
+    gain, _, unknown, X, contact = reduced_problem(solver)
+    nz = X.shape[1] - 1
+    A, vector = np.empty((nz, nz)), np.empty(nz)
+    contraction_matrix(solver.base, gain, unknown, contact, A)
+    if spectral_radius_bound(A, vector) == 0.0:
+        return None
+    return result.site_names[int(np.flatnonzero(unknown == np.argmax(vector))[0])]
 
 
 def _search(solver: Solver) -> np.ndarray:

@@ -176,7 +176,7 @@ def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
     largest = max(float(np.abs(A).max(initial=0.0)), scale)
     for k in range(min(A.shape)):
         rest = np.abs(A[k:, k:])
-        i, j = np.unravel_index(int(np.argmax(rest)), rest.shape)
+        i, j = divmod(int(np.argmax(rest)), rest.shape[1])
         if not rest[i, j] > RANK * largest:
             return k, columns
         A[[k, k + i]] = A[[k + i, k]]

@@ -24,7 +24,14 @@ import pinocchio as pin
 from pinfric.errors import RobotError, SceneError, choose_from
 from pinfric.model.drives import Drive
 from pinfric.model.robot import link_frame
-from pinfric.model.schema import Actuator, Cylinder, Friction, Loop, PointForce
+from pinfric.model.schema import (
+    Actuator,
+    Cylinder,
+    DirectedCoefficients,
+    Friction,
+    Loop,
+    PointForce,
+)
 
 #: How a pair of frames acts.
 LOOP, CYLINDER, FORCE = range(3)
@@ -174,6 +181,27 @@ def make_linkage(
         friction_column=friction_column,
         size=_size(model, pairs),
     )
+
+
+def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
+    """Check that friction fits the joint that closes a loop.
+
+    Raises:
+        SceneError: a bearing of another kind of joint, friction where nothing moves.
+    """
+    bearing = friction.bearing
+    fitting = {"spherical": ("ball",), "revolute": ("pin", "linear"),
+               "planar_pin": ("pin", "linear")}.get(loop.kind)  # fmt: skip
+    if fitting is None:
+        raise SceneError(f"{where}: a {loop.kind} loop does not move: it has no friction")
+    if bearing is not None and bearing.kind not in fitting:
+        raise SceneError(f"{where}.bearing: a {bearing.kind} does not fit a {loop.kind} loop; "
+                         f"take {' or '.join(fitting)}")  # fmt: skip
+    if loop.kind == "planar_pin" and bearing is not None and bearing.length is not None:
+        raise SceneError(f"{where}.bearing.length: a planar_pin carries no moment that a "
+                         "length would matter for; leave it out")  # fmt: skip
+    if loop.kind == "spherical" and isinstance(friction.coulomb, DirectedCoefficients):
+        raise SceneError(f"{where}.coulomb: a ball has no positive and negative direction")
 
 
 def _check_names(model: pin.Model, loops: Sequence[Loop], source: str) -> None:

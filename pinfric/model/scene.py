@@ -17,7 +17,7 @@ from pinfric.model.bearings import LoadWeights, load_weights, weight_table
 from pinfric.model.closure import check_drives, close, velocity_indices
 from pinfric.model.drives import Drive
 from pinfric.model.laws import FrictionLaw, friction_law, law_table
-from pinfric.model.loops import Linkage, make_linkage
+from pinfric.model.loops import Linkage, check_loop_friction, make_linkage
 from pinfric.model.robot import (
     Robot,
     link_frame,
@@ -29,7 +29,6 @@ from pinfric.model.robot import (
 from pinfric.model.schema import (
     Actuator,
     Coefficients,
-    DirectedCoefficients,
     Friction,
     Loop,
     Payload,
@@ -341,20 +340,8 @@ class Scene:
         )
 
     def _loop_site(self, row: int, loop: Loop) -> Site:
-        friction, where = self.friction[loop.name], f"{self.source}: friction.{loop.name}"
-        bearing = friction.bearing
-        fitting = {"spherical": ("ball",), "revolute": ("pin", "linear"),
-                   "planar_pin": ("pin", "linear")}.get(loop.kind)  # fmt: skip
-        if fitting is None:
-            raise SceneError(f"{where}: a {loop.kind} loop does not move: it has no friction")
-        if bearing is not None and bearing.kind not in fitting:
-            raise SceneError(f"{where}.bearing: a {bearing.kind} does not fit a {loop.kind} loop; "
-                             f"take {' or '.join(fitting)}")  # fmt: skip
-        if loop.kind == "planar_pin" and bearing is not None and bearing.length is not None:
-            raise SceneError(f"{where}.bearing.length: a planar_pin carries no moment that a "
-                             "length would matter for; leave it out")  # fmt: skip
-        if loop.kind == "spherical" and isinstance(friction.coulomb, DirectedCoefficients):
-            raise SceneError(f"{where}.coulomb: a ball has no positive and negative direction")
+        friction = self.friction[loop.name]
+        check_loop_friction(loop, friction, f"{self.source}: friction.{loop.name}")
         axis = np.array(loop.axis, dtype=float)
         return Site(
             name=loop.name,
@@ -363,7 +350,7 @@ class Scene:
             velocity_index=-1,
             ratio=1.0,
             axis=axis / np.linalg.norm(axis),
-            weights=load_weights(bearing),
+            weights=load_weights(friction.bearing),
             law=friction_law(friction, self.stick_velocity),
             friction=friction,
             loop=row,

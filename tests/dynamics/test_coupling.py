@@ -302,3 +302,17 @@ def test_what_is_forced_to_slip_slips_even_where_stick_is_admissible():
     assert m.direction[0] == 1.0
     p.rate_free[:] = 0.5  # the slip would go backward
     assert modes.search(p, m, {0: 1.0}) == Found.NONE
+
+
+def test_what_was_sticking_decides_between_equally_few_slipping():
+    p = random_problem(14, nc=3, strength=0.1, static=1.8)
+    at_rest = np.ones(3, bool)
+    choices = [direction.tolist() for direction, _ in brute_force(p, at_rest)]
+    assert choices == [[0, 0, -1], [0, 1, 0], [-1, 0, 0]]
+    m = Modes.of(3, np.zeros(3))
+    m.at_rest[:] = True
+    assert modes.search(p, m) == Found.AMBIGUOUS
+    assert modes.search(p, m, held=np.array([True, True, False])) == Found.SOLVED
+    assert m.direction.tolist() == [0, 0, -1]
+    assert modes.search(p, m, held=np.array([True, False, False])) == Found.AMBIGUOUS
+    assert modes.search(p, m, held=np.ones(3, bool)) == Found.AMBIGUOUS

@@ -251,6 +251,9 @@ def test_dense_sampling_agrees_with_the_samples():
     inverse = pf.inverse_dynamics(coarse.scene, dense)
     assert (inverse.effort_lower <= dense.effort + 1e-9).all()
     assert (inverse.effort_upper >= dense.effort - 1e-9).all()
+    part = fine.sample(np.linspace(0.7, 1.1, 5)).energy()
+    assert part.work != pytest.approx(fine.energy().work, rel=0.1)
+    assert abs(part.residual) < 1e-7
     for bad in ([-0.1], [2.1], [1.0, 1.0]):
         with pytest.raises(StateError):
             coarse.sample(bad)

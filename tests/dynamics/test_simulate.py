@@ -10,7 +10,7 @@ import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.errors import NoConsistentAcceleration, SimulationError
+from pinfric.errors import AmbiguousAcceleration, NoConsistentAcceleration, SimulationError
 
 G = 9.81
 
@@ -520,3 +520,57 @@ def test_all_three_methods_agree_on_the_paper_s_robot():
     np.testing.assert_allclose(stepped.q[-1], exact.q[-1], atol=0.02)
     np.testing.assert_allclose(smooth.q[-1], exact.q[-1], atol=0.02)
     assert np.abs(stepped.q[-1] - exact.q[-1]).max() > 1e-6
+
+
+def test_a_joint_that_comes_to_rest_leaves_what_sticks_alone():
+    """Either joint could slip at that instant; the one that has been sticking sticks on."""
+    scene = pf.load_scene("three_link")
+    radii, lengths = (0.05, 0.08, 0.03), (0.12, 0.10, None)
+    static, kinetic = (0.3, 0.35, 0.25), (0.25, 0.30, 0.2)
+    friction = {}
+    for i, name in enumerate(scene.joint_names):
+        bearing = {"kind": "pin", "radius": radii[i]}
+        if lengths[i]:
+            bearing["length"] = lengths[i]
+        mu = {"static": static[i], "kinetic": kinetic[i]}
+        friction[name] = {"bearing": bearing, "mu": mu}
+    scene = pf.Scene(model=scene.model, friction=friction)
+    q0 = np.array([0.1, -0.3, 0.2])
+    hold = pin.rnea(scene.model, scene.model.createData(), q0, np.zeros(3), np.zeros(3))
+
+    def effort(t, q, v):
+        return hold + np.array([5 * np.sin(9 * t), 2 * np.cos(7 * t), 0.12 * np.sin(11 * t)])
+
+    motion = pf.simulate(scene, q0, [0.05, 0.0, -0.1], effort, 0.6)
+    event = motion.events[-1]
+    assert (event.name, event.kind) == ("joint_1", "reversal")
+    i = int(motion.t.searchsorted(event.time))
+    assert motion.modes[i - 1 : i + 1, 1].tolist() == [0, 0]
+    with pytest.raises(AmbiguousAcceleration, match="several"):  # the instant alone cannot tell
+        pf.forward_dynamics(scene, motion.q[i], motion.v[i], motion.effort[i])
+
+
+def test_a_pulse_that_starts_at_a_breakpoint_and_is_gone_at_the_next_look():
+    scene = pf.Scene(model=block(0.0), friction={"slide": plane_friction(0.35, 0.3)})
+    limit = 0.35 * 2 * G
+
+    def effort(t, q, v):
+        return np.array([1.5 * limit * np.exp(-(t - 0.5) / 1e-3) if t >= 0.5 else 0.0])
+
+    motion = pf.simulate(scene, [0.0], [0.0], effort, 2.0, breakpoints=[0.5])
+    assert [e.kind for e in motion.events] == ["slip", "stick"]
+    assert motion.events[0].time == 0.5
+    assert motion.q[-1, 0] > 0
+
+
+def test_what_balances_to_rounding_stays_where_friction_is_next_to_nothing():
+    """The effort misses the weight by rounding, and the limit is smaller still."""
+    model = block(0.4, 3.7)
+    weight = pin.rnea(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))
+    friction = {"slide": {"coulomb": {"static": 1e-16, "kinetic": 1e-16}}}
+    scene = pf.Scene(model=model, friction=friction)
+    for effort in (np.nextafter(weight, 0.0), weight, np.nextafter(weight, -100.0)):
+        motion = pf.simulate(scene, [0.0], [0.0], effort, 5.0)
+        assert motion.events == ()
+        assert (motion.q == 0).all()
+        assert motion.evaluations < 2300

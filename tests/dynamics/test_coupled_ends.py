@@ -1,0 +1,142 @@
+"""Ends of efforts where pins and balls stick, and the friction of balls, with loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from cases import Case, ball_tripod, four_bars_in_a_row, resting_four_bar, turning_four_bar
+from mechanisms import pin_friction
+
+import pinfric as pf
+from pinfric.dynamics import choices, coupled_solve
+from pinfric.dynamics.coupled_solve import Solver
+from pinfric.dynamics.solutions import one_sample
+
+# ---------------------------------------------------------------- balls
+
+
+def test_ball_friction_opposes_the_relative_angular_velocity():
+    case = ball_tripod()
+    result = case.inverse()
+    assert result.check().passed(1e-12)  # checks the vector in frame b, component by component
+    ball = result.site_names.index("ball")
+    force = np.linalg.norm(result.multipliers[:, 0, :3], axis=1)
+    np.testing.assert_allclose(result.normal_load[:, ball], 0.02 * force, rtol=1e-12)
+    (solution,) = result.solutions(1)
+    assert np.linalg.norm(solution.friction_coordinates[-3:]) == pytest.approx(
+        0.3 * result.normal_load[1, ball], rel=1e-12
+    )
+
+
+def test_the_loss_at_a_ball_is_its_moment_times_the_relative_rotation():
+    case = ball_tripod()
+    result, free = case.inverse(), ball_tripod(mu=0.0).inverse()
+    given = ((result.effort_lower - free.effort_lower) * result.actuator_velocity).sum(axis=1)
+    data = case.scene.model.createData()
+    for i in range(len(case.q)):
+        pin.forwardKinematics(case.scene.model, data, case.q[i], case.v[i])
+        spin = [pin.getVelocity(case.scene.model, data, j, pin.ReferenceFrame.WORLD).angular
+                for j in (4, 5)]  # fmt: skip
+        loads = dict(zip(result.site_names, result.normal_load[i], strict=True))
+        loss = 0.3 * (loads["ball"] * np.linalg.norm(spin[1] - spin[0])
+                      + loads["rocker"] * abs(case.v[i, 4]))  # fmt: skip
+        assert given[i] == pytest.approx(loss, rel=1e-10)
+
+
+def test_a_sticking_balls_ends_are_those_of_its_sphere():
+    """Against 20,000 directions of the ball's friction, the pins' limits tried too."""
+    case = ball_tripod(mu=0.5, radius=0.05)
+    result = Case(case.scene, case.q[:1], 0 * case.v[:1], 0 * case.a[:1]).inverse()
+    assert result.sticking.all()
+    assert not result.interval_exact[0]
+    layout, _, samples, velocity = one_sample(result, 0)
+    solver = Solver(layout, samples.maps, velocity, result.reversal)
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(20_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for code in (choices.LOWER, choices.UPPER):
+        codes = np.tile([code, choices.UPPER], (len(directions), 1))
+        every = np.column_stack([np.ones(len(directions)), directions])
+        c = solver.candidates(np.zeros(len(directions), dtype=np.int64), codes, every)
+        effort = solver._efforts(c.sample, solver._phi(c, 0))
+        low, high = np.minimum(low, effort.min(axis=0)), np.maximum(high, effort.max(axis=0))
+    width = high - low
+    assert (result.effort_lower[0] <= low + 1e-9 * width).all()
+    assert (result.effort_upper[0] >= high - 1e-9 * width).all()
+    # and not beyond: the samples come close to the sphere's extreme
+    np.testing.assert_allclose(result.effort_lower[0], low, atol=2e-3 * width.max())
+    np.testing.assert_allclose(result.effort_upper[0], high, atol=2e-3 * width.max())
+
+
+# ---------------------------------------------------------------- intervals
+
+
+def test_ends_at_rest_are_the_extremes_of_every_corner():
+    """Against all 2^4 corners solved by the independent judge's fixed point, one by one."""
+    case = resting_four_bar(5, friction=pin_friction(0.3, 0.05, static=0.4))
+    result = case.inverse()
+    assert result.interval_exact.all()
+    for i in range(len(case.q)):
+        layout, _, samples, _ = one_sample(result, i)
+        effort, contact = samples.maps.effort[0, 0], samples.maps.contact[0]
+        corners = []
+        for corner in np.ndindex(2, 2, 2, 2):
+            sign, phi = np.array(corner) * 2.0 - 1, np.zeros(4)
+            for _ in range(500):
+                forces = contact[:, 0] + np.einsum("tke,k->te", contact[:, 1:], phi)
+                load = np.zeros(4)
+                np.add.at(load, layout.contact_site, np.linalg.norm(forces, axis=1))
+                phi = sign * 0.4 * load
+            corners.append(effort[0] + effort[1:] @ phi)
+        assert result.effort_lower[i, 0] == pytest.approx(min(corners), rel=1e-11)
+        assert result.effort_upper[i, 0] == pytest.approx(max(corners), rel=1e-11)
+    assert result.check().passed(1e-12)
+
+
+def test_inside_the_interval_at_rest_sliding_solutions_tend_to_its_ends():
+    """Creeping either way, all pins slide with kinetic = static friction: inside or at an end."""
+    rest = resting_four_bar(6).inverse()
+    for rate in (1e-4, -1e-4):
+        creeping = turning_four_bar(6, rate=rate, acceleration=0.0).inverse()
+        slack = 1e-6 * np.abs(rest.effort_upper - rest.effort_lower)
+        assert (creeping.effort_lower >= rest.effort_lower - slack).all()
+        assert (creeping.effort_upper <= rest.effort_upper + slack).all()
+
+
+def test_single_flips_find_what_enumeration_finds(monkeypatch):
+    """Ten pins at rest: beyond eight the search says so; with the limit raised, the truth."""
+    case = four_bars_in_a_row(radius=0.03)
+    searched = case.inverse()
+    assert searched.sticking.all()
+    assert searched.sticking.shape[1] == 10
+    assert not searched.interval_exact.any()
+    monkeypatch.setattr(coupled_solve, "ENUMERATED", 1 << 10)
+    exact = case.inverse()
+    assert exact.interval_exact.all()
+    np.testing.assert_allclose(searched.effort_lower, exact.effort_lower, rtol=1e-12)
+    np.testing.assert_allclose(searched.effort_upper, exact.effort_upper, rtol=1e-12)
+    assert (exact.effort_upper - exact.effort_lower > 0.01).all()
+
+
+def test_flips_alone_agree_with_enumeration_on_the_four_bar(monkeypatch):
+    case = resting_four_bar(40, friction=pin_friction(0.5, 0.03))
+    exact = case.inverse()
+    monkeypatch.setattr(coupled_solve, "ENUMERATED", 1)
+    searched = case.inverse()
+    np.testing.assert_allclose(searched.effort_lower, exact.effort_lower, rtol=1e-12)
+    np.testing.assert_allclose(searched.effort_upper, exact.effort_upper, rtol=1e-12)
+
+
+def test_a_reversing_pins_interval_holds_sliding_and_both_limits():
+    case = turning_four_bar(400)
+    result = case.inverse()
+    turning = np.flatnonzero(result.reversal.any(axis=1))
+    assert len(turning) >= 2  # pin B and pin C reverse in a turn
+    for i in turning:
+        (s,) = np.flatnonzero(result.reversal[i])
+        before = pf.inverse_dynamics(case.scene, case.q[i], case.v[i], case.a[i])
+        assert result.effort_lower[i, 0] <= before.effort_lower[0, 0] <= result.effort_upper[i, 0]
+        assert result.friction_lower[i, s] < 0 < result.friction_upper[i, s]
+    assert (result.effort_lower == result.effort_upper)[~result.reversal.any(axis=1)].all()
