@@ -84,6 +84,16 @@ def _check(linkage: Linkage, state: LoopState, here: slice, checked: slice) -> N
                 sample = here.start + int(np.argmax(short))
                 raise StateError(f"cylinder {drive.name!r}: its ends coincide at sample {sample}: "
                                  "it has no direction there")  # fmt: skip
+    for row, loop in enumerate(linkage.loops):
+        tilted = np.logical_and(state.tilt[:, row] > NEARLY_CLOSED, inside)
+        if loop.kind == "planar_pin" and tilted.any():
+            sample = int(np.argmax(tilted))
+            raise StateError(
+                f"loop {loop.name!r}: the axes of its sides differ by "
+                f"{state.tilt[sample, row]:.3g} "
+                f"rad at sample {here.start + sample}: a planar_pin closes planar mechanisms; take "
+                "spherical or revolute"
+            )
     rows, pairs = linkage.lambdas, linkage.column_pair[linkage.lambdas]
     turning = np.abs(linkage.unit[rows, 3:]).max(axis=1, initial=0.0) > 0
     allowed = np.where(turning, NEARLY_CLOSED, NEARLY_CLOSED * linkage.size)

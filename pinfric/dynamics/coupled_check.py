@@ -54,37 +54,48 @@ def coupled_residuals(
     scene, states = result.scene, result.states
     pin.computeJointJacobians(model, data, states.q[i])
     pairs = _pairs(scene, model, data)
-    ends = result.solutions(i)
-    efforts = np.array([end.effort for end in ends])
     worst = np.zeros(3)
     if (result.sticking[i] | result.reversal[i]).any() or result.status[i] == Status.AMBIGUOUS:
-        worst[0] = _ends(result, i, efforts)
-    else:  # judge what is in the result, not what is solved anew
-        ends = (_reported(result, i, ends[0]),)
+        ends = result.solutions(i)
+        worst[0] = _ends(result, i, np.array([end.effort for end in ends]))
+    else:
+        ends = (_reported(result, model, data, pairs, i),)
         low, high = result.effort_lower[i], result.effort_upper[i]
         worst[0] = np.abs(low - high).max(initial=0.0)
         worst[1] = np.abs(result.friction_lower[i] - result.friction_upper[i]).max(initial=0.0)
     for end in ends:
         worst = np.maximum(worst, _residuals(result, model, data, pairs, i, end))
     worst[0] = max(worst[0], _frictionless(result, model, data, pairs, i))
-    return worst, float(np.abs(efforts).max(initial=0.0))
+    return worst, max(float(np.abs(end.effort).max(initial=0.0)) for end in ends)
 
 
-def _reported(result: InverseResult, i: int, solved: Solution) -> Solution:
-    """The result's own figures of a sample where everything slides; balls' directions as solved."""
+def _reported(
+    result: InverseResult, model: pin.Model, data: pin.Data, pairs: dict[str, Pair], i: int
+) -> Solution:
+    """The result's own figures of a sample where everything slides."""
     assert result.wrench is not None
     assert result.multipliers is not None
-    parts = []
-    sites = zip(result.scene.sites, _split(result.scene, solved.friction_coordinates), strict=True)
-    for k, (site, phi) in enumerate(sites):
-        size = result.friction_lower[i, k]
-        norm = float(np.linalg.norm(phi))
-        parts.append(
-            phi * (abs(size) / norm) if site.ball and norm > 0 else np.full(len(phi), size)
-        )
-    phi = np.concatenate(parts) if parts else np.zeros(0)
-    return Solution(result.effort_lower[i], result.friction_lower[i], phi, result.normal_load[i],
-                    result.wrench[i], result.multipliers[i])  # fmt: skip
+    parts = [np.zeros(0)]
+    for site, size in zip(result.scene.sites, result.friction_lower[i], strict=True):
+        velocity = _site_velocity(result, site, pairs, model, data, i)
+        speed = float(np.linalg.norm(velocity))
+        parts.append(size * velocity / speed if site.ball else np.array([size]))
+    return Solution(result.effort_lower[i], result.friction_lower[i], np.concatenate(parts),
+                    result.normal_load[i], result.wrench[i], result.multipliers[i])  # fmt: skip
+
+
+def _site_velocity(
+    result: InverseResult, site: Site, pairs: dict[str, Pair], model: pin.Model, data: pin.Data,
+    i: int,
+) -> np.ndarray:  # fmt: skip
+    """(1,) relative velocity of a site, (3,) in frame b for a ball."""
+    v = result.states.v[i]
+    if site.loop < 0:
+        return np.array([site.ratio * v[site.velocity_index]])
+    pair = pairs[site.name]
+    axes = np.eye(3) if site.ball else site.axis[None]
+    couples = [np.concatenate([np.zeros(3), pair.frame @ axis]) for axis in axes]
+    return np.array([_generalized(model, data, pair, couple) @ v for couple in couples])
 
 
 def _ends(result: InverseResult, i: int, efforts: np.ndarray) -> float:
@@ -223,19 +234,12 @@ def _law_error(
 ) -> float:  # fmt: skip
     """How far one site's load and friction are from the formulas."""
     site, states = result.scene.sites[k], result.states
+    velocity = _site_velocity(result, site, pairs, model, data, i)
     moved = 0.0
     if site.loop < 0:
         twin = result.scene.twin()
         q = states.q[i, twin.q_index[site.joint]]
         moved = float(twin.ratio[site.joint] * q + twin.shift[site.joint])
-        velocity = np.array([site.ratio * states.v[i, site.velocity_index]])
-    else:
-        pair = pairs[site.name]
-        axes = np.eye(3) if site.ball else site.axis[None]
-        velocity = np.array([
-            _generalized(model, data, pair, np.concatenate([np.zeros(3), pair.frame @ axis]))
-            @ states.v[i] for axis in axes
-        ])  # fmt: skip
     load = plain_normal_load(site, w, moved)
     error = abs(end.normal_load[k] - load)
     if not site.ball:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import RobotError, SceneError, choose_from
+from pinfric.errors import RobotError, SceneError
 from pinfric.model.drives import Drive
 from pinfric.model.robot import link_frame
 from pinfric.model.schema import (
@@ -302,8 +302,3 @@ def _size(model: pin.Model, pairs: list[dict[str, Any]]) -> float:
                for j in range(1, model.njoints)]  # fmt: skip
     lengths += [np.linalg.norm(p) for pair in pairs for p in pair["p"]]
     return float(max(lengths, default=0.0)) or 1.0
-
-
-def choose_loop(name: str, linkage: Linkage) -> str:
-    """Say which loops there are, for the end of an error message."""
-    return choose_from(name, [loop.name for loop in linkage.loops])

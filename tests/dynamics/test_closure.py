@@ -183,6 +183,15 @@ def test_a_cylinder_whose_ends_coincide_is_refused_with_the_sample():
         pf.inverse_dynamics(scene, q, 0 * q, 0 * q)
 
 
+def test_a_planar_pin_outside_the_plane_is_refused():
+    case = ball_tripod()
+    loop = {**case.scene.loops[0].model_dump(), "kind": "planar_pin"}
+    drives = [{"joint": name} for name in ("arm", "rod", "rocker")]
+    scene = pf.Scene(model=case.scene.model, loops=[loop], actuators=drives)
+    with pytest.raises(StateError, match=r"'ball': the axes of its sides differ by .* at sample 0"):
+        pf.inverse_dynamics(scene, case.q, case.v, case.a)
+
+
 # ---------------------------------------------------------------- actuators
 
 
