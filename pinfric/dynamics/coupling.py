@@ -126,7 +126,7 @@ def eliminate(
 ) -> int:
     """Write all friction as X[:, 0] + X[:, 1:] z, z the friction that loads make implicit.
 
-    Sticking coordinates are eliminated by r = 0, slipping ones without a load by their offset.
+    Sticking coordinates are eliminated by r = 0, slipping ones whose load is constant by their law.
 
     Args:
         problem, stuck, gain, offset: see `slip_law`.
@@ -158,6 +158,9 @@ def eliminate(
             X[c, 1 + unknown[c]] = 1.0
         else:
             X[c, 0] = offset[c]
+            for s in range(gain.size):  # a bearing with a preload only: its load is known
+                if problem.coordinate[s] == c:
+                    X[c, 0] += gain[s] * problem.constant[s]
     if nh == 0:
         return nz
     A, B = np.empty((nh, nh)), np.empty((nh, nz + 1))

@@ -11,6 +11,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
+from pinfric.errors import StateError
 from pinfric.model.effects import effects, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.summary import ends_by_magnitude
@@ -126,6 +127,10 @@ class _Motion:
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory | None) -> _Motion:
+        if trajectory is None and scene.linkage is not None:
+            raise StateError(
+                f"{scene.source}: random states do not close its loops; give a trajectory"
+            )
         if trajectory is None:
             qva: tuple[np.ndarray, np.ndarray, np.ndarray] = _random_motion(scene)
             attached = None

@@ -361,3 +361,27 @@ def test_a_joint_that_moves_no_mass_is_an_error():
     model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
     with pytest.raises(SceneError, match="moves no mass"):
         pf.forward_dynamics(pf.Scene(model=model), [0.0], [0.0], [1.0])
+
+
+@pytest.mark.parametrize("bearing", [
+    {"kind": "linear", "preload": 10.0},
+    {"kind": "guide", "length": 0.2, "width": 0.1, "preload": 10.0},
+])  # fmt: skip
+def test_a_preload_brakes_with_and_without_other_loads(bearing):
+    """m a = u - mu (preload + the weight a guide carries), sliding and breaking away."""
+    model = block(mass=2.0)
+    friction = {"bearing": bearing, "mu": {"static": 0.5, "kinetic": 0.4}}
+    scene = pf.Scene(model=model, friction={"slide": friction})
+    load = 10.0 + (2.0 * G if bearing["kind"] == "guide" else 0.0)
+    sliding = pf.forward_dynamics(scene, [0.0], [1.0], [0.0])
+    assert sliding.a[0] == pytest.approx(-0.4 * load / 2.0)
+    assert sliding.friction[0] == pytest.approx(-0.4 * load)
+    held = pf.forward_dynamics(scene, [0.0], [0.0], [0.5 * load * (1 - 1e-9)])
+    assert held.a[0] == 0.0
+    loose = pf.forward_dynamics(scene, [0.0], [0.0], [0.5 * load * (1 + 1e-9)])
+    assert loose.a[0] == pytest.approx(0.1 * load / 2.0)
+
+
+def test_loops_are_refused_by_name_until_they_are_there():
+    with pytest.raises(SceneError, match=r"four_bar.*loops, cylinders or forces"):
+        pf.simulate(pf.load_scene("four_bar"), [0.0] * 3, [0.0] * 3, [0.0], 1.0)
