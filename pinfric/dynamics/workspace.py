@@ -118,8 +118,8 @@ class Workspace:
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
         if scene.linkage is not None:
             raise SceneError(
-                f"{scene.source}: forward dynamics with loops, cylinders or forces is not supported "
-                "yet; inverse dynamics is"
+                f"{scene.source}: forward dynamics with loops, cylinders or forces is not "
+                "supported yet; inverse dynamics is"
             )
         self.scene = scene
         self.twin: Twin = scene.twin(attached)

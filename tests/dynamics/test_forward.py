@@ -20,6 +20,7 @@ from pinfric.errors import (
     SimulationError,
     StateError,
 )
+from pinfric.study.scene_run import run_scene
 
 G = 9.81
 
@@ -384,4 +385,4 @@ def test_a_preload_brakes_with_and_without_other_loads(bearing):
 
 def test_loops_are_refused_by_name_until_they_are_there():
     with pytest.raises(SceneError, match=r"four_bar.*loops, cylinders or forces"):
-        pf.simulate(pf.load_scene("four_bar"), [0.0] * 3, [0.0] * 3, [0.0], 1.0)
+        run_scene(pf.load_scene("four_bar"))
