@@ -1,0 +1,113 @@
+"""The notebooks run from top to bottom, quickly, stripped of outputs, on public names only."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import nbclient
+import nbformat
+import pytest
+
+import pinfric as pf
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+#: What a reader waits at most (s).
+PATIENCE = 120
+
+
+def read(file):
+    return nbformat.read(file, as_version=4)
+
+
+def python_of(notebook):
+    """The code of a notebook as one module; other languages (`%%bash`) and magics left out."""
+    cells = [c.source for c in notebook.cells if c.cell_type == "code"]
+    python = [source for source in cells if not source.startswith("%%")]
+    return ast.parse(re.sub(r"^%.*$", "", "\n".join(python), flags=re.MULTILINE))
+
+
+def test_these_are_all():
+    numbers = [file.name[:2] for file in NOTEBOOKS]
+    assert numbers == ["01", "02", "03", "04", "05"]
+
+
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def test_runs_from_top_to_bottom(file, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", os.defpath)  # `pinfric` is found without an activated environment
+    monkeypatch.setenv("PYTHONWARNINGS", "error::RuntimeWarning")
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))  # no profile of the user's
+    notebook = read(file)
+    client = nbclient.NotebookClient(
+        notebook, timeout=PATIENCE, resources={"metadata": {"path": tmp_path}}
+    )
+    begin = time.monotonic()
+    client.execute()  # an exception in a cell is one here
+    assert time.monotonic() - begin < PATIENCE
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    shown = [set(output.get("data", {})) for output in outputs]
+    assert any("image/png" in data for data in shown)
+    assert any("<iframe" in output.get("data", {}).get("text/html", "") for output in outputs)
+    errors = [o.text for o in outputs if o.output_type == "stream" and o.name == "stderr"]
+    assert all(text.startswith("pinfric: wrote") for text in errors), errors
+
+
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def test_outputs_are_stripped(file):
+    notebook = read(file)
+    nbformat.validate(notebook)
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            assert not cell.outputs
+            assert cell.execution_count is None
+    assert set(notebook.metadata) == {"kernelspec", "language_info"}
+    assert notebook.metadata.kernelspec.name == "python3"
+    text = file.read_text(encoding="utf-8")
+    assert text == nbformat.writes(notebook, indent=1) + "\n"  # as Jupyter saves it
+
+
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def test_uses_public_names_only(file):
+    tree = python_of(read(file))
+    used = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            ours = [alias for alias in node.names if alias.name.split(".")[0] == "pinfric"]
+            assert all(alias.name == "pinfric" and alias.asname == "pf" for alias in ours)
+        elif isinstance(node, ast.ImportFrom):
+            assert (node.module or "").split(".")[0] != "pinfric"
+        elif (
+            isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.value.id == "pf"
+        ):
+            used.add(node.attr)
+        elif isinstance(node, ast.Attribute):
+            assert not node.attr.startswith("_") or node.attr.endswith("__"), node.attr
+    assert used
+    assert used <= set(pf.__all__)
+
+
+def test_pictures_are_small_and_shown():
+    pictures = sorted((FOLDER / "pictures").glob("*.png"))
+    assert [p.stem for p in pictures] == ["efforts", "replay", "work_precision"]
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for picture in pictures:
+        assert picture.stat().st_size < 150_000
+        assert f"(notebooks/pictures/{picture.name})" in readme
+
+
+def test_pictures_script_says_what_it_makes():
+    run = subprocess.run(
+        [sys.executable, FOLDER / "make_pictures.py", "--help"], capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stderr
+    for name in ("efforts", "replay", "work_precision"):
+        assert name in run.stdout
