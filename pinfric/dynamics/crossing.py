@@ -18,8 +18,8 @@ def first_crossing(
     """Return the first time at which a guard falls below zero, or None.
 
     Only what falls below -slack counts, but it is located at zero. Between two positive values a
-    dip is looked for where the values' second differences leave room for one. A guard that starts
-    below zero and stays there fires at the start.
+    dip is looked for where the values' second differences leave room for one. A guard that is
+    below from the start fires there.
 
     Args:
         guard: of time; continuous, or with jumps, which are located too.
@@ -29,6 +29,8 @@ def first_crossing(
     """
     if not np.isfinite(values).all():
         return None
+    if values[0] < -slack:
+        return float(times[0])
     bend = float(np.abs(np.diff(values, 2)).max()) if len(values) > 2 else 0.0
     for i in range(len(times) - 1):
         ends = (times[i], times[i + 1]), (values[i], values[i + 1])
@@ -50,13 +52,11 @@ def _within(
     if at_end < -slack:
         if at_start > 0.0:
             return root(guard, start, end)
-        if at_start >= -slack:  # it starts on zero: after a moment above, or from where it leaves
-            for k in range(1, 45):
-                middle = start + (end - start) * 0.5**k
-                if guard(middle) > slack:
-                    return root(guard, middle, end)
-            return root(lambda t: guard(t) + slack, start, end) if slack > 0.0 else start
-        return start
+        for k in range(1, 45):  # it starts on zero: after a moment above, or from where it leaves
+            middle = start + (end - start) * 0.5**k
+            if guard(middle) > slack:
+                return root(guard, middle, end)
+        return root(lambda t: guard(t) + slack, start, end) if slack > 0.0 else start
     # a parabola with this second difference dips at most bend / 8 below both ends
     if min(at_start, at_end) > 0.5 * bend or depth == 0 or bend <= slack:
         return None

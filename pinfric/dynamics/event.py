@@ -94,8 +94,6 @@ class EventIntegration:
         """Integrate until the modes change, the chart must move or `end`; return the next step."""
         from scipy.integrate import DOP853
 
-        if self._breaks_at_once():
-            return None
         if first_step is not None:
             first_step = min(first_step, end - self.t)
         solver = DOP853(self.rhs, self.t, self.y, end, rtol=self.settings.rtol,
@@ -190,16 +188,6 @@ class EventIntegration:
         """After a change of modes: what is below zero now was handled, and does not fire again."""
         guards = self._guards(self.t, self.y)
         self.allowance = np.where(guards < -0.5 * self._slack(), -2.0 * guards, 0.0)
-
-    def _breaks_at_once(self) -> bool:
-        """Change modes where friction is beyond its limits at the very start (effort jumped)."""
-        if not self.ws.modes.stuck.any():
-            return False
-        guards = self._guards(self.t, self.y) + self.allowance
-        broken = np.flatnonzero(self.ws.modes.stuck & (guards < -self._slack()))
-        if broken.size:
-            self._change_modes(broken)
-        return bool(broken.size)
 
     def _first_event(
         self, start: float, end: float, polynomial: object

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -313,7 +314,7 @@ class Dense:
         work, loss = 0.0, np.zeros(len(sites.ratio))
         inside = self.t[(self.t > motion.t[0]) & (self.t < motion.t[-1])]
         borders = [motion.t[0], *inside, motion.t[-1]]
-        for start, end in zip(borders[:-1], borders[1:], strict=True):
+        for start, end in pairwise(borders):
             half = (end - start) / 2
             rows = self.rows(motion, start + half * (1 + nodes))
             for weight, (_, _, v, _, effort, _, friction, _) in zip(weights, rows, strict=True):

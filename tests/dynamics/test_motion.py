@@ -325,6 +325,7 @@ def test_a_file_that_is_no_motion_is_refused(tmp_path):
     (lambda t: (t - 0.41) ** 2 + 1e-6, None),
     (lambda t: (t - 0.41) ** 2 - 1e-6, 0.409),
     (lambda t: t * (0.5 - t), 0.5),  # starts on zero
+    (lambda t: t - 0.1, 0.0),  # below from the start
     (lambda t: t**3, None),  # starts on zero and leaves upwards
     (lambda t: -t, 0.0),  # fires where it starts
     (lambda t: -1e-12 * np.ones_like(t), None),  # rounding
