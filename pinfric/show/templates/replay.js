@@ -212,7 +212,7 @@ function friction_text(site, s, k) {
   const i = k * ns + s, low = LOWER[i], up = UPPER[i];
   const share = isFinite(USE[i]) ? ` <small>${(100 * USE[i]).toFixed(0)} %</small>` : "";
   const minus = (x) => number(x).replace("-", "−");
-  if (!(up - low > 1e-9 * Math.abs(up))) return `${minus(up)}${share} <small>${site.unit}</small>`;
+  if (!(up - low > 1e-9 * Math.abs(up))) return `${minus(up)} <small>${site.unit}</small>${share}`;
   return -low === up || Math.abs(low + up) < 1e-6 * up ? `±${number(up)} <small>${site.unit}</small>`
     : `${minus(low)} … ${minus(up)} <small>${site.unit}</small>`;
 }
