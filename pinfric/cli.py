@@ -1,36 +1,38 @@
 """The command line: each command reads files, calls the library, and prints or writes.
 
-A new command is a function under `@app.command()` of a few lines: `_load` what it names, compute
-(inside `_working`), then `_write` files and `_show` tables or JSON. What is heavy is imported
+A new command is a function under `@app.command()` of a few lines: `load` what it names, compute
+(inside `working`), then `write` files and `show` tables or JSON. What is heavy is imported
 inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import sys
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TextIO
+from typing import Annotated, Any
 
 import typer
 
 from pinfric import __version__
-from pinfric.errors import PinfricError, PinfricWarning
+from pinfric.errors import PinfricError
+from pinfric.terminal import (
+    as_text,
+    load,
+    notice,
+    noticed,
+    print_line,
+    say,
+    show,
+    warnings_as_notices,
+    working,
+    write,
+)
 
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-
-    from pinfric.model.scene import Scene
-    from pinfric.show.files import Writer
-    from pinfric.study.trajectory import Trajectory
-
-#: Exit codes: what was given is wrong; a defect of pinfric (sysexits.h's EX_SOFTWARE); the reader
-#: of our output left; stopped by Ctrl-C.
-BAD_INPUT, INTERNAL_ERROR, NO_READER, INTERRUPTED = 2, 70, 141, 130
+#: Exit codes: what was given is wrong; a defect of pinfric (sysexits.h's EX_SOFTWARE); stopped by
+#: Ctrl-C. (`terminal.NO_READER`: the reader of our output left.)
+BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
 
 app = typer.Typer(
     name="pinfric", add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -50,9 +52,6 @@ Threads = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Threads; by default as many as pay off.")
 ]
 
-#: The warnings of this run, for its JSON.
-_noticed: list[str] = []
-
 
 @app.callback(invoke_without_command=True)
 def _options(
@@ -60,9 +59,9 @@ def _options(
     version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
 ) -> None:
     if version:
-        _print(f"pinfric {__version__}")
+        print_line(f"pinfric {__version__}")
     elif context.invoked_subcommand is None:
-        _print(context.get_help())
+        print_line(context.get_help())
 
 
 @app.command()
@@ -78,23 +77,23 @@ def inverse(
     One value while a joint slides, an interval while it sticks. --out writes efforts.csv,
     efforts.png and summary.json.
     """
-    scene, trajectory = _load(scene_name, trajectory_name, out)
+    scene, trajectory = load(scene_name, trajectory_name, out)
     from pinfric.dynamics.inverse import inverse_dynamics
     from pinfric.show.report import inverse_json, inverse_report
 
     name = Path(trajectory.source).name
-    with _working(f"inverse dynamics of {len(trajectory.t)} samples"):
+    with working(f"inverse dynamics of {len(trajectory.t)} samples"):
         result = inverse_dynamics(scene, trajectory, threads=threads)
-    summary = inverse_json(result, trajectory.source, _noticed)
+    summary = inverse_json(result, trajectory.source, noticed)
     if out is not None:
         from pinfric.show.plots import effort_figure
 
-        _write(out, {
+        write(out, {
             "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
             "efforts.png": lambda path: effort_figure(result, name).savefig(path),
-            "summary.json": lambda path: path.write_text(_as_text(summary), encoding="utf-8"),
+            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
         })  # fmt: skip
-    _show(summary if as_json else inverse_report(result, name))
+    show(summary if as_json else inverse_report(result, name))
 
 
 @app.command()
@@ -123,15 +122,15 @@ def simulate(
         check_writable(out)
     scene = load_scene(scene_name)
     motion = run_scene(scene, t_end=t_end, method=method, rtol=rtol, atol=1e-2 * rtol, dt=dt)
-    summary = motion_json(motion, _noticed)
+    summary = motion_json(motion, noticed)
     if out is not None:
-        _write(out, {
+        write(out, {
             "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
             "motion.npz": motion.save,
             "motion.png": lambda path: motion_figure(motion).savefig(path),
-            "summary.json": lambda path: path.write_text(_as_text(summary), encoding="utf-8"),
+            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
         })  # fmt: skip
-    _show(summary if as_json else motion_report(motion))
+    show(summary if as_json else motion_report(motion))
     if motion.status == "interrupted":
         raise typer.Exit(INTERRUPTED)
 
@@ -160,21 +159,21 @@ def paper(
     if out is not None:
         check_writable(out)
     if reading == "literal":
-        with _working("simulating both examples as printed"):
+        with working("simulating both examples as printed"):
             literal = [read_literally(example) for example in EXAMPLES]
         summary = paper_json([], literal)
         report, figures = literal_report(literal), {}
     else:
-        with _working("simulating both examples, twice"):
+        with working("simulating both examples, twice"):
             found = [reproduce(example) for example in EXAMPLES]
         summary, report = paper_json(found), paper_report(found)
         figures = paper_figures(*found) if out is not None else {}
     if out is not None:
-        _write(out, {
+        write(out, {
             **{name: figure.savefig for name, figure in figures.items()},
-            "summary.json": lambda path: path.write_text(_as_text(summary), encoding="utf-8"),
+            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
         })  # fmt: skip
-    _show(summary if as_json else report)
+    show(summary if as_json else report)
 
 
 @app.command()
@@ -193,22 +192,22 @@ def size(
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
     meets it. --out writes sizing.json and report.html.
     """
-    scene, trajectory = _load(scene_name, trajectory_name, out)
+    scene, trajectory = load(scene_name, trajectory_name, out)
     from pinfric.show.sizing_report import sizing_json, sizing_report
     from pinfric.study.sizing import size as size_drives
 
-    with _working(f"sizing {len(scene.drives)} drives"):
+    with working(f"sizing {len(scene.drives)} drives"):
         report = size_drives(scene, trajectory, catalog, on_miss="ignore")
-    summary = sizing_json(report, _noticed)
+    summary = sizing_json(report, noticed)
     if out is not None:
         from pinfric.show.sizing_page import sizing_page
 
         page = sizing_page(report)
-        _write(out, {
-            "sizing.json": lambda path: path.write_text(_as_text(summary), encoding="utf-8"),
+        write(out, {
+            "sizing.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
             "report.html": lambda path: path.write_text(page, encoding="utf-8"),
         })  # fmt: skip
-    _show(summary if as_json else sizing_report(report))
+    show(summary if as_json else sizing_report(report))
     report.check()  # what does not fit is the last line, and the exit code (2)
 
 
@@ -253,19 +252,19 @@ def replay(
         )
     motion: Any
     if live:
-        motion = simulate_live(scene, _say, open_browser=open_browser)
+        motion = simulate_live(scene, say, open_browser=open_browser)
     else:
-        with _working("computing the motion"):
-            motion = motion_to_replay(scene, motion_name, _notice)
+        with working("computing the motion"):
+            motion = motion_to_replay(scene, motion_name, notice)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
-    with _working(f"writing {html}"):
+    with working(f"writing {html}"):
         shown = make_replay(scene, motion, html=html, title=title)
     opened = shown.open() if open_browser and not live else None
     if as_json:
-        _show(replay_json(shown))
+        show(replay_json(shown))
         return
     for line in replay_lines(shown, opened):
-        _print(line)
+        print_line(line)
 
 
 @app.command()
@@ -278,9 +277,51 @@ def new(
 
     files = write_new(urdf, out)
     for file in files:
-        _print(f"wrote {file}")
+        print_line(f"wrote {file}")
     command = "inverse" if len(files) > 1 else "explain"
-    _print(f"try: pinfric {command} {' '.join(map(str, files))}")
+    print_line(f"try: pinfric {command} {' '.join(map(str, files))}")
+
+
+@app.command()
+def accuracy(
+    scene_name: SceneName,
+    trajectory_name: Annotated[
+        str | None,
+        typer.Argument(metavar="[TRAJECTORY]", help="By default the scene's own simulation."),
+    ] = None,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="MuJoCo and Drake, too (extra `bench`).")
+    ] = False,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what accuracy costs in time: of simulation, of sampling, of models of friction.
+
+    --out writes accuracy.png, accuracy.csv and summary.json.
+    """
+    from pinfric.model.scene import load_scene
+    from pinfric.show.accuracy_report import accuracy_frame, accuracy_json, accuracy_report
+    from pinfric.show.files import check_writable
+    from pinfric.study.accuracy import accuracy as study
+    from pinfric.study.trajectory import load_trajectory
+
+    if out is not None:
+        check_writable(out)
+    scene = load_scene(scene_name)
+    trajectory = None if trajectory_name is None else load_trajectory(trajectory_name, scene)
+    with working("measuring, for half a minute or more"):
+        found = study(scene, trajectory, peers=peers)
+    summary = accuracy_json(found, noticed)
+    if out is not None:
+        from pinfric.show.accuracy_figure import accuracy_figure
+
+        frame, figure = accuracy_frame(found), accuracy_figure(found)
+        write(out, {
+            "accuracy.png": figure.savefig,
+            "accuracy.csv": lambda path: frame.to_csv(path, index=False),
+            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
+        })  # fmt: skip
+    show(summary if as_json else accuracy_report(found))
 
 
 @app.command()
@@ -300,110 +341,10 @@ def explain(
 
     scene = load_scene(scene_name)
     trajectory = None if trajectory_name is None else load_trajectory(trajectory_name, scene)
-    with _working("measuring"):
+    with working("measuring"):
         explanation = measure(scene, trajectory)
-    show = explain_json if as_json else explain_report
-    _show(show(explanation, scene.source))
-
-
-def _load(
-    scene_name: str, trajectory_name: str, out: Path | None = None
-) -> tuple[Scene, Trajectory]:
-    """Read a scene and a trajectory; refuse a folder that could not be written before any work."""
-    from pinfric.model.scene import load_scene
-    from pinfric.show.files import check_writable
-    from pinfric.study.trajectory import load_trajectory
-
-    if out is not None:
-        check_writable(out)
-    scene = load_scene(scene_name)
-    trajectory = load_trajectory(trajectory_name, scene)
-    for text in trajectory.warnings:
-        _notice(f"{trajectory.source}: {text}")
-    return scene, trajectory
-
-
-def _show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
-    """Print a dictionary as JSON, anything else with rich."""
-    if isinstance(answer, Mapping):
-        _print(_as_text(answer))
-        return
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    with console.capture() as captured:
-        console.print(*answer, sep="\n")
-    _print(captured.get().rstrip())
-
-
-def _write(folder: Path, writers: Mapping[str, Writer]) -> None:
-    """Write the results, all or none, and say where they are."""
-    from pinfric.show.files import write_folder
-
-    with _working(f"writing {folder}"):
-        files = write_folder(folder, writers)
-    print(f"pinfric: wrote {', '.join(map(str, files))}", file=sys.stderr)
-
-
-@contextmanager
-def _working(what: str) -> Iterator[None]:
-    """Show on a terminal that something takes its time."""
-    if not sys.stderr.isatty():
-        yield
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status(what):
-        yield
-
-
-def _as_text(content: Mapping[str, Any]) -> str:
-    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
-
-
-def _print(text: str) -> None:
-    """Print and flush: a reader that has gone (`| head`) shows here, not at the program's end."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(NO_READER) from None
-
-
-def _say(text: str) -> None:
-    """Tell what goes on, beside the results."""
-    print(f"pinfric: {text}", file=sys.stderr)
-
-
-def _notice(text: str) -> None:
-    """Show a warning as one line on stderr, each text once."""
-    if text not in _noticed:
-        _noticed.append(text)
-        print(f"pinfric: warning: {text}", file=sys.stderr)
-
-
-@contextmanager
-def _warnings_as_notices() -> Iterator[None]:
-    """Within, a `PinfricWarning` is a notice; others' warnings are shown as Python does."""
-    with warnings.catch_warnings():
-        as_python_does = warnings.showwarning
-
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
-            if issubclass(category, PinfricWarning):
-                _notice(str(message))
-            else:
-                as_python_does(message, category, filename, lineno, file, line)
-
-        warnings.showwarning = show
-        warnings.simplefilter("always", PinfricWarning)
-        yield
+    render = explain_json if as_json else explain_report
+    show(render(explanation, scene.source))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -415,8 +356,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a terminal without UTF-8 gets "?", not a traceback
             stream.reconfigure(errors="replace")
-    _noticed.clear()
-    with _warnings_as_notices():
+    noticed.clear()
+    with warnings_as_notices():
         sys.exit(_run(None if arguments is None else list(arguments)))
 
 

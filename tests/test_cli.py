@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pinfric import cli
+from pinfric import cli, terminal
 
 ROOT = Path(__file__).parents[1]
 URDF = """<robot name="arm">
@@ -269,7 +269,7 @@ def test_reader_that_leaves_early_sees_no_traceback(files, form):
     process = shell("inverse", "arm.yaml", "way.yaml", *form)
     process.stdout.close()  # before anything is printed
     assert process.stderr.read() == b""
-    assert process.wait(60) == cli.NO_READER
+    assert process.wait(60) == terminal.NO_READER
 
 
 def test_interrupt_exits_130_with_one_line(files, capsys, monkeypatch):

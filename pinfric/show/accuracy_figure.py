@@ -1,0 +1,164 @@
+"""One picture of what accuracy costs: work against precision, sampling, models of friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.study.accuracy import Accuracy
+from pinfric.study.ladder import Rung
+from pinfric.study.precision import Run
+from pinfric.study.sampling import Sampled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Colour and mark of each method: Okabe and Ito's palette, told apart in grey by the marks.
+_STYLES = {
+    "event": ("#0072B2", "o"),
+    "timestepping": ("#D55E00", "s"),
+    "regularized": ("#009E73", "^"),
+    "MuJoCo": ("#CC79A7", "D"),
+    "MuJoCo, stiff": ("#8C4A73", "d"),
+    "Drake": ("#B8860B", "v"),
+}
+_INK, _QUIET, _GRID = "#222222", "#6B6B6B", "#E4E4E4"
+#: What is smaller is drawn here: rounding, and the decade below which nobody looks.
+_FLOOR = 1e-13
+#: The same of shares (%).
+_FLOOR_SHARE = 1e-3
+
+
+def accuracy_figure(found: Accuracy) -> Figure:
+    """Draw everything that was studied, a panel each, two in a row."""
+    from matplotlib.figure import Figure
+
+    name = Path(found.scene.source).stem
+    panels: list[Callable[[Axes], None]] = []
+    for runs, what in ((found.runs, "simulation"), (found.peers, "constant friction, with peers")):
+        if runs:
+            panels.append(partial(_work, runs=runs, quantity="error",
+                                  title=f"{what}: error of q (rad or m)"))  # fmt: skip
+        if any(run.stick_error > 0 for run in runs):
+            panels.append(partial(_work, runs=runs, quantity="stick_error",
+                                  title=f"{what}: error of stick times (s)"))  # fmt: skip
+    panels.append(partial(_sampling, rows=found.sampling))
+    panels.append(partial(_ladder, rungs=found.ladder))
+    rows = -(-len(panels) // 2)
+    figure = Figure(figsize=(12.0, 0.7 + 4.3 * rows), dpi=140, layout="constrained")
+    figure.suptitle(
+        f"{name}: what accuracy costs", x=0.01, ha="left", fontsize=14, fontweight="bold",
+        color=_INK,
+    )  # fmt: skip
+    axes = figure.subplots(rows, 2, squeeze=False).ravel()
+    for draw, one in zip(panels, axes, strict=False):
+        draw(one)
+        one.spines[["top", "right"]].set_visible(False)
+        one.spines[["left", "bottom"]].set_color(_QUIET)
+        one.tick_params(which="both", colors=_QUIET, labelsize=9)
+    for unused in axes[len(panels) :]:
+        unused.set_visible(False)
+    return figure
+
+
+def _title(axes: Axes, text: str) -> None:
+    axes.set_title(text, loc="left", fontsize=10.5, color=_INK)
+
+
+def _work(axes: Axes, runs: Sequence[Run], quantity: str, title: str) -> None:
+    """Error against time, a line per method; what failed or has no such error is counted below."""
+
+    def of(run: Run) -> float:
+        return float(getattr(run, quantity))
+
+    methods = list(dict.fromkeys(run.method for run in runs))
+    lost = []
+    for method in methods:
+        own = [run for run in runs if run.method == method]
+        color, marker = _STYLES.get(method, (_INK, "x"))
+        good = [run for run in own if np.isfinite(of(run))]
+        if len(good) < len(own):
+            lost.append(f"{method} {len(own) - len(good)} of {len(own)}")
+        line = [run for run in good if run.setting != "defaults"]
+        x, y = _points(line, of)
+        axes.plot(
+            x, y, color=color, marker=marker, markersize=6.5, linewidth=1.8,
+            markeredgecolor="white", markeredgewidth=0.8, label=method, zorder=3,
+        )  # fmt: skip
+        alone = [run for run in good if run.setting == "defaults"]
+        if alone:
+            x, y = _points(alone, of)
+            axes.plot(
+                x, y, linestyle="", marker=marker, markersize=9, markerfacecolor="white",
+                markeredgecolor=color, markeredgewidth=1.8, label=f"{method}, defaults", zorder=4,
+            )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.grid(True, which="major", color=_GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.set_xlabel("wall time (ms)", color=_QUIET, fontsize=9.5)
+    axes.legend(frameon=False, fontsize=8.5, labelcolor=_INK, loc="best", borderaxespad=0.2)
+    _title(axes, title)
+    if lost:
+        axes.text(
+            0.01, 0.01, f"without a figure: {', '.join(lost)}", transform=axes.transAxes,
+            fontsize=8.5, color=_QUIET,
+        )  # fmt: skip
+
+
+def _points(runs: Sequence[Run], of: Callable[[Run], float]) -> tuple[list[float], list[float]]:
+    return [1e3 * run.wall_s for run in runs], [max(of(run), _FLOOR) for run in runs]
+
+
+def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:
+    """Shares of stick time and peaks that are lost, against the rate of sampling."""
+    quantities: tuple[tuple[str, str, Callable[[Sampled], float]], ...] = (
+        ("stick time missed", "#D55E00",
+         lambda r: 100 * r.missed_stick / r.stick if r.stick > 0 else float("nan")),
+        ("error of peaks", "#0072B2", lambda r: 100 * r.peak_error),
+    )  # fmt: skip
+    for given, style in (("q, v, a", "-"), ("q", "--")):
+        own = [row for row in rows if row.given == given and not row.problem]
+        for label, color, share in quantities:
+            shares = [share(row) for row in own]
+            if not np.isfinite(shares).any():
+                continue
+            shares = [max(s, _FLOOR_SHARE) for s in shares]
+            axes.plot(
+                [row.rate for row in own], shares, style, color=color, marker="o", markersize=5,
+                markeredgecolor="white", linewidth=1.6, label=f"{label} (given {given})",
+            )  # fmt: skip
+    axes.set_xscale("log")
+    axes.grid(True, which="major", color=_GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=0.7 * _FLOOR_SHARE)
+    axes.set_xlabel("samples per second", color=_QUIET, fontsize=9.5)
+    axes.legend(frameon=False, fontsize=8.5, labelcolor=_INK)
+    _title(axes, f"inverse dynamics: lost to fewer samples (%; least shown {_FLOOR_SHARE:g})")
+
+
+def _ladder(axes: Axes, rungs: Sequence[Rung]) -> None:
+    """What each model misses of the whole, as bars; beside each its time per sample."""
+    shown = [rung for rung in rungs if rung.on and not rung.problem]
+    missing = [100 * rung.distance for rung in shown]
+    places = np.arange(len(shown))[::-1]
+    axes.barh(places, missing, height=0.62, color="#A9CFE8", edgecolor="#0072B2", linewidth=0.8)
+    largest = max(missing, default=0.0) or 1.0
+    for place, rung, share in zip(places, shown, missing, strict=True):
+        cost = f"{rung.us:.2f} us" if np.isfinite(rung.us) else "an estimate"
+        text = f"{share:.1f} %   {cost}" if share >= 0.05 else f"nothing   {cost}"
+        axes.text(share + 0.015 * largest, place, text, va="center", fontsize=9, color=_INK)
+    style: dict[str, Any] = {"fontsize": 9.5, "color": _INK}
+    axes.set_yticks(places, [rung.name for rung in shown], **style)
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlim(0.0, 1.35 * largest)
+    axes.set_xlabel(
+        "RMS of effort still missing (%); beside it the time per sample", color=_QUIET, fontsize=9.5
+    )
+    _title(axes, "inverse dynamics: models of friction")

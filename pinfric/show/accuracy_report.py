@@ -1,0 +1,170 @@
+"""What accuracy costs in time: tables for people, a dictionary for machines, rows for a CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.show.report import digits, json_safe
+from pinfric.study.accuracy import Accuracy
+from pinfric.study.ladder import Rung
+from pinfric.study.precision import Run
+from pinfric.study.sampling import Sampled
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from rich.console import RenderableType
+    from rich.table import Table
+
+#: A reason for a failure is cut to this many letters in a table; JSON and CSV have all of it.
+_REASON = 60
+
+
+def accuracy_json(found: Accuracy, warnings: Sequence[str] = ()) -> dict[str, Any]:
+    """Return everything `pinfric accuracy --json` prints; SI units but for `us` (microseconds)."""
+    return json_safe({
+        "scene": found.scene.source,
+        "trajectory": found.trajectory,
+        "runs": [asdict(run) for run in found.runs],
+        "reference_difference": found.reference_difference,
+        "peers": [asdict(run) for run in found.peers],
+        "constants": found.constants,
+        "sampling": [asdict(row) for row in found.sampling],
+        "ladder": [asdict(rung) for rung in found.ladder],
+        "notes": list(found.notes),
+        "warnings": list(warnings),
+    })  # fmt: skip
+
+
+def accuracy_frame(found: Accuracy) -> pd.DataFrame:
+    """Return all rows of all studies; column `study` says which, others are empty where foreign."""
+    import pandas as pd
+
+    studies: tuple[tuple[str, tuple[Run | Sampled | Rung, ...]], ...] = (
+        ("simulation", found.runs), ("peers", found.peers), ("sampling", found.sampling),
+        ("ladder", found.ladder),
+    )  # fmt: skip
+    return pd.DataFrame([{"study": name, **asdict(row)} for name, rows in studies for row in rows])
+
+
+def accuracy_report(found: Accuracy) -> list[RenderableType]:
+    """Return the tables and lines that `pinfric accuracy` prints, for a rich console."""
+    from rich.text import Text
+
+    name = Path(found.scene.source).stem
+    items: list[RenderableType] = []
+    if found.runs:
+        items += [_runs_table(f"{name}: simulation", found.runs), Text()]
+        if np.isfinite(found.reference_difference):
+            items.append(Text("its reference and absolute coordinates differ by "
+                              f"{_power(found.reference_difference)} at most"))  # fmt: skip
+        items += [Text("errors against `event`, two decades tighter; rad or m, and s"), Text()]
+    if found.peers:
+        constants = ", ".join(f"{site} {digits(F)}" for site, F in found.constants.items())
+        items += [
+            _runs_table(f"{name}: constant friction, with peers", found.peers), Text(),
+            Text(f"friction, static as kinetic (N m or N): {constants}"),
+            Text("Drake has no dry friction in joints: F tanh(v / velocity) stands in"), Text(),
+        ]  # fmt: skip
+    items += [_sampling_table(f"{name}: {found.trajectory}, fewer samples", found.sampling), Text()]
+    items += [_ladder_table(f"{name}: {found.trajectory}, friction models", found.ladder), Text()]
+    return [*items, *(Text(line) for line in (*_ladder_lines(found.ladder), *found.notes))]
+
+
+def _runs_table(title: str, runs: Sequence[Run]) -> Table:
+    table = _table(title, "method", "setting")
+    for heading in ("error\nof q", "at the\nend", "of stick\ns", "time\nms", "evalua-\ntions"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for i, run in enumerate(runs):
+        if i and run.method != runs[i - 1].method:
+            table.add_section()
+        if run.problem:
+            table.add_row(run.method, run.setting, *_failure(run.problem))
+            continue
+        stick = f"misses {run.missed}" if run.missed else _power(run.stick_error)
+        table.add_row(
+            run.method, run.setting, _power(run.error), _power(run.end_error), stick,
+            digits(1e3 * run.wall_s), str(run.rhs),
+        )  # fmt: skip
+    return table
+
+
+def _sampling_table(title: str, rows: Sequence[Sampled]) -> Table:
+    table = _table(title, "given")
+    for heading in ("samples\nper s", "samples", "stick missed\ns", "of\ns", "error of\npeaks, %"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in rows:
+        figures = _failure(row.problem) if row.problem else (
+            digits(row.missed_stick, 1e-9), digits(row.stick), digits(100 * row.peak_error, 1e-6)
+        )  # fmt: skip
+        table.add_row(row.given, digits(row.rate), str(row.samples), *figures)
+    return table
+
+
+def _ladder_table(title: str, rungs: Sequence[Rung]) -> Table:
+    table = _table(title, "model")
+    for heading in ("time\nus", "peak\nchange", "RMS\nchange", "missing\n%"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("of", overflow="fold", vertical="bottom")
+    for rung in rungs:
+        if rung.problem:
+            table.add_row(rung.name, *("fails", "", "", ""), rung.problem)
+        elif rung.on:
+            table.add_row(
+                rung.name, digits(rung.us), _signed(rung.peak_change), _signed(rung.rms_change),
+                digits(100 * rung.distance, 1e-6),
+                f"{rung.drive}{' (motor)' if rung.motor_side else ''}",
+            )  # fmt: skip
+    return table
+
+
+def _ladder_lines(rungs: Sequence[Rung]) -> list[str]:
+    """What the columns mean, and the rungs that are not there."""
+    lines = ["change: against the rung above, of the drive where the RMS changes most",
+             "missing: RMS of effort to the whole model, mean over the drives"]  # fmt: skip
+    if any(rung.name == "constant" for rung in rungs):
+        lines.append("constant: coulomb friction fitted to the friction of this motion")
+    if any(rung.on and not rung.problem and not np.isfinite(rung.us) for rung in rungs):
+        lines.append("radial load: from loads without friction, one pass; an estimate, not timed")
+    if off := [rung.name for rung in rungs if not rung.on]:
+        lines.append(f"not in this scene: {', '.join(off)}")
+    return lines
+
+
+def _failure(problem: str) -> tuple[str, str]:
+    """Two cells: that it failed, and why."""
+    reason = problem if len(problem) <= _REASON else f"{problem[: _REASON - 3]}..."
+    return "fails", reason
+
+
+def _power(x: float) -> str:
+    """An error as a decade: 3.7e-5; 0 as 0."""
+    if not np.isfinite(x):
+        return "n/a"
+    if x == 0.0:
+        return "0"
+    mantissa, exponent = f"{x:.1e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def _signed(x: float) -> str:
+    if not np.isfinite(x):
+        return ""
+    return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x), 1e-12)}"
+
+
+def _table(title: str, *names: str) -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(
+        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
+        pad_edge=False, padding=(0, 1, 0, 0), show_edge=False,
+    )  # fmt: skip
+    for name in names:
+        table.add_column(name, overflow="fold", vertical="bottom")
+    return table

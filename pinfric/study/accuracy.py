@@ -1,0 +1,141 @@
+"""What accuracy costs in time: simulation, sampling of a trajectory, and models of friction.
+
+Three studies of one scene (design 6, 9): `precision` simulates it by three methods with many
+settings, `sampling` thins its motion, `ladder` climbs from no friction to all of it. `peers` adds
+MuJoCo and Drake on the constant friction that they can express.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.states import MotionLike
+from pinfric.errors import PinfricError, SceneError
+from pinfric.model.scene import Scene
+from pinfric.study.ladder import Rung, fitted_constants, ladder, solve
+from pinfric.study.precision import (
+    Run,
+    absolute_judge,
+    compete,
+    contestants,
+    judge_of,
+    reference,
+)
+from pinfric.study.sampling import Sampled, sampling
+from pinfric.study.trajectory import Trajectory
+
+#: Samples of the scene's own motion where no trajectory is given.
+_SAMPLES = 2001
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """What accuracy costs, of one scene.
+
+    Attributes:
+        scene: studied.
+        trajectory: name of the motion that is thinned and that the ladder is climbed on.
+        runs: simulations by pinfric; empty where the scene has no `simulation`.
+        reference_difference: largest difference of q between the two references (rad or m); NaN
+            where there is only one.
+        peers: simulations of the same robot with constant friction, pinfric's and the peers'.
+        constants: site -> that friction (N m or N).
+        sampling, ladder: see there.
+        notes: what could not be studied, and why.
+    """
+
+    scene: Scene
+    trajectory: str
+    runs: tuple[Run, ...]
+    reference_difference: float
+    peers: tuple[Run, ...]
+    constants: dict[str, float]
+    sampling: tuple[Sampled, ...]
+    ladder: tuple[Rung, ...]
+    notes: tuple[str, ...]
+
+
+def accuracy(
+    scene: Scene, trajectory: Trajectory | None = None, *, peers: bool = False, rounds: int = 3
+) -> Accuracy:
+    """Measure what accuracy costs in time.
+
+    Args:
+        scene: the robot; its `simulation` section is what is simulated.
+        trajectory: what inverse dynamics is studied on; None takes the simulated motion.
+        peers: simulate with MuJoCo and Drake, too (extra `bench`).
+        rounds: timings of each contestant, of which the median counts.
+
+    Raises:
+        SceneError: there is neither a `simulation` section nor a trajectory.
+        PinfricError: the motion has no solution.
+    """
+    if scene.simulation is None and trajectory is None:
+        raise SceneError(
+            f"{scene.source}: has no `simulation` section; give it one, or name a trajectory"
+        )
+    notes: list[str] = []
+    motion = _reference(scene, notes)
+    found: dict[str, Any] = {"runs": (), "reference_difference": float("nan"), "peers": (),
+                             "constants": {}}  # fmt: skip
+    if motion is not None:
+        found |= _simulations(scene, motion, rounds)
+        if peers:
+            found |= _peers(scene, motion, rounds, notes)
+    given: MotionLike
+    if trajectory is not None:
+        given, name = trajectory, Path(trajectory.source).name
+    elif motion is not None:
+        given = motion.sample(np.linspace(0.0, motion.t[-1], _SAMPLES))
+        name = "its own simulation"
+    else:
+        raise PinfricError(f"{scene.source}: {notes[0]}")
+    return Accuracy(
+        scene=scene,
+        trajectory=name,
+        sampling=sampling(scene, given),
+        ladder=ladder(scene, given, rounds),
+        notes=tuple(notes),
+        **found,
+    )
+
+
+def _reference(scene: Scene, notes: list[str]) -> Motion | None:
+    """The scene's own motion; None, with a note, where there is none."""
+    if scene.simulation is None:
+        notes.append("simulation: not studied, the scene has no `simulation` section")
+        return None
+    try:
+        return reference(scene)
+    except PinfricError as problem:
+        notes.append(f"simulation: not studied, {' '.join(str(problem).split())}")
+        return None
+
+
+def _simulations(scene: Scene, motion: Motion, rounds: int) -> dict[str, Any]:
+    judge, second = judge_of(motion), absolute_judge(scene)
+    difference = float("nan")
+    if second is not None:
+        times = np.linspace(0.0, motion.t[-1], 201)
+        difference = float(np.abs(judge.at(times) - second.at(times)).max())
+    runs = compete(contestants(scene), judge, second, rounds)
+    return {"runs": runs, "reference_difference": difference}
+
+
+def _peers(scene: Scene, motion: Motion, rounds: int, notes: list[str]) -> dict[str, Any]:
+    from pinfric.study.peers import compete_with_peers
+
+    sampled = motion.sample(np.linspace(0.0, motion.t[-1], _SAMPLES))
+    constants = fitted_constants(solve(scene, sampled))
+    try:
+        runs, missing = compete_with_peers(scene, constants, rounds)
+    except PinfricError as problem:
+        notes.append(f"peers: {' '.join(str(problem).split())}")
+        return {}
+    notes += missing
+    return {"peers": runs, "constants": constants}

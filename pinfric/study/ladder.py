@@ -1,0 +1,247 @@
+"""The ladder of friction models: what each rung changes in effort and costs in time.
+
+frictionless -> a constant fitted to the same motion -> radial load -> + bending -> + static ->
++ Stribeck -> + coulomb -> + viscous -> + transmission -> + coupling
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.states import MotionLike, attached_columns
+from pinfric.errors import PinfricError
+from pinfric.model.effects import NAMES, effects, with_effects
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Coefficients, Friction
+from pinfric.study.precision import interleaved
+from pinfric.study.summary import ends_by_magnitude
+
+#: Samples a timing takes at least; a short motion is repeated to that length.
+_TIMED = 2000
+#: A coefficient so small that the load it reports is that without friction.
+_HARDLY = 1e-9
+_NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One model of friction on the ladder, beside the one below it.
+
+    Attributes:
+        name: what it adds.
+        on: whether the scene calls for it; if not, the figures are NaN.
+        why: the keys of the scene that switch it on, or what was done.
+        us: inverse dynamics per sample on one thread (us); NaN where it is no solver.
+        peak_change, rms_change: of the drive whose RMS it changes most, against the rung below
+            (N m or N).
+        drive: that drive's name.
+        motor_side: the change is of motor torques (a transmission changes nothing at the joint).
+        distance: RMS of what is still missing to the whole model, as a share of the whole RMS, mean
+            over the drives.
+        problem: why it failed; empty where it did not.
+    """
+
+    name: str
+    on: bool
+    why: str
+    us: float = _NAN
+    peak_change: float = _NAN
+    rms_change: float = _NAN
+    drive: str = ""
+    motor_side: bool = False
+    distance: float = _NAN
+    problem: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Efforts:
+    """(T, na) ends of the efforts at the joints and at the motors' shafts."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    motor_lower: np.ndarray
+    motor_upper: np.ndarray
+
+    @classmethod
+    def of(cls, r: InverseResult) -> _Efforts:
+        return cls(r.effort_lower, r.effort_upper, r.motor_torque_lower, r.motor_torque_upper)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A rung before it is compared: its efforts, and the scene that is timed (None: no solver)."""
+
+    name: str
+    why: str
+    scene: Scene | None
+    efforts: _Efforts | None
+    problem: str = ""
+
+
+def ladder(scene: Scene, motion: MotionLike, rounds: int = 5) -> tuple[Rung, ...]:
+    """Return every rung for one motion.
+
+    Args:
+        scene: the robot with all its effects; payloads are carried on every rung.
+        motion: with t, q, v, a.
+        rounds: timings of each rung, all of them in every round.
+
+    Raises:
+        PinfricError: the whole scene has no solution for this motion.
+    """
+    result = solve(scene, motion)
+    steps = _steps(scene, motion, result)
+    timed = {i: _timed(step.scene, motion) for i, step in enumerate(steps)
+             if step.scene is not None and step.efforts is not None}  # fmt: skip
+    for run in timed.values():
+        run()
+    seconds = interleaved(timed, rounds)
+    each = 1e6 / (_repeats(motion) * len(motion.t))
+    rungs: list[Rung] = []
+    below: _Efforts | None = None
+    for i, step in enumerate(steps):
+        if step.efforts is None:
+            rungs.append(Rung(step.name, bool(step.problem), step.why, problem=step.problem))
+            continue
+        motor = step.name == "+ transmission"
+        change = (_NAN, _NAN, "") if below is None else _change(scene, step.efforts, below, motor)
+        distance = _distance(_Efforts.of(result), step.efforts)
+        us = seconds[i] * each if i in seconds else _NAN
+        rungs.append(Rung(step.name, True, step.why, us, *change, motor, distance))
+        below = step.efforts
+    return tuple(rungs)
+
+
+def _steps(scene: Scene, motion: MotionLike, whole: InverseResult) -> list[_Step]:
+    """All rungs from below; those the scene does not call for have no efforts."""
+    names = [name for name in NAMES if name != "payload"]
+    on = {effect.name: effect for effect in effects(scene)}
+    steps = [
+        _step("frictionless", "no friction", with_effects(scene, only=["payload"]), motion),
+        _step("constant", "coulomb fitted to the friction of this motion",
+              with_constant_friction(scene, fitted_constants(whole)), motion),
+    ]  # fmt: skip
+    kept = ["payload"]
+    for name in names:
+        title = "radial load" if name == "load" else f"+ {name}"
+        if not on[name].on:
+            steps.append(_Step(title, on[name].why, None, None))
+            continue
+        kept.append(name)
+        if name == "load" and scene.linkage is not None:
+            steps.append(_one_pass(scene, motion))
+            title = "+ coupling"
+        steps.append(_step(title, on[name].why, with_effects(scene, only=kept), motion))
+    if scene.linkage is None:
+        why = "open chain with a drive on every joint: no friction changes another's load"
+        steps.append(_Step("+ coupling", why, None, None))
+    return steps
+
+
+def _step(name: str, why: str, scene: Scene, motion: MotionLike) -> _Step:
+    try:
+        return _Step(name, why, scene, _Efforts.of(solve(scene, motion)))
+    except PinfricError as problem:
+        return _Step(name, why, None, None, " ".join(str(problem).split()))
+
+
+def solve(scene: Scene, motion: MotionLike) -> InverseResult:
+    """Return inverse dynamics on one thread; the motion's payloads as it carries them."""
+    attached = attached_columns(scene, motion)
+    return inverse_dynamics(
+        scene, motion.q, motion.v, motion.a, t=motion.t, attached=attached, threads=1
+    )
+
+
+def fitted_constants(result: InverseResult) -> dict[str, float]:
+    """Return for each site the constant nearest to its friction while it slides (N m or N).
+
+    The F of least squares in phi = -sign(v) F: the mean of |phi|; 0 where it never slides.
+    """
+    slides = ~(result.sticking | result.reversal)
+    size = 0.5 * np.abs(result.friction_lower + result.friction_upper)
+    count = np.maximum(slides.sum(axis=0), 1)
+    means = np.nansum(np.where(slides, size, 0.0), axis=0) / count
+    return dict(zip(result.site_names, means.tolist(), strict=True))
+
+
+def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scene:
+    """Return the scene with constant friction only, ideal drives and its payloads.
+
+    Args:
+        scene: stays as it is.
+        constants: site -> friction, static as kinetic (N m or N).
+    """
+    friction = {
+        name: Friction(coulomb=Coefficients(static=F, kinetic=F))
+        for name, F in constants.items() if F > 0.0
+    }  # fmt: skip
+    return dataclasses.replace(with_effects(scene, only=["payload"]), friction=friction)
+
+
+def _one_pass(scene: Scene, motion: MotionLike) -> _Step:
+    """Loads without friction, friction from them, and no look back: what coupling corrects.
+
+    Efforts are linear in friction: a site's share comes from a constant at that site alone. It is
+    an estimate and no solver, so it is not timed; sites that stick have their kinetic friction.
+    """
+    bare = with_effects(scene, only=["payload"])
+    plain = solve(bare, motion)
+    radial = with_effects(scene, only=["payload", "load"])
+    hardly = {
+        name: entry.model_copy(update={"mu": Coefficients(static=_HARDLY, kinetic=_HARDLY)})
+        if entry.mu is not None else entry
+        for name, entry in radial.friction.items()
+    }  # fmt: skip
+    loads = solve(dataclasses.replace(radial, friction=hardly), motion).normal_load
+    efforts = plain.effort_lower.copy()
+    for s, name in enumerate(radial.site_names):
+        mu = radial.friction[name].mu
+        if mu is None:
+            continue
+        alone = solve(with_constant_friction(scene, {name: 1.0}), motion)
+        unit = 0.5 * (alone.effort_lower + alone.effort_upper) - plain.effort_lower
+        efforts += unit * mu.kinetic * loads[:, s : s + 1]
+    why = "loads without friction, one pass: an estimate, no solver"
+    return _Step("radial load", why, None, _Efforts(efforts, efforts, efforts, efforts))
+
+
+def _repeats(motion: MotionLike) -> int:
+    return max(1, -(-_TIMED // len(motion.t)))
+
+
+def _timed(scene: Scene | None, motion: MotionLike) -> Callable[[], object]:
+    assert scene is not None
+    n = _repeats(motion)
+    q, v, a = (np.tile(x, (n, 1)) for x in (motion.q, motion.v, motion.a))
+    attached = attached_columns(scene, motion)
+    carried = None if attached is None else np.tile(attached, (n, 1))
+    return lambda: inverse_dynamics(scene, q, v, a, attached=carried, threads=1)
+
+
+def _change(scene: Scene, here: _Efforts, below: _Efforts, motor: bool) -> tuple[float, float, str]:
+    """Changes of peak and RMS of the worst end, of the drive where its RMS changes most."""
+    worst = [
+        ends_by_magnitude(*((e.motor_lower, e.motor_upper) if motor else (e.lower, e.upper)))[0]
+        for e in (here, below)
+    ]
+    peaks = [np.nanmax(np.abs(w), axis=0) for w in worst]
+    rms = [np.sqrt(np.nanmean(w**2, axis=0)) for w in worst]
+    i = int(np.argmax(np.abs(rms[0] - rms[1])))
+    name = scene.actuator_names[i]
+    return float((peaks[0] - peaks[1])[i]), float((rms[0] - rms[1])[i]), name
+
+
+def _distance(whole: _Efforts, here: _Efforts) -> float:
+    """Share that is missing, RMS over both ends, mean over the drives."""
+    missing = (here.lower - whole.lower) ** 2 + (here.upper - whole.upper) ** 2
+    size = np.sqrt(np.nanmean(whole.lower**2 + whole.upper**2, axis=0))
+    counts = size > 1e-9 * size.max(initial=0.0)
+    share = np.sqrt(np.nanmean(missing, axis=0))[counts] / size[counts]
+    return float(share.mean()) if share.size else 0.0

@@ -1,0 +1,357 @@
+"""MuJoCo and Drake on the same robot with the same constant friction, in the same run.
+
+The robot is rebuilt from Pinocchio's model, so that nothing depends on how each reads a URDF.
+MuJoCo has dry friction of joints as a soft constraint (`frictionloss`). Drake has none: what its
+users do stands in, F tanh(v / velocity) as a system of its own. Both run their own loops in C++,
+without Python in between: MuJoCo by `rollout`, Drake by `Simulator`, its efforts and friction as
+symbolic expressions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.efforts import make_effort
+from pinfric.dynamics.result import StickInterval, runs
+from pinfric.errors import PinfricError
+from pinfric.model.scene import Scene
+from pinfric.model.schema import SineEffort, TableEffort
+from pinfric.model.twin import PRISMATIC
+from pinfric.study.joint_columns import (
+    JointColumn,
+    configurations,
+    joint_columns,
+    single_positions,
+)
+from pinfric.study.ladder import with_constant_friction
+from pinfric.study.precision import (
+    Contestant,
+    Run,
+    Track,
+    compete,
+    contestants,
+    judge_of,
+    reference,
+)
+from pinfric.study.scene_run import start_state
+
+#: Speeds (rad/s or m/s) below which a peer's joint may count as at rest, for none of them stands
+#: still; of these the one is taken that serves the peer best.
+STANDSTILL = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+#: Steps of MuJoCo over the whole motion.
+STEPS = (100, 400, 1600, 6400, 25_600, 102_400)
+#: Velocities (rad/s or m/s) of Drake's tanh; the integrator's accuracy is a tenth of them.
+VELOCITIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+#: MuJoCo's friction constraint: as it comes, and as hard and quick as it allows (a time constant
+#: of two steps).
+_KINDS = ("MuJoCo", "MuJoCo, stiff")
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """One joint with the body it moves, in Pinocchio's order; parent -1 is the world."""
+
+    name: str
+    parent: int
+    placement: pin.SE3
+    inertia: pin.Inertia
+    sliding: bool
+    axis: np.ndarray
+    friction: float
+    armature: float
+    effort: Any
+
+
+@dataclass(frozen=True, eq=False)
+class _Robot:
+    """A scene with constant friction as a peer needs it.
+
+    Attributes:
+        bodies, columns: one per joint, as many as degrees of freedom.
+        q0, v0: (n,) angles or lengths and rates at t = 0.
+        effort: time -> (n,), N m or N.
+    """
+
+    scene: Scene
+    bodies: tuple[_Body, ...]
+    columns: tuple[JointColumn, ...]
+    q0: np.ndarray
+    v0: np.ndarray
+    t_end: float
+    effort: Callable[[float], np.ndarray]
+
+    def track(self, t: np.ndarray, angles: np.ndarray, rates: np.ndarray, steps: int) -> Track:
+        """Return a peer's motion as it is judged: t (T,) s, angles, rates (T, n)."""
+        readings = tuple(
+            tuple(
+                StickInterval(body.name, float(t[first]), float(t[last]))
+                for j, body in enumerate(self.bodies) if body.friction > 0.0
+                for first, last in runs(np.abs(rates[:, j]) <= speed)
+            )
+            for speed in STANDSTILL
+        )  # fmt: skip
+        nq = self.scene.model.nq
+        if not np.isfinite(angles).all():
+            return Track(t, np.full((len(t), nq), np.nan), readings, steps)
+        return Track(t, configurations(self.columns, angles, nq), readings, steps)
+
+
+def compete_with_peers(
+    scene: Scene, constants: Mapping[str, float], rounds: int = 3
+) -> tuple[tuple[Run, ...], list[str]]:
+    """Simulate a scene's motion with constant friction, by pinfric and by the peers installed.
+
+    Args:
+        scene: with a `simulation` section.
+        constants: site -> friction, static as kinetic (N m or N).
+        rounds: timings of each contestant, all of them in every round.
+
+    Returns:
+        the runs, and a line for each peer that is not installed.
+
+    Raises:
+        PinfricError: loops, joints of several degrees of freedom or mimics, which are not handed
+            to the peers; the motion cannot be simulated.
+    """
+    constant = with_constant_friction(scene, constants)
+    robot = _robot(constant)
+    entries = contestants(constant, ("event", "timestepping"))
+    makers = {"mujoco": _mujoco, "pydrake": _drake}
+    missing = []
+    for package, make in makers.items():
+        if find_spec(package) is None:
+            name = {"mujoco": "MuJoCo", "pydrake": "Drake"}[package]
+            missing.append(f'{name}: not installed; pip install "pinfric[bench]" brings it')
+        else:
+            entries += make(robot)
+    return compete(entries, judge_of(reference(constant)), rounds=rounds), missing
+
+
+def _robot(scene: Scene) -> _Robot:
+    model, twin = scene.loaded_model(), scene.twin()
+    columns = joint_columns(model, scene.source)
+    if scene.linkage is not None or len(columns) != model.njoints - 1:
+        raise PinfricError("robots with loops or mimic joints are not handed to MuJoCo and Drake")
+    assert scene.simulation is not None
+    q, v = start_state(scene)
+    made = make_effort(scene, None)
+    constants = {site.name: site.law.kinetic_positive for site in scene.sites}
+    bodies = []
+    for row, column in enumerate(columns):
+        sliding = bool(twin.kind[row] == PRISMATIC)
+        axis = twin.axis[row, :3] if sliding else twin.axis[row, 3:]
+        bodies.append(_Body(
+            column.name, int(model.parents[row + 1]) - 1, model.jointPlacements[row + 1],
+            model.inertias[row + 1], sliding, axis, constants.get(column.name, 0.0),
+            float(model.armature[column.index_v]), scene.simulation.effort.get(column.name, 0.0),
+        ))  # fmt: skip
+    angles = single_positions(q[None, :], [column.nq for column in columns])[0]
+    return _Robot(scene, tuple(bodies), columns, angles, v, scene.simulation.t_end,
+                  lambda t: np.asarray(made.function(t, q, v)))  # fmt: skip
+
+
+# ---------------------------------------------------------------- MuJoCo
+
+
+def _mujoco(robot: _Robot) -> list[Contestant]:
+    return [_mujoco_contestant(robot, name, n) for name in _KINDS for n in STEPS]
+
+
+def _mujoco_contestant(robot: _Robot, name: str, steps: int) -> Contestant:
+    mujoco: Any = import_module("mujoco")
+    rollout: Any = import_module("mujoco.rollout")
+    dt = robot.t_end / steps
+    start = np.concatenate([[0.0], robot.q0, robot.v0])
+    made: list[Any] = []
+
+    def ready() -> tuple[Any, Any, np.ndarray]:
+        if not made:  # compiled at first use, and not part of what is timed
+            model = mujoco.MjModel.from_xml_string(mujoco_xml(robot, dt, name == _KINDS[1]))
+            times = dt * (np.arange(steps) + 0.5)
+            made.append((model, mujoco.MjData(model), np.array([robot.effort(t) for t in times])))
+        return made[0]
+
+    def bare() -> np.ndarray:
+        model, data, efforts = ready()
+        states, _ = rollout.rollout(
+            model, data, initial_state=start, control=efforts,
+            control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
+        )  # fmt: skip
+        return np.asarray(states)[0]
+
+    def judged() -> Track:
+        try:
+            states = np.vstack([start, bare()])
+        except ValueError as problem:
+            raise PinfricError(f"MuJoCo refuses the robot: {problem}") from None
+        n = len(robot.bodies)
+        t = np.linspace(0.0, robot.t_end, steps + 1)  # its own clock sums its steps
+        return robot.track(t, states[:, 1 : 1 + n], states[:, 1 + n :], steps)
+
+    return Contestant(name, f"dt {dt:.2e} s", bare, judged)
+
+
+def mujoco_xml(robot: _Robot, dt: float, stiff: bool) -> str:
+    """Return the robot in MuJoCo's format, contacts off.
+
+    Args:
+        robot: what is simulated.
+        dt: step (s).
+        stiff: make friction as hard as MuJoCo allows.
+    """
+    hard = f'solimpfriction="0.9999 0.9999 0.001" solreffriction="{2 * dt!r} 1"' if stiff else ""
+
+    def body(row: int) -> str:
+        b = robot.bodies[row]
+        x, y, z, w = pin.Quaternion(b.placement.rotation).coeffs()
+        i = b.inertia.inertia
+        mass = (
+            f'<inertial pos="{_numbers(b.inertia.lever)}" mass="{b.inertia.mass!r}" fullinertia="'
+            f'{_numbers([i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]])}"/>'
+        )
+        joint = (
+            f'<joint type="{"slide" if b.sliding else "hinge"}" axis="{_numbers(b.axis)}" '
+            f'frictionloss="{b.friction!r}" armature="{b.armature!r}" {hard}/>'
+        )
+        children = "".join(body(c) for c, other in enumerate(robot.bodies) if other.parent == row)
+        place = f'pos="{_numbers(b.placement.translation)}" quat="{_numbers([w, x, y, z])}"'
+        return f"<body {place}>{mass}{joint}{children}</body>"
+
+    roots = "".join(body(row) for row, b in enumerate(robot.bodies) if b.parent < 0)
+    gravity = _numbers(robot.scene.model.gravity.linear)
+    return (
+        '<mujoco><compiler angle="radian" inertiafromgeom="false"/>'
+        f'<option gravity="{gravity}" timestep="{dt!r}" integrator="implicitfast">'
+        f'<flag contact="disable"/></option><worldbody>{roots}</worldbody></mujoco>'
+    )
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(repr(float(x)) for x in values)
+
+
+# ---------------------------------------------------------------- Drake
+
+
+def _drake(robot: _Robot) -> list[Contestant]:
+    return [_drake_contestant(robot, velocity) for velocity in VELOCITIES]
+
+
+def _drake_contestant(robot: _Robot, velocity: float) -> Contestant:
+    made: list[Any] = []
+
+    def ready() -> tuple[Any, Any]:
+        if not made:
+            made.append(_drake_simulator(robot, velocity))
+        return made[0]
+
+    def bare() -> Any:
+        simulator, plant = ready()
+        context = simulator.get_mutable_context()
+        context.SetTime(0.0)
+        state = np.concatenate([robot.q0, robot.v0])
+        plant.SetPositionsAndVelocities(plant.GetMyMutableContextFromRoot(context), state)
+        simulator.Initialize()
+        simulator.get_mutable_integrator().ResetStatistics()
+        try:
+            simulator.AdvanceTo(robot.t_end)
+        except RuntimeError as problem:
+            raise PinfricError(f"Drake: {str(problem)[:150]}") from None
+        return simulator
+
+    def judged() -> Track:
+        simulator, plant = ready()
+        rows: list[np.ndarray] = []
+
+        def look(context: Any) -> None:
+            own = plant.GetMyContextFromRoot(context)
+            rows.append(np.append(context.get_time(), plant.GetPositionsAndVelocities(own)))
+
+        simulator.set_monitor(look)
+        try:
+            bare()
+        finally:
+            simulator.clear_monitor()
+        evaluations = simulator.get_integrator().get_num_derivative_evaluations()
+        n = len(robot.bodies)
+        table = np.array(rows)
+        table = table[np.append(True, np.diff(table[:, 0]) > 0.0)]
+        return robot.track(table[:, 0], table[:, 1 : 1 + n], table[:, 1 + n :], int(evaluations))
+
+    accuracy = 0.1 * velocity
+    setting = f"velocity {velocity:.0e}, accuracy {accuracy:.0e}"
+    return Contestant("Drake", setting, bare, judged)
+
+
+def _drake_simulator(robot: _Robot, velocity: float) -> tuple[Any, Any]:
+    """A simulator of a continuous plant with error control, and the plant.
+
+    Runge-Kutta 3: the quickest at equal error on the UR5 among it, Bogacki-Shampine 3, Radau 3, the
+    implicit and the velocity-implicit Euler method.
+    """
+    analysis: Any = import_module("pydrake.systems.analysis")
+    builder: Any = import_module("pydrake.systems.framework").DiagramBuilder()
+    plant = builder.AddSystem(import_module("pydrake.multibody.plant").MultibodyPlant(0.0))
+    _fill_plant(plant, robot)
+    forces = builder.AddSystem(_drake_forces(robot, velocity))
+    builder.Connect(plant.get_state_output_port(), forces.get_input_port())
+    builder.Connect(forces.get_output_port(), plant.get_actuation_input_port())
+    simulator = analysis.Simulator(builder.Build())
+    analysis.ResetIntegratorFromFlags(simulator, "runge_kutta3", 0.1)
+    integrator = simulator.get_mutable_integrator()
+    integrator.set_target_accuracy(0.1 * velocity)
+    integrator.set_maximum_step_size(0.1 * robot.t_end)
+    return simulator, plant
+
+
+def _fill_plant(plant: Any, robot: _Robot) -> None:
+    tree: Any = import_module("pydrake.multibody.tree")
+    pose: Any = import_module("pydrake.math").RigidTransform
+    links: list[Any] = []
+    for b in robot.bodies:
+        i = b.inertia.inertia
+        about = tree.RotationalInertia(i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
+        body = tree.SpatialInertia.MakeFromCentralInertia(b.inertia.mass, b.inertia.lever, about)
+        link = plant.AddRigidBody(b.name, body)
+        base = plant.world_frame() if b.parent < 0 else links[b.parent].body_frame()
+        offset = pose(b.placement.homogeneous)
+        frame = plant.AddFrame(tree.FixedOffsetFrame(f"{b.name}_origin", base, offset))
+        kind = tree.PrismaticJoint if b.sliding else tree.RevoluteJoint
+        joint = plant.AddJoint(kind(b.name, frame, link.body_frame(), b.axis))
+        actuator = plant.AddJointActuator(b.name, joint)
+        actuator.set_default_gear_ratio(1.0)
+        actuator.set_default_rotor_inertia(b.armature)
+        links.append(link)
+    plant.mutable_gravity_field().set_gravity_vector(robot.scene.model.gravity.linear)
+    plant.Finalize()
+
+
+def _drake_forces(robot: _Robot, velocity: float) -> Any:
+    """Efforts and smoothed friction as symbolic expressions of time and state."""
+    symbolic: Any = import_module("pydrake.symbolic")
+    primitives: Any = import_module("pydrake.systems.primitives")
+    n, time = len(robot.bodies), symbolic.Variable("t")
+    state = [symbolic.Variable(f"x{i}") for i in range(2 * n)]
+    out = []
+    for j, b in enumerate(robot.bodies):
+        if isinstance(b.effort, TableEffort):
+            raise PinfricError("Drake: is given sines and constants as efforts, not tables")
+        if isinstance(b.effort, SineEffort):
+            s = b.effort.sine
+            effort = s.amplitude * symbolic.sin(s.angular_frequency * time + s.phase)
+        else:
+            effort = symbolic.Expression(float(b.effort))
+        out.append(effort - b.friction * symbolic.tanh(state[n + j] / velocity))
+    idle = symbolic.Variable(
+        "idle"
+    )  # without any state of its own the system refuses to be integrated
+    return primitives.SymbolicVectorSystem(
+        time=time, state=[idle], input=state, dynamics=[symbolic.Expression(0.0)], output=out
+    )

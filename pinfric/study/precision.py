@@ -1,0 +1,300 @@
+"""Work against precision in simulation: what a smaller error costs, method by method.
+
+The reference is the `event` method two decades tighter than the tightest contestant; the paper's
+examples are judged by absolute coordinates, too, which share no code with any contestant. What
+fails is a row with its reason.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.result import StickInterval
+from pinfric.errors import PinfricError
+from pinfric.model.scene import Scene
+from pinfric.study.paper import EXAMPLES
+from pinfric.study.scene_run import run_scene
+
+#: Relative tolerances of `event`; the absolute ones are a hundredth of them.
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
+#: Steps of `timestepping` over the whole motion.
+STEPS = (50, 160, 500, 1600, 5000)
+#: Velocities (rad/s or m/s) at which `regularized` smooths friction, and its tolerance.
+VELOCITIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+_SMOOTH_TOLERANCE = 1e-7
+#: Samples at which a motion is compared; of a motion that knows no stick, those it is looked for.
+_COMPARED, _LOOKS = 400, 2000
+#: A run that takes longer than this (s) is timed once.
+_PATIENCE = 2.0
+_NAN = float("nan")
+_Key = TypeVar("_Key", bound=Hashable)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One method with one setting: its errors, and what it took.
+
+    Attributes:
+        method: `event`, `timestepping`, `regularized`, or a peer's name.
+        setting: what was set, in words.
+        error: largest error of q over the motion (rad or m); NaN where there is no motion.
+        end_error: error of q at the end (rad or m).
+        stick_error: largest error of any stick interval's start or end (s), each compared with the
+            interval that overlaps it most; NaN where one has no counterpart; 0 where none sticks.
+        missed: stick intervals of the reference without a counterpart.
+        wall_s: median of the rounds (s).
+        rhs: right-hand sides or steps computed.
+        error_absolute, stick_error_absolute: the first and third judged by absolute coordinates;
+            NaN where the scene is none of the paper's.
+        problem: why it failed; empty where it did not.
+    """
+
+    method: str
+    setting: str
+    error: float = _NAN
+    end_error: float = _NAN
+    stick_error: float = _NAN
+    missed: int = 0
+    wall_s: float = _NAN
+    rhs: int = 0
+    error_absolute: float = _NAN
+    stick_error_absolute: float = _NAN
+    problem: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A contestant's motion as it is judged.
+
+    Attributes:
+        t, q: (T,) s, (T, nq).
+        readings: when its sites stick; several where it never stands still and a threshold decides:
+            the one that serves it best counts.
+        evaluations: right-hand sides or steps.
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    readings: tuple[tuple[StickInterval, ...], ...]
+    evaluations: int
+
+
+@dataclass(frozen=True, eq=False)
+class Contestant:
+    """One method with one setting.
+
+    Attributes:
+        method, setting: see `Run`.
+        bare: computes the motion with no sample but the end; this is timed.
+        judged: computes it with samples.
+    """
+
+    method: str
+    setting: str
+    bare: Callable[[], object]
+    judged: Callable[[], Track]
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """A motion taken for true: configurations at any times, and when sites stick."""
+
+    name: str
+    scene: Scene
+    at: Callable[[np.ndarray], np.ndarray]
+    sticks: tuple[StickInterval, ...]
+
+    def errors(self, track: Track) -> np.ndarray:
+        """Return the largest error of any coordinate (rad or m) at each sample compared, (n,)."""
+        every = max(1, len(track.t) // _COMPARED)
+        chosen = np.unique(np.append(np.arange(0, len(track.t), every), len(track.t) - 1))
+        true, model = self.at(track.t[chosen]), self.scene.model
+        pairs = zip(true, track.q[chosen], strict=True)
+        return np.array([np.abs(pin.difference(model, one, other)).max() for one, other in pairs])
+
+    def stick_errors(self, track: Track) -> list[float]:
+        """Return the larger error of both ends of each true interval (s), NaN where missed."""
+        read = [self._stick_errors(found) for found in track.readings]
+        return min(read, key=lambda e: (np.isnan(e).sum(), np.nan_to_num(e).max(initial=0.0)))
+
+    def _stick_errors(self, found: Sequence[StickInterval]) -> list[float]:
+        errors = []
+        for true in self.sticks:
+            own = [f for f in found if f.site == true.site and _overlap(f, true) >= 0.0]
+            if not own:
+                errors.append(_NAN)
+                continue
+            best = max(own, key=lambda f, true=true: _overlap(f, true))  # type: ignore[misc]
+            errors.append(max(abs(best.start - true.start), abs(best.end - true.end)))
+        return errors
+
+
+def _overlap(one: StickInterval, other: StickInterval) -> float:
+    return min(one.end, other.end) - max(one.start, other.start)
+
+
+def reference(scene: Scene) -> Motion:
+    """Simulate a scene's own motion two decades tighter than the tightest contestant.
+
+    With the default `max_step` (t_end / 50) on top: no guard hides within a long step.
+    """
+    rtol = 1e-2 * min(TOLERANCES)
+    return run_scene(scene, rtol=rtol, atol=1e-2 * rtol)
+
+
+def judge_of(motion: Motion) -> Judge:
+    """Return a motion of the `event` method as a judge."""
+
+    def at(times: np.ndarray) -> np.ndarray:
+        return motion.sample(np.minimum(times, motion.t[-1])).q
+
+    return Judge("event", motion.scene, at, motion.stick_intervals())
+
+
+def absolute_judge(scene: Scene) -> Judge | None:
+    """Return the paper's own formulation as a judge of its two examples; None for other scenes."""
+    from pinfric.dynamics import absolute
+    from pinfric.model.scene import bundled_folder
+
+    assert scene.simulation is not None
+    own = {str(bundled_folder() / f"{example.name}.yaml"): example for example in EXAMPLES}
+    example = own.get(str(Path(scene.source).resolve()))
+    if example is None:
+        return None
+    judged = example.judge()
+    t_end = scene.simulation.t_end
+    motion = absolute.simulate(judged.mechanism, judged.angle, judged.rate, judged.effort, t_end,
+                               rtol=1e-12, atol=1e-14, sample_step=t_end)  # fmt: skip
+    starts = np.array([phase.start for phase in motion.phases])
+
+    def at(times: np.ndarray) -> np.ndarray:
+        phases = np.maximum(starts.searchsorted(times, side="right") - 1, 0)
+        states = [motion.phases[p].solution(t) for p, t in zip(phases, times, strict=True)]
+        return np.array(states)[:, : scene.model.nq]
+
+    sticks = tuple(
+        StickInterval(example.site, start, end)
+        for start, end in motion.stick_intervals(example.site)
+    )
+    return Judge("absolute coordinates", scene, at, sticks)
+
+
+def contestants(scene: Scene, methods: Iterable[str] | None = None) -> list[Contestant]:
+    """Return pinfric's methods, each with all its settings.
+
+    `event` without a limit to its steps, so that the tolerance alone decides, and once with its
+    defaults.
+
+    Args:
+        scene: with a `simulation` section.
+        methods: those wanted; None is all three.
+    """
+    assert scene.simulation is not None
+    t_end = scene.simulation.t_end
+    wanted = ("event", "timestepping", "regularized") if methods is None else tuple(methods)
+    made = []
+    if "event" in wanted:
+        made += [_own(scene, "event", f"rtol {rtol:.0e}", rtol=rtol, atol=1e-2 * rtol,
+                      max_step=t_end) for rtol in TOLERANCES]  # fmt: skip
+        made.append(_own(scene, "event", "defaults"))
+    if "timestepping" in wanted:
+        made += [_own(scene, "timestepping", f"dt {t_end / n:.2e} s", dt=t_end / n) for n in STEPS]
+    if "regularized" in wanted:
+        made += [
+            _own(scene, "regularized", f"velocity {velocity:.0e}", _LOOKS,
+                 regularization_velocity=velocity, rtol=_SMOOTH_TOLERANCE,
+                 atol=1e-2 * _SMOOTH_TOLERANCE)
+            for velocity in VELOCITIES
+        ]  # fmt: skip
+    return made
+
+
+def _own(
+    scene: Scene, method: str, setting: str, samples: int = _COMPARED, **options: float
+) -> Contestant:
+    assert scene.simulation is not None
+    t_end = scene.simulation.t_end
+
+    def bare() -> Motion:
+        return run_scene(scene, method=method, sample_step=t_end, **options)
+
+    def judged() -> Track:
+        motion = run_scene(scene, method=method, sample_step=t_end / samples, **options)
+        # the samples cost evaluations, too; those of the method are counted without them
+        return Track(motion.t, motion.q, (motion.stick_intervals(),), bare().evaluations)
+
+    return Contestant(method, setting, bare, judged)
+
+
+def compete(
+    entries: Sequence[Contestant], judge: Judge, second: Judge | None = None, rounds: int = 3
+) -> tuple[Run, ...]:
+    """Judge and time contestants; one that fails is a row with its reason.
+
+    Args:
+        entries: who competes.
+        judge: gives the errors.
+        second: gives `error_absolute` and `stick_error_absolute`.
+        rounds: timings of each, all of them in every round; what takes seconds is timed once.
+    """
+    runs: list[Run] = []
+    quick: dict[int, Callable[[], object]] = {}
+    slow: dict[int, Callable[[], object]] = {}
+    for i, entry in enumerate(entries):
+        start = time.perf_counter()
+        runs.append(_judged(entry, judge, second))
+        if not runs[i].problem:
+            patient = time.perf_counter() - start < _PATIENCE
+            (quick if patient else slow)[i] = entry.bare
+    seconds = interleaved(quick, rounds) | interleaved(slow, 1)
+    return tuple(
+        replace(run, wall_s=seconds[i]) if i in seconds else run for i, run in enumerate(runs)
+    )
+
+
+def _judged(entry: Contestant, judge: Judge, second: Judge | None) -> Run:
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # a coarse step may well explode
+            track = entry.judged()
+    except PinfricError as problem:
+        return Run(entry.method, entry.setting, problem=" ".join(str(problem).split()))
+    if not np.isfinite(track.q).all():
+        return Run(entry.method, entry.setting, problem="diverges: q is no number any more")
+    errors = judge.errors(track)
+    ends = judge.stick_errors(track)
+    return Run(
+        method=entry.method,
+        setting=entry.setting,
+        error=float(errors.max()),
+        end_error=float(errors[-1]),
+        stick_error=_largest(ends),
+        missed=int(np.isnan(ends).sum()),
+        rhs=track.evaluations,
+        error_absolute=_NAN if second is None else float(second.errors(track).max()),
+        stick_error_absolute=_NAN if second is None else _largest(second.stick_errors(track)),
+    )
+
+
+def _largest(errors: Sequence[float]) -> float:
+    """The largest of errors; NaN if one is; 0 of none."""
+    return float(np.max(errors)) if len(errors) else 0.0
+
+
+def interleaved(contestants: Mapping[_Key, Callable[[], object]], rounds: int) -> dict[_Key, float]:
+    """Return median seconds of each, all timed in every round: a busy machine slows all alike."""
+    times: dict[_Key, list[float]] = {name: [] for name in contestants}
+    for _ in range(rounds):
+        for name, run in contestants.items():
+            start = time.perf_counter()
+            run()
+            times[name].append(time.perf_counter() - start)
+    return {name: statistics.median(values) for name, values in times.items()}

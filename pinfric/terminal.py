@@ -1,0 +1,133 @@
+"""What every command does: read what it names, show that it works, print and write results.
+
+What is heavy is imported inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import typer
+
+from pinfric.errors import PinfricWarning
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from pinfric.model.scene import Scene
+    from pinfric.show.files import Writer
+    from pinfric.study.trajectory import Trajectory
+
+#: Exit code where the reader of our output left.
+NO_READER = 141
+
+#: The warnings of this run, for its JSON.
+noticed: list[str] = []
+
+
+def load(
+    scene_name: str, trajectory_name: str, out: Path | None = None
+) -> tuple[Scene, Trajectory]:
+    """Read a scene and a trajectory; refuse a folder that could not be written before any work."""
+    from pinfric.model.scene import load_scene
+    from pinfric.show.files import check_writable
+    from pinfric.study.trajectory import load_trajectory
+
+    if out is not None:
+        check_writable(out)
+    scene = load_scene(scene_name)
+    trajectory = load_trajectory(trajectory_name, scene)
+    for text in trajectory.warnings:
+        notice(f"{trajectory.source}: {text}")
+    return scene, trajectory
+
+
+def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
+    """Print a dictionary as JSON, anything else with rich."""
+    if isinstance(answer, Mapping):
+        print_line(as_text(answer))
+        return
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    with console.capture() as captured:
+        console.print(*answer, sep="\n")
+    print_line(captured.get().rstrip())
+
+
+def write(folder: Path, writers: Mapping[str, Writer]) -> None:
+    """Write the results, all or none, and say where they are."""
+    from pinfric.show.files import write_folder
+
+    with working(f"writing {folder}"):
+        files = write_folder(folder, writers)
+    print(f"pinfric: wrote {', '.join(map(str, files))}", file=sys.stderr)
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Show on a terminal that something takes its time."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(what):
+        yield
+
+
+def as_text(content: Mapping[str, Any]) -> str:
+    """Return a dictionary as the JSON that is printed and written."""
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def print_line(text: str) -> None:
+    """Print and flush: a reader that has gone (`| head`) shows here, not at the program's end."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(NO_READER) from None
+
+
+def say(text: str) -> None:
+    """Tell what goes on, beside the results."""
+    print(f"pinfric: {text}", file=sys.stderr)
+
+
+def notice(text: str) -> None:
+    """Show a warning as one line on stderr, each text once."""
+    if text not in noticed:
+        noticed.append(text)
+        print(f"pinfric: warning: {text}", file=sys.stderr)
+
+
+@contextmanager
+def warnings_as_notices() -> Iterator[None]:
+    """Within, a `PinfricWarning` is a notice; others' warnings are shown as Python does."""
+    with warnings.catch_warnings():
+        as_python_does = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if issubclass(category, PinfricWarning):
+                notice(str(message))
+            else:
+                as_python_does(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        warnings.simplefilter("always", PinfricWarning)
+        yield

@@ -1,0 +1,223 @@
+"""Every goal for speed, measured in one run, as one table of ratios.
+
+    python tests/benchmarks/table.py            a minute or two
+    python tests/benchmarks/table.py --peers    MuJoCo and Drake, too: some minutes
+
+Contestants of one row are timed in turn, round by round; medians count.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pinfric as pf  # isort: skip - before Pinocchio loads: it sets how threads wait
+
+import numpy as np
+import pinocchio as pin
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).parents[1]))  # cases, as pytest finds them
+
+from measure import machine, median_seconds, states, ur5, with_pins  # isort: skip
+from scaling import memory  # isort: skip
+
+SAMPLES = 20_000
+
+
+@dataclass(frozen=True)
+class Row:
+    """One goal: what was measured, against what, the figure and its limit (same unit)."""
+
+    what: str
+    against: str
+    figure: float
+    goal: float
+    unit: str = "x"
+    at_least: bool = False
+    more: str = ""
+
+    @property
+    def met(self):
+        return self.figure >= self.goal if self.at_least else self.figure <= self.goal
+
+    def cells(self):
+        unit = "" if self.unit == "x" else f" {self.unit}"
+        sign = "≥" if self.at_least else "≤"
+        met = "yes" if self.met else "no"
+        figure = f"{self.figure:.3g}{unit}" if self.figure > 0 else "-"
+        return (self.what, self.against, figure, f"{sign} {self.goal:g}{unit}",
+                met, self.more)  # fmt: skip
+
+
+def inverse():
+    """20,000 samples of the UR5 on one thread, with six pins and without friction."""
+    model = ur5()
+    scene, plain, (q, v, a) = with_pins(model), pf.Scene(model=model), states(model, SAMPLES)
+    data, pool, out = model.createData(), pin.ModelPool(model, 1), np.empty((SAMPLES, 6))
+
+    def loop():
+        for i in range(SAMPLES):
+            pin.rnea(model, data, q[i], v[i], a[i])
+
+    s = median_seconds({
+        "loop": loop,
+        "parallel": lambda: pin.rneaInParallel(1, pool, q.T, v.T, a.T, out.T),
+        "pins": lambda: pf.inverse_dynamics(scene, q, v, a, threads=1),
+        "plain": lambda: pf.inverse_dynamics(plain, q, v, a, threads=1),
+    }, rounds=15)  # fmt: skip
+    each = {name: 1e6 * seconds / SAMPLES for name, seconds in s.items()}
+    what = "inverse dynamics, UR5, six pins"
+    return [
+        Row(what, "Python loop over pin.rnea, no friction", s["pins"] / s["loop"], 0.9,
+            more=f"{each['pins']:.2f} to {each['loop']:.2f} us a sample"),
+        Row(what, "rneaInParallel, no friction", s["pins"] / s["parallel"], 1.7,
+            more=f"{each['pins']:.2f} to {each['parallel']:.2f} us a sample"),
+        Row("inverse dynamics, UR5, frictionless", "rneaInParallel", s["plain"] / s["parallel"],
+            1.15, more=f"{each['plain']:.2f} to {each['parallel']:.2f} us a sample"),
+    ]  # fmt: skip
+
+
+def threads():
+    """Four threads against one; beside it what Pinocchio's own batch gains on this machine."""
+    model = ur5()
+    scene, (q, v, a) = with_pins(model), states(model, 100_000)
+    out = np.empty((100_000, 6))
+    pools = {n: pin.ModelPool(model, n) for n in (1, 4)}
+    ours = {n: lambda n=n: pf.inverse_dynamics(scene, q, v, a, threads=n) for n in (1, 4)}
+    bare = {-n: lambda n=n: pin.rneaInParallel(n, pools[n], q.T, v.T, a.T, out.T) for n in (1, 4)}
+    s = median_seconds(ours | bare, rounds=7)
+    more = f"rneaInParallel alone {s[-1] / s[-4]:.2f}; needs four idle cores"
+    return [Row("inverse dynamics, UR5, four threads", "one thread", s[1] / s[4], 2.5,
+                at_least=True, more=more)]  # fmt: skip
+
+
+def memory_in_chunks():
+    used = memory()[-1].cost[-1]
+    return [Row("memory for 1,000,000 samples, in chunks", "q, v, a alone", used, 300, "MB")]
+
+
+def forward():
+    """One call of forward dynamics, UR5, all six pins sliding."""
+    model = ur5()
+    scene, data = with_pins(model), model.createData()
+    rng = np.random.default_rng(0)
+    q, v, u = rng.uniform(-2, 2, 6), rng.uniform(-2, 2, 6), rng.uniform(-20, 20, 6)
+    s = median_seconds({
+        "aba": lambda: pin.aba(model, data, q, v, u),
+        "pins": lambda: pf.forward_dynamics(scene, q, v, u),
+    }, rounds=41, calls=200)  # fmt: skip
+    return [Row("forward dynamics, UR5, six pins", "pin.aba", s["pins"] / s["aba"], 15,
+                more=f"{1e6 * s['pins']:.1f} to {1e6 * s['aba']:.1f} us a call")]  # fmt: skip
+
+
+def simulation():
+    """One second of the paper's three links."""
+    scene = pf.load_scene("three_link")
+
+    def run():
+        return pf.simulate(scene, np.zeros(3), [1.0, -1.0, 1.0], None, 1.0, rtol=1e-8)
+
+    seconds = median_seconds({"run": run}, rounds=9)["run"]
+    count = run().evaluations
+    more = f"{count} right-hand sides, {1e6 * seconds / count:.0f} us each"
+    return [Row("simulate three_link 1 s, rtol 1e-8", "", seconds, 0.25, "s", more=more)]
+
+
+def loops():
+    """The four-bar turning, friction in all four pins."""
+    from cases import Case, turning_four_bar
+    from mechanisms import four_bar
+
+    case = turning_four_bar(SAMPLES, "B", "planar_pin")
+    bare = Case(four_bar("B", "planar_pin", friction={})[0], case.q, case.v, case.a)
+    s = median_seconds(
+        {"pins": lambda: case.inverse(threads=1), "bare": lambda: bare.inverse(threads=1)}, rounds=7
+    )
+    each = {name: 1e6 * seconds / SAMPLES for name, seconds in s.items()}
+    what = "inverse dynamics, four-bar, four pins"
+    return [
+        Row(what, "the same without friction", s["pins"] / s["bare"], 5,
+            more=f"{each['pins']:.1f} to {each['bare']:.1f} us a sample"),
+        Row(what, "", each["pins"], 30, "us"),
+    ]  # fmt: skip
+
+
+# ---------------------------------------------------------------- peers
+
+
+def swinging_ur5():
+    """The UR5 of `robots/`, thrown about by sines for half a second, with its own constants."""
+    from pinfric.model.schema import Simulation
+
+    scene = pf.load_scene("ur5_pick_and_place")
+    drive = dict(zip(scene.joint_names, ((30, 4), (60, 3), (25, 5), (6, 6), (6, 5), (5, 4)),
+                     strict=True))  # fmt: skip
+    sines = {
+        name: {"sine": {"amplitude": amplitude, "angular_frequency": frequency}}
+        for name, (amplitude, frequency) in drive.items()
+    }
+    start = {"q": {"shoulder_lift_joint": -1.2, "elbow_joint": 0.8}}
+    simulation = Simulation.model_validate({"start": start, "effort": sines, "t_end": 0.5})
+    constants = {name: entry.coulomb.kinetic for name, entry in scene.friction.items()}
+    return dataclasses.replace(scene, simulation=simulation), constants
+
+
+def peers():
+    """Time of `event` to an error of q below a bound, against the quickest peer that gets there."""
+    from pinfric.study import peers as module
+
+    rows = []
+    cases = {
+        "pendulum": (pf.load_scene("pendulum"), {"joint_1": 0.29}),
+        "three_link": (pf.load_scene("three_link"), {"joint_12": 9.1}),
+        "UR5": swinging_ur5(),
+    }
+    for name, (scene, constants) in cases.items():
+        runs, missing = module.compete_with_peers(scene, constants)
+        for line in missing:
+            print(line)
+        for bound in (1e-3, 1e-4, 1e-5):
+            rows += [
+                row for who in ("MuJoCo", "Drake") if (row := _against(name, runs, who, bound))
+            ]
+    return rows
+
+
+def _against(name, runs, who, bound):
+    """Ours to theirs at one bound; None where the peer is not installed."""
+
+    def quickest(method):
+        there = [r.wall_s for r in runs if r.method.startswith(method) and r.error <= bound]
+        return min(there, default=float("inf"))
+
+    if not any(run.method.startswith(who) for run in runs):
+        return None
+    ours, theirs = quickest("event"), quickest(who)
+    reached = np.isfinite(theirs)
+    more = f"{1e3 * ours:.3g} ms to {f'{1e3 * theirs:.3g} ms' if reached else 'never'}"
+    return Row(f"simulate {name} to {bound:.0e} rad, constant friction", who, ours / theirs, 1,
+               more=more)  # fmt: skip
+
+
+def rows(with_peers=False):
+    """Every row as it is measured, in the README's order."""
+    studies = [inverse, memory_in_chunks, threads, forward, simulation, loops]
+    if with_peers:
+        studies.append(peers)
+    for study in studies:
+        yield from study()
+
+
+def main():
+    print(machine())
+    print()
+    print("| | against | measured | goal | met | |\n|---|---|---|---|---|---|")
+    for row in rows("--peers" in sys.argv):
+        print(f"| {' | '.join(row.cells())} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

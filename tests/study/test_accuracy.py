@@ -1,0 +1,279 @@
+"""Accuracy against time: errors that are what they say, failures that stay rows, peers that agree.
+
+Wall times are never asserted; errors, counts and orders of convergence are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from builders import block, plane_friction
+
+import pinfric as pf
+from pinfric.dynamics.result import StickInterval
+from pinfric.errors import SceneError, SimulationError
+from pinfric.model.schema import Simulation
+from pinfric.show.accuracy_figure import accuracy_figure
+from pinfric.show.accuracy_report import accuracy_frame, accuracy_json, accuracy_report
+from pinfric.study import accuracy as accuracy_module
+from pinfric.study import precision
+from pinfric.study.accuracy import accuracy
+from pinfric.study.ladder import fitted_constants, ladder, solve
+from pinfric.study.precision import Contestant, Judge, Track, compete, contestants
+from pinfric.study.sampling import missed_stick, sampling
+from pinfric.study.trajectory import Trajectory
+
+_FEW_STEPS = (50, 500)
+#: What shares the study of the pendulum runs in one worker.
+on_the_pendulum = pytest.mark.xdist_group("accuracy of the pendulum")
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    """The whole study of the paper's pendulum; of the slow methods two settings each."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(precision, "STEPS", _FEW_STEPS)
+        patch.setattr(precision, "VELOCITIES", (1e-1, 1e-2))
+        return accuracy(pf.load_scene("pendulum"), rounds=1)
+
+
+def of(runs, method):
+    return [run for run in runs if run.method == method]
+
+
+@on_the_pendulum
+def test_event_spans_the_decades_and_absolute_coordinates_agree(pendulum):
+    event = [run for run in of(pendulum.runs, "event") if run.setting != "defaults"]
+    assert len(event) >= 5
+    assert max(run.error for run in event) >= 1e-3
+    assert min(run.error for run in event) <= 1e-9
+    assert min(run.stick_error for run in event) <= 1e-9
+    assert pendulum.reference_difference < 1e-11
+    for run in event:
+        assert run.error_absolute == pytest.approx(run.error, rel=0.05)
+        assert run.stick_error_absolute == pytest.approx(run.stick_error, rel=0.05)
+        assert run.wall_s > 0
+        assert run.rhs > 100
+    assert [run.rhs for run in event][-1] > event[0].rhs
+
+
+@on_the_pendulum
+def test_methods_of_first_order_gain_what_they_should(pendulum):
+    coarse, fine = of(pendulum.runs, "timestepping")
+    assert (coarse.rhs, fine.rhs) == (52, 502)
+    assert 4 < coarse.error / fine.error < 100  # ten times the steps
+    rough, smooth = of(pendulum.runs, "regularized")
+    assert rough.error > 3 * smooth.error
+
+
+def test_every_method_has_five_settings_or_more():
+    entries = contestants(pf.load_scene("pendulum"))
+    for method in ("event", "timestepping", "regularized"):
+        assert len({e.setting for e in entries if e.method == method}) >= 5
+
+
+@on_the_pendulum
+def test_json_has_the_runs_and_no_nan(pendulum):
+    answer = json.loads(json.dumps(accuracy_json(pendulum), allow_nan=False))
+    assert {"method", "setting", "error", "stick_error", "wall_s", "rhs"} <= set(answer["runs"][0])
+    errors = [run["error"] for run in answer["runs"] if run["method"] == "event"]
+    assert max(errors) >= 1e-3
+    assert min(errors) <= 1e-9
+    assert answer["ladder"][0]["peak_change"] is None
+
+
+@on_the_pendulum
+def test_table_and_picture(pendulum, tmp_path):
+    from rich.console import Console
+
+    console = Console(width=100, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    console.print(*accuracy_report(pendulum), sep="\n")
+    text = console.export_text()
+    for expected in ("rtol 1e-10", "dt 4.00e-03 s", "velocity 1e-02", "frictionless", "+ static"):
+        assert expected in text
+    frame = accuracy_frame(pendulum)
+    assert set(frame["study"]) == {"simulation", "sampling", "ladder"}
+    assert (frame["study"] == "simulation").sum() == len(pendulum.runs)
+    figure = accuracy_figure(pendulum)
+    shown = [axes for axes in figure.axes if axes.get_visible()]
+    assert len(shown) == 4
+    assert shown[0].get_xscale() == shown[0].get_yscale() == "log"
+    drawn = {line.get_label(): line.get_ydata() for line in shown[0].lines}
+    assert max(drawn["event"]) == max(run.error for run in of(pendulum.runs, "event"))
+    figure.savefig(tmp_path / "accuracy.png")
+    assert (tmp_path / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_failure_is_a_row():
+    def fails():
+        raise SimulationError("it cannot go on")
+
+    still = np.zeros((3, 1))
+    scene = pf.Scene(model=block())
+    judge = Judge("still", scene, lambda t: np.zeros((len(t), 1)), ())
+    sound = Track(np.arange(3.0), still, ((),), 7)
+    lost = Track(np.arange(3.0), np.full((3, 1), np.nan), ((),), 7)
+    runs = compete(
+        [Contestant("a", "1", fails, fails), Contestant("b", "2", lambda: None, lambda: sound),
+         Contestant("c", "3", lambda: None, lambda: lost)],
+        judge, rounds=1,
+    )  # fmt: skip
+    assert runs[0].problem == "it cannot go on"
+    assert np.isnan(runs[0].error)
+    assert (runs[1].problem, runs[1].error, runs[1].stick_error, runs[1].rhs) == ("", 0.0, 0.0, 7)
+    assert "diverges" in runs[2].problem
+    study = accuracy_module.Accuracy(scene, "none", runs, float("nan"), (), {}, (), (), ())
+    table = accuracy_report(study)[0]
+    assert table.row_count == 3
+    assert [run["error"] for run in accuracy_json(study)["runs"]] == [None, 0.0, None]
+
+
+def test_errors_of_stick_ends_by_hand():
+    true = (StickInterval("a", 1.0, 2.0), StickInterval("b", 3.0, 4.0))
+    judge = Judge("hand", pf.Scene(model=block()), lambda t: t, true)
+    nothing = np.zeros(0)
+    short = (StickInterval("a", 0.9, 1.1), StickInterval("a", 1.2, 2.3), StickInterval("b", 3, 4))
+    assert judge.stick_errors(Track(nothing, nothing, (short,), 0)) == pytest.approx([0.3, 0.0])
+    missing = (StickInterval("a", 1.0, 2.5), StickInterval("b", 5.0, 6.0))
+    errors = judge.stick_errors(Track(nothing, nothing, (missing,), 0))
+    assert errors[0] == pytest.approx(0.5)
+    assert np.isnan(errors[1])
+    best = judge.stick_errors(Track(nothing, nothing, (missing, short), 0))
+    assert best == pytest.approx([0.3, 0.0])
+
+
+def test_missed_stick_time_by_hand():
+    true = (StickInterval("a", 0.0, 1.0), StickInterval("b", 0.0, 1.0))
+    found = (StickInterval("a", 0.25, 0.5), StickInterval("a", 0.75, 2.0))
+    assert missed_stick(true, found) == pytest.approx((2.0, 1.5))
+
+
+def test_fewer_samples_miss_more_stick():
+    scene = pf.load_scene("pendulum")
+    trajectory = pf.load_trajectory("pendulum.waypoints.yaml", scene)
+    rows = [row for row in sampling(scene, trajectory) if row.given == "q, v, a"]
+    assert rows[0].missed_stick == 0.0
+    assert rows[0].stick == pytest.approx(1.0, abs=0.01)  # 0.2 + 0.5 + 0.3 s of holds
+    assert rows[0].rate == pytest.approx(1000)
+    for row in rows:  # each hold loses at most a sample at either end
+        assert row.missed_stick <= 3 * 2 / row.rate + 1e-9
+    assert rows[-1].peak_error > rows[1].peak_error
+
+
+def sliding(scene):
+    """0.5 m/s forth, then back: friction is all there is."""
+    t = np.linspace(0.0, 1.0, 101)
+    v = np.where(t < 0.5, 0.5, -0.5)[:, None]
+    q = np.minimum(t, 1.0 - t)[:, None] * 0.5
+    return Trajectory.from_arrays(scene, t, q, v, np.zeros((101, 1)))
+
+
+def test_rungs_by_hand():
+    entry = plane_friction(0.4, 0.3, coulomb={"static": 3.0, "kinetic": 3.0}, viscous=2.0)
+    scene = pf.Scene(model=block(mass=2.0), friction={"slide": entry})
+    motion = sliding(scene)
+    weight = 0.3 * 2.0 * 9.81
+    constants = fitted_constants(solve(scene, motion))
+    assert constants["slide"] == pytest.approx(weight + 3.0 + 1.0)
+    rungs = {rung.name: rung for rung in ladder(scene, motion, rounds=1)}
+    assert rungs["frictionless"].us > 0
+    assert rungs["constant"].rms_change == pytest.approx(weight + 4.0)
+    # the reversal between two samples is an interval of standstill there: its ends differ
+    assert rungs["radial load"].rms_change == pytest.approx(-4.0, rel=0.01)
+    assert rungs["+ coulomb"].rms_change == pytest.approx(3.0, rel=0.02)
+    assert rungs["+ viscous"].rms_change == pytest.approx(1.0, rel=0.03)
+    assert rungs["+ viscous"].distance == 0.0
+    assert rungs["+ viscous"].drive == "slide"
+    assert not rungs["+ bending"].on
+    assert not rungs["+ coupling"].on
+    assert rungs["frictionless"].distance == pytest.approx(1.0)
+
+
+def test_coupling_is_what_one_pass_misses():
+    scene = pf.load_scene("four_bar")
+    motion = pf.load_trajectory("four_bar.waypoints.yaml", scene)
+    thin = slice(200, 600, 10)
+    short = dataclasses.replace(
+        motion, t=motion.t[thin], q=motion.q[thin], v=motion.v[thin], a=motion.a[thin],
+        attached=motion.attached[thin],
+    )  # fmt: skip
+    rungs = {rung.name: rung for rung in ladder(scene, short, rounds=1)}
+    assert rungs["+ coupling"].on
+    assert np.isnan(rungs["radial load"].us)
+    assert 0 < rungs["+ coupling"].distance < rungs["radial load"].distance
+    # what one pass misses is of second order in the coefficients
+    gentle = {
+        name: entry.model_copy(update={"mu": type(entry.mu)(static=0.03, kinetic=0.03)})
+        for name, entry in scene.friction.items()
+    }
+    rungs = ladder(dataclasses.replace(scene, friction=gentle), short, rounds=1)
+    one_pass = next(rung for rung in rungs if rung.name == "radial load")
+    bare = next(rung for rung in rungs if rung.name == "frictionless")
+    assert one_pass.distance < 0.1 * bare.distance
+
+
+def test_neither_simulation_nor_trajectory_is_an_error():
+    with pytest.raises(SceneError, match="simulation"):
+        accuracy(pf.load_scene("ur5_pick_and_place"))
+
+
+def test_a_trajectory_alone_is_studied():
+    scene = pf.load_scene("ur5_pick_and_place")
+    trajectory = pf.load_trajectory("ur5_pick_and_place.csv", scene)
+    found = accuracy(scene, trajectory, rounds=1)
+    assert found.runs == ()
+    assert "no `simulation` section" in found.notes[0]
+    rungs = {rung.name: rung for rung in found.ladder}
+    assert rungs["+ transmission"].motor_side
+    assert rungs["+ viscous"].distance < rungs["frictionless"].distance
+    assert "ur5_pick_and_place.csv" in accuracy_json(found)["trajectory"]
+
+
+def test_a_peer_that_is_not_there_is_one_line(monkeypatch):
+    from pinfric.study import peers
+
+    monkeypatch.setattr(peers, "find_spec", lambda name: None)
+    monkeypatch.setattr(precision, "STEPS", (50,))
+    monkeypatch.setattr(precision, "TOLERANCES", (1e-4,))
+    runs, missing = peers.compete_with_peers(pf.load_scene("pendulum"), {"joint_1": 0.3}, rounds=1)
+    assert {run.method for run in runs} == {"event", "timestepping"}
+    assert missing == [
+        'MuJoCo: not installed; pip install "pinfric[bench]" brings it',
+        'Drake: not installed; pip install "pinfric[bench]" brings it',
+    ]
+
+
+def test_peers_converge_to_the_same_motion(monkeypatch):
+    pytest.importorskip("mujoco")
+    pytest.importorskip("pydrake")
+    from pinfric.study import peers
+
+    monkeypatch.setattr(precision, "STEPS", (500,))
+    monkeypatch.setattr(precision, "TOLERANCES", (1e-4, 1e-8))
+    monkeypatch.setattr(peers, "STEPS", (400, 6400))
+    monkeypatch.setattr(peers, "VELOCITIES", (1e-2, 1e-4))
+    scene = pf.load_scene("three_link")  # its constant: what the paper's pin has on average
+    runs, missing = peers.compete_with_peers(scene, {"joint_12": 9.0}, rounds=1)
+    assert not missing
+    for method in ("MuJoCo, stiff", "Drake"):
+        coarse, fine = of(runs, method)
+        assert not fine.problem
+        assert fine.error < 0.1 * coarse.error
+        assert fine.error < 5e-3
+        assert fine.missed == 0
+    plain, finest = of(runs, "MuJoCo")
+    assert finest.error < plain.error
+    assert of(runs, "event")[1].error < 1e-6
+
+
+def test_loops_are_not_handed_to_peers():
+    from pinfric.errors import PinfricError
+    from pinfric.study.peers import compete_with_peers
+
+    base = pf.load_scene("four_bar")
+    scene = dataclasses.replace(base, simulation=Simulation(start=base.simulation.start, t_end=1.0))
+    with pytest.raises(PinfricError, match="loops"):
+        compete_with_peers(scene, {"crank_pin": 0.1})
