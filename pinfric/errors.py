@@ -145,10 +145,6 @@ class SizingError(PinfricError):
         super().__init__(message)
 
 
-class SweepError(PinfricError):
-    """A sweep asks for what cannot be, or cannot be computed where it was asked to."""
-
-
 class PinfricWarning(UserWarning):
     """Something that can be computed but that the person who made the input should look at."""
 
