@@ -121,19 +121,29 @@ class Recorder:
             np.array([row[i] for row in self.rows]).reshape((len(self.rows), *w))
             for i, w in enumerate(widths)
         ]
-        end = columns[0][-1] if len(columns[0]) else 0.0
-        phase_t = np.array([*self.phase_t, end])
+        t, q, v, a, effort, modes, friction, load = columns
+        phase_t = np.array([*self.phase_t, t[-1] if len(t) else 0.0])
+        phase_modes = np.array(self.phase_modes, dtype=np.int8).reshape(len(self.phase_modes), ns)
         return Motion(
-            self.scene, self.method, *columns,
+            scene=self.scene,
+            method=self.method,
+            t=t,
+            q=q,
+            v=v,
+            a=a,
+            effort=effort,
+            modes=modes,
+            friction=friction,
+            normal_load=load,
             events=tuple(sorted(self.events, key=lambda event: event.time)),
             phase_t=phase_t,
-            phase_modes=np.array(self.phase_modes, dtype=np.int8).reshape(len(self.phase_modes), ns),
+            phase_modes=phase_modes,
             status=status,
             message=message,
             evaluations=self.system.evaluations,
             carried=self.carried,
             dense=self._dense(),
-        )  # fmt: skip
+        )
 
     def _dense(self) -> Dense | None:
         if not self.steps:
