@@ -56,7 +56,7 @@ class Recorder:
                 ws.check_roll_moments()
             except RollMomentError as problem:
                 raise timed(problem, t) from None
-        return (np.float64(t), q.copy(), v.copy(), ws.a.copy(), self.system.u.copy(),
+        return (np.array(t), q.copy(), v.copy(), ws.a.copy(), self.system.u.copy(),
                 ws.site_modes.copy(), ws.phi.copy(), ws.modes.load.copy())  # fmt: skip
 
     def sample(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
