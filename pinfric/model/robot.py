@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +13,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import RobotError, choose_from
+from pinfric.errors import PinfricWarning, RobotError, choose_from
 from pinfric.model.schema import Payload
-from pinfric.model.urdf import read_document, warn_of_missing_meshes
+from pinfric.model.urdf import read_document, reductions, warn_of_missing_meshes
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Robot:
     urdf: Path
     package_dirs: tuple[Path, ...]
     dynamics: Mapping[str, UrdfDynamics]
+    reductions: Mapping[str, float]
 
 
 def example_robot_data() -> Path:
@@ -78,7 +80,7 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
         for joint in document.joints
         if joint.dynamics is not None
     }  # fmt: skip
-    return Robot(model, urdf, package_dirs, dynamics)
+    return Robot(model, urdf, package_dirs, dynamics, reductions(urdf))
 
 
 def _build(urdf: Path, document: Any, locked: Mapping[str, float]) -> pin.Model:
@@ -186,3 +188,17 @@ def with_payloads(model: pin.Model, payloads: Mapping[str, Payload]) -> pin.Mode
         frame = loaded.frames[link_frame(loaded, payload.link)]
         loaded.appendBodyToJoint(frame.parentJoint, payload_inertia(payload), frame.placement)
     return loaded
+
+
+def mention_reductions(robot: Robot, where: str) -> None:
+    """Warn of gears the URDF names: a ratio alone says nothing of losses, so it is not used."""
+    geared = [n for n, r in robot.reductions.items() if abs(r) != 1 and n in robot.model.names]
+    if geared:
+        ratios = ", ".join(f"{name} {robot.reductions[name]:g}" for name in geared[:4])
+        more = f" and {len(geared) - 4} more" if len(geared) > 4 else ""
+        warnings.warn(
+            f"{where}: the URDF's <transmission> gives reductions ({ratios}{more}); motors are "
+            "taken at the joints until `actuators` names ratio, losses and inertia",
+            PinfricWarning,
+            stacklevel=3,
+        )

@@ -22,6 +22,7 @@ from pinfric.model.robot import (
     Robot,
     link_frame,
     locate_urdf,
+    mention_reductions,
     payload_inertia,
     read_robot,
     with_payloads,
@@ -415,6 +416,8 @@ def load_scene(path: str | Path) -> Scene:
     file = find_file(path, (".yaml", ".yml"), SceneError)
     entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError), str(file))
     robot = _read(entries, file)
+    if entries.actuators is None:
+        mention_reductions(robot, str(file))
     robot.model.gravity.linear = np.array(entries.robot.gravity)
     return Scene(
         model=robot.model,

@@ -49,6 +49,24 @@ def read_document(urdf: Path) -> Any:
     return document
 
 
+def reductions(urdf: Path) -> dict[str, float]:
+    """Return joint -> mechanical reduction (motor turns per joint turn) of a URDF's transmissions.
+
+    yourdfpy leaves the element out; where it stands beside the joint and beside the actuator, the
+    actuator's counts, as in ROS.
+    """
+    found: dict[str, float] = {}
+    for transmission in ElementTree.parse(urdf).getroot().findall("transmission"):
+        texts = [*transmission.findall("joint/mechanicalReduction"),
+                 *transmission.findall("actuator/mechanicalReduction"),
+                 *transmission.findall("mechanicalReduction")]  # fmt: skip
+        values = [_number((element.text or "").strip()) for element in texts]
+        for joint in transmission.findall("joint"):
+            if values and values[-1] is not None and joint.get("name"):
+                found[str(joint.get("name"))] = values[-1]
+    return found
+
+
 def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
     """Names, types, ends and numbers: what parsers otherwise report without saying where."""
     for tag in ("link", "joint"):

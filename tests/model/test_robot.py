@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -209,3 +211,16 @@ def test_bundled_scenes_are_found_by_name_from_any_folder(tmp_path, monkeypatch)
             pf.load_scene(elsewhere)
     with pytest.raises(RobotError, match="example-robot-data has no"):
         pf.load_scene(scene(tmp_path, "robot: {urdf: 'example-robot-data:ur5.urdf'}"))
+
+
+def test_reductions_of_the_urdf_are_mentioned_until_actuators_name_them(tmp_path):
+    gear = """<transmission name="t"><type>SimpleTransmission</type><joint name="swing"/>
+      <actuator name="m"><mechanicalReduction>100</mechanicalReduction></actuator></transmission>"""
+    urdf(tmp_path, link("arm"), joint(), gear)
+    with pytest.warns(PinfricWarning, match=r"reductions \(swing 100\)"):
+        found = pf.load_scene(scene(tmp_path, "robot: {urdf: robot.urdf}"))
+    assert found.robot.reductions == {"swing": 100.0}
+    named = "robot: {urdf: robot.urdf}\nactuators: [{joint: swing, transmission: {ratio: 100}}]"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pf.load_scene(scene(tmp_path, named))
