@@ -79,6 +79,22 @@ class LoopMotionError(StateError):
         )
 
 
+class ToggleError(StateError):
+    """A configuration in which the loops let more motions through than there are drives.
+
+    Attributes:
+        loop: name of one of the loops.
+    """
+
+    def __init__(self, loop: str, freedoms: int, drives: int) -> None:
+        self.loop, self.freedoms, self.drives = loop, freedoms, drives
+        super().__init__(
+            f"loop {loop!r}: a toggle: the mechanism has {freedoms} degrees of freedom here and "
+            f"{drives} elsewhere: how it moves on does not follow from its mechanics; start elsewhere "
+            "or keep the motion away from it"
+        )
+
+
 class AccelerationError(PinfricError):
     """Stick and slip leave no acceleration, or several, at one state (base of the two below).
 
@@ -143,6 +159,10 @@ class SizingError(PinfricError):
     def __init__(self, message: str, report: Any = None) -> None:
         self.report = report
         super().__init__(message)
+
+
+class SweepError(PinfricError):
+    """A sweep's file says something that cannot be, or its samples cannot be computed or kept."""
 
 
 class PinfricWarning(UserWarning):

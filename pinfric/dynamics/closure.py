@@ -115,6 +115,47 @@ def _check(linkage: Linkage, state: LoopState, here: slice, checked: slice) -> N
             )  # fmt: skip
 
 
+def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the velocities that efforts and friction work on.
+
+    Args:
+        scene: with or without loops.
+        q, v: (T, nq), (T, nv).
+
+    Returns:
+        (T, na) of each drive, along a cylinder its lengthening (rad/s or m/s); (T, ns) of each
+        site, of a ball its angular speed.
+    """
+    tables = scene.site_tables
+    sites = v[:, tables.velocity_index] * tables.ratio
+    if scene.linkage is None:
+        return v[:, [drive.velocity_index for drive in scene.drives]], sites
+    linkage = scene.linkage
+    rate = loop_state(scene.twin(), linkage, q, v, np.zeros_like(v)).rate
+    drives = np.array([
+        v[:, d.velocity_index] if d.velocity_index >= 0 else rate[:, getattr(d, "column", 0)]
+        for d in scene.drives
+    ]).reshape(-1, len(v)).T  # fmt: skip
+    for s, site in enumerate(scene.sites):
+        if site.loop >= 0:
+            first = linkage.friction_column[site.loop]
+            parts = rate[:, first : first + (3 if site.ball else 1)]
+            sites[:, s] = np.linalg.norm(parts, axis=1) if site.ball else parts[:, 0]
+    return drives, sites
+
+
+def check_closed(scene: Scene, q: np.ndarray, v: np.ndarray) -> None:
+    """Refuse a state (nq,), (nv,) that the loops do not allow.
+
+    Raises:
+        LoopMotionError: a loop is open, or violated by the velocities; says by how much.
+    """
+    assert scene.linkage is not None
+    state = loop_state(scene.twin(), scene.linkage, q[None], v[None], np.zeros((1, len(v))))
+    state.rate_derivative[:] = 0.0  # accelerations are not given
+    _check(scene.linkage, state, slice(0, 1), slice(0, 1))
+
+
 def independent_joints(scene: Scene, q: np.ndarray) -> tuple[str, ...]:
     """Return joints whose velocities are independent at q, by full pivoting (paper eq. 5).
 

@@ -79,6 +79,8 @@ def root(guard: Guard, start: float, end: float) -> float:
 
     if guard(start) <= 0.0:
         return start
+    if guard(end) >= 0.0:  # a guard of iterated friction, within its rounding
+        return end
     tolerance = 4.0 * np.finfo(float).eps
     found = float(brentq(guard, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=tolerance))
     return min(found, end)

@@ -12,9 +12,9 @@ import numpy as np
 
 from pinfric.dynamics.consistency import ROUNDING
 from pinfric.dynamics.crossing import first_crossing
-from pinfric.dynamics.modes import Found, search
+from pinfric.dynamics.modes import Found
 from pinfric.dynamics.record import Recorder, along
-from pinfric.dynamics.system import Chart, Settings, System
+from pinfric.dynamics.system import Chart, Settings, System, difference
 from pinfric.errors import AccelerationError, SimulationError
 
 #: Looks at the guards within a step, both ends included.
@@ -32,6 +32,7 @@ class EventIntegration:
 
     Attributes:
         t, y: present time (s) and state: coordinates xi (nv,) in `chart`, then v (nv,).
+        forward: (nc,) direction in which each coordinate's speed is watched: that of its slip.
         allowance: (nc,) how far a guard that was just handled may stay below zero.
         changed: (nc,) when (s) each coordinate changed its mode last.
         recent: times (s) of all changes.
@@ -40,11 +41,13 @@ class EventIntegration:
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
         self.system, self.settings, self.record = system, settings, record
         self.ws = system.ws
-        self.index = self.ws.tables.coordinate_v
+        self.linked = system.ws.scene.linkage is not None
+        self.nc = len(self.ws.tables.dry)
         self.t, self.y = 0.0, np.zeros(0)
         self.chart: Chart
-        self.allowance = np.zeros(len(self.index))
-        self.changed = np.full(len(self.index), -np.inf)
+        self.forward = np.zeros(self.nc)
+        self.allowance = np.zeros(self.nc)
+        self.changed = np.full(self.nc, -np.inf)
         self.recent: list[float] = []
 
     def run(self, q: np.ndarray, v: np.ndarray) -> None:
@@ -81,6 +84,14 @@ class EventIntegration:
         nv = self.ws.nv
         return self.chart.configuration(np.ascontiguousarray(y[:nv])), np.ascontiguousarray(y[nv:])
 
+    def _obeying(self, y: np.ndarray) -> np.ndarray:
+        """The state nearest to y in which loops are closed and what sticks is at rest."""
+        nv = self.ws.nv
+        before, v = self._state(y)
+        q, v = self.ws.obey(before, v)
+        moved = self.chart.rate(y[:nv], difference(self.chart.model, before, q))
+        return np.concatenate([y[:nv] + moved, v])
+
     def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
         """Return d(xi, v)/dt (2 nv,) in the present modes."""
         nv = self.ws.nv
@@ -113,6 +124,10 @@ class EventIntegration:
                 return None
             self.t, self.y = solver.t, solver.y.copy()
             self.allowance[self._guards_at_end >= 0.0] = 0.0
+            if self.linked:  # what the integration leaves open is closed: no drift
+                self.y = self._obeying(self.y)
+                solver.y, solver.f = self.y.copy(), self.rhs(solver.t, self.y)
+                self._watch()
             solver.max_step = min(longest, 2.0 * solver.max_step)
             if self.chart.is_far(self.y[: self.ws.nv]):
                 self.chart, self.y[: self.ws.nv] = self.chart.moved(self.y[: self.ws.nv])
@@ -151,6 +166,8 @@ class EventIntegration:
             record.steps.append((polynomial, self.chart))
         for t in record.due(start, end):
             q, v = self._state(polynomial(t))
+            if self.linked:
+                q, v = self.ws.obey(q, v)
             self.system.solve_given_modes(t, q, v)
             record.sample(t, q, v)
         record.watch_limits(start, end, along(self.chart, polynomial, nv))
@@ -164,19 +181,22 @@ class EventIntegration:
         Slipping: speed in its direction. Sticking: distance of friction from its limits.
         """
         modes, dry = self.ws.modes, self.ws.tables.dry
-        guards = np.full(len(self.index), np.inf)
+        guards = np.full(self.nc, np.inf)
         slips = dry & ~modes.stuck
-        guards[slips] = (modes.direction * y[self.ws.nv + self.index])[slips]
+        guards[slips] = self._advance(y)[slips]
         if modes.stuck.any():
             self.system.solve_given_modes(t, *self._state(y))
-            guards[modes.stuck] = self._stick_guards()[modes.stuck]
+            guards[modes.stuck] = self.ws.guards[modes.stuck]
         return guards
 
-    def _stick_guards(self) -> np.ndarray:
-        """(nc,) distance of friction from its static limits at the last right-hand side."""
-        ws = self.ws
-        x = ws.modes.friction
-        return np.asarray(np.minimum(x - ws.least, ws.most - x))
+    def _advance(self, y: np.ndarray) -> np.ndarray:
+        """(nc,) speed in the direction that is watched; of a ball, for its three coordinates."""
+        ahead = self.forward * self.ws.rates(*self._state(y))
+        return self.ws.summed(ahead)
+
+    def _watch(self) -> None:
+        """Watch every coordinate's speed in the direction in which it slips now."""
+        self.forward = self.ws.facing(self.ws.rates(*self._state(self.y)))
 
     def _slack(self) -> np.ndarray:
         """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
@@ -186,6 +206,7 @@ class EventIntegration:
 
     def _allow(self) -> None:
         """After a change of modes: what is below zero now was handled, and does not fire again."""
+        self._watch()
         guards = self._guards(self.t, self.y)
         self.allowance = np.where(guards < -0.5 * self._slack(), -2.0 * guards, 0.0)
 
@@ -196,15 +217,15 @@ class EventIntegration:
         assert callable(polynomial)
         self._guards_at_end = np.zeros(0)
         if not self.ws.tables.dry.any():
-            self._guards_at_end = np.zeros(len(self.index))
+            self._guards_at_end = np.zeros(self.nc)
             return None
         times = np.linspace(start, end, _LOOKS)
         states = polynomial(times)
         values = np.array([self._guards(t, states[:, i]) for i, t in enumerate(times)])
         self._guards_at_end = values[-1]
         values, slack = values + self.allowance, self._slack()
-        fired = np.full(len(self.index), np.inf)
-        for c in range(len(self.index)):
+        fired = np.full(self.nc, np.inf)
+        for c in range(self.nc):
             if np.isinf(values[0, c]):
                 continue
 
@@ -222,23 +243,27 @@ class EventIntegration:
     def _guard(self, c: int, t: float, y: np.ndarray) -> float:
         """One guard at one time."""
         if not self.ws.modes.stuck[c]:
-            return float(self.ws.modes.direction[c] * y[self.ws.nv + self.index[c]])
+            return float(self._advance(y)[c])
         self.system.solve_given_modes(t, *self._state(y))
-        return float(self._stick_guards()[c])
+        return float(self.ws.guards[c])
 
     # ------------------------------------------------------------ changes of modes
 
     def _change_modes(self, fired: np.ndarray) -> None:
         """Search the modes at the present instant after the guards of coordinates `fired` have."""
-        ws, modes, nv = self.ws, self.ws.modes, self.ws.nv
+        ws, modes = self.ws, self.ws.modes
         before = modes.copy()
-        stopped = [int(c) for c in fired if not modes.stuck[c]]
-        self.y[nv + self.index[stopped]] = 0.0
+        stopped = self._stop([int(c) for c in fired if not modes.stuck[c]])
+        fired = np.union1d(fired[modes.stuck[fired]], stopped).astype(int)
+        if not fired.size:  # a ball that turned on: nothing changes its mode
+            self._watch()
+            return
         q, v = self._state(self.y)
         forced: dict[int, float] = {}
         if len(stopped) < len(fired):
             self.system.solve_given_modes(self.t, q, v)
-            forced = {int(c): self._way_out(int(c)) for c in fired if modes.stuck[c]}
+            way = ws.way_out()
+            forced = {int(c): float(way[c]) for c in fired if modes.stuck[c]}
         modes.at_rest[:] = modes.stuck
         modes.at_rest[stopped] = True
         self.system.assemble(self.t, q, v)
@@ -247,28 +272,41 @@ class EventIntegration:
         if again:  # a slip that would not start, a stick that would not hold: rounding decides
             modes.at_rest[again] = False
             modes.stuck[again], modes.direction[again] = True, 0.0
-            found = search(ws.problem, modes, held=before.stuck)
+            found = ws.search(held=before.stuck)
         elif forced:
-            found = search(ws.problem, modes, forced, before.stuck)
+            found = ws.search(forced, before.stuck)
         if found != Found.SOLVED:
             modes.take(before)
             modes.at_rest[:] = modes.stuck
             modes.at_rest[stopped] = True
-            found = search(ws.problem, modes, held=before.stuck)
+            found = ws.search(held=before.stuck)
         if found != Found.SOLVED:
             raise ws.failure(found, q, v, self.system.u).at(self.t)
         ws.finish()
         self.changed[(modes.stuck != before.stuck) | (modes.direction != before.direction)] = self.t
         self._note(before, stopped)
+        if self.linked:
+            self.y = self._obeying(self.y)
+            q, v = self._state(self.y)
         self.record.sample(self.t, q, v)
         self._allow()
         self._watch_accumulation()
 
-    def _way_out(self, c: int) -> float:
-        """Direction in which a coordinate breaks away: against its friction."""
-        ws = self.ws
-        x = ws.modes.friction[c]
-        return -1.0 if ws.most[c] - x < x - ws.least[c] else 1.0
+    def _stop(self, slow: list[int]) -> list[int]:
+        """Stop coordinates whose speed has come to zero, and return all that come to rest.
+
+        In a mechanism others stop along, or none does, where a joint passes its dead centre.
+        """
+        if self.linked:
+            self.y = self._obeying(self.y)
+        if not slow:
+            return []
+        q, v = self._state(self.y)
+        stopped = np.zeros(self.nc, dtype=bool)
+        stopped[slow] = True
+        v, stopped = self.ws.stop(q, v, stopped)
+        self.y[self.ws.nv :] = v
+        return [int(c) for c in np.flatnonzero(stopped & ~self.ws.modes.stuck)]
 
     def _note(self, before: object, stopped: list[int]) -> None:
         """Record what changed."""
@@ -309,8 +347,6 @@ class EventIntegration:
 
 def start_velocity(system: System, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return v with exactly 0 where a coordinate is at or below its stick velocity."""
-    t = system.ws.tables
-    v = v.copy()
-    speed = np.abs(v[t.coordinate_v])
-    v[t.coordinate_v[t.dry & (speed <= t.stick_velocity)]] = 0.0
-    return v
+    ws = system.ws
+    speed = ws.speeds(ws.rates(q, v))
+    return ws.stop(q, v, ws.tables.dry & (speed <= ws.tables.stick_velocity))[0]

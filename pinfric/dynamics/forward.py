@@ -20,8 +20,6 @@ from pinfric.dynamics.workspace import Workspace, workspace
 from pinfric.errors import StateError
 from pinfric.model.scene import Scene
 
-_NO_LOOPS = np.zeros(0)
-
 
 class Instant(NamedTuple):
     """What efforts cause at one state (a tuple: a frozen dataclass takes 2 us longer to make).
@@ -30,7 +28,8 @@ class Instant(NamedTuple):
         a: (nv,) accelerations (rad/s^2, m/s^2); exactly 0 where a joint sticks.
         modes: (ns,) -1, 0, 1: slips backward, sticks, slips forward.
         friction: (ns,) of the parent on the child, along the joint's positive direction.
-        multipliers: (0,) loop-closure forces; an open chain has none.
+        multipliers: (nl,) what each loop's side a exerts on side b along the directions it closes,
+            loop after loop (N, N m); an open chain has none.
         normal_load: (ns,) load c its friction acts on.
         wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
         contraction: below 1 the friction is the only one that fits these modes.
@@ -92,7 +91,7 @@ def instant(ws: Workspace) -> Instant:
         a=out[:nv],
         modes=ws.site_modes.copy(),
         friction=out[nv : nv + ns],
-        multipliers=_NO_LOOPS,
+        multipliers=ws.multipliers.copy(),
         normal_load=out[nv + ns : nv + 2 * ns],
         wrench=out[nv + 2 * ns :].reshape(ns, 6),
         contraction=contraction,

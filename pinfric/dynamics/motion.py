@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
+from pinfric.dynamics.closure import working_rates
 from pinfric.dynamics.result import StickInterval, runs
 from pinfric.errors import SimulationError, StateError
+from pinfric.model.closure import velocity_names
 from pinfric.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -171,10 +173,9 @@ class Motion:
         if self.dense is not None:
             work, loss = self.dense.integrate(self)
         else:
-            sites = self.scene.site_tables
-            v_site = self.v[:, sites.velocity_index] * sites.ratio
-            work = float(np.trapezoid((self.effort * self.v).sum(axis=1), self.t))
-            loss = -np.trapezoid(self.friction * v_site, self.t, axis=0)
+            drives, sites = working_rates(self.scene, self.q, self.v)
+            work = float(np.trapezoid((self.effort * drives).sum(axis=1), self.t))
+            loss = -np.trapezoid(self.friction * sites, self.t, axis=0)
         change = total(-1) - total(0)
         return Energy(work, change, loss, work - change - float(loss.sum()))
 
@@ -185,7 +186,8 @@ class Motion:
         columns: dict[str, np.ndarray] = {"t": self.t}
         for i in range(self.q.shape[1]):
             columns[f"q{i}"] = self.q[:, i]
-        for quantity, names in (("v", self.actuator_names), ("a", self.actuator_names),
+        moving = velocity_names(self.scene.model)
+        for quantity, names in (("v", moving), ("a", moving),
                                 ("effort", self.actuator_names), ("modes", self.site_names),
                                 ("friction", self.site_names),
                                 ("normal_load", self.site_names)):  # fmt: skip
@@ -267,6 +269,10 @@ def scene_digests(scene: Scene) -> dict[str, str]:
         "stick velocity": scene.stick_velocity,
         "actuators": scene.actuator_names,
     }
+    if scene.linkage is not None:
+        given = scene.actuators or ()
+        parts["loops"] = [loop.model_dump() for loop in scene.loops]
+        parts["actuators"] = [actuator.model_dump() for actuator in given]
     return {
         name: hashlib.sha256(json.dumps(part).encode()).hexdigest()[:16]
         for name, part in parts.items()
@@ -310,16 +316,17 @@ class Dense:
         From the motion's first sample to its last.
         """
         nodes, weights = np.polynomial.legendre.leggauss(6)
-        sites = motion.scene.site_tables
-        work, loss = 0.0, np.zeros(len(sites.ratio))
+        scene = motion.scene
+        work, loss = 0.0, np.zeros(len(scene.sites))
         inside = self.t[(self.t > motion.t[0]) & (self.t < motion.t[-1])]
         borders = [motion.t[0], *inside, motion.t[-1]]
         for start, end in pairwise(borders):
             half = (end - start) / 2
             rows = self.rows(motion, start + half * (1 + nodes))
-            for weight, (_, _, v, _, effort, _, friction, _) in zip(weights, rows, strict=True):
-                work += half * weight * float(effort @ v)
-                loss -= half * weight * friction * v[sites.velocity_index] * sites.ratio
+            _, q, v, _, effort, _, friction, _ = (np.array(x) for x in zip(*rows, strict=True))
+            drives, sites = working_rates(scene, q, v)
+            work += half * float(weights @ (effort * drives).sum(axis=1))
+            loss -= half * (weights @ (friction * sites))
         return work, loss
 
 

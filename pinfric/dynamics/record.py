@@ -57,7 +57,7 @@ class Recorder:
             except RollMomentError as problem:
                 raise timed(problem, t) from None
         return (np.array(t), q.copy(), v.copy(), ws.a.copy(), self.system.u.copy(),
-                ws.site_modes.copy(), ws.phi.copy(), ws.modes.load.copy())  # fmt: skip
+                ws.site_modes.copy(), ws.phi.copy(), ws.load.copy())  # fmt: skip
 
     def sample(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
         """Keep the system's present solution; in place of a sample at the same time."""
@@ -156,8 +156,8 @@ class Recorder:
             return chart.configuration(y[:nv].copy()), y[nv:].copy()
 
         def solve(t: float, q: np.ndarray, v: np.ndarray, modes: np.ndarray) -> Row:
-            set_modes(system, modes)
-            v[system.ws.tables.coordinate_v[system.ws.modes.stuck]] = 0.0
+            system.ws.set_modes(modes)
+            q, v = system.ws.obey(q, v)
             system.solve_given_modes(t, q, v)
             return self.row(t, q, v)
 
@@ -169,13 +169,6 @@ def along(
 ) -> Callable[[float], np.ndarray]:
     """Return time -> configuration along a polynomial of the state in a chart."""
     return lambda t: chart.configuration(polynomial(t)[:nv].copy())
-
-
-def set_modes(system: System, modes: np.ndarray) -> None:
-    """Write modes of sites (ns,) into the workspace as modes of its coordinates."""
-    ws = system.ws
-    ws.modes.direction[ws.tables.coordinate] = modes * np.sign(ws.tables.ratio)
-    ws.modes.stuck[:] = (ws.modes.direction == 0.0) & ws.tables.dry
 
 
 def _limits(scene: Scene) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:

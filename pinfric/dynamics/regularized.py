@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.record import Recorder, along
-from pinfric.dynamics.system import Chart, Settings, System
+from pinfric.dynamics.system import Chart, Settings, System, difference
 from pinfric.errors import SimulationError
 
 
@@ -22,16 +22,20 @@ class RegularizedIntegration:
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
         self.system, self.settings, self.record = system, settings, record
         self.ws = system.ws
+        self.ws.turns_balls = False  # their directions are smooth, too
+        self.linked = system.ws.scene.linkage is not None
         self.chart: Chart
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return a (nv,) with smoothed friction; modes are 0 below the regularization velocity."""
         ws, velocity = self.ws, self.settings.regularization_velocity
-        speed = v[ws.tables.coordinate_v]
+        rates = ws.rates(q, v)
+        speed = ws.speeds(rates)
+        part = np.divide(rates, speed, out=np.zeros_like(rates), where=speed > 0.0)
         ws.modes.stuck[:] = False
-        ws.modes.direction[:] = np.where(ws.tables.dry, np.tanh(speed / velocity), 0.0)
+        ws.modes.direction[:] = np.where(ws.tables.dry, np.tanh(speed / velocity) * part, 0.0)
         a = self.system.solve_given_modes(t, q, v)
-        slow = np.abs(speed) <= velocity
+        slow = speed <= velocity
         ws.site_modes[slow[ws.tables.coordinate] & ws.tables.dry[ws.tables.coordinate]] = 0
         return a
 
@@ -75,12 +79,25 @@ class RegularizedIntegration:
                 self._sample(time, polynomial(time))
             self.record.watch_limits(solver.t_old, solver.t, along(chart, polynomial, nv))
             self.record.progress(solver.t)
+            if self.linked:  # what the integration leaves open is closed: no drift
+                solver.y = self._closed(solver.y)
+                solver.f = self.rhs(solver.t, solver.y)
             if chart.is_far(solver.y[:nv]):
                 break
         return float(solver.t), solver.y.copy()
 
+    def _closed(self, y: np.ndarray) -> np.ndarray:
+        """The state nearest to y in which loops are closed."""
+        nv = self.ws.nv
+        before = self.chart.configuration(np.ascontiguousarray(y[:nv]))
+        q, v = self.ws.obey(before, np.ascontiguousarray(y[nv:]))
+        moved = self.chart.rate(y[:nv], difference(self.chart.model, before, q))
+        return np.concatenate([y[:nv] + moved, v])
+
     def _sample(self, t: float, y: np.ndarray) -> None:
         nv = self.ws.nv
+        if self.linked:
+            y = self._closed(y)
         q, v = self.chart.configuration(np.ascontiguousarray(y[:nv])), y[nv:].copy()
         self.solve(t, q, v)
         self.record.phase(t)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pinfric.dynamics.closure import check_closed
 from pinfric.dynamics.efforts import EffortLike, make_effort
 from pinfric.dynamics.event import EventIntegration
 from pinfric.dynamics.forward import vector
@@ -19,7 +20,7 @@ from pinfric.dynamics.regularized import RegularizedIntegration
 from pinfric.dynamics.states import States
 from pinfric.dynamics.system import Settings, System
 from pinfric.dynamics.timestepping import step_through
-from pinfric.dynamics.workspace import Workspace
+from pinfric.dynamics.workspace import make_workspace
 from pinfric.errors import AccelerationError, SimulationError, StateError
 from pinfric.model.scene import Scene
 
@@ -89,7 +90,7 @@ def simulate(
     made = make_effort(scene, effort, breakpoints)
     applied = applied_wrenches(scene, external, 1)
     carried = None if attached is None else tuple(attached)
-    system = System(Workspace(scene, carried), made, applied)
+    system = System(make_workspace(scene, carried), made, applied)
     record = Recorder(scene, system, method, settings.sample_step, carried)
     with _Progress(progress, settings.t_end) as record.progress:
         try:
@@ -164,7 +165,10 @@ def _start(scene: Scene, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
             i = int(np.flatnonzero(~np.isfinite(array))[0])
             raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
     states = States.of(scene, q, v, np.zeros(scene.model.nv))
-    return states.q[0], states.v[0]
+    q, v = states.q[0], states.v[0]
+    if scene.linkage is not None:
+        check_closed(scene, q, v)
+    return q, v
 
 
 class _Progress:

@@ -77,6 +77,18 @@ class Chart:
         return chart, fresh
 
 
+def difference(model: pin.Model, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the velocity (nv,) that leads from one configuration (nq,) to another in unit time."""
+    if model.nq == model.nv:
+        return np.asarray(end - start)
+    out = np.asarray(pin.difference(model, start, end))
+    for joint in model.joints[1:]:
+        if joint.nq == 2:  # continuous: Pinocchio's loses angles below 1e-8
+            (c, s), (d, e) = start[joint.idx_q :][:2], end[joint.idx_q :][:2]
+            out[joint.idx_v] = np.arctan2(c * e - s * d, c * d + s * e)
+    return out
+
+
 @dataclass(frozen=True)
 class Settings:
     """How a simulation is run; see `simulate`."""

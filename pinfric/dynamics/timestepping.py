@@ -18,10 +18,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.event import start_velocity
-from pinfric.dynamics.modes import MOST_ENUMERATED, Found, Modes, pivot, search
-from pinfric.dynamics.problem import Problem
+from pinfric.dynamics.modes import Found, Modes
 from pinfric.dynamics.record import Recorder
 from pinfric.dynamics.system import Settings, System
+from pinfric.dynamics.workspace import Workspace
 
 
 def step_through(
@@ -49,21 +49,24 @@ def step_through(
         t, start = k * dt, q
         middle = pin.integrate(model, q, 0.5 * dt * v)
         system.assemble(t + 0.5 * dt, middle, v, dt)
-        found = _solve_step(ws.problem, ws.modes, ws.tables.dry, v[ws.tables.coordinate_v], before)
+        rates = ws.rates(middle, v)
+        found = _solve_step(ws, rates, before)
         if found != Found.SOLVED:
             raise ws.failure(found, middle, v, system.u).at(t)
-        stopped = (v[ws.tables.coordinate_v] != 0.0) & ws.modes.stuck
+        stopped = (rates != 0.0) & ws.modes.stuck
         ws.finish()
         v = v + dt * (ws.a_free + ws.a_slope @ ws.modes.friction)
-        v[ws.tables.coordinate_v[ws.modes.stuck]] = 0.0
+        v = ws.obey(middle, v)[1]
         q = pin.integrate(model, middle, 0.5 * dt * v)
+        # v obeys the loops at the middle; made to obey them here it would lack half their impulse
+        q, at_end = ws.obey(q, v)
         _note_changes(record, system, before, stopped.any(), t, dt)
         before = ws.modes.copy()
         end = (k + 1) * dt if k + 1 < steps else settings.t_end
         record.watch_limits(t, end, _between(model, t, dt, start, q))
         if (k + 1) % stride == 0 or k + 1 == steps:
-            system.solve_given_modes(end, q, v)
-            record.sample(end, q, v)
+            system.solve_given_modes(end, q, at_end)
+            record.sample(end, q, at_end)
         record.progress(end)
 
 
@@ -74,19 +77,14 @@ def _between(
     return lambda time: np.asarray(pin.interpolate(model, start, end, (time - t) / dt))
 
 
-def _solve_step(
-    problem: Problem, modes: Modes, dry: np.ndarray, velocity: np.ndarray, before: Modes
-) -> Found:
-    """Find the modes at the end of a step: from those before by pivoting, else by enumeration."""
+def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes) -> Found:
+    """Find the modes at the end of a step, from those before it."""
+    modes, dry = ws.modes, ws.tables.dry
     modes.at_rest[:] = dry
     modes.stuck[:] = before.stuck
     # where there is no dry friction there is no mode: the direction only says which way it moves
-    modes.direction[:] = np.where(dry, before.direction, np.sign(velocity))
-    found = pivot(problem, modes)
-    if found != Found.SOLVED and int(dry.sum()) <= MOST_ENUMERATED:
-        modes.at_rest[:] = dry
-        found = search(problem, modes)
-    return found
+    modes.direction[:] = np.where(dry, before.direction, np.sign(rates))
+    return ws.search_step()
 
 
 def _note_changes(
@@ -106,5 +104,5 @@ def _note_changes(
             record.event(when, site.name, "stick", 0)
         elif before.stuck[c] and not ws.modes.stuck[c]:
             record.event(when, site.name, "slip", float(ws.site_modes[s]))
-        elif ws.modes.direction[c] != before.direction[c]:
+        elif ws.modes.direction[c] * before.direction[c] < 0.0 and not site.ball:
             record.event(when, site.name, "reversal", float(ws.site_modes[s]))

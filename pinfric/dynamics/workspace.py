@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.assembly import FREE, GIVEN, NOT_FINITE, assemble, finish, solve_instant
-from pinfric.dynamics.modes import MOST_ENUMERATED, Found, Modes, only_candidate, search
+from pinfric.dynamics.modes import MOST_ENUMERATED, Found, Modes, only_candidate, pivot, search
 from pinfric.dynamics.problem import Problem, contact_maps, empty_problem
 from pinfric.dynamics.reactions import AppliedWrench, Batch, relieve
 from pinfric.errors import (
@@ -93,11 +94,12 @@ def make_tables(scene: Scene) -> Tables:
         displacement_ratio=np.where(moves, twin.ratio[t.joint], 0.0),
         displacement_shift=np.where(moves, twin.shift[t.joint], 0.0),
         constant=np.ascontiguousarray(t.weights[:, 6]),
-        guides=tuple(s for s, site in enumerate(sites) if _cannot_resist_roll(site)),
+        guides=tuple(s for s, site in enumerate(sites) if cannot_resist_roll(site)),
     )
 
 
-def _cannot_resist_roll(site: Site) -> bool:
+def cannot_resist_roll(site: Site) -> bool:
+    """Return whether a site's bearing leaves the moment about its axis to others."""
     bearing = site.friction.bearing
     return bearing is not None and bearing.kind == "guide" and bearing.width is None
 
@@ -109,28 +111,31 @@ class Workspace:
         tables: `Tables`.
         problem, modes: the coupled problem and its solution.
         a_free, a_slope: (nv,), (nv, nc): a = a_free + a_slope x.
-        a, phi, wrench: (nv,), (ns,), (ns, 6) of the solution: accelerations, friction and wrench
-            of each site.
+        a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6) of the solution: accelerations,
+            friction, normal load and wrench of each site.
+        multipliers: (nl,) forces that close loops; none in an open chain.
+        turns_balls: whether the friction of balls that slip is pointed against their motion.
         least, most: (nc,) static limits of the friction x.
         site_modes: (ns,) int8, -1, 0, 1.
     """
 
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
-        if scene.linkage is not None:
-            raise SceneError(
-                f"{scene.source}: forward dynamics with loops, cylinders or forces is not "
-                "supported yet; inverse dynamics is"
-            )
         self.scene = scene
         self.twin: Twin = scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
+        self.multipliers = np.zeros(0)
+        self.turns_balls = True
+        self._make(scene)
+
+    def _make(self, scene: Scene) -> None:
         self.tables = t = make_tables(scene)
         nv, nc, ns = self.nv, len(t.coordinate_v), len(t.joint)
         self.problem: Problem = empty_problem(t.coordinate, t.ratio, t.contact_site, t.constant)
         self.out = np.zeros(nv + 8 * ns)  # one array, so that an `Instant` is one copy
         self.a, self.phi = self.out[:nv], self.out[nv : nv + ns]
         self.wrench = self.out[nv + 2 * ns :].reshape(ns, 6)
-        self.modes = Modes.of(nc, self.out[nv + ns : nv + 2 * ns])
+        self.load = self.out[nv + ns : nv + 2 * ns]
+        self.modes = Modes.of(nc, self.load)
         self.site_modes = np.zeros(ns, dtype=np.int8)
         self.a_free, self.a_slope = np.zeros(nv), np.zeros((nv, nc))
         self.least, self.most = np.zeros(nc), np.zeros(nc)
@@ -266,6 +271,67 @@ class Workspace:
         if outcome:
             self._refuse(outcome, q, v, effort)
 
+    def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
+        return np.asarray(v[self.tables.coordinate_v])
+
+    def speeds(self, rates: np.ndarray) -> np.ndarray:
+        """Return how fast each coordinate's joint moves (nc,)."""
+        return np.abs(rates)
+
+    def obey(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the state with what sticks exactly at rest (and loops closed exactly)."""
+        v = v.copy()
+        v[self.tables.coordinate_v[self.modes.stuck]] = 0.0
+        return q, v
+
+    def stop(
+        self, q: np.ndarray, v: np.ndarray, stopped: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocities with coordinates (nc,) bool at rest, and all that are at rest then."""
+        v = v.copy()
+        v[self.tables.coordinate_v[stopped]] = 0.0
+        return v, stopped
+
+    def facing(self, rates: np.ndarray) -> np.ndarray:
+        """Return the direction (nc,) in which each coordinate slips at these rates (nc,)."""
+        return self.modes.direction.copy()
+
+    def summed(self, parts: np.ndarray) -> np.ndarray:
+        """Return parts (nc,) summed over the coordinates of each joint."""
+        return parts
+
+    def way_out(self) -> np.ndarray:
+        """Return the direction (nc,) in which what sticks would break away: against friction."""
+        x = self.modes.friction
+        return np.where(self.most - x < x - self.least, -1.0, 1.0)
+
+    def search(
+        self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
+    ) -> Found:
+        """Search the modes of what is at rest; see `modes.search`."""
+        return search(self.problem, self.modes, forced, held)
+
+    def search_step(self) -> Found:
+        """Search the modes at the end of a time step, from those in `modes`, else all of them."""
+        dry = self.tables.dry
+        found = pivot(self.problem, self.modes)
+        if found != Found.SOLVED and int(dry.sum()) <= MOST_ENUMERATED:
+            self.modes.at_rest[:] = dry
+            found = search(self.problem, self.modes)
+        return found
+
+    def set_modes(self, modes: np.ndarray) -> None:
+        """Write modes of sites (ns,) as modes of their coordinates."""
+        self.modes.direction[self.tables.coordinate] = modes * np.sign(self.tables.ratio)
+        self.modes.stuck[:] = (self.modes.direction == 0.0) & self.tables.dry
+
+    @property
+    def guards(self) -> np.ndarray:
+        """(nc,) distance of the friction of what sticks from its static limits (N m or N)."""
+        x = self.modes.friction
+        return np.asarray(np.minimum(x - self.least, self.most - x))
+
     def finish(self) -> None:
         """Write a, wrenches and each site's friction from the solution in `modes`."""
         m = self.modes
@@ -287,7 +353,7 @@ class Workspace:
             if abs(roll) > 1e-9 * (np.linalg.norm(moment) + length * np.linalg.norm(force)):
                 raise RollMomentError(site.name, 0, roll)
 
-    def _refuse(self, outcome: int, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> None:
+    def _refuse(self, outcome: int, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> NoReturn:
         for name, array in (("q", q), ("v", v), ("effort", effort)):
             if not np.isfinite(array).all():
                 i = int(np.flatnonzero(~np.isfinite(array))[0])
@@ -304,7 +370,7 @@ class Workspace:
     ) -> AccelerationError:
         """Return the error that says why no single acceleration was found, and where."""
         contraction = self.modes.figures[0]
-        site = self.scene.site_names[self._worst_site()]
+        site = self.scene.site_names[self._site_of(self._worst_site())]
         state = q.copy(), v.copy(), effort.copy()
         growth = (
             f"the loads grow with the friction they cause (contraction {contraction:.4g})"
@@ -319,14 +385,27 @@ class Workspace:
             growth += f"; more than {MOST_ENUMERATED} joints at rest: not every mode was tried"
         return NoConsistentAcceleration(*state, site, growth)
 
+    def _site_of(self, row: int) -> int:
+        """The site of a row of the problem's sites."""
+        return row
+
     def _worst_site(self) -> int:
-        """The site whose load grows most with friction: where an inconsistency comes from."""
+        """The row of the site whose load grows most with friction: there it is inconsistent."""
         p = self.problem
         growth = np.zeros(len(p.constant))
         norms = np.linalg.norm(p.contact_slope, axis=2).sum(axis=1)
         np.add.at(growth, p.contact_site, norms)
         open_ = ~self.modes.stuck | self.modes.at_rest
         return int(np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf)))
+
+
+def make_workspace(scene: Scene, attached: Iterable[str] | None = None) -> Workspace:
+    """Return buffers of a scene's own: linked ones where it has loops or drives off the joints."""
+    if scene.linkage is None:
+        return Workspace(scene, attached)
+    from pinfric.dynamics.linked import LinkedWorkspace  # builds on this module
+
+    return LinkedWorkspace(scene, attached)
 
 
 class _Last(threading.local):
@@ -346,7 +425,7 @@ def workspace(scene: Scene, attached: Iterable[str] | None = None) -> Workspace:
     twin = scene.twin(attached)
     key = "forward", threading.get_ident()
     if key not in twin.pools:
-        twin.pools[key] = Workspace(scene, attached)
+        twin.pools[key] = make_workspace(scene, attached)
     found: Workspace = twin.pools[key]
     if attached is None:
         _LAST.scene, _LAST.found = weakref.ref(scene), found

@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from pinfric.dynamics.closure import consistent_motion, independent_joints
 from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.simulate import simulate
-from pinfric.errors import SceneError, choose_from
+from pinfric.errors import ClosureError, SceneError, choose_from
+from pinfric.model.closure import velocity_indices
 from pinfric.model.scene import Scene
 
 
@@ -36,8 +38,12 @@ def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Mo
 def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return (nq,) and (nv,) of `simulation.start`; joints not named are at 0 and at rest.
 
+    With loops the driven joints stand and move as `start` says (not named: at rest), and the others
+    follow, from the configuration near which `start` has them.
+
     Raises:
         SceneError: a joint that is not there, or has more than one degree of freedom.
+        ClosureError: the loops cannot close there, or do not determine how all joints move.
     """
     v0 = np.zeros(scene.model.nv)
     assert scene.simulation is not None  # callers have a section
@@ -56,4 +62,24 @@ def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
                 )
     for name, rate in start.v.items():
         v0[scene.model.joints[scene.model.getJointId(name)].idx_v] = rate
-    return scene.start_configuration, v0
+    if not scene.loops:
+        return scene.start_configuration, v0
+    return _closed_start(scene, list(start.v), v0)
+
+
+def _closed_start(scene: Scene, named: list[str], v0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The start of a scene with loops: closed, and moving as its independent joints do."""
+    driven = [drive.name for drive in scene.drives if drive.velocity_index >= 0]
+    try:
+        q0 = scene.close(scene.start_configuration, driven)
+    except ClosureError:  # what is driven cannot stay where it is: let all joints move
+        q0 = scene.close(scene.start_configuration)
+    if not v0.any():
+        return q0, v0
+    leading = [*named, *(name for name in driven if name not in named)][: len(scene.drives)]
+    if len(leading) < len(scene.drives):
+        others = (name for name in independent_joints(scene, q0) if name not in leading)
+        leading += list(others)[: len(scene.drives) - len(leading)]
+    rates = np.array([[v0[velocity_indices(scene.model, [n], "start")[0]] for n in leading]])
+    v, _ = consistent_motion(scene, q0[None], leading, rates, np.zeros_like(rates))
+    return q0, v[0]

@@ -20,7 +20,6 @@ from pinfric.errors import (
     SimulationError,
     StateError,
 )
-from pinfric.study.scene_run import run_scene
 
 G = 9.81
 
@@ -381,8 +380,3 @@ def test_a_preload_brakes_with_and_without_other_loads(bearing):
     assert held.a[0] == 0.0
     loose = pf.forward_dynamics(scene, [0.0], [0.0], [0.5 * load * (1 + 1e-9)])
     assert loose.a[0] == pytest.approx(0.1 * load / 2.0)
-
-
-def test_loops_are_refused_by_name_until_they_are_there():
-    with pytest.raises(SceneError, match=r"four_bar.*loops, cylinders or forces"):
-        run_scene(pf.load_scene("four_bar"))

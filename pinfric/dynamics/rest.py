@@ -1,0 +1,411 @@
+"""Stick and slip of joints that can only move together, as in a closed mechanism.
+
+The four pins of a four-bar rest together, and statics does not say which of them holds how much:
+the coordinates' equations r = 0 depend on each other. Friction is then shared so that no joint is
+used more than it must be: of all x that hold, the one with the least t in
+
+    |x_k| <= t limit_k,      0 = rate_free + A^T A x
+
+(limit analysis). With one freedom all joints are used alike, x_k = -t limit_k sign(A_k); with
+several, only those are that would move in the weakest direction w, which is what breaks away when t
+reaches 1. Joints that rest independently of each other are left to `modes.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics import modes as independent
+from pinfric.dynamics.consistency import ROUNDING, SHOULD_STICK, evaluate, judge, stick_limits
+from pinfric.dynamics.coupling import slip_law
+from pinfric.dynamics.modes import Found, Modes, only_candidate
+from pinfric.dynamics.problem import Problem
+
+#: Singular values below this many times the first one are zero.
+_RANK = 1e-9
+#: A joint this much slower than the others (relative) does not take part in the motion w.
+_SMOOTH = 1e-6
+#: Passes of the fixed point, of Newton's method, of the search.
+_PASSES, _NEWTON_PASSES, _CHANGES = 400, 40, 60
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """How the coordinates of a `Problem` hang together.
+
+    Attributes:
+        factor: (d, nc) A of rate_slope = A^T A; d freedoms. Overwritten at every state.
+        block: (nc,) number of the joint; the three coordinates of a ball have the same.
+        ball: (nc,) bool.
+        idle: (nc,) bool, whether a joint is so near its dead centre that its own friction cannot
+            hold the mechanism. Overwritten at every state.
+        way: (nc,) overwritten: the direction in which what sticks would break away.
+    """
+
+    factor: np.ndarray
+    block: np.ndarray
+    ball: np.ndarray
+    idle: np.ndarray
+    way: np.ndarray
+
+    def groups(self, stuck: np.ndarray) -> list[np.ndarray]:
+        """Return the coordinates that stick and share their friction, group by group."""
+        held = np.flatnonzero(stuck)
+        if held.size == 0 or (held.size == 1 and not self.ball[held[0]]):
+            return []
+        A = _normalized(self.factor[:, held])
+        together = np.abs(A.T @ A) > _RANK
+        together |= np.equal.outer(self.block[held], self.block[held])
+        found = []
+        left = np.ones(len(held), dtype=bool)
+        while left.any():
+            group = np.zeros(len(held), dtype=bool)
+            group[np.argmax(left)] = True
+            while (wider := together[group].any(axis=0) | group).sum() > group.sum():
+                group = wider
+            left &= ~group
+            if self.ball[held[group]].any() or _rank(A[:, group]) < group.sum():
+                found.append(held[group])
+        return found
+
+    def is_dependent(self, stuck: np.ndarray) -> bool:
+        """Return whether some of these coordinates can only move together."""
+        return bool(self.groups(stuck))
+
+
+def _normalized(A: np.ndarray) -> np.ndarray:
+    size = np.linalg.norm(A, axis=0)
+    return np.asarray(A / np.where(size > 0.0, size, 1.0))
+
+
+def _rank(A: np.ndarray) -> int:
+    size = np.linalg.svd(A, compute_uv=False)
+    return int((size > _RANK * size[:1]).sum())
+
+
+def share(
+    A: np.ndarray, b: np.ndarray, limit: np.ndarray, block: np.ndarray, w: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the x with A x = b that uses no joint more than it must: least max |x_k| / limit_k.
+
+    Its dual is the motion w in which friction resists least: min sum_k limit_k |A_k^T w| with
+    b^T w = |b|. The kinks rounded, x = t limit_k A_k^T w / |A_k^T w| balances b exactly.
+
+    Args:
+        A: (r, n) of rank r.
+        b: (r,).
+        limit: (n,) static limit the way x points.
+        block: (n,) joint of each column; |.| is over the columns of a joint.
+        w: (r,) where to start; None: anywhere.
+
+    Returns:
+        x (n,), the least squares solution where nothing can hold; w (r,).
+    """
+    size = float(np.linalg.norm(b))
+    if size == 0.0 or not limit.any():
+        return np.asarray(np.linalg.lstsq(A, b, rcond=_RANK)[0]), b
+    same = np.equal.outer(block, block).astype(float)
+    # with one freedom w is known
+    w = b / size if len(b) == 1 else _weakest(A, b / size, limit, same, w)
+    rounding = _SMOOTH * np.sqrt(same @ (A**2).sum(axis=0))
+    weight = limit / np.sqrt(same @ (A.T @ w) ** 2 + rounding**2 + 1e-300)
+    balanced = np.linalg.lstsq((A * weight) @ A.T, b, rcond=1e-15)[0]
+    return weight * (A.T @ balanced), w
+
+
+def _weakest(
+    A: np.ndarray, b: np.ndarray, limit: np.ndarray, same: np.ndarray, w: np.ndarray | None
+) -> np.ndarray:
+    """Motion w (r,), b^T w = 1, |b| = 1, of least resistance: Newton, kinks rounded ever less."""
+    across = np.linalg.svd(b[None])[2][1:].T  # (r, r - 1)
+    scale = np.sqrt(same @ (A**2).sum(axis=0))
+    number = same.sum(axis=0)
+
+    def resistance(w: np.ndarray, rounding: np.ndarray) -> float:
+        return float((limit / number) @ np.sqrt(same @ (A.T @ w) ** 2 + rounding**2))
+
+    started = w is not None and float(w @ b) > 0.0
+    w = w / float(w @ b) if started and w is not None else b
+    for smooth in (_SMOOTH,) if started else 10.0 ** np.arange(-1, np.log10(_SMOOTH) - 0.5, -1):
+        rounding = smooth * scale + 1e-300
+        for _ in range(_NEWTON_PASSES):
+            y = A.T @ w
+            speed = np.sqrt(same @ y**2 + rounding**2)
+            weight = limit / speed
+            along = A @ (same * y[:, None])
+            H = (A * weight) @ A.T - (along * (weight / speed**2 / number)) @ along.T
+            gradient = across.T @ (A @ (weight * y))
+            step = across @ np.linalg.lstsq(across.T @ H @ across, -gradient, rcond=1e-14)[0]
+            damping, now = 1.0, resistance(w, rounding)
+            while damping > 1e-6 and resistance(w + damping * step, rounding) > now:
+                damping *= 0.5
+            w = w + damping * step
+            if np.abs(step).max() <= 1e-13 * np.abs(w).max() or damping <= 1e-6:
+                break
+    return w
+
+
+def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, int]:
+    """Solve the modes as they are; return (number of solutions or -1, how many obey the laws).
+
+    As `modes.solve`, and what can only move together shares its friction.
+    """
+    groups = mechanism.groups(modes.stuck)
+    if not groups:
+        mechanism.way[:] = modes.direction
+        found, obeying = independent.solve(problem, modes)
+        mechanism.way[modes.stuck] = -np.sign(modes.friction[modes.stuck])
+        return found, obeying
+    step = _Shared(problem, modes, mechanism, groups)
+    x, passes = _fixed_point(step, np.zeros(len(modes.stuck)), step.sharp)
+    modes.figures[:] = np.nan, passes
+    if x is None:
+        modes.friction[:1] = np.nan
+        return (-1 if step.possible else 0), 0
+    modes.friction[:] = x
+    evaluate(problem, modes.friction, modes.load, modes.rate)
+    return 1, int(step.judge() == 0)
+
+
+class _Shared:
+    """One pass x -> G(x) of a problem in which groups share their friction."""
+
+    def __init__(
+        self, problem: Problem, modes: Modes, mechanism: Mechanism, groups: list[np.ndarray]
+    ) -> None:
+        self.problem, self.modes, self.mechanism = problem, modes, mechanism
+        nc, ns = len(modes.stuck), len(problem.constant)
+        self.gain, self.offset = np.empty(ns), np.empty(nc)
+        slip_law(problem, modes.stuck, modes.direction, self.gain, self.offset)
+        self.load, self.rate = np.empty(ns), np.empty(nc)
+        self.least, self.most = np.empty(nc), np.empty(nc)
+        self.shared = np.zeros(nc, dtype=bool)
+        self.groups = []
+        for group in groups:
+            self.shared[group] = True
+            left, size, right = np.linalg.svd(mechanism.factor[:, group], full_matrices=False)
+            r = int((size > _RANK * size[0]).sum())
+            self.groups.append((group, left[:, :r] * size[:r], right[:r]))
+        self.alone = np.flatnonzero(modes.stuck & ~self.shared)
+        self.possible = True
+        self.weakest: list[np.ndarray | None] = [None] * len(groups)
+        self.sharp = 4e-15 if all(len(A) == 1 for _, _, A in self.groups) else 1e-9
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        p, modes = self.problem, self.modes
+        evaluate(p, x, self.load, self.rate)
+        stick_limits(p, self.load, self.least, self.most)
+        new = self.offset + np.bincount(p.coordinate, self.gain * self.load, len(x))
+        new[modes.stuck] = 0.0
+        rate = p.rate_free + p.rate_slope @ new
+        if self.alone.size:
+            here = np.ix_(self.alone, self.alone)
+            new[self.alone] = -np.linalg.lstsq(p.rate_slope[here], rate[self.alone], rcond=None)[0]
+            rate = p.rate_free + p.rate_slope @ new
+        for i, (group, basis, A) in enumerate(self.groups):
+            # rates of the group are A^T s: what does not fit cannot be held together
+            s = A @ rate[group]
+            terms = p.rate_scale[group] + np.abs(p.rate_slope[group]) @ np.abs(new)
+            if (np.abs(rate[group] - A.T @ s) > 1e-7 * terms.max() + 1e-300).any():
+                self.possible = False
+                return np.full(len(x), np.nan)
+            # rate_slope = A^T basis^T basis A: hold A x = -(basis^T basis)^-1 s
+            b = -np.linalg.solve(basis.T @ basis, s)
+            towards = A.T @ b
+            limit = np.where(towards > 0.0, self.most[group], -self.least[group])
+            new[group], self.weakest[i] = share(
+                A, b, limit, self.mechanism.block[group], self.weakest[i]
+            )
+        return new
+
+    def judge(self) -> int:
+        """Write `verdict` and `way`; return how many coordinates break their law (design 2.5)."""
+        p, m, way = self.problem, self.modes, self.mechanism.way
+        at_rest = m.at_rest & ~self.shared
+        judge(p, m.stuck, m.direction, at_rest, m.friction, m.load, m.rate, m.verdict)
+        stick_limits(p, m.load, self.least, self.most)
+        way[:] = np.where(m.stuck, -np.sign(m.friction), m.direction)
+        for group, _, _ in self.groups:
+            x, block = m.friction[group], self.mechanism.block[group]
+            size = np.sqrt(np.equal.outer(block, block) @ x**2)
+            limit = np.where(x > 0.0, self.most[group], -self.least[group])
+            ball = self.mechanism.ball[group]
+            limit[ball] = self.most[group][ball]
+            way[group] = np.where(size > 0.0, -x / np.where(size > 0.0, size, 1.0), 0.0)
+            noise = ROUNDING * (limit + self._rounding(group))
+            over = (size > limit + noise) & m.at_rest[group]
+            if over.any():
+                used = size / np.where(limit > 0.0, limit, 1e-300)
+                over &= used >= (1.0 - 1e-3) * used.max()
+            m.verdict[group] = np.where(over, np.where(way[group] < 0.0, -1, 1), 0)
+        return int((m.verdict != 0).sum())
+
+    def _rounding(self, group: np.ndarray) -> np.ndarray:
+        """(n,) friction that corresponds to the size of the terms that rates are the sum of."""
+        p = self.problem
+        slope = np.diag(p.rate_slope)[group]
+        strongest = int(np.argmax(slope))
+        terms = p.rate_scale[group][strongest] / max(slope[strongest], 1e-300)
+        return np.full(len(group), terms)
+
+
+def _fixed_point(
+    step: Callable[[np.ndarray], np.ndarray], x: np.ndarray, sharp: float
+) -> tuple[np.ndarray | None, int]:
+    """Solve x = G(x), with Anderson's extrapolation over the last four passes; None: it fails.
+
+    It ends at a relative difference of `sharp`, or where rounding keeps it from coming there.
+    """
+    points: list[np.ndarray] = []
+    residuals: list[np.ndarray] = []
+    best, since = np.inf, 0
+    for passes in range(_PASSES):
+        image = step(x)
+        rest = image - x
+        if not np.isfinite(rest).all():
+            return None, passes
+        error, size = float(np.abs(rest).max(initial=0.0)), float(np.abs(image).max(initial=0.0))
+        if error <= sharp * size:
+            return image, passes
+        since = 0 if error < 0.5 * best else since + 1
+        best = min(best, error)
+        if since > 12 and error <= 1e-12 * size:
+            return image, passes  # rounding
+        points, residuals = [*points[-4:], image], [*residuals[-4:], rest]
+        x = image
+        if len(points) > 1:
+            slope = np.array([r - rest for r in residuals[:-1]]).T
+            share_ = np.linalg.lstsq(slope, -rest, rcond=1e-10)[0]
+            x = image + np.array([p - image for p in points[:-1]]).T @ share_
+    return None, _PASSES
+
+
+def search(
+    problem: Problem,
+    modes: Modes,
+    mechanism: Mechanism,
+    forced: Mapping[int, float] | None = None,
+    held: np.ndarray | None = None,
+) -> Found:
+    """Find the modes of the coordinates at rest; those that move keep theirs.
+
+    Where the coordinates at rest are independent, that is `modes.search`. Else everything at rest
+    sticks, and what is beyond its limit breaks away, the way it is pushed, until all laws hold.
+
+    Args:
+        problem, modes, forced, held: see `modes.search`.
+        mechanism: `Mechanism`.
+    """
+    free, forced = modes.at_rest.copy(), forced or {}
+    if not mechanism.is_dependent(free):
+        return _search_independent(problem, modes, mechanism, forced, held)
+    modes.stuck[free], modes.direction[free] = True, 0.0
+    for c, direction in forced.items():
+        modes.stuck[c], modes.direction[c] = False, direction
+    found = follow(problem, modes, mechanism, set(forced))
+    if found == Found.SOLVED and mechanism.factor.shape[0] == 1 and not modes.stuck[free].any():
+        return _unless_backwards(problem, modes, mechanism, free)
+    return found
+
+
+def _search_independent(
+    problem: Problem,
+    modes: Modes,
+    mechanism: Mechanism,
+    forced: Mapping[int, float],
+    held: np.ndarray | None,
+) -> Found:
+    """`modes.search`, but a joint that passes its dead centre turns round with the mechanism."""
+    idle = modes.at_rest & mechanism.idle
+    modes.at_rest[idle] = modes.stuck[idle] = False
+    modes.direction[idle] = np.sign(problem.rate_free[idle])
+    at_rest = modes.at_rest.copy()
+    found = Found.NONE
+    for _ in range(3):
+        found = independent.search(problem, modes, forced, held)
+        if (modes.direction[idle] * modes.rate[idle] >= 0.0).all():
+            break
+        modes.at_rest[:] = at_rest
+        modes.direction[idle] = np.sign(modes.rate[idle])
+    mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
+    return found
+
+
+def _unless_backwards(
+    problem: Problem, modes: Modes, mechanism: Mechanism, free: np.ndarray
+) -> Found:
+    """With one freedom there is one other way to slip: if it is consistent, too, say so."""
+    other = modes.copy()
+    other.direction[free] *= -1.0
+    backwards = solve(problem, other, mechanism)[1] > 0
+    mechanism.way[:] = modes.direction
+    return Found.AMBIGUOUS if backwards else Found.SOLVED
+
+
+def follow(
+    problem: Problem, modes: Modes, mechanism: Mechanism, fixed: set[int] | None = None
+) -> Found:
+    """Find consistent modes from those given: what breaks its law changes its mode, all at once.
+
+    A ball that slips from rest moves the way it is pushed, which changes with its friction: its
+    direction is followed until it stays.
+
+    Args:
+        problem, modes, mechanism: see `search`; the modes given are where it starts.
+        fixed: coordinates whose modes stay.
+    """
+    fixed = fixed or set()
+    fewest, patience = len(modes.stuck) + 1, 10
+    for _ in range(_CHANGES + 4 * len(modes.stuck)):
+        solutions, obeying = solve(problem, modes, mechanism)
+        if solutions <= 0:
+            return only_candidate(solutions, 0)
+        if _turn_balls(modes, mechanism):
+            continue
+        if obeying:
+            return only_candidate(solutions, obeying)
+        wrong = [int(c) for c in np.flatnonzero(modes.verdict) if c not in fixed]
+        if not wrong:
+            return Found.NONE  # what must slip would not
+        if len(wrong) < fewest:
+            fewest, patience = len(wrong), 10
+        elif patience > 0:
+            patience -= 1
+        else:
+            last = mechanism.block[wrong[-1]]
+            wrong = [c for c in wrong if mechanism.block[c] == last]
+        alone = [c for c in wrong if mechanism.idle[c] and len(wrong) == 1]
+        modes.direction[alone] *= -1.0  # at its dead centre a joint turns round
+        for c in wrong if not alone else []:
+            sticks = modes.verdict[c] == SHOULD_STICK
+            modes.stuck[c] = sticks
+            modes.direction[c] = 0.0 if sticks else mechanism.way[c]
+        _agree(modes, mechanism, wrong)
+    return Found.NONE
+
+
+def _agree(modes: Modes, mechanism: Mechanism, changed: list[int]) -> None:
+    """The three coordinates of a ball stick or slip together."""
+    for c in changed:
+        if mechanism.ball[c]:
+            modes.stuck[mechanism.block == mechanism.block[c]] = modes.stuck[c]
+            if modes.stuck[c]:
+                modes.direction[mechanism.block == mechanism.block[c]] = 0.0
+
+
+def _turn_balls(modes: Modes, mechanism: Mechanism) -> bool:
+    """Point the friction of balls that slip from rest against their motion; True if one turned."""
+    turned = False
+    slipping = modes.at_rest & ~modes.stuck & mechanism.ball
+    for number in np.unique(mechanism.block[slipping]):
+        here = mechanism.block == number
+        size = float(np.linalg.norm(modes.rate[here]))
+        if size > 0.0:
+            towards = modes.rate[here] / size
+            if towards @ modes.direction[here] > 0.0:
+                turned = turned or bool(np.abs(towards - modes.direction[here]).max() > 1e-11)
+                modes.direction[here] = towards
+    return turned
