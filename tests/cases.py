@@ -279,3 +279,21 @@ def ball_tripod(mu=0.3, radius=0.02):
     v, a = consistent_motion(scene, q, ["arm", "rod"], rng.normal(size=(4, 2)),
                              rng.normal(size=(4, 2)))  # fmt: skip
     return Case(scene, q, v, a)
+
+
+def painleve_rod(mu, angle, mass=1.0, length=0.6, speed=1.0, g=9.81):
+    """A uniform rod hinged to a massless slider on a rough guide, pushed along by it (Painleve).
+
+    Slider along x; the rod hangs below it at `angle` from the guide (rad). With N the guide's force
+    on the slider, without friction N_0 = free; with it N (1 - mu / mu_crit) = N_0,
+    mu_crit = (1 + 3 cos^2 t) / (3 sin t cos t) where the friction tilts the rod into the guide.
+    """
+    model = grounded_model((0.0, -g, 0.0))
+    slider = add_link(model, 0, pin.JointModelPX(), pin.SE3.Identity(), "slider")
+    rod = bar(mass, length, 0.0, 0.0)
+    add_link(model, slider, pin.JointModelRZ(), pin.SE3.Identity(), "rod", rod)
+    guide = {"bearing": {"kind": "guide", "length": 0.1}, "mu": {"static": mu, "kinetic": mu}}
+    scene = pf.Scene(model=model, friction={"slider": guide})
+    free = mass * g / (1 + 3 * np.cos(angle) ** 2)
+    q, v = np.array([[0.0, -angle]]), np.array([[speed, 0.0]])
+    return Case(scene, q, v, 0 * v, known={"free": free})

@@ -112,8 +112,42 @@ def share(
     w = b / size if len(b) == 1 else _weakest(A, b / size, limit, same, w)
     rounding = _SMOOTH * np.sqrt(same @ (A**2).sum(axis=0))
     weight = limit / np.sqrt(same @ (A.T @ w) ** 2 + rounding**2 + 1e-300)
-    balanced = np.linalg.lstsq((A * weight) @ A.T, b, rcond=1e-15)[0]
-    return weight * (A.T @ balanced), w
+    H, x = (A * weight) @ A.T, np.zeros(len(limit))
+    for _ in range(2):  # once more for what rounding left
+        x += weight * (A.T @ np.linalg.lstsq(H, b - A @ x, rcond=1e-15)[0])
+    return x, w
+
+
+def share_one(
+    A: np.ndarray, b: np.ndarray, limit: np.ndarray, slope: np.ndarray, used: float,
+    block: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """`share` for one freedom, where limits depend on the friction: least max |x_k| / limit_k(x).
+
+    x = t limit_k z_k / |z_k|,   z = A^T w + t slope^T |z|         (conditions of a least t)
+
+    A joint that moves little may rub along with the motion if that loads the others more.
+
+    Args:
+        A, b, limit, block: see `share`, r = 1.
+        slope: (n, n) d limit_k / d x_j.
+        used: t so far.
+    """
+    same = np.equal.outer(block, block).astype(float)
+    number = same.sum(axis=0)
+    direct = A[0] * np.sign(b[0])
+    z = direct
+    for _ in range(50):
+        before, z = z, direct + used * slope.T @ (np.sqrt(same @ z**2) / number)
+        if not np.abs(z).max() < 1e3 * np.abs(direct).max():
+            z = direct  # friction without bound: the mechanism jams
+            break
+        if np.abs(z - before).max() <= 1e-12 * np.abs(z).max():
+            break
+    size = np.sqrt(same @ z**2 + (_SMOOTH * np.abs(z).max()) ** 2)
+    x = limit * z / np.where(size > 0.0, size, 1.0)
+    total = float(A[0] @ x)
+    return x * (b[0] / total) if total * b[0] > 0.0 else np.asarray(direct * abs(b[0]))
 
 
 def _weakest(
@@ -160,14 +194,23 @@ def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, in
         mechanism.way[modes.stuck] = -np.sign(modes.friction[modes.stuck])
         return found, obeying
     step = _Shared(problem, modes, mechanism, groups)
-    x, passes = _fixed_point(step, np.zeros(len(modes.stuck)), step.sharp)
+    start = np.zeros(len(modes.stuck))
+    x, passes = _fixed_point(step, start, step.sharp)
+    if x is None and step.possible:
+        step.follows_loads = False
+        x, more = _fixed_point(step, start, step.sharp)
+        passes += more
     modes.figures[:] = np.nan, passes
-    if x is None:
+    if not step.possible:
         modes.friction[:1] = np.nan
-        return (-1 if step.possible else 0), 0
-    modes.friction[:] = x
+        return 0, 0
+    modes.friction[:] = step(start) if x is None else x
     evaluate(problem, modes.friction, modes.load, modes.rate)
-    return 1, int(step.judge() == 0)
+    broken = step.judge()
+    if x is None:  # beyond its limits friction may grow without bound: it breaks away
+        modes.friction[:1] = np.nan
+        return (1 if broken else -1), 0
+    return 1, int(broken == 0)
 
 
 class _Shared:
@@ -190,7 +233,8 @@ class _Shared:
             r = int((size > _RANK * size[0]).sum())
             self.groups.append((group, left[:, :r] * size[:r], right[:r]))
         self.alone = np.flatnonzero(modes.stuck & ~self.shared)
-        self.possible = True
+        self.possible, self.follows_loads = True, True
+        self.push = np.zeros(nc)
         self.weakest: list[np.ndarray | None] = [None] * len(groups)
         self.sharp = 4e-15 if all(len(A) == 1 for _, _, A in self.groups) else 1e-9
 
@@ -215,11 +259,30 @@ class _Shared:
             # rate_slope = A^T basis^T basis A: hold A x = -(basis^T basis)^-1 s
             b = -np.linalg.solve(basis.T @ basis, s)
             towards = A.T @ b
+            self.push[group] = -towards
             limit = np.where(towards > 0.0, self.most[group], -self.least[group])
-            new[group], self.weakest[i] = share(
-                A, b, limit, self.mechanism.block[group], self.weakest[i]
-            )
+            block = self.mechanism.block[group]
+            if len(A) > 1 or not self.follows_loads:
+                new[group], self.weakest[i] = share(A, b, limit, block, self.weakest[i])
+                continue
+            used = np.sqrt(np.equal.outer(block, block) @ x[group] ** 2)
+            most = float((used / np.where(limit > 0.0, limit, np.inf)).max())
+            slope = self._slope(x)[np.ix_(group, group)]
+            new[group] = share_one(A, b, limit, slope, min(most, 1.0), block)
         return new
+
+    def _slope(self, x: np.ndarray) -> np.ndarray:
+        """(nc, nc) derivative of every static limit by every friction."""
+        p = self.problem
+        force = p.contact_free + np.tensordot(x, p.contact_slope, (0, 1))
+        size = np.linalg.norm(force, axis=1, keepdims=True)
+        along = force / np.where(size > 0.0, size, 1.0)
+        site = p.contact_site
+        weight = p.mu_stick[site] * np.abs(p.ratio[site])
+        rows = weight[:, None] * np.matmul(p.contact_slope, along[:, :, None])[:, :, 0]
+        out = np.zeros((len(x), len(x)))
+        np.add.at(out, p.coordinate[site], rows)
+        return out
 
     def judge(self) -> int:
         """Write `verdict` and `way`; return how many coordinates break their law (design 2.5)."""
@@ -234,7 +297,9 @@ class _Shared:
             limit = np.where(x > 0.0, self.most[group], -self.least[group])
             ball = self.mechanism.ball[group]
             limit[ball] = self.most[group][ball]
-            way[group] = np.where(size > 0.0, -x / np.where(size > 0.0, size, 1.0), 0.0)
+            push = self.push[group]
+            pushed = np.sqrt(np.equal.outer(block, block) @ push**2)
+            way[group] = push / np.where(pushed > 0.0, pushed, 1.0)
             noise = ROUNDING * (limit + self._rounding(group))
             over = (size > limit + noise) & m.at_rest[group]
             if over.any():
@@ -363,10 +428,10 @@ def follow(
         solutions, obeying = solve(problem, modes, mechanism)
         if solutions <= 0:
             return only_candidate(solutions, 0)
-        if _turn_balls(modes, mechanism):
+        if _turn_balls(problem, modes, mechanism):
             continue
-        if obeying:
-            return only_candidate(solutions, obeying)
+        if obeying or not modes.verdict.any():
+            return only_candidate(solutions, max(obeying, 1))
         wrong = [int(c) for c in np.flatnonzero(modes.verdict) if c not in fixed]
         if not wrong:
             return Found.NONE  # what must slip would not
@@ -396,16 +461,41 @@ def _agree(modes: Modes, mechanism: Mechanism, changed: list[int]) -> None:
                 modes.direction[mechanism.block == mechanism.block[c]] = 0.0
 
 
-def _turn_balls(modes: Modes, mechanism: Mechanism) -> bool:
-    """Point the friction of balls that slip from rest against their motion; True if one turned."""
+def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
+    """Point the friction of balls that slip from rest against their motion; True if one turned.
+
+    With |x| = L given, x = -L r / |r| and r = r_0 + R x:  x = -(R + g 1)^-1 r_0 with g = |r| / L,
+    of which |x| falls with g: one root. At g = 0 the ball would be held.
+    """
     turned = False
     slipping = modes.at_rest & ~modes.stuck & mechanism.ball
     for number in np.unique(mechanism.block[slipping]):
-        here = mechanism.block == number
-        size = float(np.linalg.norm(modes.rate[here]))
-        if size > 0.0:
-            towards = modes.rate[here] / size
-            if towards @ modes.direction[here] > 0.0:
-                turned = turned or bool(np.abs(towards - modes.direction[here]).max() > 1e-11)
-                modes.direction[here] = towards
+        here = np.flatnonzero(mechanism.block == number)
+        x = modes.friction[here]
+        limit = float(np.linalg.norm(x))
+        R = problem.rate_slope[np.ix_(here, here)]
+        size, axes = np.linalg.eigh(R)
+        pull = axes.T @ (modes.rate[here] - R @ x)
+        modes.verdict[here] = 0
+        new = -axes @ (pull / (size + _secular_root(pull, size, limit)))
+        if not np.linalg.norm(new) >= limit * (1.0 - 1e-9):
+            modes.verdict[here] = SHOULD_STICK
+            continue
+        towards = -new / np.linalg.norm(new)
+        turned = turned or bool(np.abs(towards - modes.direction[here]).max() > 1e-10)
+        modes.direction[here] = towards
     return turned
+
+
+def _secular_root(pull: np.ndarray, size: np.ndarray, limit: float) -> float:
+    """The g >= 0 at which |pull / (size + g)| = limit; next to 0 where it is below from the start."""
+    low, high = 1e-14 * float(size.max()), float(np.linalg.norm(pull)) / max(limit, 1e-300)
+    if np.linalg.norm(pull / (size + low)) <= limit:
+        return low
+    for _ in range(200):  # bisection on the exponent: decades apart at first
+        middle = np.sqrt(low * high)
+        if middle in (low, high):
+            break
+        inside = np.linalg.norm(pull / (size + middle)) <= limit
+        low, high = (low, middle) if inside else (middle, high)
+    return float(high)
