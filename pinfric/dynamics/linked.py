@@ -11,7 +11,6 @@ rest (`rest.py`). Multipliers follow from the balance, for redundant closures by
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -19,15 +18,24 @@ from pinfric.dynamics import rest
 from pinfric.dynamics.assembly import NOT_FINITE, SINGULAR, write_laws
 from pinfric.dynamics.consistency import site_friction, stick_limits
 from pinfric.dynamics.constrained import make_layout
+from pinfric.dynamics.linked_assembly import (
+    balance,
+    closure_basis,
+    given_wrenches,
+    reduce_dynamics,
+    write_contacts,
+)
 from pinfric.dynamics.linked_tables import LinkedTables, make_linked_tables
 from pinfric.dynamics.modes import MOST_ENUMERATED, Found, Modes
 from pinfric.dynamics.problem import empty_problem
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.dynamics.workspace import Workspace
-from pinfric.errors import StateError, ToggleError
-from pinfric.model.closure import RANK, LoopState, action_maps, close, loop_state
+from pinfric.errors import ToggleError
+from pinfric.model.closure import RANK, close, tree_tables
+from pinfric.model.kinematics import act_on_joints, move_links, place_links, relate_pairs
 from pinfric.model.loops import Linkage
 from pinfric.model.scene import Scene
+from pinfric.model.twin import embed
 
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
 _STOP = 100.0
@@ -62,37 +70,81 @@ class LinkedWorkspace(Workspace):
         self.site_modes = np.zeros(ns, dtype=np.int8)
         self.least, self.most = np.zeros(nc), np.zeros(nc)
         self.a_free, self.a_slope = np.zeros(nv), np.zeros((nv, nc))
-        self.multipliers = np.zeros(self.linkage.multipliers)
+        nl, nj = self.linkage.multipliers, self.layout.n_tree
+        self.multipliers = np.zeros(nl)
+        self._multipliers, self._free = np.zeros((nl, 1 + nc)), np.zeros((nl, nl))
+        self._joint_wrenches = np.zeros((nj + len(self.linkage.loops), 6, 1 + nc))
+        self._Z, self._a_closure = np.zeros((nv, nv)), np.zeros(nv)
+        self._factor, self._bias = np.zeros((nv, nc)), np.zeros(nc)
+        self._armature = np.diag(self.twin.armature)
+        self._loops = np.flatnonzero(t.column >= 0)
+        self._loop_columns = t.column[self._loops]
+        self._D, self._S = np.zeros((nc, nv)), np.zeros((self.na, nv))
+        on_tree = np.flatnonzero(t.coordinate_v >= 0)
+        driven = np.flatnonzero(self.layout.drive_v >= 0)
+        self._D[on_tree, t.coordinate_v[on_tree]] = 1.0
+        self._S[driven, self.layout.drive_v[driven]] = 1.0
         self._entry_phi = np.zeros(ne)
         self._numbers = np.arange(nc, dtype=np.int64)
         self._balls = np.unique(self.mechanism.block[self.mechanism.ball])
         self._make_batch()
+        self._make_kinematics()
 
     # ------------------------------------------------------------ kinematics
 
-    def _relate(self, q: np.ndarray, v: np.ndarray) -> LoopState:
-        """How the pairs of frames relate at one state, at a = 0."""
-        return loop_state(self.twin, self.linkage, q[None], v[None], np.zeros((1, self.nv)))
+    def _make_kinematics(self) -> None:
+        """Buffers of one state's kinematics, and the kernels' arguments, in their order."""
+        twin, link, nj = self.twin, self.linkage, self.twin.n_joints
+        nx, pairs = len(link.column_pair), len(link.pair_kind)
+        self._state = np.empty((1, 7 * nj)), np.empty((1, 6 * nj)), np.empty((1, 6 * nj))
+        p, R = np.empty((1, nj, 3)), np.empty((1, nj, 3, 3))
+        velocity, acceleration = np.empty((1, nj, 6)), np.empty((1, nj, 6))
+        self._gap, self._rate, self._rate_derivative = (np.empty((1, nx)) for _ in range(3))
+        self._X, self._J = np.empty((1, nj + len(link.loops), 6, nx)), np.empty((1, nx, self.nv))
+        parents, placement_p, placement_R = tree_tables(twin)
+        self._place = self._state[0], parents, placement_p, placement_R, p, R
+        self._follow = *self._state[1:], parents, p, R, velocity, acceleration
+        self._relate = (
+            p, R, velocity, acceleration, link.pair_kind, link.rotation, link.frame_joint,
+            link.frame_p, link.frame_R, link.pair_axis, link.column_pair, link.unit, self._gap,
+            self._rate, self._rate_derivative, np.empty((1, pairs)), np.empty((1, pairs, 2)),
+        )  # fmt: skip
+        self._action = (
+            p, R, link.pair_kind, link.frame_joint, link.frame_p, link.frame_R, link.column_pair,
+            link.unit, link.support, twin.v_index, twin.ratio, twin.axis, twin.components,
+            self._X, self._J,
+        )  # fmt: skip
+
+    def _move(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Relate the frames of all pairs at one state, at a = 0: gaps and their two rates."""
+        embed(q[None], v[None], self._no_acceleration, *self._embedding, *self._state)
+        place_links(*self._place)
+        move_links(*self._follow)
+        relate_pairs(*self._relate)
+
+    def _act(self) -> tuple[np.ndarray, np.ndarray]:
+        """X (nj + loops, 6, nx) and J (nx, nv) of the state `_move` saw last."""
+        act_on_joints(*self._action)
+        return self._X[0], self._J[0]
 
     def _directions(self, J: np.ndarray) -> np.ndarray:
         """D^T (nc, nv): the rate of every coordinate per unit velocity, from all actions' J."""
-        D = np.zeros((len(self.tables.column), self.nv))
-        for c, (v, column) in enumerate(
-            zip(self.tables.coordinate_v, self.tables.column, strict=True)
-        ):
-            if v >= 0:
-                D[c, v] = 1.0
-            else:
-                D[c] = J[column]
-        return D
+        self._D[self._loops] = J[self._loop_columns]
+        return self._D
+
+    def _drives(self, J: np.ndarray) -> np.ndarray:
+        """S^T (na, nv): the rate of every drive per unit velocity."""
+        off = self.layout.drive_v < 0
+        self._S[off] = J[self.layout.drive_column[off]]
+        return self._S
 
     def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the relative velocity of every coordinate (nc,)."""
         t = self.tables
         out = v[t.coordinate_v]
-        loops = t.column >= 0
-        if loops.any():
-            out[loops] = self._relate(q, v).rate[0, t.column[loops]]
+        if self._loop_columns.size:
+            self._move(q, v)
+            out[self._loops] = self._rate[0, self._loop_columns]
         return out
 
     def speeds(self, rates: np.ndarray) -> np.ndarray:
@@ -112,9 +164,8 @@ class LinkedWorkspace(Workspace):
             if held.any() and self._is_whole(held):
                 held[:] = False
             q = close(self.twin, self.linkage, q, held)
-        state = self._relate(q, v)
-        J = action_maps(self.twin, self.linkage, state.p, state.R)[1][0]
-        return q, self._slowed(J, v, stuck)
+        self._move(q, v)
+        return q, self._slowed(self._act()[1], v, stuck)
 
     def _is_whole(self, held: np.ndarray) -> bool:
         """Whether too few joints are left free to close the loops."""
@@ -146,15 +197,15 @@ class LinkedWorkspace(Workspace):
             q, v: state.
             stopped: (nc,) bool.
         """
-        state = self._relate(q, v)
-        J = action_maps(self.twin, self.linkage, state.p, state.R)[1][0]
+        self._move(q, v)
+        J = self._act()[1]
         slower = self._slowed(J, v, stopped)
-        before, after = (self._directions(J) @ x for x in (v, slower))
+        D = self._directions(J)
+        before, after = D @ v, D @ slower
         least = self.tables.stick_velocity[stopped].min(initial=np.inf)
         allowed = _STOP * least if np.isfinite(least) else 0.0
         if np.abs(slower - v).max(initial=0.0) > allowed:
             return v, stopped & ~self.mechanism.ball
-        D = self._directions(J)
         still = np.abs(after) <= 1e-3 * np.minimum(self.tables.stick_velocity, 1.0)
         moved = np.abs(before - after) > 0.0
         fixed = np.linalg.norm(D, axis=1) == 0.0
@@ -176,77 +227,54 @@ class LinkedWorkspace(Workspace):
             ToggleError: the loops leave more freedoms here than elsewhere.
         """
         self.run_batch(q, v, applied)
-        state = self._relate(q, v)
-        X, J = (array[0] for array in action_maps(self.twin, self.linkage, state.p, state.R))
-        t, h = self.tables, self._rows[0]
-        D = self._directions(J)
-        drives = np.array([
-            np.eye(self.nv)[d] if d >= 0 else J[c]
-            for d, c in zip(self.layout.drive_v, self.layout.drive_column, strict=True)
-        ]).reshape(-1, self.nv)  # fmt: skip
-        M = self._rows[2:] - self._rows[1] + np.diag(self.twin.armature)
-        given = drives.T @ effort
+        self._move(q, v)
+        X, J = self._act()
+        t, h, rows = self.tables, self._rows[0], self.linkage.lambdas
+        D, S = self._directions(J), self._drives(J)
+        M = self._rows[2:] - self._rows[1] + self._armature
+        given = effort @ S
         if step > 0.0:  # viscous friction at the end of the step
             M = M + step * (D.T * t.viscous) @ D
             given = given - (D.T * t.viscous) @ (D @ v)
-        if not (np.isfinite(M).all() and np.isfinite(given).all() and np.isfinite(h).all()):
-            self._refuse(NOT_FINITE, q, v, effort)
-        Z, inverse, free = self._closure(J[self.linkage.lambdas])
-        target = -state.rate_derivative[0, self.linkage.lambdas]
-        if step > 0.0:
-            target = -(J[self.linkage.lambdas] @ v) / step
-        a_closure = inverse @ target
-        try:
-            L = np.linalg.cholesky(Z.T @ M @ Z)
-        except np.linalg.LinAlgError:
-            self._refuse(SINGULAR, q, v, effort)
-        factor = np.linalg.solve(L, Z.T @ D.T)  # A of rate_slope = A^T A
-        push = np.linalg.solve(L, Z.T @ (given - h - M @ a_closure))
-        back = Z @ np.linalg.inv(L).T
-        self.a_free[:], self.a_slope[:] = a_closure + back @ push, back @ factor
-        self.mechanism.idle[:] = np.linalg.norm(D @ Z, axis=1) <= _IDLE * np.linalg.norm(D, axis=1)
-        self._write_rates(D, state, v, factor, step, np.abs(given) + np.abs(h))
+        target = -(J[rows] @ v) / step if step > 0.0 else -self._rate_derivative[0, rows]
+        scale = min(1.0, self.linkage.size)
+        rank = closure_basis(J[rows], target, scale, self._Z, self._a_closure)
+        if rank < self.nv - self.na:
+            raise ToggleError(self.linkage.loops[0].name, self.nv - rank, self.na)
+        Z, factor = self._Z[:, : self.nv - rank], self._factor[: self.nv - rank]
+        if not reduce_dynamics(M, given - h - M @ self._a_closure, Z, D, self._a_closure, factor,
+                               self.a_free, self.a_slope):  # fmt: skip
+            self._refuse(SINGULAR if np.isfinite(M).all() else NOT_FINITE, q, v, effort)
+        self._write_rates(D, Z, v, factor, step, np.abs(given) + np.abs(h))
         self._write_laws(D @ v, step > 0.0)
-        right = np.column_stack([M @ self.a_free + h - given, M @ self.a_slope - D.T])
-        self._write_loads(q, X, inverse.T @ right, free, effort)
-
-    def _closure(self, J: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Motions Z (nv, d) that the loops allow, J's pseudoinverse, and the free multipliers."""
-        nv = self.nv
-        if not len(J):
-            return np.eye(nv), np.zeros((nv, 0)), np.zeros((0, 0))
-        left, size, right = np.linalg.svd(J)
-        least = RANK * max(float(size.max(initial=0.0)), min(1.0, self.linkage.size))
-        rank = int((size > least).sum())
-        if rank < nv - self.na:
-            raise ToggleError(self.linkage.loops[0].name, nv - rank, self.na)
-        inverse = (right[:rank].T / size[:rank]) @ left[:, :rank].T
-        return right[rank:].T, inverse, left[:, rank:]
+        rank = balance(J[rows], M, h - given, D, self.a_free, self.a_slope, scale,
+                       self._multipliers, self._free)  # fmt: skip
+        self._write_loads(q, X, self._free[:, : self.linkage.multipliers - rank], effort)
 
     def _write_rates(
         self,
         D: np.ndarray,
-        state: LoopState,
+        Z: np.ndarray,
         v: np.ndarray,
         factor: np.ndarray,
         step: float,
         terms: np.ndarray,
     ) -> None:
-        """Write r = D^T a + Ddot^T v, or of a step D^T (v + step a), and the factor of its slope."""
-        p, t = self.problem, self.tables
-        loops = t.column >= 0
+        """Write r = D^T a + Ddot^T v, or of a step D^T (v + step a), and its slope's factor."""
+        p, m = self.problem, self.mechanism
         if step > 0.0:
             p.rate_free[:] = D @ (v + step * self.a_free)
             scale, offset = step, np.abs(D) @ np.abs(v)
         else:
-            p.rate_free[:] = D @ self.a_free
-            offset = np.zeros(len(loops))
-            offset[loops] = state.rate_derivative[0, t.column[loops]]
-            p.rate_free[:] += offset
-            scale = 1.0
-        p.rate_slope[:] = scale * factor.T @ factor
-        p.rate_scale[:] = np.abs(offset) + scale * np.abs(self.a_slope).T @ terms
-        self.mechanism = replace(self.mechanism, factor=np.sqrt(scale) * factor)
+            scale, offset = 1.0, self._bias
+            offset[self._loops] = self._rate_derivative[0, self._loop_columns]
+            p.rate_free[:] = D @ self.a_free + offset
+        m.factor = np.sqrt(scale) * factor
+        p.rate_slope[:] = m.factor.T @ m.factor
+        p.rate_scale[:] = np.abs(offset) + scale * (terms @ np.abs(self.a_slope))
+        # a joint that stands still while the mechanism moves is at its dead centre
+        share = np.abs(D @ Z).max(axis=1, initial=0.0)
+        m.idle[:] = share <= _IDLE * np.abs(D).max(axis=1) * np.abs(Z).max(initial=0.0)
 
     def _write_laws(self, rates: np.ndarray, implicit: bool) -> None:
         """Write every entry's coefficients; a ball's depend on its speed, its drag on its rates."""
@@ -258,39 +286,29 @@ class LinkedWorkspace(Workspace):
             self.problem.drag[ball] = t.law[ball, 6] * rates[t.entry_coordinate[ball]]
 
     def _write_loads(
-        self, q: np.ndarray, X: np.ndarray, y: np.ndarray, free: np.ndarray, effort: np.ndarray
+        self, q: np.ndarray, X: np.ndarray, free: np.ndarray, effort: np.ndarray
     ) -> None:
         """Write wrenches of all joints and contact forces as [..., 0] + [..., 1:] x.
 
         Args:
             q: (nq,).
             X: (nj + loops, 6, nx), `kinematics.act_on_joints`.
-            y: (nl, 1 + nc) multipliers of least norm.
-            free: (nl, nf) what may be added to them (redundant closures).
+            free: (nl, nf) what may be added to the multipliers (redundant closures).
             effort: (na,).
         """
-        t, layout, nj = self.tables, self.layout, self.layout.n_tree
-        G = np.zeros((X.shape[0], 6, 1 + len(t.column)))
-        a = np.column_stack([self.a_free, self.a_slope])
-        slopes = (self.batch.wrench[2:] - self.batch.wrench[1]).reshape(self.nv, -1)
-        G[:nj] = (slopes.T @ a).reshape(nj, 6, -1)
-        G[:nj, :, 0] += self.batch.wrench[0]
-        off = layout.drive_column >= 0
-        G[:, :, 0] += X[:, :, layout.drive_column[off]] @ effort[off]
-        loops = np.flatnonzero(t.column >= 0)
-        G[:, :, 1 + loops] += X[:, :, t.column[loops]]
-        among = X[:, :, self.linkage.lambdas]
+        t, p, y = self.tables, self.problem, self._multipliers
+        G, first = self._joint_wrenches, self.linkage.off_joint
+        given_wrenches(self.batch.wrench, X, self.a_free, self.a_slope, self.layout.drive_column,
+                       effort, t.column, G)  # fmt: skip
         if free.shape[1]:
-            y = y + free @ self._least(G + among @ y, among @ free)
-        G += among @ y
-        if not np.isfinite(G).all():
-            raise StateError("forward dynamics overflows at this state: values are too large")
-        self._joint_wrenches, self._multipliers = G, y
-        moved = t.displacement_shift + t.displacement_ratio * q[t.displacement_q]
-        maps = t.contact_map + moved[:, None, None] * t.contact_map_moved
-        contact = maps @ G[t.contact_row]
-        self.problem.contact_free[:] = contact[:, :, 0]
-        self.problem.contact_slope[:] = contact[:, :, 1:].transpose(0, 2, 1)
+            among = X[:, :, self.linkage.lambdas]
+            y += free @ self._least(G + among @ y, among @ free)
+        finite = write_contacts(
+            X, first, y, q, t.contact_row, t.contact_map, t.contact_map_moved, t.displacement_q,
+            t.displacement_ratio, t.displacement_shift, G, p.contact_free, p.contact_slope,
+        )  # fmt: skip
+        if not finite:
+            self._refuse(NOT_FINITE, q, q, effort)
 
     def _least(self, G: np.ndarray, N: np.ndarray) -> np.ndarray:
         """Free multipliers with the least sum of |F|^2 + |M / l|^2 over all joints (design 2.2)."""
@@ -402,17 +420,19 @@ class LinkedWorkspace(Workspace):
             size = np.linalg.svd(factor[:, m.stuck], compute_uv=False)
             if int((size > RANK * size[:1]).sum()) == len(factor):
                 self.a[:] = 0.0  # nothing can move
-        x = np.concatenate([[1.0], m.friction])
+        x = np.empty(1 + len(m.friction))
+        x[0], x[1:] = 1.0, m.friction
         self.multipliers[:] = self._multipliers @ x
         self.wrench[:] = (self._joint_wrenches @ x)[t.joint]
         stick_limits(self.problem, m.load, self.least, self.most)
         site_friction(self.problem, m.stuck, m.direction, m.friction, m.load, self.least,
                       self.most, self._entry_phi)  # fmt: skip
         self.load[t.entry_site] = m.load
-        single = ~self.mechanism.ball[t.coordinate]
         self.phi[t.entry_site] = self._entry_phi
         self.site_modes[:] = np.sign(m.direction[t.coordinate] * t.ratio)
-        for s in np.flatnonzero(~single):
+        if not self._balls.size:
+            return
+        for s in np.flatnonzero(self.mechanism.ball[t.coordinate]):
             here = t.entry_coordinate[t.entry_site == s]
             self.phi[s] = -np.linalg.norm(m.friction[here])
             self.site_modes[s] = 0 if m.stuck[here[0]] else 1

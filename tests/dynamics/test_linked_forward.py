@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from mechanisms import four_bar
 
 import pinfric as pf
-from pinfric.dynamics.rest import share
+from pinfric.dynamics.sharing import share
 from pinfric.errors import (
     AmbiguousAcceleration,
     NoConsistentAcceleration,
@@ -59,7 +59,7 @@ def test_forward_dynamics_gives_back_what_inverse_dynamics_was_asked_for(case):
 
 def test_a_four_bar_speeds_up_as_newton_and_euler_have_it():
     """Independent: the crank's torque at the acceleration found, by a program of its own."""
-    scene, joints = four_bar()
+    scene, _ = four_bar()
     case = turning_four_bar(8)
     for i, angle in enumerate(case.known["angles"]):
         for torque in (-1.0, 0.2, 3.0):

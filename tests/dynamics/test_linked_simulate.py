@@ -154,7 +154,7 @@ def test_all_that_runs_out_stops_at_once():
 
 def test_inverse_dynamics_of_a_simulated_motion_gives_its_efforts_back():
     """Between events, from samples of the four-bar: what went in comes out."""
-    scene, joints = four_bar(mu=0.2)
+    scene, _ = four_bar(mu=0.2)
     q = scene.close(np.array([0.5, 0.4, 1.5]), ["O"])
     v, _ = consistent_motion(scene, q[None], ["O"], np.array([[2.0]]), np.zeros((1, 1)))
     motion = pf.simulate(scene, q, v[0], {"O": lambda t: 0.8 + 0.2 * np.sin(5 * t)}, 0.5)
@@ -198,7 +198,7 @@ def test_a_start_that_is_open_or_against_the_loop_says_by_how_much():
     with pytest.raises(LoopMotionError, match=r"'rocker_pin' is open.*by 0\.0"):
         pf.simulate(scene, pf.load_scene("four_bar").start_configuration, v, [0.0], 0.1)
     with pytest.raises(LoopMotionError, match=r"violated by the velocities.*by 0\.0.*m/s"):
-        pf.simulate(scene, q, v + [0.0, 0.0, 0.1], [0.0], 0.1)
+        pf.simulate(scene, q, v + np.array([0.0, 0.0, 0.1]), [0.0], 0.1)
 
 
 def test_a_motion_goes_to_a_file_and_back_and_knows_its_loops(tmp_path):

@@ -1,0 +1,127 @@
+"""How joints that rest together share the friction that holds them (limit analysis)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Singular values below this many times the first one are zero.
+RANK = 1e-9
+#: A joint this much slower than the others (relative) does not take part in the motion w.
+_SMOOTH = 1e-6
+#: Passes of Newton's method.
+_NEWTON_PASSES = 40
+
+
+def share(
+    A: np.ndarray, b: np.ndarray, limit: np.ndarray, block: np.ndarray, w: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the x with A x = b that uses no joint more than it must: least max |x_k| / limit_k.
+
+    Its dual is the motion w in which friction resists least: min sum_k limit_k |A_k^T w| with
+    b^T w = |b|. The kinks rounded, x = t limit_k A_k^T w / |A_k^T w| balances b exactly.
+
+    Args:
+        A: (r, n) of rank r.
+        b: (r,).
+        limit: (n,) static limit the way x points.
+        block: (n,) joint of each column; |.| is over the columns of a joint.
+        w: (r,) where to start; None: anywhere.
+
+    Returns:
+        x (n,), the least squares solution where nothing can hold; w (r,).
+    """
+    size = float(np.linalg.norm(b))
+    if size == 0.0 or not limit.any():
+        return np.asarray(np.linalg.lstsq(A, b, rcond=RANK)[0]), b
+    same = np.equal.outer(block, block).astype(float)
+    # with one freedom w is known
+    w = b / size if len(b) == 1 else _weakest(A, b / size, limit, same, w)
+    rounding = _SMOOTH * np.sqrt(same @ (A**2).sum(axis=0))
+    weight = limit / np.sqrt(same @ (A.T @ w) ** 2 + rounding**2 + 1e-300)
+    H, x = (A * weight) @ A.T, np.zeros(len(limit))
+    for _ in range(2):  # once more for what rounding left
+        x += weight * (A.T @ np.linalg.lstsq(H, b - A @ x, rcond=1e-15)[0])
+    return x, w
+
+
+def share_one(
+    A: np.ndarray, b: np.ndarray, limit: np.ndarray, slope: np.ndarray, used: float,
+    block: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """`share` for one freedom, where limits depend on the friction: least max |x_k| / limit_k(x).
+
+    x = t limit_k z_k / |z_k|,   z = A^T w + t slope^T |z|         (conditions of a least t)
+
+    A joint that moves little may rub along with the motion if that loads the others more.
+
+    Args:
+        A, b, limit, block: see `share`, r = 1.
+        slope: (n, n) d limit_k / d x_j.
+        used: t so far.
+    """
+    same = np.equal.outer(block, block).astype(float)
+    number = same.sum(axis=0)
+    direct = A[0] * np.sign(b[0])
+    z = direct
+    for _ in range(50):
+        before, z = z, direct + used * slope.T @ (np.sqrt(same @ z**2) / number)
+        if not np.abs(z).max() < 1e3 * np.abs(direct).max():
+            z = direct  # friction without bound: the mechanism jams
+            break
+        if np.abs(z - before).max() <= 1e-12 * np.abs(z).max():
+            break
+    size = np.sqrt(same @ z**2 + (_SMOOTH * np.abs(z).max()) ** 2)
+    x = limit * z / np.where(size > 0.0, size, 1.0)
+    total = float(A[0] @ x)
+    return x * (b[0] / total) if total * b[0] > 0.0 else np.asarray(direct * abs(b[0]))
+
+
+def _weakest(
+    A: np.ndarray, b: np.ndarray, limit: np.ndarray, same: np.ndarray, w: np.ndarray | None
+) -> np.ndarray:
+    """Motion w (r,), b^T w = 1, |b| = 1, of least resistance: Newton, kinks rounded ever less."""
+    across = np.linalg.svd(b[None])[2][1:].T  # (r, r - 1)
+    scale = np.sqrt(same @ (A**2).sum(axis=0))
+    number = same.sum(axis=0)
+
+    def resistance(w: np.ndarray, rounding: np.ndarray) -> float:
+        return float((limit / number) @ np.sqrt(same @ (A.T @ w) ** 2 + rounding**2))
+
+    started = w is not None and float(w @ b) > 0.0
+    w = w / float(w @ b) if started and w is not None else b
+    for smooth in (_SMOOTH,) if started else 10.0 ** np.arange(-1, np.log10(_SMOOTH) - 0.5, -1):
+        rounding = smooth * scale + 1e-300
+        for _ in range(_NEWTON_PASSES):
+            y = A.T @ w
+            speed = np.sqrt(same @ y**2 + rounding**2)
+            weight = limit / speed
+            along = A @ (same * y[:, None])
+            H = (A * weight) @ A.T - (along * (weight / speed**2 / number)) @ along.T
+            gradient = across.T @ (A @ (weight * y))
+            step = across @ np.linalg.lstsq(across.T @ H @ across, -gradient, rcond=1e-14)[0]
+            damping, now = 1.0, resistance(w, rounding)
+            while damping > 1e-6 and resistance(w + damping * step, rounding) > now:
+                damping *= 0.5
+            w = w + damping * step
+            if np.abs(step).max() <= 1e-13 * np.abs(w).max() or damping <= 1e-6:
+                break
+    return w
+
+
+def secular_root(pull: np.ndarray, size: np.ndarray, limit: float) -> float:
+    """Return the g >= 0 at which |pull / (size + g)| = limit; next to 0 where it is below there.
+
+    Args:
+        pull, size: (3,), size >= 0.
+        limit: what is to be reached.
+    """
+    low, high = 1e-14 * float(size.max()), float(np.linalg.norm(pull)) / max(limit, 1e-300)
+    if np.linalg.norm(pull / (size + low)) <= limit:
+        return low
+    for _ in range(200):  # bisection on the exponent: decades apart at first
+        middle = np.sqrt(low * high)
+        if middle in (low, high):
+            break
+        inside = np.linalg.norm(pull / (size + middle)) <= limit
+        low, high = (low, middle) if inside else (middle, high)
+    return float(high)
