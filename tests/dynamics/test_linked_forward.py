@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from cases import (
     ball_tripod,
@@ -24,12 +25,14 @@ from hypothesis import strategies as st
 from mechanisms import four_bar
 
 import pinfric as pf
+from pinfric.dynamics.closure import consistent_motion
 from pinfric.dynamics.sharing import share
 from pinfric.errors import (
     AmbiguousAcceleration,
     NoConsistentAcceleration,
     ToggleError,
 )
+from pinfric.study.scene_run import start_state
 
 MOVING = {
     "four-bar": lambda: turning_four_bar(6),
@@ -245,3 +248,43 @@ def test_without_friction_multipliers_are_those_of_inverse_dynamics():
         instant = pf.forward_dynamics(case.scene, case.q[i], case.v[i], result.effort_lower[i])
         force = result.multipliers[i, 0, :3]  # of a on b, in frame b
         assert np.linalg.norm(instant.multipliers) == pytest.approx(np.linalg.norm(force))
+
+
+def test_without_friction_it_is_pinocchio_s_constrained_dynamics():
+    """Spherical loops as `RigidConstraintModel`s: accelerations and forces of the delta."""
+    scene = pf.load_scene("delta")
+    scene = pf.Scene(model=scene.model, loops=scene.loops, actuators=scene.actuators,
+                     simulation=scene.simulation)  # fmt: skip
+    model, linkage = scene.model, scene.linkage
+    data = model.createData()
+    constraints = pin.StdVec_RigidConstraintModel()
+    for pair in range(len(scene.loops)):
+        sides = [(int(linkage.frame_joint[pair, s]) + 1,
+                  pin.SE3(linkage.frame_R[pair, s], linkage.frame_p[pair, s]))
+                 for s in (0, 1)]  # fmt: skip
+        constraints.append(pin.RigidConstraintModel(
+            pin.ContactType.CONTACT_3D, model, *sides[0], *sides[1],
+            pin.ReferenceFrame.LOCAL))  # fmt: skip
+    datas = pin.StdVec_RigidConstraintData()
+    datas.extend(constraint.createData() for constraint in constraints)
+    pin.initConstraintDynamics(model, data, constraints, datas)
+    q0, _ = start_state(scene)
+    leading = [drive.name for drive in scene.drives]
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        guess = q0.copy()
+        guess[[drive.velocity_index for drive in scene.drives]] += rng.uniform(-0.2, 0.2, 3)
+        q = scene.close(guess, leading)
+        v, _ = consistent_motion(scene, q[None], leading, rng.normal(size=(1, 3)),
+                                 np.zeros((1, 3)))  # fmt: skip
+        effort = rng.normal(size=3)
+        tau = np.zeros(model.nv)
+        tau[[drive.velocity_index for drive in scene.drives]] = effort
+        expected = pin.constraintDynamics(model, data, q, v[0], tau, constraints, datas,
+                                          pin.ProximalSettings(1e-14, 0.0, 20))  # fmt: skip
+        instant = pf.forward_dynamics(scene, q, v[0], effort)
+        scale = np.abs(expected).max()
+        assert np.abs(instant.a - expected).max() <= 1e-9 * scale
+        for pair, constraint in enumerate(datas):
+            force = np.linalg.norm(instant.multipliers[3 * pair : 3 * pair + 3])
+            assert force == pytest.approx(np.linalg.norm(constraint.contact_force.linear), rel=1e-8)
