@@ -26,10 +26,12 @@ class Effort:
     Attributes:
         function: (t, q, v) -> (na,), N m or N at the joints.
         breakpoints: (n,) times (s) at which it jumps or bends: a step of integration ends there.
+        finest: time (s) within which it changes little between them; None: nobody knows.
     """
 
     function: EffortFunction
     breakpoints: np.ndarray
+    finest: float | None = None
 
 
 def make_effort(
@@ -71,8 +73,8 @@ def make_effort(
                 f"effort: shape {values.shape}; should be ({len(scene.drives)},), one for each of "
                 f"{', '.join(scene.actuator_names)}; a table over time is (times, values)"
             )
-        made = Effort(lambda t, q, v: values, np.zeros(0))
-    return Effort(made.function, np.union1d(made.breakpoints, own))
+        made = Effort(lambda t, q, v: values, np.zeros(0), np.inf)
+    return Effort(made.function, np.union1d(made.breakpoints, own), made.finest)
 
 
 def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
@@ -80,6 +82,7 @@ def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
     constant = np.zeros(len(names))
     varying: list[tuple[int, EffortFunction]] = []
     breaks = [np.zeros(0)]
+    finest: float | None = np.inf
     for name, entry in entries.items():
         if name not in names:
             raise SimulationError(f"effort: there is no drive {name!r}; {choose_from(name, names)}")
@@ -90,8 +93,11 @@ def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
             breaks.append(part.breakpoints)
         elif isinstance(entry, SineEffort):
             varying.append((i, _sine(entry)))
+            if finest is not None and entry.sine.angular_frequency:
+                finest = min(finest, 1.0 / abs(entry.sine.angular_frequency))
         elif callable(entry):
             varying.append((i, _of_time(entry)))
+            finest = None
         else:
             number = _numbers(f"effort[{name!r}]", entry)
             if number.shape != ():
@@ -107,7 +113,7 @@ def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
             out[i] = part(t, q, v)
         return out
 
-    return Effort(function, np.unique(np.concatenate(breaks)))
+    return Effort(function, np.unique(np.concatenate(breaks)), finest)
 
 
 def _sine(entry: SineEffort) -> EffortFunction:
@@ -142,7 +148,7 @@ def _table(where: str, times: Any, values: Any, width: int) -> Effort:
 
     slope = np.vstack([np.zeros(width), np.diff(u, axis=0) / np.diff(t)[:, None], np.zeros(width)])
     bends = (np.abs(np.diff(slope, axis=0)) > 1e-12 * np.abs(slope).max(initial=0.0)).any(axis=1)
-    return Effort(function, t[bends])
+    return Effort(function, t[bends], np.inf)
 
 
 def _csv_column(scene: Scene, table: str, name: str) -> Effort:

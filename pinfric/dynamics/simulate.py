@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pinfric.dynamics.closure import check_closed
-from pinfric.dynamics.efforts import EffortLike, make_effort
+from pinfric.dynamics.efforts import Effort, EffortLike, make_effort
 from pinfric.dynamics.event import EventIntegration
 from pinfric.dynamics.forward import vector
 from pinfric.dynamics.motion import FAILED, FINISHED, INTERRUPTED, Motion
@@ -68,8 +69,9 @@ def simulate(
         dt: step of `timestepping` (s).
         sample_step: time between samples (s); None gives 1001 of them. `event` adds one at every
             event; `timestepping` takes the nearest step.
-        max_step: longest step of `event` and `regularized` (s); None gives t_end / 50. An effort
-            function that changes within less time than its sixth part may go unnoticed.
+        max_step: longest step of `event` and `regularized` (s); None gives t_end / 20, t_end / 50
+            for an effort function: what changes within less time than its sixth part may go
+            unnoticed.
         breakpoints: times (s) at which an effort function jumps or bends; tables know theirs.
         regularization_velocity: of `regularized` (rad/s or m/s).
         max_events: of `event`; more are an error.
@@ -88,6 +90,8 @@ def simulate(
                          regularization_velocity, max_events)  # fmt: skip
     q, v = _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints)
+    if max_step is None:
+        settings = replace(settings, max_step=_longest_step(made, settings.t_end))
     applied = applied_wrenches(scene, external, 1)
     carried = None if attached is None else tuple(attached)
     system = System(make_workspace(scene, carried), made, applied)
@@ -102,6 +106,11 @@ def simulate(
                 problem.motion = record.motion(FAILED, str(problem))
             raise
     return record.motion(FINISHED, f"reached t_end = {settings.t_end:g} s")
+
+
+def _longest_step(effort: Effort, t_end: float) -> float:
+    """Longest step (s): short enough to see what efforts do, as far as that is known."""
+    return t_end / 50 if effort.finest is None else min(t_end / 20, effort.finest)
 
 
 def _run(
@@ -151,7 +160,7 @@ def _settings(
         rtol=float(rtol),
         atol=float(atol),
         dt=float(dt),
-        max_step=t_end / 50 if max_step is None else float(max_step),
+        max_step=t_end if max_step is None else float(max_step),
         sample_step=t_end / 1000 if sample_step is None else float(sample_step),
         regularization_velocity=float(regularization_velocity),
         max_events=int(max_events),

@@ -103,7 +103,7 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
         return [0.0]
 
     asked = pf.simulate(scene, [0.0], [1.0], effort, 0.3)
-    plain = pf.simulate(scene, [0.0], [1.0], [0.0], 0.3)
+    plain = pf.simulate(scene, [0.0], [1.0], lambda t, q, v: [0.0], 0.3)
     np.testing.assert_array_equal(asked.q, plain.q)
 
 
