@@ -30,6 +30,8 @@ _PUBLIC = {
     "size": "pinfric.study.sizing",
     "SizingReport": "pinfric.study.sizing",
     "load_catalog": "pinfric.study.catalog",
+    "sweep": "pinfric.study.sweep",
+    "SweepResult": "pinfric.study.sweep_result",
     "replay": "pinfric.show.replay",
     "LiveReplay": "pinfric.show.live",
     "PinfricError": "pinfric.errors",
@@ -57,6 +59,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.study.catalog import load_catalog as load_catalog
     from pinfric.study.sizing import SizingReport as SizingReport
     from pinfric.study.sizing import size as size
+    from pinfric.study.sweep import sweep as sweep
+    from pinfric.study.sweep_result import SweepResult as SweepResult
     from pinfric.study.trajectory import Trajectory as Trajectory
     from pinfric.study.trajectory import load_trajectory as load_trajectory
 

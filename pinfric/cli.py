@@ -23,6 +23,7 @@ from pinfric.terminal import (
     notice,
     noticed,
     print_line,
+    progress,
     say,
     show,
     warnings_as_notices,
@@ -209,6 +210,51 @@ def size(
         })  # fmt: skip
     show(summary if as_json else sizing_report(report))
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+@app.command()
+def sweep(
+    scene_name: SceneName,
+    trajectory_name: TrajectoryName,
+    sweep_name: Annotated[
+        str, typer.Argument(metavar="SWEEP", help="What varies, and how: file or bundled.")
+    ],
+    processes: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="On this machine; by default as many as pay off."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Of a Dask cluster, whose workers compute instead."),
+    ] = None,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Vary friction, payload, speed and mounting of a cycle.
+
+    Gives percentiles of each joint's peak and RMS, how often a motor suffices, and which
+    parameter decides. --out writes samples.parquet, sweep.png and summary.json; a sweep that was
+    stopped goes on from the samples in that folder.
+    """
+    scene, trajectory = load(scene_name, trajectory_name, out)
+    from pinfric.show.sweep_report import sweep_json, sweep_report
+    from pinfric.study.sweep import sweep as run_sweep
+
+    with progress("cycles") as report:
+        result = run_sweep(scene, trajectory, sweep_name, out=out, processes=processes,
+                           scheduler=scheduler, progress=report)  # fmt: skip
+    summary = sweep_json(result, noticed)
+    if out is not None:
+        from pinfric.show.sweep_figure import sweep_figure
+
+        figure = sweep_figure(result)
+        had = f", {result.resumed} of them from before" if result.resumed else ""
+        say(f"wrote {out / 'samples.parquet'}: {result.samples} cycles{had}")
+        write(out, {
+            "sweep.png": figure.savefig,
+            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
+        })  # fmt: skip
+    show(summary if as_json else sweep_report(result))
 
 
 @app.command()

@@ -294,3 +294,65 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
     assert all(len(joint["holding"]) == 2 for joint in joints)
     assert joints[1]["rejected"][0]["why"]
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"sizing.json", "report.html"}
+
+
+SWEEP = """
+pinfric_sweep: 1
+samples: 20
+seed: 1
+parameters:
+  friction.shoulder.mu: {lognormal: {median: 1.0, sigma: 0.3}}
+  speed: {uniform: {low: 0.9, high: 1.1}}
+motors: {shoulder: {peak_torque: 40.0}}
+"""
+
+
+def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys):
+    (files / "s.yaml").write_text(SWEEP)
+    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 0
+    printed = capsys.readouterr()
+    assert printed.out.startswith("arm · way.yaml: 20 random samples\n")
+    assert "what drives it at the joints: rank correlation" in printed.out
+    names = {"samples.parquet", "sweep.png", "summary.json"}
+    assert {p.name for p in (files / "out").iterdir()} == names
+    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out", "--json") == 0
+    again = capsys.readouterr()
+    assert "20 cycles, 20 of them from before" in again.err
+    summary = json.loads(again.out)
+    assert summary == json.loads((files / "out" / "summary.json").read_text())
+    frame = pd.read_parquet(files / "out" / "samples.parquet")
+    peak = summary["joints"][0]["peak"]["percentiles"]["95"]
+    assert peak == pytest.approx(np.percentile(frame["shoulder.peak"], 95))
+
+
+@pytest.mark.parametrize(
+    ("change", "arguments", "words"),
+    [
+        (("speed:", "sped:"), [], "s.yaml: `parameters.sped`: unknown parameter; did you mean"),
+        (("samples:", "sample:"), [], "did you mean 'samples'?"),
+        (("low: 0.9", "low: -0.9"), [], "a speed factor must be above 0"),
+        (("sigma: 0.3", "sigma: -0.3"), [], "lognormal.sigma"),
+        (("", ""), ["--scheduler", "tcp://127.0.0.1:1"], "tcp://127.0.0.1:1 cannot be reached"),
+        (("", ""), ["--scheduler", "tcp://h:1", "--processes", "2"], "either `scheduler` or"),
+        (("", ""), ["--processes", "0"], "--processes"),
+    ],
+)
+def test_sweep_that_cannot_be_is_one_line_and_exit_code_2(
+    files, capsys, monkeypatch, change, arguments, words
+):
+    monkeypatch.setattr("pinfric.study.sweep_workers._CONNECT_TIMEOUT", 0.5)
+    (files / "s.yaml").write_text(SWEEP.replace(*change, 1))
+    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", *arguments) == cli.BAD_INPUT == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("pinfric: error: ")
+    assert printed.err.count("\n") == 1
+    assert words in printed.err
+
+
+def test_sweep_into_the_folder_of_another_is_refused(files, capsys):
+    (files / "s.yaml").write_text(SWEEP)
+    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 0
+    (files / "s.yaml").write_text(SWEEP.replace("seed: 1", "seed: 2"))
+    assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out") == 2
+    assert "holds samples of another sweep (different: sweep)" in capsys.readouterr().err

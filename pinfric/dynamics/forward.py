@@ -26,13 +26,15 @@ class Instant(NamedTuple):
 
     Attributes:
         a: (nv,) accelerations (rad/s^2, m/s^2); exactly 0 where a joint sticks.
-        modes: (ns,) -1, 0, 1: slips backward, sticks, slips forward.
-        friction: (ns,) of the parent on the child, along the joint's positive direction.
+        modes: (ns,) -1, 0, 1: slips backward, sticks, slips forward; of a ball 0, 1.
+        friction: (ns,) of the parent on the child (of side a on side b), along the joint's positive
+            direction; of a ball minus its size.
         multipliers: (nl,) what each loop's side a exerts on side b along the directions it closes,
             loop after loop (N, N m); an open chain has none.
         normal_load: (ns,) load c its friction acts on.
         wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
-        contraction: below 1 the friction is the only one that fits these modes.
+        contraction: below 1 the friction is the only one that fits these modes; NaN where joints
+            that can only move together rest and share it (`rest.py`).
         status: `Status`.
         iterations: passes of the coupled solve.
     """

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from pinfric.model.compiled import kernel
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.model.schema import Transmission
 from pinfric.study.catalog import (
@@ -31,7 +32,7 @@ from pinfric.study.catalog import (
     Motor,
     Thermal,
 )
-from pinfric.study.demand import DriveCycle, largest, positive_part
+from pinfric.study.demand import DriveCycle, largest
 from pinfric.study.summary import ends_by_magnitude, rms
 from pinfric.study.thermal import (
     COPPER,
@@ -365,13 +366,42 @@ def _electrical(
     """Return peak powers from and to the bus (W) and the energies (J); None where not known."""
     if current is None or ratings.resistance is None:
         return None, None, None, None
-    hot: np.ndarray | float = 1.0
-    if winding is not None and not winding.runaway:
-        hot = 1 + COPPER * (winding.winding - REFERENCE_TEMPERATURE)
-    power = torque * speed + ratings.resistance * hot * current**2
-    drawn, fed_back = np.maximum(power, 0.0), np.maximum(-power, 0.0)
-    energies = positive_part(t, power), positive_part(t, -power)
-    return float(drawn.max()), float(fed_back.max()), *energies
+    warm = np.empty(0) if winding is None or winding.runaway else winding.winding
+    return _power_figures(t, torque, speed, current, ratings.resistance, warm)
+
+
+@kernel
+def _power_figures(
+    t: np.ndarray,
+    torque: np.ndarray,
+    speed: np.ndarray,
+    current: np.ndarray,
+    resistance: float,
+    winding: np.ndarray,
+) -> tuple[float, float, float, float]:
+    """Return greatest power and energy of P = T_m omega + R(T_w) i^2, each drawn and fed back.
+
+    Energies as `positive_part` has them, P linear between samples. Without `winding` (T,), deg C,
+    the resistance is that at the reference temperature.
+    """
+    most, least, drawn, fed_back, last = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(t.size):
+        hot = 1.0
+        if winding.size:
+            hot += COPPER * (winding[k] - REFERENCE_TEMPERATURE)
+        power = torque[k] * speed[k] + resistance * hot * current[k] * current[k]
+        most, least = max(most, power), min(least, power)
+        if k > 0:
+            step, high, low = t[k] - t[k - 1], max(last, power), min(last, power)
+            if high > 0.0 and low < 0.0:
+                drawn += step * high * high / (2 * (high - low))
+                fed_back += step * low * low / (2 * (high - low))
+            elif high > 0.0:
+                drawn += step * (high + low) / 2
+            else:
+                fed_back -= step * (high + low) / 2
+        last = power
+    return most, -least, drawn, fed_back
 
 
 def _motor_ratings(motor: Motor) -> Ratings:

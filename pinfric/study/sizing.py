@@ -333,8 +333,11 @@ def load_inertias(result: InverseResult) -> np.ndarray:
         model = scene.loaded_model(carried)
         data = model.createData()
         armature = np.asarray(model.armature)
-        for q in result.states.q[start:stop]:
-            np.maximum(largest, np.diag(pin.crba(model, data, q)) - armature, out=largest)
+        q_here = result.states.q[start:stop]
+        moved = np.ones(len(q_here), dtype=bool)
+        moved[1:] = (q_here[1:] != q_here[:-1]).any(axis=1)
+        for q in q_here[moved]:  # in holds the inertia stays
+            np.maximum(largest, pin.crba(model, data, q).diagonal() - armature, out=largest)
     return largest[[drive.velocity_index for drive in scene.drives]]
 
 

@@ -96,8 +96,7 @@ def mean_winding_temperature(
     Args: as `winding_cycle`.
     """
     resistance_to_ambient = thermal.winding_housing + thermal.housing_ambient
-    span = np.diff(t)
-    heat = resistance * float(mean_square(current) @ span / span.sum())
+    heat = resistance * _mean_square_over(t, current)
     gain = resistance_to_ambient * heat
     if copper * gain >= 1:
         return np.inf
@@ -109,6 +108,16 @@ def mean_square(x: np.ndarray) -> np.ndarray:
     """Return (T-1,) the mean of x^2 between samples, x linear there: (a^2 + a b + b^2)/3."""
     a, b = x[:-1], x[1:]
     return (a * a + a * b + b * b) / 3
+
+
+@kernel
+def _mean_square_over(t: np.ndarray, x: np.ndarray) -> float:
+    """Return the mean of x^2 over time, x linear between samples; in one pass, for long motions."""
+    total = 0.0
+    for k in range(t.size - 1):
+        a, b = x[k], x[k + 1]
+        total += (t[k + 1] - t[k]) * (a * a + a * b + b * b) / 3
+    return total / (t[-1] - t[0])
 
 
 @kernel
@@ -133,13 +142,14 @@ def _settled(
         middle, half = 0.5 * (a00 + a11), 0.5 * (a00 - a11)
         root = np.sqrt(half * half + a01 * a10)  # > 0: the eigenvalues are real and distinct
         fast, slow = middle - root, middle + root
-        e_fast, e_slow = np.exp(fast * step[k]), np.exp(slow * step[k])
-        i_fast = np.expm1(fast * step[k]) / fast if fast != 0.0 else step[k]
-        i_slow = np.expm1(slow * step[k]) / slow if slow != 0.0 else step[k]
+        d_fast, d_slow = np.expm1(fast * step[k]), np.expm1(slow * step[k])
+        e_fast = 1.0 + d_fast
+        i_fast = d_fast / fast if fast != 0.0 else step[k]
+        i_slow = d_slow / slow if slow != 0.0 else step[k]
         # exp(A h) = e_slow P + e_fast (I - P), P = (A - fast I)/(slow - fast)
         q00, q01 = (a00 - fast) / (slow - fast), a01 / (slow - fast)
         q10, q11 = a10 / (slow - fast), (a11 - fast) / (slow - fast)
-        de, di = e_slow - e_fast, i_slow - i_fast
+        de, di = d_slow - d_fast, i_slow - i_fast
         m00, m01, m10, m11 = e_fast + de * q00, de * q01, de * q10, e_fast + de * q11
         c0, c1 = (i_fast + di * q00) * b0, di * q10 * b0
         maps[k] = (m00, m01, m10, m11, c0, c1)

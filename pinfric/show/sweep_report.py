@@ -1,0 +1,245 @@
+"""What a sweep says: tables for people, a dictionary for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.show.report import digits, json_safe
+from pinfric.study.sweep_cycle import FIGURES
+from pinfric.study.sweep_motors import Trial
+from pinfric.study.sweep_result import Probability, SweepResult
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+#: Parameters named per drive and figure, and the least share of the variance that is.
+_NAMED, _LEAST_SHARE = 2, 0.01
+_AT_JOINT, _AT_MOTOR = ("peak", "rms"), ("motor_peak", "motor_rms")
+_HEADINGS = {"peak": "peak", "rms": "RMS", "motor_peak": "peak", "motor_rms": "RMS"}
+_CRITERIA = ("continuous", "peak", "speed")
+_DESIGNS = {"random": "random samples", "sobol": "samples of a Sobol design",
+            "grid": "points of a grid"}  # fmt: skip
+
+
+def sweep_json(result: SweepResult, warnings: Sequence[str] = ()) -> dict[str, Any]:
+    """Return everything `pinfric sweep --json` prints; SI units, None for what is not a number.
+
+    Args:
+        result: of `sweep`.
+        warnings: what was noticed on the way.
+    """
+    import pinfric
+
+    content: dict[str, Any] = {
+        "pinfric": pinfric.__version__,
+        "scene": result.scene,
+        "trajectory": result.trajectory,
+        "sweep": result.sweep,
+        "sampling": result.sampling,
+        "seed": result.seed,
+        "samples": result.samples,
+        "solved": int(result.solved.sum()),
+        "parameters": [
+            {"name": name, "min": column.min(), "mean": column.mean(), "max": column.max()}
+            for name, column in zip(result.parameter_names, result.values.T, strict=True)
+        ],
+        "joints": [],
+        "correlation_noise": result.correlation_noise,
+        "motors": [_trial_json(result, trial) for trial in result.trials],
+        "all_motors_suffice": (
+            asdict(result.probability(result.sufficing())) if result.trials else None
+        ),
+        "warnings": list(warnings),
+    }
+    quantiles = {name: result.quantiles(name) for name in FIGURES} if result.solved.any() else {}
+    correlations = {name: result.rank_correlation(name) for name in FIGURES}
+    shares = {name: result.sobol(name) for name in FIGURES}
+    for i, (drive, unit) in enumerate(zip(result.actuator_names, result.units, strict=True)):
+        joint: dict[str, Any] = {"name": drive, "unit": unit}
+        for name in FIGURES:
+            joint[name] = {
+                "percentiles": {f"{p:g}": quantiles[name][k, i]
+                                for k, p in enumerate(result.percentiles) if quantiles},
+                "rank_correlation": dict(
+                    zip(result.parameter_names, correlations[name][:, i], strict=True)
+                ),
+            }  # fmt: skip
+            found = shares[name]
+            if found is not None:
+                joint[name]["sobol"] = {
+                    parameter: {key: getattr(found[i], key)[j] for key in asdict(found[i])}
+                    for j, parameter in enumerate(result.parameter_names)
+                }
+        content["joints"].append(joint)
+    return dict(json_safe(content))
+
+
+def _trial_json(result: SweepResult, trial: Trial) -> dict[str, Any]:
+    met = trial.passes(result.figures)
+    return {
+        **asdict(trial),
+        "suffices": asdict(result.probability(result.sufficing(trial))),
+        "criteria": {name: asdict(result.probability(mask)) for name, mask in met.items()},
+        "not_checked": trial.not_checked,
+    }
+
+
+def sweep_report(result: SweepResult) -> list[RenderableType]:
+    """Return the tables and lines that `pinfric sweep` prints, for a rich console.
+
+    Args:
+        result: of `sweep`.
+    """
+    from rich.text import Text
+
+    parts: list[RenderableType] = []
+    title = f"{Path(result.scene).stem} · {Path(result.trajectory).name}: "
+    title += f"{result.samples} {_DESIGNS[result.sampling]}"
+    parts.append(Text(title, style="bold"))
+    if result.solved.any():
+        parts += _percentile_table(result, _AT_JOINT, result.units, "at the joints")
+        names, where = shaft_figures(result)
+        if names == _AT_MOTOR:
+            parts += _percentile_table(result, names, shaft_units(result), where[1:])
+        parts += _driver_table(result, names, where)
+    if result.trials:
+        parts += _motor_table(result)
+    return [*parts, Text(), *(Text(line) for line in _footer(result))]
+
+
+def _percentile_table(
+    result: SweepResult, names: Sequence[str], units: Sequence[str], title: str
+) -> list[RenderableType]:
+    same = len(set(units)) == 1
+    table = _table()
+    for name in names:
+        for k, p in enumerate(result.percentiles):
+            heading = "" if k else _HEADINGS[name]
+            table.add_column(f"{heading}\n{p:g} %", justify="right", no_wrap=True)
+    quantiles = np.concatenate([result.quantiles(name) for name in names])
+    for i, drive in enumerate(result.actuator_names):
+        label = drive if same else f"{drive} ({units[i]})"
+        table.add_row(label, *(digits(x) for x in quantiles[:, i]))
+    return _titled(f"{title}, {units[0]}" if same else title, table)
+
+
+def _driver_table(result: SweepResult, names: Sequence[str], where: str) -> list[RenderableType]:
+    """Which parameters decide a drive's peak and RMS."""
+    measure, _ = strengths(result, names[0])
+    table = _table()
+    found = []
+    for name in names:
+        table.add_column(_HEADINGS[name], overflow="fold")
+        found.append(strengths(result, name)[1])
+    for i, drive in enumerate(result.actuator_names):
+        table.add_row(drive, *(_strongest(result, strength[:, i]) for strength in found))
+    return _titled(f"what drives it{where}: {measure}", table)
+
+
+def shaft_figures(result: SweepResult) -> tuple[tuple[str, str], str]:
+    """Return the names of peak and RMS at the motors' shafts (of ideal drives: at the joints)."""
+    at_joint, at_motor = result.figure("peak"), result.figure("motor_peak")
+    if (at_joint != at_motor)[result.solved].any():
+        return _AT_MOTOR, " at the motors' shafts"
+    return _AT_JOINT, " at the joints"
+
+
+def shaft_units(result: SweepResult) -> tuple[str, ...]:
+    """Return (na,) units of these figures: N m behind a gear."""
+    motor = result.figure("motor_peak")
+    geared = (result.figure("peak") != motor)[result.solved].any(axis=0)
+    return tuple("N m" if g else u for g, u in zip(geared, result.units, strict=True))
+
+
+def strengths(result: SweepResult, name: str) -> tuple[str, np.ndarray]:
+    """Return how each parameter moves a figure, (np, na), and what that is called."""
+    shares = result.sobol(name) if result.has_shares else None
+    if shares is None:
+        return "rank correlation", result.rank_correlation(name)
+    total = np.column_stack([drive.total for drive in shares])
+    return "share of the variance, interactions included", total
+
+
+def _strongest(result: SweepResult, strength: np.ndarray) -> str:
+    """The parameters that matter most, and how much; those within the noise are left out."""
+    signed = not result.has_shares
+    least = result.correlation_noise if signed else _LEAST_SHARE
+    order = np.argsort(-np.nan_to_num(np.abs(strength), nan=-1.0), kind="stable")
+    named = [
+        f"{brief(result.parameter_names[j])} {strength[j]:{'+' if signed else ''}.2f}"
+        for j in order[:_NAMED]
+        if abs(strength[j]) > least
+    ]
+    return "\n".join(named) or "nothing found"
+
+
+def brief(parameter: str) -> str:
+    """Return a parameter's name without its section, which the key tells: panda_joint5.coulomb."""
+    return parameter.split(".", 1)[-1]
+
+
+def _motor_table(result: SweepResult) -> list[RenderableType]:
+    table = _table()
+    for heading in ("motor", "suffices", *_CRITERIA):
+        table.add_column(heading, justify="left" if heading == "motor" else "right")
+    for trial in result.trials:
+        met = trial.passes(result.figures)
+        cells = [
+            percent(result.probability(met[name])) if name in met else "not checked"
+            for name in _CRITERIA
+        ]
+        suffices = percent(result.probability(result.sufficing(trial)), interval=True)
+        table.add_row(trial.drive, trial.name or "as given", suffices, *cells)
+    return _titled("motors on trial: in how many samples the rating suffices", table)
+
+
+def percent(probability: Probability, interval: bool = False) -> str:
+    """Return a share as text, with its confidence interval where asked for and known."""
+    text = f"{100 * probability.value:.1f} %"
+    if interval and probability.low is not None and probability.high is not None:
+        text += f" ({100 * probability.low:.1f}–{100 * probability.high:.1f})"  # noqa: RUF001
+    return text
+
+
+def _titled(title: str, table: Table) -> list[RenderableType]:
+    """A table below its title: rich's own would be folded to the width of a narrow table."""
+    from rich.text import Text
+
+    return [Text(), Text(title, style="bold"), table]
+
+
+def _table() -> Table:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
+    table.add_column("joint", overflow="fold")
+    return table
+
+
+def _footer(result: SweepResult) -> list[str]:
+    lines = []
+    if result.trials:
+        every = percent(result.probability(result.sufficing()), interval=True)
+        lines.append(f"all motors suffice in {every} of the samples")
+        if result.sampling == "random":
+            lines.append("in brackets: 95 % confidence, of the number of samples alone")
+    for trial in result.trials:
+        if trial.not_checked:
+            lines.append(f"{trial.drive}: {', '.join(trial.not_checked)} not checked: no figure")
+    if not result.solved.all():
+        lines.append(f"{np.count_nonzero(~result.solved)} samples have no solution: left out of "
+                     "percentiles, no motor suffices in them")  # fmt: skip
+    lines.append("peak, RMS: of the worst end of the effort's interval; percentiles over samples")
+    if not result.has_shares:
+        lines.append(
+            f"correlations below {digits(result.correlation_noise)} are not told from chance, and "
+            "a minimum in mid-range is not seen (sampling: sobol sees it)"
+        )
+    return lines
