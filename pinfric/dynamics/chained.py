@@ -15,17 +15,20 @@ from typing import Any
 from pinfric.model.compiled import kernel
 
 
-def kernel_calling(*modules: ModuleType) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def kernel_calling(
+    *modules: ModuleType, compiled: Callable[..., Callable[..., Any]] = kernel
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Return the decorator `compiled.kernel` for functions that call kernels of these modules.
 
     Args:
         modules: every module whose kernels are reached, directly or through others.
+        compiled: that decorator, or `compiled.parallel_kernel`.
     """
     source = "".join(inspect.getsource(module) for module in modules)
     digest = hashlib.sha256(source.encode()).hexdigest()[:12]
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         function.__qualname__ = f"{function.__qualname__}_{digest}"
-        return kernel(function)
+        return compiled(function)
 
     return decorate

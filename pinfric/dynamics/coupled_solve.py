@@ -130,7 +130,9 @@ class Solver:
         dry = dry + np.where(layout.varies, 0.0, mu * law.fixed_load[sample])
         mu = np.where(layout.varies, mu, 0.0)
         out = Candidates(sample, code, direction, np.zeros((m, 2, ns)),
-                         np.zeros(m, dtype=np.int64), np.zeros((m, 2)))  # fmt: skip
+                         np.ones(m, dtype=np.int64), np.zeros((m, 2)))  # fmt: skip
+        if ns == 0:  # nothing rubs: that is the solution
+            return out
         solve_list(
             self.maps.contact, self._rows, layout.phi_start, layout.phi_count, sample, direction,
             slip, mu, dry, drag, self.base, np.zeros(ns, dtype=np.bool_), np.full(1, np.nan),

@@ -10,16 +10,17 @@ iteration; at rest phi is any value between its static limits, and u an interval
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 import pinocchio as pin
 
+from pinfric.dynamics.motion_kernels import effort_bounds, mark_reversals
 from pinfric.dynamics.reactions import (
-    CHUNK,
     AppliedWrench,
     Batch,
     applied_wrenches,
+    batch_size,
     generalized_effort,
     reactions,
     relieve,
@@ -28,9 +29,14 @@ from pinfric.dynamics.reactions import (
 )
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike, States, attached_columns
+from pinfric.dynamics.threaded import (
+    efforts_in_parts,
+    friction_in_parts,
+    reversals_in_parts,
+    team,
+)
 from pinfric.errors import RollMomentError, StateError
 from pinfric.model.bearings import FOLLOWS_PARENT, normal_loads
-from pinfric.model.compiled import kernel
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.model.laws import STICK_VELOCITY, friction_bounds
 from pinfric.model.scene import Scene
@@ -115,39 +121,43 @@ def _solve(
     T, ns, nv = whole.stop - whole.start, len(scene.sites), scene.model.nv
     sites, threads = scene.site_tables, threads_for(T, threads)
     velocity, reversal = _velocities(
-        sites.velocity_index, sites.ratio, sites.law[:, STICK_VELOCITY], states.v, whole
+        sites.velocity_index, sites.ratio, sites.law[:, STICK_VELOCITY], states.v, whole, threads
     )
     reacting = _needs_wrenches(scene, applied)
     shapes = [(T, nv)] * 3 + [(T, ns)] * 3 + [(T, ns, 6 if reacting else 0)]
     lower, upper, frictionless, load, friction_lower, friction_upper, wrench = _arrays(shapes)
     sticking = np.empty((T, ns), dtype=bool)
-    batch = Batch.of(scene.twin(), min(T, CHUNK * threads))
-    for part, twin in constant_payloads(scene, states, whole, CHUNK * threads):
+    batch = Batch.of(scene.twin(), min(T, batch_size(threads)))
+    for part, twin in constant_payloads(scene, states, whole, batch_size(threads)):
         here = slice(part.start - whole.start, part.stop - whole.start)
         qva = states.q[part], states.v[part], states.a[part]
+        rubbing = (velocity[here], load[here], sites.law, reversal[here], friction_lower[here],
+                   friction_upper[here], sticking[here])  # fmt: skip
         if not reacting:
             load[here] = 0.0
             _plain(twin, *qva, threads, frictionless[here])
+            friction_bounds(*rubbing)
         else:
             now = batch.first(part.stop - part.start)
             if ns == twin.n_joints:  # every joint is a site: no second copy of its wrench
                 now = Batch(now.q, now.v, now.a, wrench[here])
             reactions(twin, *qva, now, threads)
             relieve(twin, applied, part, now)
-            generalized_effort(twin, now.wrench, qva[2], frictionless[here])
             if ns != twin.n_joints:
                 wrench[here] = now.wrench[:, sites.joint]
             moves = sites.weights[:, FOLLOWS_PARENT].any()
             displacement = displacements(twin, sites.joint, qva[0]) if moves else np.empty((0, 0))
-            normal_loads(
-                now.wrench, sites.joint, sites.axis, sites.weights, displacement, load[here]
-            )
-        friction_bounds(velocity[here], load[here], sites.law, reversal[here],
-                        friction_lower[here], friction_upper[here], sticking[here])  # fmt: skip
+            bearing = sites.joint, sites.axis, sites.weights, displacement
+            _rub(twin, now.wrench, qva[2], frictionless[here], bearing, rubbing, threads)
     if reacting:
         check_roll_moments(scene, wrench, whole.start)
-    effort_bounds(frictionless, friction_lower, friction_upper, sites.velocity_index, sites.ratio,
-                  lower, upper)  # fmt: skip
+    ends = (frictionless, friction_lower, friction_upper, sites.velocity_index, sites.ratio, lower,
+            upper)  # fmt: skip
+    if threads == 1:
+        effort_bounds(*ends)
+    else:
+        with team(threads) as parts:
+            efforts_in_parts(parts, *ends)
     _check_finite(scene, lower + upper, whole.start)
     motor_lower, motor_upper = _motor_torques(scene, states, whole, lower, upper)
     return InverseResult(
@@ -169,6 +179,31 @@ def _solve(
         contraction=np.zeros(T),
         status=np.zeros(T, dtype=np.int8),
     )
+
+
+def _rub(
+    twin: Twin, wrench: np.ndarray, a: np.ndarray, effort: np.ndarray, bearing: tuple[Any, ...],
+    rubbing: tuple[Any, ...], threads: int,
+) -> None:  # fmt: skip
+    """Write a batch's efforts without friction, loads and friction from its wrenches.
+
+    Args:
+        twin, wrench, a, effort: see `reactions.generalized_effort`.
+        bearing: joint, axis, weights and displacement of `normal_loads`.
+        rubbing: arguments of `friction_bounds`.
+        threads: each takes a part of the samples.
+    """
+    if threads == 1:
+        generalized_effort(twin, wrench, a, effort)
+        normal_loads(wrench, *bearing, rubbing[1])
+        friction_bounds(*rubbing)
+        return
+    velocity, load, *others = rubbing
+    with team(threads) as parts:
+        friction_in_parts(parts, wrench, twin.v_index, twin.ratio, twin.axis, twin.components,
+                          effort, *bearing, load, velocity, *others)  # fmt: skip
+    if twin.armature.any():
+        effort += twin.armature * a
 
 
 def constant_payloads(
@@ -208,18 +243,19 @@ def _arrays(shapes: list[tuple[int, ...]]) -> list[np.ndarray]:
 
 
 def _velocities(
-    index: np.ndarray, ratio: np.ndarray, stick_velocity: np.ndarray, v: np.ndarray, part: slice
-) -> tuple[np.ndarray, np.ndarray]:
+    index: np.ndarray, ratio: np.ndarray, stick_velocity: np.ndarray, v: np.ndarray, part: slice,
+    threads: int = 1,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """(n, ns) velocities ratio * v[:, index] of the samples of `part`, and where they reverse."""
     around = slice(max(part.start - 1, 0), min(part.stop + 1, len(v)))
     wider = v[around]
     if not np.array_equal(index, np.arange(v.shape[1])) or (ratio != 1).any():
         wider = wider[:, index] * ratio
     inner = slice(part.start - around.start, part.stop - around.start)
-    return wider[inner], reversals(wider, stick_velocity)[inner]
+    return wider[inner], reversals(wider, stick_velocity, threads)[inner]
 
 
-def reversals(velocity: np.ndarray, stick_velocity: np.ndarray) -> np.ndarray:
+def reversals(velocity: np.ndarray, stick_velocity: np.ndarray, threads: int = 1) -> np.ndarray:
     """Return at which samples a velocity changes sign beside them.
 
     Of the two samples around a sign change the slower one is marked (the earlier if equal); where
@@ -228,57 +264,18 @@ def reversals(velocity: np.ndarray, stick_velocity: np.ndarray) -> np.ndarray:
     Args:
         velocity: (T, ns), rad/s or m/s.
         stick_velocity: (ns,), rad/s or m/s.
+        threads: each takes a part of the samples.
 
     Returns:
         (T, ns) bool.
     """
     marked = np.zeros(velocity.shape, dtype=bool)
-    mark_reversals(velocity, stick_velocity, marked)
+    if threads == 1:
+        mark_reversals(velocity, stick_velocity, marked)
+    else:
+        with team(threads) as parts:
+            reversals_in_parts(parts, velocity, stick_velocity, marked)
     return marked
-
-
-@kernel
-def mark_reversals(velocity: np.ndarray, stick_velocity: np.ndarray, marked: np.ndarray) -> None:
-    """Set the samples that `reversals` describes in `marked` (T, ns)."""
-    for i in range(velocity.shape[0] - 1):
-        for s in range(velocity.shape[1]):
-            now, then = velocity[i, s], velocity[i + 1, s]
-            if (now > 0.0) == (then > 0.0):
-                continue
-            if abs(now) > stick_velocity[s] and abs(then) > stick_velocity[s]:
-                marked[i if abs(now) <= abs(then) else i + 1, s] = True
-
-
-@kernel
-def effort_bounds(
-    frictionless: np.ndarray,
-    friction_lower: np.ndarray,
-    friction_upper: np.ndarray,
-    velocity_index: np.ndarray,
-    ratio: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-) -> None:
-    """Write the least and greatest effort u = tau_id - D phi over each sample's friction.
-
-    Args:
-        frictionless: (n, nv), tau_id.
-        friction_lower, friction_upper: (n, ns).
-        velocity_index, ratio: (ns,), the site's column of D: `ratio` at its degree of freedom.
-        lower, upper: (n, nv), overwritten.
-    """
-    for i in range(frictionless.shape[0]):
-        for c in range(frictionless.shape[1]):
-            lower[i, c] = frictionless[i, c]
-            upper[i, c] = frictionless[i, c]
-        for s in range(ratio.size):
-            c, r = velocity_index[s], ratio[s]
-            if r >= 0.0:
-                lower[i, c] -= r * friction_upper[i, s]
-                upper[i, c] -= r * friction_lower[i, s]
-            else:
-                lower[i, c] -= r * friction_lower[i, s]
-                upper[i, c] -= r * friction_upper[i, s]
 
 
 def _needs_wrenches(scene: Scene, applied: list[AppliedWrench]) -> bool:

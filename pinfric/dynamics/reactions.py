@@ -10,12 +10,15 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.states import States
+from pinfric.dynamics.threaded import embed_in_parts, team
 from pinfric.errors import SceneError, StateError, choose_from
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin, embed, project, transmit
 
 #: Samples per batch and thread: the twin's arrays of one batch stay in the second-level cache.
 CHUNK = 512
+#: The same where several threads wait for each other: fewer and longer batches.
+_SHARED_CHUNK = 1024
 #: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
 _FEW = 4096
 
@@ -80,8 +83,8 @@ def joint_wrenches(
     applied = applied_wrenches(scene, external, len(states.q))
     twin, threads = scene.twin(), threads_for(len(states.q), threads)
     out = np.empty((len(states.q), twin.n_joints, 6))
-    batch = Batch.of(twin, min(len(states.q), CHUNK * threads))
-    for part in slices(0, len(states.q), CHUNK * threads):
+    batch = Batch.of(twin, min(len(states.q), batch_size(threads)))
+    for part in slices(0, len(states.q), batch_size(threads)):
         now = batch.first(part.stop - part.start)
         now = Batch(now.q, now.v, now.a, out[part])
         reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
@@ -96,8 +99,13 @@ def reactions(
 
     A robot too large to open is asked sample by sample: the wrenches are then Pinocchio's `data.f`.
     """
-    embed(q, v, a, twin.kind, twin.q_index, twin.v_index, twin.ratio, twin.shift, twin.axis,
-          twin.components, batch.q, batch.v, batch.a)  # fmt: skip
+    embedding = (q, v, a, twin.kind, twin.q_index, twin.v_index, twin.ratio, twin.shift, twin.axis,
+                 twin.components, batch.q, batch.v, batch.a)  # fmt: skip
+    if threads == 1:
+        embed(*embedding)
+    else:
+        with team(threads) as parts:
+            embed_in_parts(parts, *embedding)
     flat = batch.wrench.reshape(len(q), -1)
     if twin.opened is None:
         data, forces = twin.joint_forces()
@@ -169,6 +177,11 @@ def threads_for(samples: int, threads: int | None) -> int:
     if threads < 1:
         raise StateError(f"threads = {threads}; should be at least 1")
     return min(threads, cores or 1)
+
+
+def batch_size(threads: int) -> int:
+    """Return the samples of a batch: what stays in each thread's cache."""
+    return CHUNK if threads == 1 else _SHARED_CHUNK * threads
 
 
 def slices(start: int, stop: int, size: int) -> Iterator[slice]:

@@ -13,7 +13,16 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Never `fastmath`: it makes `isnan` false and reorders sums, and a norm at zero load must stay 0.
     """
+    return _compiled(function, {"nogil": True, "error_model": "numpy"})
+
+
+def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel as `kernel` does, its `prange` loops for several threads."""
+    return _compiled(function, {"nogil": True, "error_model": "numpy", "parallel": True})
+
+
+def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        return numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no folder to cache in (a read-only installation)
-        return numba.njit(nogil=True, error_model="numpy")(function)
+        return numba.njit(**options)(function)

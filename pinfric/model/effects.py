@@ -1,8 +1,9 @@
 """Only the effects a scene calls for: which there are, which keys of the file switch them on.
 
 A scene becomes an explicit list of effects, and the dynamics evaluate what is on: without friction
-one plain RNEA batch, with constant friction no wrenches, with bearings the twin (design 6).
-`without` takes effects out of a scene, for study.
+one plain RNEA batch, with constant friction no wrenches, with bearings the twin, with loops or
+drives off the joints the iteration (design 6). `with_effects` takes effects out of a scene, for
+study; loops stay, for without them a mechanism is another one, and so does coupling.
 """
 
 from __future__ import annotations
@@ -105,10 +106,12 @@ _KINDS = (
 
 #: All effects that can be switched, in the order they build on each other.
 NAMES = (*(kind.name for kind in _KINDS), "transmission", "payload")
+#: Those that cannot: they follow from how the mechanism is built.
+STRUCTURAL = ("loops", "coupling")
 
 
 def effects(scene: Scene) -> tuple[Effect, ...]:
-    """Return what a scene calls for, and by which keys, in the order of `NAMES`."""
+    """Return what a scene calls for, and by which keys: `NAMES`, then `STRUCTURAL`."""
     found = []
     for kind in _KINDS:
         names = [name for name, friction in scene.friction.items() if kind.present(friction)]
@@ -116,7 +119,17 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
     geared = [a.joint or "?" for a in scene.actuators or () if _lossless(a) != a]
     found.append(_effect("transmission", "actuators.{}.transmission", geared))
     found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
+    found.append(_effect("loops", "loops.{}", [loop.name for loop in scene.loops]))
+    found.append(_coupling(scene))
     return tuple(found)
+
+
+def _coupling(scene: Scene) -> Effect:
+    """Loads that depend on friction: where loops or drives off the joints carry it on."""
+    loaded = [name for name, friction in scene.friction.items() if _has_load(friction)]
+    if scene.linkage is None:
+        return Effect("coupling", False, "no loops.<name>, no actuators.<name>.cylinder or force")
+    return _effect("coupling", "friction.{}.bearing", loaded)
 
 
 def _effect(name: str, key: str, where: list[str]) -> Effect:

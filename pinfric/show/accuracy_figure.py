@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.study.accuracy import Accuracy
+from pinfric.study.coupled import CoupledRun
 from pinfric.study.ladder import Rung
 from pinfric.study.precision import Run
 from pinfric.study.sampling import Sampled
@@ -27,9 +28,13 @@ _STYLES = {
     "MuJoCo, stiff": ("#8C4A73", "d"),
     "Drake": ("#B8860B", "v"),
 }
+#: The same of the two solvers of coupled friction.
+_SOLVER_STYLES = {"fixed point": ("#D55E00", "s"), "Newton": ("#0072B2", "o")}
 _INK, _QUIET, _GRID = "#222222", "#6B6B6B", "#E4E4E4"
 #: What is smaller is drawn here: rounding, and the decade below which nobody looks.
 _FLOOR = 1e-13
+#: The same of relative errors of friction.
+_ROUNDING = 1e-16
 #: The same of shares (%).
 _FLOOR_SHARE = 1e-3
 
@@ -37,6 +42,7 @@ _FLOOR_SHARE = 1e-3
 def accuracy_figure(found: Accuracy) -> Figure:
     """Draw everything that was studied, a panel each, two in a row."""
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     name = Path(found.scene.source).stem
     panels: list[Callable[[Axes], None]] = []
@@ -48,9 +54,12 @@ def accuracy_figure(found: Accuracy) -> Figure:
             panels.append(partial(_work, runs=runs, quantity="stick_error",
                                   title=f"{what}: error of stick times (s)"))  # fmt: skip
     panels.append(partial(_sampling, rows=found.sampling))
+    if found.coupled:
+        panels += [partial(draw, runs=found.coupled) for draw in (_coupled_work, _coupled_passes)]
     panels.append(partial(_ladder, rungs=found.ladder))
     rows = -(-len(panels) // 2)
-    figure = Figure(figsize=(12.0, 0.7 + 4.3 * rows), dpi=140, layout="constrained")
+    layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12)
+    figure = Figure(figsize=(12.0, 0.7 + 4.5 * rows), dpi=140, layout=layout)
     figure.suptitle(
         f"{name}: what accuracy costs", x=0.01, ha="left", fontsize=14, fontweight="bold",
         color=_INK,
@@ -66,19 +75,57 @@ def accuracy_figure(found: Accuracy) -> Figure:
     return figure
 
 
-def _title(axes: Axes, text: str) -> None:
-    axes.set_title(text, loc="left", fontsize=10.5, color=_INK)
+def _head(axes: Axes, text: str, note: str = "", columns: int = 3) -> None:
+    """Title, a note, and the legend between title and plot, where it hides no point.
+
+    Args:
+        axes: with everything drawn.
+        text: the title.
+        note: a line for what is not drawn.
+        columns: of the legend.
+    """
+    handles, labels = axes.get_legend_handles_labels()
+    lines = -(-len(labels) // columns)
+    if labels:
+        legend = axes.legend(
+            handles, labels, frameon=False, fontsize=8.5, labelcolor=_INK, ncols=columns,
+            loc="lower left", bbox_to_anchor=(-0.012, 0.995), borderaxespad=0.0, columnspacing=1.4,
+            handlelength=1.8,
+        )  # fmt: skip
+        legend.set_in_layout(False)  # a long one must not squeeze the plots
+    axes.set_title(text, loc="left", fontsize=10.5, color=_INK, pad=8.0 + 14.5 * lines)
+    if note:
+        axes.annotate(
+            note, (1.0, 1.0), xytext=(0, -3), xycoords="axes fraction", va="top", ha="right",
+            textcoords="offset points", fontsize=8.5, color=_QUIET,
+        )  # fmt: skip
+
+
+def _plain_times(axes: Axes) -> None:
+    """A logarithmic axis of times with few plain numbers: 5, 10, 20, 50."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_xlim()
+    steps = (1.0, 2.0, 5.0) if high < 300 * low else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(subs=steps, numticks=20))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _grid(axes: Axes, xlabel: str) -> None:
+    axes.grid(True, which="major", color=_GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.set_xlabel(xlabel, color=_QUIET, fontsize=9.5)
 
 
 def _work(axes: Axes, runs: Sequence[Run], quantity: str, title: str) -> None:
-    """Error against time, a line per method; what failed or has no such error is counted below."""
+    """Error against time, a line per method; what failed or has no such error is counted."""
 
     def of(run: Run) -> float:
         return float(getattr(run, quantity))
 
-    methods = list(dict.fromkeys(run.method for run in runs))
     lost = []
-    for method in methods:
+    for method in dict.fromkeys(run.method for run in runs):
         own = [run for run in runs if run.method == method]
         color, marker = _STYLES.get(method, (_INK, "x"))
         good = [run for run in own if np.isfinite(of(run))]
@@ -94,25 +141,58 @@ def _work(axes: Axes, runs: Sequence[Run], quantity: str, title: str) -> None:
         if alone:
             x, y = _points(alone, of)
             axes.plot(
-                x, y, linestyle="", marker=marker, markersize=9, markerfacecolor="white",
+                x, y, linestyle="", marker=marker, markersize=8, markerfacecolor="white",
                 markeredgecolor=color, markeredgewidth=1.8, label=f"{method}, defaults", zorder=4,
             )  # fmt: skip
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.grid(True, which="major", color=_GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.set_xlabel("wall time (ms)", color=_QUIET, fontsize=9.5)
-    axes.legend(frameon=False, fontsize=8.5, labelcolor=_INK, loc="best", borderaxespad=0.2)
-    _title(axes, title)
-    if lost:
-        axes.text(
-            0.01, 0.01, f"without a figure: {', '.join(lost)}", transform=axes.transAxes,
-            fontsize=8.5, color=_QUIET,
-        )  # fmt: skip
+    _plain_times(axes)
+    _grid(axes, "wall time (ms)")
+    _head(axes, title, f"without a figure: {', '.join(lost)}" if lost else "")
 
 
 def _points(runs: Sequence[Run], of: Callable[[Run], float]) -> tuple[list[float], list[float]]:
     return [1e3 * run.wall_s for run in runs], [max(of(run), _FLOOR) for run in runs]
+
+
+def _coupled_work(axes: Axes, runs: Sequence[CoupledRun]) -> None:
+    """Error of friction against time of one solve, a line per solver and coefficient."""
+    shares = list(dict.fromkeys(run.share for run in runs))
+    for solver, (color, marker) in _SOLVER_STYLES.items():
+        for i, share in enumerate(shares):
+            own = [run for run in runs if (run.solver, run.share) == (solver, share)]
+            good = [run for run in own if not run.problem]
+            axes.plot(
+                [1e6 * run.wall_s for run in good], [max(run.error, _ROUNDING) for run in good],
+                color=color, marker=marker, markersize=5.5, linewidth=1.6, markeredgecolor="white",
+                alpha=0.25 + 0.75 * (i + 1) / len(shares), label=None if i + 1 < len(shares) else
+                solver,
+            )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    _plain_times(axes)
+    _grid(axes, f"time of one solve (us); darker: mu nearer the jam, {shares[0]:g} to "
+          f"{shares[-1]:g} of it")  # fmt: skip
+    _head(axes, "coupled friction: relative error")
+
+
+def _coupled_passes(axes: Axes, runs: Sequence[CoupledRun]) -> None:
+    """Passes to the tightest tolerance against how near the coefficients are to the jam."""
+    tolerance = min(run.tolerance for run in runs)
+    for solver, (color, marker) in _SOLVER_STYLES.items():
+        own = [r for r in runs if (r.solver, r.tolerance) == (solver, tolerance) and not r.problem]
+        axes.plot(
+            [1.0 - run.share for run in own], [run.iterations for run in own], color=color,
+            marker=marker, markersize=6.5, linewidth=1.8, markeredgecolor="white", label=solver,
+        )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.invert_xaxis()
+    places = sorted({1.0 - run.share for run in runs})
+    axes.set_xticks(places, [f"{1.0 - place:g}" for place in places])
+    axes.minorticks_off()
+    _grid(axes, "mu / mu at the jam")
+    _head(axes, f"coupled friction: passes to a relative residual of {tolerance:.0e}")
 
 
 def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:
@@ -134,13 +214,12 @@ def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:
                 markeredgecolor="white", linewidth=1.6, label=f"{label} (given {given})",
             )  # fmt: skip
     axes.set_xscale("log")
-    axes.grid(True, which="major", color=_GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
     axes.set_yscale("log")
     axes.set_ylim(bottom=0.7 * _FLOOR_SHARE)
-    axes.set_xlabel("samples per second", color=_QUIET, fontsize=9.5)
-    axes.legend(frameon=False, fontsize=8.5, labelcolor=_INK)
-    _title(axes, f"inverse dynamics: lost to fewer samples (%; least shown {_FLOOR_SHARE:g})")
+    _plain_times(axes)
+    _grid(axes, "samples per second")
+    _head(axes, f"inverse dynamics: lost to fewer samples (%; least shown {_FLOOR_SHARE:g})",
+          columns=2)  # fmt: skip
 
 
 def _ladder(axes: Axes, rungs: Sequence[Rung]) -> None:
@@ -161,4 +240,4 @@ def _ladder(axes: Axes, rungs: Sequence[Rung]) -> None:
     axes.set_xlabel(
         "RMS of effort still missing (%); beside it the time per sample", color=_QUIET, fontsize=9.5
     )
-    _title(axes, "inverse dynamics: models of friction")
+    _head(axes, "inverse dynamics: models of friction")

@@ -11,6 +11,7 @@ import numpy as np
 
 from pinfric.show.report import digits, json_safe
 from pinfric.study.accuracy import Accuracy
+from pinfric.study.coupled import CoupledRun
 from pinfric.study.ladder import Rung
 from pinfric.study.precision import Run
 from pinfric.study.sampling import Sampled
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from rich.console import RenderableType
     from rich.table import Table
-
-#: A reason for a failure is cut to this many letters in a table; JSON and CSV have all of it.
-_REASON = 60
 
 
 def accuracy_json(found: Accuracy, warnings: Sequence[str] = ()) -> dict[str, Any]:
@@ -34,6 +32,7 @@ def accuracy_json(found: Accuracy, warnings: Sequence[str] = ()) -> dict[str, An
         "peers": [asdict(run) for run in found.peers],
         "constants": found.constants,
         "sampling": [asdict(row) for row in found.sampling],
+        "coupled": [asdict(run) for run in found.coupled],
         "ladder": [asdict(rung) for rung in found.ladder],
         "notes": list(found.notes),
         "warnings": list(warnings),
@@ -44,9 +43,9 @@ def accuracy_frame(found: Accuracy) -> pd.DataFrame:
     """Return all rows of all studies; column `study` says which, others are empty where foreign."""
     import pandas as pd
 
-    studies: tuple[tuple[str, tuple[Run | Sampled | Rung, ...]], ...] = (
+    studies: tuple[tuple[str, tuple[Run | Sampled | CoupledRun | Rung, ...]], ...] = (
         ("simulation", found.runs), ("peers", found.peers), ("sampling", found.sampling),
-        ("ladder", found.ladder),
+        ("coupled", found.coupled), ("ladder", found.ladder),
     )  # fmt: skip
     return pd.DataFrame([{"study": name, **asdict(row)} for name, rows in studies for row in rows])
 
@@ -58,7 +57,7 @@ def accuracy_report(found: Accuracy) -> list[RenderableType]:
     name = Path(found.scene.source).stem
     items: list[RenderableType] = []
     if found.runs:
-        items += [_runs_table(f"{name}: simulation", found.runs), Text()]
+        items += [_runs_table(f"{name}: simulation", found.runs), Text(), *_failures(found.runs)]
         if np.isfinite(found.reference_difference):
             items.append(Text("its reference and absolute coordinates differ by "
                               f"{_power(found.reference_difference)} at most"))  # fmt: skip
@@ -67,11 +66,19 @@ def accuracy_report(found: Accuracy) -> list[RenderableType]:
         constants = ", ".join(f"{site} {digits(F)}" for site, F in found.constants.items())
         items += [
             _runs_table(f"{name}: constant friction, with peers", found.peers), Text(),
+            *_failures(found.peers),
             Text(f"friction, static as kinetic (N m or N): {constants}"),
             Text("Drake has no dry friction in joints: F tanh(v / velocity) stands in"), Text(),
         ]  # fmt: skip
-    items += [_sampling_table(f"{name}: {found.trajectory}, fewer samples", found.sampling), Text()]
-    items += [_ladder_table(f"{name}: {found.trajectory}, friction models", found.ladder), Text()]
+    title = f"{name}: {found.trajectory}"
+    items += [_sampling_table(f"{title}, fewer samples", found.sampling), Text()]
+    failed = [f"given {row.given}, {digits(row.rate)} per s: {row.problem}"
+              for row in found.sampling if row.problem]  # fmt: skip
+    items += [Text(line) for line in failed] + [Text()] * bool(failed)
+    if found.coupled:
+        items += [_coupled_table(f"{title}, coupled friction", found.coupled), Text()]
+        items += [*(Text(line) for line in _coupled_lines(found.coupled)), Text()]
+    items += [_ladder_table(f"{title}, friction models", found.ladder), Text()]
     return [*items, *(Text(line) for line in (*_ladder_lines(found.ladder), *found.notes))]
 
 
@@ -83,7 +90,7 @@ def _runs_table(title: str, runs: Sequence[Run]) -> Table:
         if i and run.method != runs[i - 1].method:
             table.add_section()
         if run.problem:
-            table.add_row(run.method, run.setting, *_failure(run.problem))
+            table.add_row(run.method, run.setting, "fails")
             continue
         stick = f"misses {run.missed}" if run.missed else _power(run.stick_error)
         table.add_row(
@@ -93,16 +100,55 @@ def _runs_table(title: str, runs: Sequence[Run]) -> Table:
     return table
 
 
+def _failures(runs: Sequence[Run]) -> list[RenderableType]:
+    """Why rows failed, a line each: a column of a table is too narrow for reasons."""
+    from rich.text import Text
+
+    return [Text(f"{run.method}, {run.setting}: {run.problem}") for run in runs if run.problem]
+
+
 def _sampling_table(title: str, rows: Sequence[Sampled]) -> Table:
     table = _table(title, "given")
     for heading in ("samples\nper s", "samples", "stick missed\ns", "of\ns", "error of\npeaks, %"):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in rows:
-        figures = _failure(row.problem) if row.problem else (
+        figures = ("fails",) if row.problem else (
             digits(row.missed_stick, 1e-9), digits(row.stick), digits(100 * row.peak_error, 1e-6)
         )  # fmt: skip
         table.add_row(row.given, digits(row.rate), str(row.samples), *figures)
     return table
+
+
+def _coupled_table(title: str, runs: Sequence[CoupledRun]) -> Table:
+    """Passes to each tolerance, a row per coefficient and solver; error and time at the last."""
+    tolerances = sorted({run.tolerance for run in runs}, reverse=True)
+    table = _table(title)
+    for heading in ("mu / mu\nat jam", "contrac-\ntion"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("\nsolver", no_wrap=True)
+    for i, tolerance in enumerate(tolerances):
+        heading = f"{'' if i else 'passes'}\n{'' if i else 'to '}{_decade(tolerance)}"
+        table.add_column(heading, justify="right", no_wrap=True)
+    for heading in ("error\nleft", "time\nus"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for share in dict.fromkeys(run.share for run in runs):
+        for n, solver in enumerate(dict.fromkeys(run.solver for run in runs)):
+            own = [run for run in runs if (run.share, run.solver) == (share, solver)]
+            last = own[-1]
+            passes = ["fails" if run.problem else str(run.iterations) for run in own]
+            first = ("", "") if n else (f"{share:g}", f"{last.contraction:.4f}")
+            table.add_row(*first, solver, *passes, _power(last.error), digits(1e6 * last.wall_s))
+    return table
+
+
+def _coupled_lines(runs: Sequence[CoupledRun]) -> list[str]:
+    jam = runs[0].mu_factor / runs[0].share
+    return [
+        f"at t = {digits(runs[0].t)} s, where it jams first as all mu grow: at {digits(jam)} times "
+        "the scene's",
+        "passes from no friction to a relative residual; error left in friction (relative) and "
+        "time of one solve to the least of them",
+    ]
 
 
 def _ladder_table(title: str, rungs: Sequence[Rung]) -> Table:
@@ -135,12 +181,6 @@ def _ladder_lines(rungs: Sequence[Rung]) -> list[str]:
     return lines
 
 
-def _failure(problem: str) -> tuple[str, str]:
-    """Two cells: that it failed, and why."""
-    reason = problem if len(problem) <= _REASON else f"{problem[: _REASON - 3]}..."
-    return "fails", reason
-
-
 def _power(x: float) -> str:
     """An error as a decade: 3.7e-5; 0 as 0."""
     if not np.isfinite(x):
@@ -148,6 +188,12 @@ def _power(x: float) -> str:
     if x == 0.0:
         return "0"
     mantissa, exponent = f"{x:.1e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def _decade(x: float) -> str:
+    """1e-3, not 1e-03."""
+    mantissa, exponent = f"{x:.0e}".split("e")
     return f"{mantissa}e{int(exponent)}"
 
 

@@ -208,30 +208,36 @@ def explain_json(explanation: Explanation, scene: str) -> dict[str, Any]:
 
 
 def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]:
-    """Return the table and lines that `pinfric explain` prints, for a rich console."""
+    """Return the tables and lines that `pinfric explain` prints, for a rich console."""
     from rich.text import Text
 
-    table = _table(f"{Path(scene).stem}: the effects it calls for")
-    table.columns[0].header, table.columns[0].vertical = "effect", "top"
+    name = Path(scene).stem
+    called = _table(f"{name}: the effects it calls for")
+    called.columns[0].header, called.columns[0].vertical = "effect", "top"
+    called.add_column("", no_wrap=True)
+    called.add_column("why", overflow="fold")
+    measured = _table(f"{name}: what they cost and change")
+    measured.columns[0].header = "effect"
     for heading in ("cost\nus", "peak\nchange", "RMS\nchange"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("of", overflow="fold")
-    table.add_column("why", overflow="fold")
+        measured.add_column(heading, justify="right", no_wrap=True)
+    measured.add_column("of", overflow="fold", vertical="bottom")
     for row in explanation.effects:
-        if not row.on:
-            table.add_row(Text(row.name, "dim"), "", "", "", "", Text(f"off: {row.why}", "dim"))
-            continue
-        table.add_row(
-            row.name, f"{row.cost_us:.2f}", _signed(row.peak_change), _signed(row.rms_change),
-            f"{row.drive}{' (motor)' if row.motor_side else ''}", row.why,
-        )  # fmt: skip
-    lines = (
+        style = "" if row.on else "dim"
+        called.add_row(*(Text(x, style) for x in (row.name, "on" if row.on else "off", row.why)))
+        if math.isfinite(row.cost_us):
+            measured.add_row(
+                row.name, f"{row.cost_us:.2f}", _signed(row.peak_change), _signed(row.rms_change),
+                f"{row.drive}{' (motor)' if row.motor_side else ''}",
+            )  # fmt: skip
+    lines = [
         f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
         f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
         "cost: what leaving it out saves; change: what it adds to the worst effort of the drive "
         "where the RMS changes most",
-    )
-    return [table, Text(), *(Text(line) for line in lines)]
+    ]
+    if any(row.name == "coupling" and row.on for row in explanation.effects):
+        lines.append("coupling: against one pass with the loads that there are without friction")
+    return [called, Text(), measured, Text(), *(Text(line) for line in lines)]
 
 
 def _signed(x: float) -> str:

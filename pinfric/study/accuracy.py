@@ -1,8 +1,9 @@
 """What accuracy costs in time: simulation, sampling of a trajectory, and models of friction.
 
-Three studies of one scene (design 6, 9): `precision` simulates it by three methods with many
-settings, `sampling` thins its motion, `ladder` climbs from no friction to all of it. `peers` adds
-MuJoCo and Drake on the constant friction that they can express.
+Studies of one scene (design 6, 9): `precision` simulates it by three methods with many settings,
+`sampling` thins its motion, `coupled` solves its coupled friction to many tolerances, `ladder`
+climbs from no friction to all of it. `peers` adds MuJoCo and Drake on the constant friction that
+they can express.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.states import MotionLike
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.scene import Scene
+from pinfric.study.coupled import CoupledRun, coupled
 from pinfric.study.ladder import Rung, fitted_constants, ladder, solve
 from pinfric.study.precision import (
     Run,
@@ -45,7 +47,7 @@ class Accuracy:
             where there is only one.
         peers: simulations of the same robot with constant friction, pinfric's and the peers'.
         constants: site -> that friction (N m or N).
-        sampling, ladder: see there.
+        sampling, coupled, ladder: see there; `coupled` is empty where no friction couples.
         notes: what could not be studied, and why.
     """
 
@@ -56,6 +58,7 @@ class Accuracy:
     peers: tuple[Run, ...]
     constants: dict[str, float]
     sampling: tuple[Sampled, ...]
+    coupled: tuple[CoupledRun, ...]
     ladder: tuple[Rung, ...]
     notes: tuple[str, ...]
 
@@ -94,11 +97,12 @@ def accuracy(
         given = motion.sample(np.linspace(0.0, motion.t[-1], _SAMPLES))
         name = "its own simulation"
     else:
-        raise PinfricError(f"{scene.source}: {notes[0]}")
+        raise PinfricError(f"{scene.source}: {notes[0]}; a trajectory can be studied")
     return Accuracy(
         scene=scene,
         trajectory=name,
         sampling=sampling(scene, given),
+        coupled=() if scene.linkage is None else coupled(solve(scene, given), rounds),
         ladder=ladder(scene, given, rounds),
         notes=tuple(notes),
         **found,
@@ -113,7 +117,8 @@ def _reference(scene: Scene, notes: list[str]) -> Motion | None:
     try:
         return reference(scene)
     except PinfricError as problem:
-        notes.append(f"simulation: not studied, {' '.join(str(problem).split())}")
+        reason = " ".join(str(problem).split()).removeprefix(f"{scene.source}: ")
+        notes.append(f"simulation: not studied, {reason}")
         return None
 
 

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import StateError
-from pinfric.model.effects import effects, with_effects
+from pinfric.model.effects import STRUCTURAL, Effect, effects, with_effects
 from pinfric.model.scene import Scene
-from pinfric.study.summary import ends_by_magnitude
+from pinfric.study.ladder import (
+    Efforts,
+    effort_change,
+    hardly_rubbing,
+    one_pass,
+    solve,
+    timed_repeats,
+)
+from pinfric.study.precision import interleaved
 from pinfric.study.trajectory import Trajectory
 
 _ROUNDS = 9
-#: Samples a timing takes at least; a short motion is repeated to that length.
-_TIMED = 4000
+#: Samples a timing takes at least; a short motion is repeated to that length, unless that takes
+#: longer than so many seconds. A motion that takes longer by itself is timed once.
+_TIMED, _PATIENCE = 4000, 0.2
+_NAN = float("nan")
 
 
 @dataclass(frozen=True)
@@ -28,9 +36,11 @@ class Explained:
 
     Attributes:
         name, on, why: as `Effect`.
-        cost_us: what leaving the effect out saves per sample (us); NaN where it is off.
+        cost_us: what leaving the effect out saves per sample (us); of coupling, the passes after
+            the first. NaN where it is off, and of loops, which cannot be left out.
         peak_change: change of the largest effort magnitude of any drive through the effect,
-            in the drive's unit, of the drive where the change is largest; NaN where it is off.
+            in the drive's unit, of the drive where the change is largest; NaN as `cost_us`. Of
+            coupling: against one pass with the loads that there are without friction.
         rms_change: the same of the RMS.
         drive: that drive's name; empty where the effect is off.
         motor_side: True where the change is of motor torques (a transmission changes nothing at
@@ -74,51 +84,52 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
     motion = _Motion.of(scene, trajectory)
     whole = motion.solve(scene)
     found = effects(scene)
-    variants = {"": scene} | {
-        e.name: with_effects(scene, without=[e.name]) for e in found if e.on
-    }  # fmt: skip
-    plain = with_effects(scene, only=[])
-    seconds = _interleaved(
-        {name: motion.timed(variant) for name, variant in variants.items()}
-        | {"plain": motion.timed(plain)}
-    )
+    variants = {e.name: _without(scene, e) for e in found if e.on and e.name != "loops"}
+    timed = {name: motion.timed(variant) for name, variant in variants.items()}
+    timed |= {"": motion.timed(scene), "plain": motion.timed(with_effects(scene, only=[]))}
+    for run in timed.values() if motion.repeats else ():
+        run()
+    seconds = interleaved(timed, _ROUNDS if motion.repeats else 1)
+    each = 1e6 / motion.timed_samples
     rows = []
     for effect in found:
-        if not effect.on:
-            nan = float("nan")
-            rows.append(Explained(effect.name, False, effect.why, nan, nan, nan, "", False))
+        if effect.name not in variants:
+            rows.append(Explained(effect.name, effect.on, effect.why, _NAN, _NAN, _NAN, "", False))
             continue
         motor_side = effect.name == "transmission"
-        without = motion.solve(variants[effect.name])
-        peak, rms, drive = _change(whole, without, motor_side)
-        cost = 1e6 * (seconds[""] - seconds[effect.name]) / motion.timed_samples
-        rows.append(
-            Explained(effect.name, True, effect.why, cost, peak, rms, drive, motor_side)
-        )  # fmt: skip
-    each = 1e6 / motion.timed_samples
+        if effect.name in STRUCTURAL:
+            assert trajectory is not None  # where something couples there is one
+            change = _coupling_change(scene, trajectory)
+        else:
+            without = Efforts.of(motion.solve(variants[effect.name]))
+            change = effort_change(scene, Efforts.of(whole), without, motor_side)
+        cost = each * (seconds[""] - seconds[effect.name])
+        rows.append(Explained(effect.name, True, effect.why, cost, *change, motor_side))
     return Explanation(
         tuple(rows), seconds[""] * each, seconds["plain"] * each, len(motion.trajectory[0])
     )
 
 
-def _change(
-    whole: InverseResult, without: InverseResult, motor_side: bool
-) -> tuple[float, float, str]:
-    """Changes of peak and RMS through an effect, of the drive where its RMS changes most."""
-    ends = ("motor_torque_lower", "motor_torque_upper") if motor_side else (
-        "effort_lower", "effort_upper")  # fmt: skip
-    worst = [
-        ends_by_magnitude(getattr(r, ends[0]), getattr(r, ends[1]))[0] for r in (whole, without)
-    ]
-    peaks = [np.abs(w).max(axis=0) for w in worst]
-    rms = [np.sqrt((w**2).mean(axis=0)) for w in worst]
-    i = int(np.argmax(np.abs(rms[0] - rms[1])))
-    return float((peaks[0] - peaks[1])[i]), float((rms[0] - rms[1])[i]), whole.actuator_names[i]
+def _without(scene: Scene, effect: Effect) -> Scene:
+    """The scene without an effect; without coupling: loads as if there were no friction."""
+    if effect.name in STRUCTURAL:
+        return hardly_rubbing(scene)
+    return with_effects(scene, without=[effect.name])
+
+
+def _coupling_change(scene: Scene, trajectory: Trajectory) -> tuple[float, float, str]:
+    """What solving for the loads changes, friction of the loads alone."""
+    loads = with_effects(scene, only=["payload", "load", "bending"])
+    coupled = Efforts.of(solve(loads, trajectory))
+    return effort_change(scene, coupled, one_pass(loads, trajectory), motor=False)
 
 
 @dataclass(frozen=True)
 class _Motion:
-    """Arrays to solve and to time; payload columns go with the scenes that have the payloads."""
+    """Arrays to solve and to time; payload columns go with the scenes that have the payloads.
+
+    `repeats` is 0 where the motion takes so long that it is timed once.
+    """
 
     trajectory: tuple[np.ndarray, np.ndarray, np.ndarray]
     attached: np.ndarray | None
@@ -137,11 +148,13 @@ class _Motion:
         else:
             qva = trajectory.q, trajectory.v, trajectory.a
             attached = trajectory.attached
-        return cls(qva, attached, tuple(scene.payloads), max(1, -(-_TIMED // len(qva[0]))))
+        first = cls(qva, attached, tuple(scene.payloads), 0)
+        repeats = timed_repeats(lambda: first.solve(scene), len(qva[0]), _TIMED, _PATIENCE)
+        return replace(first, repeats=repeats)
 
     @property
     def timed_samples(self) -> int:
-        return self.repeats * len(self.trajectory[0])
+        return max(self.repeats, 1) * len(self.trajectory[0])
 
     def solve(self, scene: Scene) -> InverseResult:
         attached = self.attached if tuple(scene.payloads) == self.payloads else None
@@ -149,8 +162,8 @@ class _Motion:
 
     def timed(self, scene: Scene) -> Callable[[], object]:
         attached = self.attached if tuple(scene.payloads) == self.payloads else None
-        q, v, a = (np.tile(x, (self.repeats, 1)) for x in self.trajectory)
-        phases = None if attached is None else np.tile(attached, (self.repeats, 1))
+        q, v, a = (np.tile(x, (max(self.repeats, 1), 1)) for x in self.trajectory)
+        phases = None if attached is None else np.tile(attached, (max(self.repeats, 1), 1))
         return lambda: inverse_dynamics(scene, q, v, a, attached=phases, threads=1)
 
 
@@ -166,16 +179,3 @@ def _random_motion(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     q = np.array([pin.randomConfiguration(model, low, np.maximum(low, high)) for _ in range(1000)])
     v, a = rng.uniform(-1, 1, (2, 1000, model.nv))
     return q, v, a
-
-
-def _interleaved(contestants: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Median seconds of each, all timed in every round: a busy machine slows all alike."""
-    times: dict[str, list[float]] = {name: [] for name in contestants}
-    for run in contestants.values():
-        run()
-    for _ in range(_ROUNDS):
-        for name, run in contestants.items():
-            start = time.perf_counter()
-            run()
-            times[name].append(time.perf_counter() - start)
-    return {name: statistics.median(values) for name, values in times.items()}

@@ -7,6 +7,7 @@ frictionless -> a constant fitted to the same motion -> radial load -> + bending
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -22,8 +23,9 @@ from pinfric.model.schema import Coefficients, Friction
 from pinfric.study.precision import interleaved
 from pinfric.study.summary import ends_by_magnitude
 
-#: Samples a timing takes at least; a short motion is repeated to that length.
-_TIMED = 2000
+#: Samples a timing takes at least; a short motion is repeated to that length, unless that takes
+#: longer than so many seconds.
+_TIMED, _PATIENCE = 2000, 0.2
 #: A coefficient so small that the load it reports is that without friction.
 _HARDLY = 1e-9
 _NAN = float("nan")
@@ -60,7 +62,7 @@ class Rung:
 
 
 @dataclass(frozen=True, eq=False)
-class _Efforts:
+class Efforts:
     """(T, na) ends of the efforts at the joints and at the motors' shafts."""
 
     lower: np.ndarray
@@ -69,7 +71,8 @@ class _Efforts:
     motor_upper: np.ndarray
 
     @classmethod
-    def of(cls, r: InverseResult) -> _Efforts:
+    def of(cls, r: InverseResult) -> Efforts:
+        """Return the efforts of a result."""
         return cls(r.effort_lower, r.effort_upper, r.motor_torque_lower, r.motor_torque_upper)
 
 
@@ -80,7 +83,7 @@ class _Step:
     name: str
     why: str
     scene: Scene | None
-    efforts: _Efforts | None
+    efforts: Efforts | None
     problem: str = ""
 
 
@@ -96,22 +99,25 @@ def ladder(scene: Scene, motion: MotionLike, rounds: int = 5) -> tuple[Rung, ...
         PinfricError: the whole scene has no solution for this motion.
     """
     result = solve(scene, motion)
+    repeats = timed_repeats(lambda: solve(scene, motion), len(motion.t), _TIMED, _PATIENCE)
     steps = _steps(scene, motion, result)
-    timed = {i: _timed(step.scene, motion) for i, step in enumerate(steps)
+    timed = {i: _timed(step.scene, motion, repeats) for i, step in enumerate(steps)
              if step.scene is not None and step.efforts is not None}  # fmt: skip
     for run in timed.values():
         run()
-    seconds = interleaved(timed, rounds)
-    each = 1e6 / (_repeats(motion) * len(motion.t))
+    seconds = interleaved(timed, rounds if repeats else 1)
+    each = 1e6 / (max(repeats, 1) * len(motion.t))
     rungs: list[Rung] = []
-    below: _Efforts | None = None
+    below: Efforts | None = None
     for i, step in enumerate(steps):
         if step.efforts is None:
             rungs.append(Rung(step.name, bool(step.problem), step.why, problem=step.problem))
             continue
         motor = step.name == "+ transmission"
-        change = (_NAN, _NAN, "") if below is None else _change(scene, step.efforts, below, motor)
-        distance = _distance(_Efforts.of(result), step.efforts)
+        change = (
+            (_NAN, _NAN, "") if below is None else effort_change(scene, step.efforts, below, motor)
+        )
+        distance = _distance(Efforts.of(result), step.efforts)
         us = seconds[i] * each if i in seconds else _NAN
         rungs.append(Rung(step.name, True, step.why, us, *change, motor, distance))
         below = step.efforts
@@ -135,7 +141,9 @@ def _steps(scene: Scene, motion: MotionLike, whole: InverseResult) -> list[_Step
             continue
         kept.append(name)
         if name == "load" and scene.linkage is not None:
-            steps.append(_one_pass(scene, motion))
+            why = "loads without friction, one pass: an estimate, no solver"
+            radial = with_effects(scene, only=kept)
+            steps.append(_Step("radial load", why, None, one_pass(radial, motion)))
             title = "+ coupling"
         steps.append(_step(title, on[name].why, with_effects(scene, only=kept), motion))
     if scene.linkage is None:
@@ -146,7 +154,7 @@ def _steps(scene: Scene, motion: MotionLike, whole: InverseResult) -> list[_Step
 
 def _step(name: str, why: str, scene: Scene, motion: MotionLike) -> _Step:
     try:
-        return _Step(name, why, scene, _Efforts.of(solve(scene, motion)))
+        return _Step(name, why, scene, Efforts.of(solve(scene, motion)))
     except PinfricError as problem:
         return _Step(name, why, None, None, " ".join(str(problem).split()))
 
@@ -185,47 +193,63 @@ def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scen
     return dataclasses.replace(with_effects(scene, only=["payload"]), friction=friction)
 
 
-def _one_pass(scene: Scene, motion: MotionLike) -> _Step:
-    """Loads without friction, friction from them, and no look back: what coupling corrects.
-
-    Efforts are linear in friction: a site's share comes from a constant at that site alone. It is
-    an estimate and no solver, so it is not timed; sites that stick have their kinetic friction.
-    """
-    bare = with_effects(scene, only=["payload"])
-    plain = solve(bare, motion)
-    radial = with_effects(scene, only=["payload", "load"])
-    hardly = {
+def hardly_rubbing(scene: Scene) -> Scene:
+    """Return the scene with coefficients so small that loads are those without friction."""
+    friction = {
         name: entry.model_copy(update={"mu": Coefficients(static=_HARDLY, kinetic=_HARDLY)})
         if entry.mu is not None else entry
-        for name, entry in radial.friction.items()
+        for name, entry in scene.friction.items()
     }  # fmt: skip
-    loads = solve(dataclasses.replace(radial, friction=hardly), motion).normal_load
+    return dataclasses.replace(scene, friction=friction)
+
+
+def one_pass(radial: Scene, motion: MotionLike) -> Efforts:
+    """Return efforts with loads without friction, friction from them, and no look back.
+
+    What coupling corrects. Efforts are linear in friction: a site's share comes from a constant at
+    that site alone. Kinetic friction, also at sites that stick.
+
+    Args:
+        radial: a scene whose only friction is that of loads.
+        motion: with t, q, v, a.
+    """
+    plain = solve(with_effects(radial, only=["payload"]), motion)
+    loads = solve(hardly_rubbing(radial), motion).normal_load
     efforts = plain.effort_lower.copy()
     for s, name in enumerate(radial.site_names):
         mu = radial.friction[name].mu
         if mu is None:
             continue
-        alone = solve(with_constant_friction(scene, {name: 1.0}), motion)
+        alone = solve(with_constant_friction(radial, {name: 1.0}), motion)
         unit = 0.5 * (alone.effort_lower + alone.effort_upper) - plain.effort_lower
         efforts += unit * mu.kinetic * loads[:, s : s + 1]
-    why = "loads without friction, one pass: an estimate, no solver"
-    return _Step("radial load", why, None, _Efforts(efforts, efforts, efforts, efforts))
+    return Efforts(efforts, efforts, efforts, efforts)
 
 
-def _repeats(motion: MotionLike) -> int:
-    return max(1, -(-_TIMED // len(motion.t)))
+def timed_repeats(run: Callable[[], object], samples: int, wanted: int, patience: float) -> int:
+    """Return how often a motion is repeated in a timing: to `wanted` samples, within `patience` s.
+
+    0 where the motion once takes longer than `patience`: then once is enough, and one round.
+    """
+    run()  # kernels are read from disk, or compiled
+    start = time.perf_counter()
+    run()
+    seconds = time.perf_counter() - start
+    return min(-(-wanted // samples), int(patience / seconds))
 
 
-def _timed(scene: Scene | None, motion: MotionLike) -> Callable[[], object]:
+def _timed(scene: Scene | None, motion: MotionLike, repeats: int) -> Callable[[], object]:
     assert scene is not None
-    n = _repeats(motion)
+    n = max(repeats, 1)
     q, v, a = (np.tile(x, (n, 1)) for x in (motion.q, motion.v, motion.a))
     attached = attached_columns(scene, motion)
     carried = None if attached is None else np.tile(attached, (n, 1))
     return lambda: inverse_dynamics(scene, q, v, a, attached=carried, threads=1)
 
 
-def _change(scene: Scene, here: _Efforts, below: _Efforts, motor: bool) -> tuple[float, float, str]:
+def effort_change(
+    scene: Scene, here: Efforts, below: Efforts, motor: bool
+) -> tuple[float, float, str]:
     """Changes of peak and RMS of the worst end, of the drive where its RMS changes most."""
     worst = [
         ends_by_magnitude(*((e.motor_lower, e.motor_upper) if motor else (e.lower, e.upper)))[0]
@@ -238,7 +262,7 @@ def _change(scene: Scene, here: _Efforts, below: _Efforts, motor: bool) -> tuple
     return float((peaks[0] - peaks[1])[i]), float((rms[0] - rms[1])[i]), name
 
 
-def _distance(whole: _Efforts, here: _Efforts) -> float:
+def _distance(whole: Efforts, here: Efforts) -> float:
     """Share that is missing, RMS over both ends, mean over the drives."""
     missing = (here.lower - whole.lower) ** 2 + (here.upper - whole.upper) ** 2
     size = np.sqrt(np.nanmean(whole.lower**2 + whole.upper**2, axis=0))

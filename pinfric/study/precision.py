@@ -80,12 +80,14 @@ class Track:
         readings: when its sites stick; several where it never stands still and a threshold decides:
             the one that serves it best counts.
         evaluations: right-hand sides or steps.
+        wall_s: of computing it with no sample but the end (s); NaN where that was not done.
     """
 
     t: np.ndarray
     q: np.ndarray
     readings: tuple[tuple[StickInterval, ...], ...]
     evaluations: int
+    wall_s: float = _NAN
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +147,11 @@ def _overlap(one: StickInterval, other: StickInterval) -> float:
 def reference(scene: Scene) -> Motion:
     """Simulate a scene's own motion two decades tighter than the tightest contestant.
 
-    With the default `max_step` (t_end / 50) on top: no guard hides within a long step.
+    In steps of t_end / 50 at most: no guard hides within a long one.
     """
+    assert scene.simulation is not None
     rtol = 1e-2 * min(TOLERANCES)
-    return run_scene(scene, rtol=rtol, atol=1e-2 * rtol)
+    return run_scene(scene, rtol=rtol, atol=1e-2 * rtol, max_step=scene.simulation.t_end / 50)
 
 
 def judge_of(motion: Motion) -> Judge:
@@ -228,9 +231,15 @@ def _own(
         return run_scene(scene, method=method, sample_step=t_end, **options)
 
     def judged() -> Track:
-        motion = run_scene(scene, method=method, sample_step=t_end / samples, **options)
         # the samples cost evaluations, too; those of the method are counted without them
-        return Track(motion.t, motion.q, (motion.stick_intervals(),), bare().evaluations)
+        start = time.perf_counter()
+        motion = bare()
+        count, seconds = motion.evaluations, time.perf_counter() - start
+        if motion.dense is not None:
+            motion = motion.sample(np.linspace(0.0, motion.t[-1], samples + 1))
+        else:
+            motion = run_scene(scene, method=method, sample_step=t_end / samples, **options)
+        return Track(motion.t, motion.q, (motion.stick_intervals(),), count, seconds)
 
     return Contestant(method, setting, bare, judged)
 
@@ -252,9 +261,12 @@ def compete(
     for i, entry in enumerate(entries):
         start = time.perf_counter()
         runs.append(_judged(entry, judge, second))
-        if not runs[i].problem:
-            patient = time.perf_counter() - start < _PATIENCE
-            (quick if patient else slow)[i] = entry.bare
+        if runs[i].problem:
+            continue
+        if time.perf_counter() - start < _PATIENCE:
+            quick[i] = entry.bare
+        elif not np.isfinite(runs[i].wall_s):
+            slow[i] = entry.bare
     seconds = interleaved(quick, rounds) | interleaved(slow, 1)
     return tuple(
         replace(run, wall_s=seconds[i]) if i in seconds else run for i, run in enumerate(runs)
@@ -278,6 +290,7 @@ def _judged(entry: Contestant, judge: Judge, second: Judge | None) -> Run:
         end_error=float(errors[-1]),
         stick_error=_largest(ends),
         missed=int(np.isnan(ends).sum()),
+        wall_s=track.wall_s,
         rhs=track.evaluations,
         error_absolute=_NAN if second is None else float(second.errors(track).max()),
         stick_error_absolute=_NAN if second is None else _largest(second.stick_errors(track)),

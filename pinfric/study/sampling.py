@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult, StickInterval
@@ -42,6 +44,22 @@ class Sampled:
     stick: float = _NAN
     peak_error: float = _NAN
     problem: str = ""
+
+
+@dataclass(frozen=True)
+class _Unlimited:
+    """A scene as trajectories need it, whose joints go anywhere: simulated motions do."""
+
+    model: pin.Model
+    payloads: dict[str, Any]
+
+    @classmethod
+    def of(cls, scene: Scene) -> _Unlimited:
+        model = scene.model.copy()
+        model.lowerPositionLimit = np.full(model.nq, -np.inf)
+        model.upperPositionLimit = np.full(model.nq, np.inf)
+        model.velocityLimit = np.full(model.nv, np.inf)
+        return cls(model, dict(scene.payloads))
 
 
 def sampling(scene: Scene, motion: MotionLike) -> tuple[Sampled, ...]:
@@ -85,7 +103,7 @@ def _solve(scene: Scene, motion: MotionLike, stride: int, given: str) -> Inverse
     t, q = motion.t[part], motion.q[part]
     if given == "q":
         named = {} if carried is None else dict(zip(scene.payloads, carried.T, strict=True))
-        thin = Trajectory.from_arrays(scene, t, q, attached=named)
+        thin = Trajectory.from_arrays(_Unlimited.of(scene), t, q, attached=named)
         return inverse_dynamics(scene, thin, threads=1)
     v, a = motion.v[part], motion.a[part]
     return inverse_dynamics(scene, q, v, a, t=t, attached=carried, threads=1)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import random_states, random_tree
+from cases import drawer_scene, turning_four_bar
+from mechanisms import pin_friction
 
 import pinfric as pf
+from pinfric.dynamics import coupled_inverse, coupled_solve
 from pinfric.dynamics import inverse as inverse_module
 from pinfric.errors import SceneError
-from pinfric.model.effects import NAMES, effects, with_effects
+from pinfric.model.effects import NAMES, STRUCTURAL, effects, with_effects
 
 EVERYTHING = {
     "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
@@ -39,8 +44,8 @@ def on(scene):
 
 def test_a_scene_with_everything_has_every_effect_and_says_why():
     found = effects(whole_scene())
-    assert {e.name for e in found} == set(NAMES)
-    assert all(e.on for e in found)
+    assert [e.name for e in found] == [*NAMES, *STRUCTURAL]
+    assert all(e.on == (e.name in NAMES) for e in found)  # an open chain couples nothing
     why = {e.name: e.why for e in found}
     assert why["stribeck"] == "friction.joint_1.stribeck and 3 more"
     assert why["payload"] == "robot.payloads.box"
@@ -98,22 +103,25 @@ def test_each_effect_adds_what_its_formula_says():
     assert abs(friction(only=["load"])) < 0.2 * load  # the radial force alone
 
 
-def count_calls(monkeypatch, scene):
+def count_calls(monkeypatch, solve):
+    """How often each part of inverse dynamics is called while `solve` runs."""
     counts = {}
 
-    def counted(name):
-        original = getattr(inverse_module, name)
+    def counted(module, name):
+        original = getattr(module, name)
 
         def call(*arguments):
             counts[name] = counts.get(name, 0) + 1
             return original(*arguments)
 
-        monkeypatch.setattr(inverse_module, name, call)
+        monkeypatch.setattr(module, name, call)
 
     for name in ("reactions", "normal_loads", "_plain", "motor_torque_bounds"):
-        counted(name)
-    q, v, a = random_states(scene.model, 0, 30)
-    pf.inverse_dynamics(scene, q, v, a)
+        counted(inverse_module, name)
+    for name in ("reactions", "map_friction", "motor_torque_bounds"):
+        counted(coupled_inverse, name)
+    counted(coupled_solve, "solve_list")
+    solve()
     return counts
 
 
@@ -128,7 +136,36 @@ def count_calls(monkeypatch, scene):
     ids=["nothing", "constant friction", "bearings", "everything"],
 )
 def test_what_is_off_is_not_evaluated(monkeypatch, only, expected):
-    assert count_calls(monkeypatch, with_effects(whole_scene(), only=only)) == expected
+    scene = with_effects(whole_scene(), only=only)
+    states = random_states(scene.model, 0, 30)
+    assert count_calls(monkeypatch, lambda: pf.inverse_dynamics(scene, *states)) == expected
+
+
+@pytest.mark.parametrize(
+    ("friction", "expected"),
+    [
+        ({}, {"reactions": 1, "map_friction": 1}),
+        (pin_friction(0.3), {"reactions": 1, "map_friction": 1, "solve_list": 1}),
+    ],
+    ids=["loops alone", "coupled"],
+)
+def test_loops_and_coupling_are_evaluated_where_there_are_any(monkeypatch, friction, expected):
+    case = turning_four_bar(30, friction=friction)
+    slides = slice(3, 12)  # no pin reverses there
+    some = dataclasses.replace(case, q=case.q[slides], v=case.v[slides], a=case.a[slides])
+    assert count_calls(monkeypatch, some.inverse) == expected
+
+
+def test_loops_and_coupling_say_why_they_are_on():
+    found = {e.name: e for e in effects(turning_four_bar(2).scene)}
+    assert (found["loops"].on, found["loops"].why) == (True, "loops.B")
+    assert (found["coupling"].on, found["coupling"].why) == (True, "friction.O.bearing and 3 more")
+    off = {e.name: e for e in effects(turning_four_bar(2, friction={}).scene)}
+    assert off["loops"].on
+    assert (off["coupling"].on, off["coupling"].why) == (False, "no friction.<name>.bearing")
+    drawer = {e.name: e for e in effects(drawer_scene(0.3))}
+    assert not drawer["loops"].on
+    assert drawer["coupling"].on  # pushed off its joint
 
 
 def test_unknown_effects_are_refused():

@@ -125,9 +125,11 @@ def test_a_failure_is_a_row():
     assert np.isnan(runs[0].error)
     assert (runs[1].problem, runs[1].error, runs[1].stick_error, runs[1].rhs) == ("", 0.0, 0.0, 7)
     assert "diverges" in runs[2].problem
-    study = accuracy_module.Accuracy(scene, "none", runs, float("nan"), (), {}, (), (), ())
-    table = accuracy_report(study)[0]
+    study = accuracy_module.Accuracy(scene, "none", runs, float("nan"), (), {}, (), (), (), ())
+    table, _, first, last, *_ = accuracy_report(study)
     assert table.row_count == 3
+    assert "it cannot go on" in str(first)
+    assert "diverges" in str(last)
     assert [run["error"] for run in accuracy_json(study)["runs"]] == [None, 0.0, None]
 
 

@@ -1,0 +1,130 @@
+"""Kernels of inverse dynamics on several threads: each thread takes a part of the samples.
+
+Pinocchio's batch holds Python's lock, so threads of Python could not share a motion. numba's loops
+run in the same OpenMP as Pinocchio's and find its threads waiting. Each sample is computed as on
+one thread: results are the same to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numba
+import numpy as np
+
+from pinfric.dynamics import motion_kernels
+from pinfric.dynamics.chained import kernel_calling
+from pinfric.dynamics.motion_kernels import effort_bounds, mark_reversals
+from pinfric.model import bearings, laws, twin
+from pinfric.model.bearings import normal_loads
+from pinfric.model.compiled import parallel_kernel
+from pinfric.model.laws import friction_bounds
+from pinfric.model.twin import embed, project
+
+
+@contextmanager
+def team(threads: int) -> Iterator[int]:
+    """Let numba's loops run on so many threads, at most as many as it has; yield their number."""
+    before = numba.get_num_threads()
+    threads = min(threads, int(numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+    numba.set_num_threads(threads)
+    try:
+        yield threads
+    finally:
+        numba.set_num_threads(before)
+
+
+@kernel_calling(twin, compiled=parallel_kernel)
+def embed_in_parts(
+    parts: int,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    kind: np.ndarray,
+    q_index: np.ndarray,
+    v_index: np.ndarray,
+    ratio: np.ndarray,
+    shift: np.ndarray,
+    axis: np.ndarray,
+    components: np.ndarray,
+    q_twin: np.ndarray,
+    v_twin: np.ndarray,
+    a_twin: np.ndarray,
+) -> None:
+    """`twin.embed`, a part of the samples on each thread."""
+    n = q.shape[0]
+    for part in numba.prange(parts):
+        i, j = part * n // parts, (part + 1) * n // parts
+        embed(
+            q[i:j], v[i:j], a[i:j], kind, q_index, v_index, ratio, shift, axis, components,
+            q_twin[i:j], v_twin[i:j], a_twin[i:j],
+        )  # fmt: skip
+
+
+@kernel_calling(twin, bearings, laws, compiled=parallel_kernel)
+def friction_in_parts(
+    parts: int,
+    wrench: np.ndarray,
+    v_index: np.ndarray,
+    ratio: np.ndarray,
+    axis: np.ndarray,
+    components: np.ndarray,
+    effort: np.ndarray,
+    joint: np.ndarray,
+    site_axis: np.ndarray,
+    weights: np.ndarray,
+    displacement: np.ndarray,
+    load: np.ndarray,
+    velocity: np.ndarray,
+    law: np.ndarray,
+    at_rest: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    sticking: np.ndarray,
+) -> None:
+    """`twin.project`, `bearings.normal_loads`, `laws.friction_bounds` one after the other."""
+    n = wrench.shape[0]
+    for part in numba.prange(parts):
+        i, j = part * n // parts, (part + 1) * n // parts
+        moved = displacement[i:j] if displacement.shape[0] == n else displacement
+        project(wrench[i:j], v_index, ratio, axis, components, effort[i:j])
+        normal_loads(wrench[i:j], joint, site_axis, weights, moved, load[i:j])
+        friction_bounds(
+            velocity[i:j], load[i:j], law, at_rest[i:j], lower[i:j], upper[i:j], sticking[i:j]
+        )
+
+
+@kernel_calling(motion_kernels, compiled=parallel_kernel)
+def efforts_in_parts(
+    parts: int,
+    frictionless: np.ndarray,
+    friction_lower: np.ndarray,
+    friction_upper: np.ndarray,
+    velocity_index: np.ndarray,
+    ratio: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> None:
+    """`motion_kernels.effort_bounds`, a part of the samples on each thread."""
+    n = frictionless.shape[0]
+    for part in numba.prange(parts):
+        i, j = part * n // parts, (part + 1) * n // parts
+        effort_bounds(
+            frictionless[i:j], friction_lower[i:j], friction_upper[i:j], velocity_index, ratio,
+            lower[i:j], upper[i:j],
+        )  # fmt: skip
+
+
+@kernel_calling(motion_kernels, compiled=parallel_kernel)
+def reversals_in_parts(
+    parts: int, velocity: np.ndarray, stick_velocity: np.ndarray, marked: np.ndarray
+) -> None:
+    """`motion_kernels.mark_reversals`; each part sees the first sample of the next one.
+
+    Two threads may mark the same sample: both write True.
+    """
+    n = velocity.shape[0]
+    for part in numba.prange(parts):
+        i, j = part * n // parts, min((part + 1) * n // parts + 1, n)
+        mark_reversals(velocity[i:j], stick_velocity, marked[i:j])

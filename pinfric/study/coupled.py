@@ -1,0 +1,301 @@
+"""What a coupled solve costs: the paper's fixed point and Newton, to a series of tolerances.
+
+    x = G(x) = -sign(v) (mu c(x) + coulomb) - viscous v,    c(x) = sum |p_0 + P x| + const
+
+(design 2.3; paper eq. 16, 17). Each pass of the fixed point leaves the error times the slope of G
+at the solution, and that tends to 1 towards the jam: of the drawer, to mu / critical mu there.
+Newton's passes stay few. Both are written out here, without the safeguards of `dynamics.coupling`,
+whose solution is the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from pinfric.dynamics import coupling
+from pinfric.dynamics.chained import kernel_calling
+from pinfric.dynamics.coupled_solve import Solver
+from pinfric.dynamics.coupling import solve_dense
+from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.solutions import one_sample
+from pinfric.model.compiled import kernel
+from pinfric.study.precision import interleaved
+
+#: Coefficients of friction as shares of those at which the mechanism jams.
+SHARES = (0.2, 0.6, 0.9, 0.98, 0.9998)
+#: Relative residuals at which the solvers stop.
+TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+#: Passes after which each gives up.
+_FIXED_POINT_PASSES, _NEWTON_PASSES = 200_000, 60
+#: Samples among which the one that jams first is looked for.
+_LOOKS = 40
+#: Factors above the certain one (contraction 1) up to which a jam is looked for, and how closely.
+_FARTHEST, _CLOSE = 64.0, 1e-9
+#: A timing repeats its solve for this many passes at least.
+_TIMED_PASSES = 2000
+_NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class CoupledRun:
+    """One solver to one tolerance, all coefficients of the load times one factor.
+
+    Attributes:
+        t: time of the sample (s), its number where there are no times.
+        mu_factor: on every coefficient mu of the scene.
+        share: the same as a share of the factor at which the sample jams.
+        contraction: certificate of `coupling`; below 1 the solution is certain, and the only one.
+        solver: `fixed point` or `Newton`.
+        tolerance: relative residual max |x - G(x)| / max |G(x)| at which it stops.
+        iterations: passes, an evaluation of G each.
+        error: largest error of friction, relative to the largest friction.
+        wall_s: of one solve of one sample (s).
+        problem: why it failed; empty where it did not.
+    """
+
+    t: float
+    mu_factor: float
+    share: float
+    contraction: float
+    solver: str
+    tolerance: float
+    iterations: int = 0
+    error: float = _NAN
+    wall_s: float = _NAN
+    problem: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """The coupled friction of one sliding sample.
+
+    Attributes:
+        solver: of the package; gives the reference.
+        free: (nt, 3) contact forces without friction; slope: (nt, ns, 3) their change with x.
+        site: (nt,) site of each contact force.
+        gain, rest: (ns,) x = rest + gain c(x) at the scene's own coefficients.
+        constant: (ns,) constant part of the loads.
+    """
+
+    t: float
+    solver: Solver
+    free: np.ndarray
+    slope: np.ndarray
+    site: np.ndarray
+    gain: np.ndarray
+    rest: np.ndarray
+    constant: np.ndarray
+
+    @classmethod
+    def of(cls, result: InverseResult, sample: int) -> _Sample | None:
+        """Return a sample's problem; None where the drives cannot balance its load."""
+        layout, _, samples, velocity = one_sample(result, sample)
+        solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
+        if samples.maps.singular[0]:
+            return None
+        law, ns = solver.law, len(layout.joint)
+        slope = np.zeros((len(layout.contact_site), ns, 3))
+        for s in range(ns):
+            part = slice(layout.phi_start[s], layout.phi_start[s] + layout.phi_count[s])
+            along = samples.maps.contact[0, :, 1:][:, part]
+            slope[:, s] = np.einsum("tke,k->te", along, law.direction[0, part])
+        times = result.states.t
+        return cls(
+            t=float(sample if times is None else times[sample]),
+            solver=solver,
+            free=np.ascontiguousarray(samples.maps.contact[0, :, 0]),
+            slope=slope,
+            site=layout.contact_site,
+            gain=-law.slip[0] * law.mu[0, 0],
+            rest=-law.slip[0] * law.coulomb[0, 0] - law.drag[0],
+            constant=layout.constant,
+        )
+
+    def known(self, factor: float) -> tuple[int, np.ndarray, float]:
+        """Return how many solutions the package finds with mu times a factor, one, contraction."""
+        own = self.solver.law
+        self.solver.law = replace(own, mu=factor * own.mu)
+        try:
+            found = self.solver.candidates(np.zeros(1, dtype=np.int64), own.code)
+        finally:
+            self.solver.law = own
+        return int(found.found[0]), found.x[0, 0], float(found.figures[0, 0])
+
+    def solve(
+        self, solver: str, factor: float, tolerance: float, times: int = 1
+    ) -> tuple[np.ndarray, int]:
+        """Return friction (ns,) and passes, -1 where it fails; `times` solves, for timing."""
+        x = np.zeros(len(self.gain))
+        run, most = _SOLVERS[solver]
+        passes = run(self.free, self.slope, self.site, factor * self.gain, self.rest, self.constant,
+                     tolerance, most, times, x)  # fmt: skip
+        return x, int(passes)
+
+
+def coupled(result: InverseResult, rounds: int = 3) -> tuple[CoupledRun, ...]:
+    """Return passes, errors and times of both solvers up to the jam; () where nothing couples.
+
+    Of the samples at which everything slides, the one is taken that jams first as the coefficients
+    grow.
+
+    Args:
+        result: of a motion; its scene is studied.
+        rounds: timings of each, all of them in every round.
+    """
+    found = _first_to_jam(result)
+    if found is None:
+        return ()
+    sample, jam = found
+    rows: list[CoupledRun] = []
+    timed: dict[int, Callable[[], object]] = {}
+    repeats: dict[int, int] = {}
+    for share in SHARES:
+        factor = share * jam
+        _, reference, contraction = sample.known(factor)
+        for solver in _SOLVERS:
+            for tolerance in TOLERANCES:
+                row = CoupledRun(sample.t, factor, share, contraction, solver, tolerance)
+                x, passes = sample.solve(solver, factor, tolerance)
+                if passes < 0:
+                    most = f"{_SOLVERS[solver][1]:,}"
+                    rows.append(replace(row, problem=f"not within {most} passes"))
+                    continue
+                error = np.abs(x - reference).max() / np.abs(reference).max()
+                n = repeats[len(rows)] = max(1, _TIMED_PASSES // passes)
+                timed[len(rows)] = partial(sample.solve, solver, factor, tolerance, n)
+                rows.append(replace(row, iterations=passes, error=float(error)))
+    seconds = interleaved(timed, rounds)
+    return tuple(
+        replace(row, wall_s=seconds[i] / repeats[i]) if i in seconds else row
+        for i, row in enumerate(rows)
+    )
+
+
+def _first_to_jam(result: InverseResult) -> tuple[_Sample, float] | None:
+    """The sliding sample that jams at the least factor on its coefficients, and that factor."""
+    if result.scene.linkage is None:
+        return None
+    slides = ~(result.sticking | result.reversal).any(axis=1) & (result.contraction > 0.0)
+    samples = np.flatnonzero(slides)
+    best: tuple[_Sample, float] | None = None
+    for i in samples[:: max(1, len(samples) // _LOOKS)]:
+        sample = _Sample.of(result, int(i))
+        if sample is None:
+            continue
+        jam = _jam(sample, np.inf if best is None else best[1])
+        if best is None or jam < best[1]:
+            best = sample, jam
+    return best
+
+
+def _jam(sample: _Sample, least: float) -> float:
+    """The factor on mu beyond which no solution is found, or inf where it is no less than `least`.
+
+    It is not below the factor at which the contraction is 1; that one where none jams at all.
+    """
+    certain = 1.0 / sample.known(1.0)[2]
+    if certain >= least or (np.isfinite(least) and sample.known(least)[0] != 0):
+        return np.inf
+    low, high = certain, min(least, _FARTHEST * certain)
+    if sample.known(high)[0] != 0:
+        return certain
+    while high - low > _CLOSE * high:
+        middle = 0.5 * (low + high)
+        if sample.known(middle)[0] == 0:
+            high = middle
+        else:
+            low = middle
+    return low
+
+
+@kernel
+def evaluate(
+    free: np.ndarray, slope: np.ndarray, site: np.ndarray, gain: np.ndarray, rest: np.ndarray,
+    constant: np.ndarray, x: np.ndarray, g: np.ndarray, jacobian: np.ndarray,
+) -> None:  # fmt: skip
+    """Write g = G(x) (ns,) and, where it has any rows, the Jacobian (ns, ns) of x - G(x)."""
+    ns, differentiate = x.size, jacobian.shape[0] > 0
+    for s in range(ns):
+        g[s] = rest[s] + gain[s] * constant[s]
+        if differentiate:
+            for j in range(ns):
+                jacobian[s, j] = 1.0 if j == s else 0.0
+    p = np.empty(3)
+    for t in range(site.size):
+        s = site[t]
+        for e in range(3):
+            p[e] = free[t, e]
+            for j in range(ns):
+                p[e] += slope[t, j, e] * x[j]
+        norm = np.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+        g[s] += gain[s] * norm
+        if differentiate and norm > 0.0:  # at zero load: an element of the generalized Jacobian
+            for j in range(ns):
+                along = p[0] * slope[t, j, 0] + p[1] * slope[t, j, 1] + p[2] * slope[t, j, 2]
+                jacobian[s, j] -= gain[s] * along / norm
+
+
+@kernel
+def close_enough(x: np.ndarray, g: np.ndarray, tolerance: float) -> bool:
+    """Say whether max |x - g| <= tolerance max |g|."""
+    off, size = 0.0, 0.0
+    for s in range(x.size):
+        off, size = max(off, abs(x[s] - g[s])), max(size, abs(g[s]))
+    return off <= tolerance * size
+
+
+@kernel
+def solve_by_fixed_point(
+    free: np.ndarray, slope: np.ndarray, site: np.ndarray, gain: np.ndarray, rest: np.ndarray,
+    constant: np.ndarray, tolerance: float, most: int, times: int, x: np.ndarray,
+) -> int:  # fmt: skip
+    """Iterate x <- G(x) from x = 0, as the paper does; return passes, -1 where `most` do not do."""
+    g, none = np.empty(x.size), np.empty((0, 0))
+    passes = -1
+    for _ in range(times):
+        x[:] = 0.0
+        passes = -1
+        for n in range(most):
+            evaluate(free, slope, site, gain, rest, constant, x, g, none)
+            done = close_enough(x, g, tolerance)
+            x[:] = g
+            if done:
+                passes = n + 1
+                break
+    return passes
+
+
+@kernel_calling(coupling)
+def solve_by_newton(
+    free: np.ndarray, slope: np.ndarray, site: np.ndarray, gain: np.ndarray, rest: np.ndarray,
+    constant: np.ndarray, tolerance: float, most: int, times: int, x: np.ndarray,
+) -> int:  # fmt: skip
+    """Solve x - G(x) = 0 by semi-smooth Newton from x = 0; return passes, -1 where it fails."""
+    ns = x.size
+    g, jacobian, step = np.empty(ns), np.empty((ns, ns)), np.empty((ns, 1))
+    passes = -1
+    for _ in range(times):
+        x[:] = 0.0
+        passes = -1
+        for n in range(most):
+            evaluate(free, slope, site, gain, rest, constant, x, g, jacobian)
+            if close_enough(x, g, tolerance):
+                passes = n + 1
+                break
+            for s in range(ns):
+                step[s, 0] = x[s] - g[s]
+            if not solve_dense(jacobian, step):
+                break
+            for s in range(ns):
+                x[s] -= step[s, 0]
+    return passes
+
+
+_SOLVERS: dict[str, tuple[Callable[..., int], int]] = {
+    "fixed point": (solve_by_fixed_point, _FIXED_POINT_PASSES),
+    "Newton": (solve_by_newton, _NEWTON_PASSES),
+}

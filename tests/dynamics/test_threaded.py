@@ -1,0 +1,59 @@
+"""Several threads: the same numbers to the last bit, wherever the samples are cut."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+from builders import random_friction, random_states, random_tree
+
+import pinfric as pf
+from pinfric.dynamics.inverse import reversals
+from pinfric.dynamics.threaded import team
+
+EVERYTHING = ("effort_lower", "effort_upper", "effort_frictionless", "normal_load", "wrench",
+              "friction_lower", "friction_upper", "sticking", "reversal")  # fmt: skip
+
+
+@pytest.mark.parametrize("threads", [2, 3, 4])
+@pytest.mark.parametrize("samples", [1, 2, 3, 7, 2049])
+def test_threads_change_no_bit(threads, samples):
+    """Sliding joints, too: a guide fixed to its parent reads the displacement of its own samples"""
+    model = random_tree(3, 6, sliding=0.5)
+    model.armature = np.linspace(0.0, 0.3, model.nv)
+    friction = random_friction(model, 3)
+    moving = [joint for joint, kind in zip(model.names[1:], model.joints[1:], strict=True)
+              if "P" in kind.shortname()[10:]]  # fmt: skip
+    friction |= {joint: {"bearing": {"kind": "guide", "length": 0.2, "width": 0.1, "on": "parent"},
+                         "mu": {"static": 0.3, "kinetic": 0.2}} for joint in moving}  # fmt: skip
+    friction.pop(model.names[2])  # one joint without: its wrench is no site's
+    scene = pf.Scene(model=model, friction=friction)
+    assert moving
+    q, v, a = random_states(model, 1, samples)
+    v[samples // 2 :, 0] = 0.0
+    one = pf.inverse_dynamics(scene, q, v, a, threads=1)
+    several = pf.inverse_dynamics(scene, q, v, a, threads=threads)
+    for name in EVERYTHING:
+        np.testing.assert_array_equal(getattr(several, name), getattr(one, name), err_msg=name)
+    assert several.check().passed(1e-10)
+
+
+def test_a_reversal_between_two_threads_parts_is_seen_once():
+    """Four parts of two samples: the sign changes at every border, and each time slower behind."""
+    velocity = np.array([3.0, 2.0, -1.0, -2.0, 1.0, 2.0, -1.0, -2.0])[:, None]
+    expected = [False, False, True, False, True, False, True, False]
+    for threads in (1, 2, 3, 4):
+        found = reversals(velocity, np.zeros(1), threads)
+        assert found[:, 0].tolist() == expected, threads
+
+
+def test_a_team_leaves_numbas_threads_as_they_were():
+    before = numba.get_num_threads()
+    with team(2) as parts:
+        assert numba.get_num_threads() == parts == min(2, numba.config.NUMBA_NUM_THREADS)
+    assert numba.get_num_threads() == before
+    with team(1000) as parts:
+        assert parts == numba.config.NUMBA_NUM_THREADS
+    with pytest.raises(ZeroDivisionError), team(2):
+        raise ZeroDivisionError
+    assert numba.get_num_threads() == before

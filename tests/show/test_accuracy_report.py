@@ -1,0 +1,147 @@
+"""`pinfric accuracy` as a shell sees it: JSON, files, tables, pictures, and bad input."""
+
+from __future__ import annotations
+
+import json
+
+import pandas as pd
+import pytest
+
+from pinfric import cli
+from pinfric.show.accuracy_figure import accuracy_figure
+from pinfric.study import coupled, peers, precision
+from pinfric.study.accuracy import Accuracy
+from pinfric.study.precision import Run
+
+
+@pytest.fixture(autouse=True)
+def few_settings(monkeypatch, tmp_path):
+    """One or two settings of each method: what is printed is tested here, not what it says."""
+    monkeypatch.setattr(precision, "TOLERANCES", (1e-3, 1e-6))
+    monkeypatch.setattr(precision, "STEPS", (50,))
+    monkeypatch.setattr(precision, "VELOCITIES", (1e-1,))
+    monkeypatch.setattr(coupled, "SHARES", (0.2, 0.9))
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(tmp_path)
+
+
+def run(*arguments):
+    """Exit code of `pinfric accuracy ARGUMENTS`, in this process."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["accuracy", *arguments])
+    return ended.value.code
+
+
+def refuse(constant):
+    raise AssertionError(f"{constant} is no JSON")
+
+
+def test_json_has_every_study_and_nothing_else_is_printed(capsys):
+    assert run("pendulum", "--json") == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    answer = json.loads(out, parse_constant=refuse)
+    assert answer.keys() == {
+        "scene", "trajectory", "runs", "reference_difference", "peers", "constants", "sampling",
+        "coupled", "ladder", "notes", "warnings",
+    }  # fmt: skip
+    methods = [(r["method"], r["setting"]) for r in answer["runs"]]
+    assert methods == [
+        ("event", "rtol 1e-03"), ("event", "rtol 1e-06"), ("event", "defaults"),
+        ("timestepping", "dt 4.00e-02 s"), ("regularized", "velocity 1e-01"),
+    ]  # fmt: skip
+    for row in answer["runs"]:
+        assert {"error", "end_error", "stick_error", "wall_s", "rhs", "problem"} <= row.keys()
+        assert 0 <= row["error"] < 1
+        assert row["rhs"] > 10
+    assert answer["reference_difference"] < 1e-11
+    assert (answer["trajectory"], answer["coupled"], answer["peers"]) == (
+        "its own simulation",
+        [],
+        [],
+    )
+    assert {row["given"] for row in answer["sampling"]} == {"q, v, a", "q"}
+
+
+def test_out_has_picture_csv_and_summary(tmp_path, capsys):
+    assert run("drawer", "drawer.waypoints.yaml", "--json", "--out", "results/a") == 0
+    out, err = capsys.readouterr()
+    folder = tmp_path / "results" / "a"
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "accuracy.csv", "accuracy.png", "summary.json",
+    ]  # fmt: skip
+    assert "accuracy.png" in err
+    assert (folder / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    answer = json.loads(out, parse_constant=refuse)
+    assert json.loads((folder / "summary.json").read_text()) == answer
+    frame = pd.read_csv(folder / "accuracy.csv")
+    counts = frame["study"].value_counts()
+    for study, key in (("sampling", "sampling"), ("coupled", "coupled"), ("ladder", "ladder")):
+        assert counts[study] == len(answer[key])
+    own = frame[frame["study"] == "coupled"]
+    assert own["iterations"].tolist() == [row["iterations"] for row in answer["coupled"]]
+
+
+def test_the_drawers_coupled_solves_are_rows_and_a_table(capsys):
+    assert run("drawer", "drawer.waypoints.yaml", "--json") == 0
+    rows = json.loads(capsys.readouterr().out)["coupled"]
+    assert len(rows) == 2 * 2 * 4  # coefficients, solvers, tolerances
+    keys = {"mu_factor", "solver", "tolerance", "iterations", "error", "wall_s"}
+    assert all(keys <= row.keys() for row in rows)
+    for row in rows:  # its kinetic mu is 0.4, and it jams at length / (2 offset) = 0.75
+        assert 0.4 * row["mu_factor"] == pytest.approx(0.75 * row["share"], rel=1e-6)
+    assert run("drawer", "drawer.waypoints.yaml") == 0
+    text = capsys.readouterr().out
+    assert "drawer.waypoints.yaml, coupled friction" in text
+    assert "at 1.87 times" in text
+    assert max(map(len, text.splitlines())) <= 80
+    assert "…" not in text
+
+
+def test_peers_that_are_not_installed_are_lines(capsys, monkeypatch):
+    monkeypatch.setattr(peers, "find_spec", lambda name: None)
+    assert run("pendulum", "--peers") == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "pendulum: constant friction, with peers" in text
+    for peer in ("MuJoCo", "Drake"):
+        assert f'{peer}: not installed; pip install "pinfric[bench]" brings it' in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["no_such_scene"], "no_such_scene"),
+        (["ur5_pick_and_place"], "has no `simulation` section; give it one, or name a trajectory"),
+        (["pendulum", "no_such_motion.csv"], "no_such_motion.csv"),
+        (["pendulum", "ur5_pick_and_place.csv"], "shoulder_pan_joint"),
+        (["pendulum", "--out", "/proc/nowhere"], "/proc/nowhere"),
+        (["pendulum", "--method", "event"], "--method"),
+    ],
+)
+def test_bad_input_is_a_message_and_exit_code_2(arguments, expected, capsys):
+    assert run(*arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("pinfric: error: ")
+    assert expected in err
+    assert "problems:" in err or len(err.splitlines()) == 1
+
+
+def test_no_legend_hides_a_point():
+    """The points of every method lie below the legend, wherever they are in the plot."""
+    import pinfric as pf
+
+    corners = [(1e-3, 1e-12), (1.0, 1e-12), (1e-3, 1e-1), (1.0, 1e-1)]
+    runs = tuple(
+        Run(method, str(i), error=error, stick_error=error, wall_s=seconds)
+        for method in ("event", "timestepping", "regularized", "MuJoCo", "MuJoCo, stiff", "Drake")
+        for i, (seconds, error) in enumerate(corners)
+    )
+    nan, scene = float("nan"), pf.load_scene("pendulum")
+    figure = accuracy_figure(Accuracy(scene, "none", runs, nan, (), {}, (), (), (), ()))
+    figure.draw_without_rendering()
+    for axes in figure.axes[:2]:
+        legend = axes.get_legend().get_window_extent()
+        points = axes.transData.transform([(1e3 * seconds, error) for seconds, error in corners])
+        assert legend.y0 > points[:, 1].max() + 4
+        assert axes.title.get_window_extent().y0 >= legend.y1
