@@ -355,7 +355,7 @@ def accuracy(
         check_writable(out)
     scene = load_scene(scene_name)
     trajectory = None if trajectory_name is None else load_trajectory(trajectory_name, scene)
-    with working("measuring, for half a minute or more"):
+    with working("measuring, for half a minute or more; minutes where loops close"):
         found = study(scene, trajectory, peers=peers)
     summary = accuracy_json(found, noticed)
     if out is not None:
