@@ -112,14 +112,17 @@ def save(picture: Image.Image, path: Path) -> None:
         height = round(picture.height * WIDEST / picture.width)
         picture = picture.resize((WIDEST, height), Image.Resampling.LANCZOS)
     # rare colours count, too: a marker is small, and must keep its colour
-    colors, counts = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_counts=True)
+    pixels = np.asarray(picture)
+    colors, counts = np.unique(pixels.reshape(-1, 3), axis=0, return_counts=True)
     sample = np.repeat(colors, np.ceil(counts**0.5).astype(int), axis=0)
-    palette = Image.fromarray(sample[None]).quantize(256, kmeans=2)
-    entries = np.array(palette.getpalette()).reshape(-1, 3)
-    entries[entries.min(axis=1) >= 250] = 255  # paper stays white
-    palette.putpalette(entries.ravel().tolist())
+    palette = Image.fromarray(sample[None]).quantize(255, kmeans=2)
+    number = np.array(picture.quantize(palette=palette, dither=Image.Dither.NONE))
+    number[(pixels == 255).all(axis=2)] = 255  # paper stays white
+    small = Image.fromarray(number, "P")
+    used = palette.getpalette()[: 3 * 255]
+    small.putpalette([*used, *[255] * (3 * 256 - len(used))])
     path.parent.mkdir(exist_ok=True)
-    picture.quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
+    small.save(path, optimize=True)
     print(f"wrote {path}, {path.stat().st_size / 1000:.0f} kB")
 
 

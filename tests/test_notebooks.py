@@ -12,7 +12,9 @@ from pathlib import Path
 
 import nbclient
 import nbformat
+import numpy as np
 import pytest
+from PIL import Image
 
 import pinfric as pf
 
@@ -103,6 +105,13 @@ def test_pictures_are_small_and_shown():
     for picture in pictures:
         assert picture.stat().st_size < 150_000
         assert f"(notebooks/pictures/{picture.name})" in readme
+
+
+@pytest.mark.parametrize("picture", ["efforts", "replay", "work_precision"])
+def test_paper_of_the_pictures_is_white(picture):
+    pixels = np.asarray(Image.open(FOLDER / "pictures" / f"{picture}.png").convert("RGB"))
+    colors, counts = np.unique(pixels.reshape(-1, 3), axis=0, return_counts=True)
+    assert tuple(colors[np.argmax(counts)]) == (255, 255, 255)
 
 
 def test_pictures_script_says_what_it_makes():

@@ -13,16 +13,18 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.motion import FINISHED, Motion
 from pinfric.dynamics.reactions import Batch, reactions, relieve
 from pinfric.dynamics.result import InverseResult, Status, StickInterval, runs
 from pinfric.dynamics.states import States
-from pinfric.errors import StateError
+from pinfric.errors import PinfricError, StateError
+from pinfric.model.closure import loop_state
 from pinfric.model.scene import Scene
 
 #: Frames per second of a replay.
 RATE = 60.0
-#: Most frames; a longer motion gets fewer per second.
+#: Most frames; a longer motion gets fewer per second. As many again where sticking begins or ends
+#: (a log whose noise passes zero at every other sample has more: some of them are left out then).
 MOST_FRAMES = 20_000
 #: A simulated site this near its stick limit is about to break away.
 NEAR = 0.9
@@ -55,17 +57,21 @@ class Frames:
     """A motion cut into frames, F of them, for nj joints and ns friction sites.
 
     Attributes:
-        t: (F,) increasing, s; every beginning and end of sticking is among them.
+        t: (F,) increasing, s; every beginning and end of sticking is among them, up to
+            `MOST_FRAMES` of them.
         placement: (F, nj, 7) of each joint in the world: x, y, z in m, quaternion x, y, z, w.
         friction_lower, friction_upper: (F, ns) friction of the parent on the child along the
             joint's positive direction (N m or N).
         load: (F, ns) normal load (N m or N).
         force: (F, ns, 3) force of the parent on the child, in the child's joint frame (N).
+        slip: (F, ns, 3) unit vector, in the same frame, that friction is measured along: the site's
+            axis; of a ball the direction of its slip (at rest: of its last slip).
         use: (F, ns) |friction| over its limit where a simulated site sticks, NaN elsewhere.
         sites: what each site does when.
         stick_intervals: all intervals, in the order of the sites.
         carried: payload -> spans in which it is carried.
         simulated: True for a simulated motion.
+        ended: why a simulation ended before its time, or "".
     """
 
     t: np.ndarray
@@ -74,11 +80,13 @@ class Frames:
     friction_upper: np.ndarray
     load: np.ndarray
     force: np.ndarray
+    slip: np.ndarray
     use: np.ndarray
     sites: tuple[SiteTimes, ...]
     stick_intervals: tuple[StickInterval, ...]
     carried: dict[str, Spans]
     simulated: bool
+    ended: str = ""
 
     @property
     def duration(self) -> float:
@@ -104,25 +112,53 @@ def make_frames(scene: Scene, motion: InverseResult | Motion, rate: float = RATE
     assert t is not None  # _states refuses a motion without
     intervals = motion.stick_intervals()
     rate = min(rate, MOST_FRAMES / max(float(t[-1] - t[0]), 1e-9))
-    times, index = frame_times(t, _keys(t, motion, states), rate)
+    times, index = frame_times(t, _few(_keys(t, motion, states)), rate)
     if isinstance(motion, Motion):
-        about = _simulated(scene, motion, states)
+        lower, upper, use = motion.friction, motion.friction, _use(scene, motion)
+        ended = "" if motion.status == FINISHED else motion.message
     else:
-        about = _solved(scene, motion)
-    lower, upper, load, force, use = (array[index] for array in about)
+        lower, upper, ended = motion.friction_lower, motion.friction_upper, ""
+        use = np.full(lower.shape, np.nan)
     return Frames(
         t=times,
         placement=_placements(scene.model, _positions(scene.model, states, times, index)),
-        friction_lower=lower,
-        friction_upper=upper,
-        load=load,
-        force=force,
-        use=use,
-        sites=tuple(_site_times(motion, s, intervals, about[4]) for s in range(len(scene.sites))),
+        friction_lower=lower[index],
+        friction_upper=upper[index],
+        load=motion.normal_load[index],
+        force=_forces(scene, motion, states, index),
+        slip=_slip_directions(scene, states.q[index], states.v[index]),
+        use=use[index],
+        sites=tuple(_site_times(motion, s, intervals, use) for s in range(len(scene.sites))),
         stick_intervals=intervals,
         carried=_carried(scene, states),
         simulated=isinstance(motion, Motion),
+        ended=ended,
     )
+
+
+def site_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return the relative velocity of every friction site, child to parent or b to a.
+
+    Args:
+        scene: the robot.
+        q: (n, nq). v: (n, nv).
+
+    Returns:
+        (n, ns, 3) in the frame the site's wrench is given in, rad/s or m/s: along the site's axis,
+        of a ball the whole angular velocity. A loop's joint has no velocity of its own: its rate
+        is that of the bodies it joins.
+    """
+    sites, linkage = scene.site_tables, scene.linkage
+    along = v[:, sites.velocity_index] * sites.ratio if scene.model.nv else v[:, :0]
+    rates = along[:, :, None] * sites.axis
+    loops = [(s, site) for s, site in enumerate(scene.sites) if site.loop >= 0]
+    if loops and linkage is not None:
+        action = loop_state(scene.twin(), linkage, q, v, np.zeros_like(v)).rate
+        for s, site in loops:
+            first = linkage.friction_column[site.loop]
+            part = action[:, first : first + (3 if site.ball else 1)]
+            rates[:, s] = part if site.ball else part * site.axis
+    return np.asarray(rates)
 
 
 def frame_times(t: np.ndarray, keys: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
@@ -175,26 +211,58 @@ def _keys(t: np.ndarray, motion: InverseResult | Motion, states: States) -> np.n
     return np.concatenate((first, first + 1))
 
 
-def _solved(scene: Scene, result: InverseResult) -> tuple[np.ndarray, ...]:
-    """friction_lower, friction_upper, load, force and use of every sample."""
-    wrench = result.wrench if result.wrench is not None else _wrenches(scene, result)
-    shape = result.friction_lower.shape
-    return (result.friction_lower, result.friction_upper, result.normal_load,
-            wrench[:, :, :3], np.full(shape, np.nan))  # fmt: skip
+def _few(keys: np.ndarray) -> np.ndarray:
+    """At most `MOST_FRAMES` of the samples that should be frames, evenly over the motion."""
+    if len(keys) <= MOST_FRAMES:
+        return keys
+    return np.sort(keys)[np.linspace(0, len(keys) - 1, MOST_FRAMES).astype(int)]
 
 
-def _simulated(scene: Scene, motion: Motion, states: States) -> tuple[np.ndarray, ...]:
-    """The same of a simulated motion, whose friction is a number at rest, too."""
-    if scene.linkage is None:
-        result = inverse_dynamics(scene, states.q, states.v, states.a, attached=states.attached)
-        force = _solved(scene, result)[3]
-    else:  # an integrated motion closes its loops to the integrator's tolerance only
-        force = np.full((*motion.friction.shape, 3), np.nan)
+def _use(scene: Scene, motion: Motion) -> np.ndarray:
+    """(T, ns) friction over its limit where a simulated site sticks, NaN elsewhere."""
     load, friction, law = motion.normal_load, motion.friction, scene.site_tables.law
     limit = np.where(friction < 0, law[:, 0] * load + law[:, 2], law[:, 0] * load + law[:, 4])
     with np.errstate(divide="ignore", invalid="ignore"):
-        use = np.where(motion.modes == 0, np.abs(friction) / limit, np.nan)
-    return friction, friction, load, force, use
+        return np.where(motion.modes == 0, np.abs(friction) / limit, np.nan)
+
+
+def _forces(
+    scene: Scene, motion: InverseResult | Motion, states: States, index: np.ndarray
+) -> np.ndarray:
+    """(F, ns, 3) force of the parent on the child in the samples of the frames.
+
+    Of a simulated motion from inverse dynamics at these samples; NaN where that refuses them
+    (loops that the integrator leaves a little open), and where it has no solution.
+    """
+    if isinstance(motion, Motion):
+        attached = None if states.attached is None else states.attached[index]
+        try:
+            result = inverse_dynamics(
+                scene, states.q[index], states.v[index], states.a[index], attached=attached
+            )
+        except PinfricError:
+            return np.full((len(index), len(scene.sites), 3), np.nan)
+        wrench = result.wrench if result.wrench is not None else _wrenches(scene, result)
+        return wrench[:, :, :3]
+    wrench = motion.wrench if motion.wrench is not None else _wrenches(scene, motion)
+    return wrench[index, :, :3]
+
+
+def _slip_directions(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(F, ns, 3) see `Frames.slip`; a ball that never slips has its axis."""
+    out = np.tile(scene.site_tables.axis, (len(q), 1, 1))
+    balls = [s for s, site in enumerate(scene.sites) if site.ball]
+    if not balls:
+        return out
+    rates = site_rates(scene, q, v)
+    for s in balls:
+        speed = np.linalg.norm(rates[:, s], axis=1)
+        moves = np.flatnonzero(speed > scene.site_tables.law[s, 9])
+        if len(moves):  # at rest: as it slipped last; before the first slip: as it will
+            last = np.searchsorted(moves, np.arange(len(q)), side="right") - 1
+            frame = moves[np.maximum(last, 0)]
+            out[:, s] = rates[frame, s] / speed[frame, None]
+    return out
 
 
 def _wrenches(scene: Scene, result: InverseResult) -> np.ndarray:

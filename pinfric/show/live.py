@@ -27,8 +27,9 @@ from pinfric.dynamics.simulate import simulate
 from pinfric.errors import PinfricError, PinfricWarning, SceneError
 from pinfric.model.scene import Scene
 from pinfric.show import markers
+from pinfric.show.frames import site_rates
 from pinfric.show.replay import open_page
-from pinfric.show.stage import Stage, look_from_the_front, set_stage
+from pinfric.show.stage import Stage, look_from_the_front, set_stage, stretch_cylinder
 from pinfric.study.scene_run import start_state
 
 #: Meshcat's server, which ends with us however we end: then its standard input closes.
@@ -169,8 +170,8 @@ class LiveReplay:
         try:
             self._viewer = meshcat.Visualizer(window=self._window)
             self._data = scene.model.createData()
-            neutral = self._placements(pin.neutral(scene.model))
-            self._stage: Stage = set_stage(self._viewer, scene, neutral[None])
+            start = self._placements(_start(scene))
+            self._stage: Stage = set_stage(self._viewer, scene, start[None])
             look_from_the_front(self._viewer, self._stage)
             for path in self._stage.site_paths:
                 for part in ("arc_plus", "arc_minus", "force"):
@@ -217,6 +218,8 @@ class LiveReplay:
     ) -> dict[str, Any]:
         """Return the `effort` and `breakpoints` of a simulation that is shown while it runs.
 
+        To `simulate` the efforts are then a function, for which it takes shorter steps.
+
         Args:
             effort, breakpoints: as `simulate` takes them; None: the scene's own efforts.
 
@@ -235,13 +238,15 @@ class LiveReplay:
         self, q: np.ndarray, v: np.ndarray | None = None, modes: np.ndarray | None = None
     ) -> None:
         """Show one state now; see `__call__`."""
+        q = np.asarray(q, dtype=float)
         if modes is None and v is not None:
-            sites = self._scene.site_tables
-            moves = np.abs(np.asarray(v)[sites.velocity_index] * sites.ratio) > sites.law[:, 9]
-            modes = np.where(sites.velocity_index < 0, 1, moves)  # a loop's joint is not looked at
-        places = self._placements(np.asarray(q, dtype=float))
+            rates = site_rates(self._scene, q[None], np.asarray(v, dtype=float)[None])[0]
+            modes = np.linalg.norm(rates, axis=1) > self._scene.site_tables.law[:, 9]
+        places = self._placements(q)
         for path, place in zip(self._stage.joint_paths, places, strict=True):
             self._viewer[path].set_transform(pin.XYZQUATToSE3(place).homogeneous)
+        for cylinder in self._stage.cylinders:
+            stretch_cylinder(self._viewer, cylinder, places)
         if modes is not None:
             for s, mode in enumerate(np.asarray(modes)):
                 self._mark(s, "sticking" if mode == 0 else "sliding")
@@ -273,6 +278,15 @@ class LiveReplay:
         pin.forwardKinematics(self._scene.model, self._data, q)
         places = [pin.SE3ToXYZQUAT(place) for place in list(self._data.oMi)[1:]]
         return np.array(places).reshape(-1, 7)
+
+
+def _start(scene: Scene) -> np.ndarray:
+    """(nq,) what is shown first: where the scene starts, its loops closed if they can be."""
+    start = scene.start_configuration
+    try:
+        return scene.close(start)
+    except PinfricError:
+        return start
 
 
 def simulate_live(

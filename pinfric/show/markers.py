@@ -30,6 +30,8 @@ MEANINGS = {
     "reversal": "reverses between two samples",
     "jammed": "jammed: no solution, or several",
 }
+#: What a simulated motion means otherwise.
+SIMULATED = {"reversal": "reverses without sticking"}
 FORCE_COLOR = "#7B4FB5"
 PAYLOAD_COLOR = "#1FAF86"
 #: Radius of a ring, as parts of the robot's size: least and most.

@@ -46,12 +46,13 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
         _template("replay.html"),
         version=pinfric.__version__,
         title=html.escape(title),
+        heading=re.sub(r"([_/-]+)", r"\1<wbr>", html.escape(title)),  # may break there
         style=_template("replay.css"),
         meshcat=_in_script(viewer.read_text(encoding="utf-8")),
         data=_as_json(_data(scene, frames, staged)),
         commands=_packed(b"".join(struct.pack("<I", len(c)) + c for c in window.commands)),
-        frames=_packed(_arrays(frames)),
-        script=_in_script(_template("replay.js")),
+        frames=_packed(_arrays(scene, frames)),
+        script=_in_script(_fill(_template("replay.js"), timeline=_template("replay_timeline.js"))),
     )
 
 
@@ -88,13 +89,13 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
             {"path": c.path, "a": [c.a[0] - 1, c.a[1]], "b": [c.b[0] - 1, c.b[1]]}
             for c in staged.cylinders
         ],
-        "intervals": [
-            {"site": i.site, "start": i.start, "end": i.end} for i in frames.stick_intervals
-        ],
+        "barrel": stage.BARREL,
         "colors": markers.COLORS,
-        "meanings": markers.MEANINGS,
+        "meanings": markers.MEANINGS | (markers.SIMULATED if frames.simulated else {}),
         "force_color": markers.FORCE_COLOR,
         "payload_color": markers.PAYLOAD_COLOR,
+        "drive_color": stage.DRIVE_COLOR,
+        "drives": scene.linkage is not None and any(d.unit == "N" for d in scene.linkage.drives),
         "points": _hull(staged.points),
         "floor": staged.floor,
         "size": staged.size,
@@ -140,16 +141,18 @@ def _about(scene: Scene, frames: Frames) -> str:
     joints = "no joint" if count == 0 else "1 joint" if count == 1 else f"{count} joints"
     gravity = np.array(scene.model.gravity.linear)
     turned = np.linalg.norm(gravity) > 0 and gravity[2] > -0.999 * np.linalg.norm(gravity)
-    return (
+    text = (
         f"{kind}, {frames.duration:.4g} s, friction in {joints}"
         f"{'; drawn with gravity downwards' if turned else ''}."
     )
+    return f"{text} It ended early: {frames.ended}" if frames.ended else text
 
 
-def _arrays(frames: Frames) -> bytes:
+def _arrays(scene: Scene, frames: Frames) -> bytes:
     """The frames as the script takes them: t in double precision, the rest in single."""
-    rest = (frames.placement, frames.friction_lower, frames.friction_upper, frames.load,
-            frames.use, frames.force)  # fmt: skip
+    balls = frames.slip[:, [site.ball for site in scene.sites]]
+    rest = (frames.placement, frames.friction_lower, frames.friction_upper, frames.use,
+            frames.force, balls)  # fmt: skip
     t = np.ascontiguousarray(frames.t, dtype="<f8")
     return b"".join([t.tobytes(), *(np.asarray(a, dtype="<f4").tobytes() for a in rest)])
 

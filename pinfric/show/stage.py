@@ -27,11 +27,15 @@ from pinfric.show.drawn import DrawnMesh, Surface
 from pinfric.show.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
 from pinfric.show.shapes import Shapes, linkage_frame, payload_box, robot_shapes
 
-_BODY_COLOR, _LINE_COLOR, _BARREL_COLOR = "#8FA3B5", "#5D6B78", "#C9A227"
+_BODY_COLOR, _LINE_COLOR = "#8FA3B5", "#5D6B78"
+#: Of cylinders and of forces that drive.
+DRIVE_COLOR = "#C9A227"
 #: Thickness of rings, arrows and lines, as parts of the robot's size.
 _RING, _ARC_TUBE, _ARROW, _LINE = 0.0048, 0.0032, 0.0055, 0.008
 #: The longest arrow, and the arc's radius beside its ring's.
 ARROW, ARC_REACH = 0.22, 1.22
+#: How far a cylinder's barrel reaches along it.
+BARREL = 0.6
 #: Lengths of the arrows' heads, as parts of the robot's size.
 HEADS = {"friction": 5 * 0.8 * _ARROW, "force": 5 * _ARROW}
 #: Colours: of the floor's lines near and far, and of the background.
@@ -106,6 +110,8 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
     low = min(float(points[:, 2].min()) for points in seen)
     rings = _ring_points(placed)
     points = np.concatenate([*seen, *(_seen(rings, frame, upright) for frame in few)])
+    for cylinder in cylinders:
+        stretch_cylinder(viewer, cylinder, placements[0])
     floor = low if low < -0.02 * size else 0.0
     _dress(viewer, floor, size)
     return Stage(nodes[1:], sites, payloads, cylinders, placed, upright, points, size, floor)
@@ -114,6 +120,26 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
 def homogeneous(placement: np.ndarray) -> np.ndarray:
     """Return (4, 4) of x, y, z, quaternion x, y, z, w."""
     return np.asarray(pin.XYZQUATToSE3(placement).homogeneous)
+
+
+def stretch_cylinder(viewer: Any, cylinder: DrawnCylinder, placements: np.ndarray) -> None:
+    """Draw a cylinder from end to end.
+
+    Args:
+        viewer: a `meshcat.Visualizer`.
+        cylinder: as `set_stage` drew it.
+        placements: (nj, 7) of the joints.
+    """
+    start, end = (
+        point if joint == 0 else pin.XYZQUATToSE3(placements[joint - 1]).act(point)
+        for joint, point in (cylinder.a, cylinder.b)
+    )
+    length = max(float(np.linalg.norm(end - start)), 1e-9)
+    up = np.array([0.0, 0.0, 1.0])
+    turn = pin.Quaternion.FromTwoVectors(up, (end - start) / length).toRotationMatrix()
+    viewer[cylinder.path].set_transform(pin.SE3(turn, start).homogeneous)
+    viewer[cylinder.path]["barrel"].set_transform(np.diag([1.0, 1.0, BARREL * length, 1.0]))
+    viewer[cylinder.path]["rod"].set_transform(np.diag([1.0, 1.0, length, 1.0]))
 
 
 def look_from_the_front(viewer: Any, stage: Stage) -> None:
@@ -199,22 +225,22 @@ def _draw_linkage(
         if linkage.pair_kind[pair] == CYLINDER:
             path = f"world/cylinder {_node(drive.name)}"
             viewer[path]["barrel"].set_object(
-                Surface(*surfaces.rod(2.2 * _LINE * size), _BARREL_COLOR))  # fmt: skip
+                Surface(*surfaces.rod(2.2 * _LINE * size), DRIVE_COLOR))  # fmt: skip
             viewer[path]["rod"].set_object(Surface(*surfaces.rod(_LINE * size), _LINE_COLOR))
             (a, at_a), (b, at_b) = (linkage_frame(linkage, pair, side) for side in (0, 1))
             drawn.append(DrawnCylinder(path, (a, at_a.translation), (b, at_b.translation)))
         elif linkage.pair_kind[pair] == FORCE:
             joint, frame = linkage_frame(linkage, pair, 1)
             node = viewer[f"{nodes[joint]}/drive {_node(drive.name)}"]
-            _draw_arrow(node, _BARREL_COLOR, 1.2 * _ARROW * size)
+            _draw_arrow(node, DRIVE_COLOR, 1.2 * _ARROW * size, on_top=True)
             node["body"].set_transform(np.diag([1.0, 1.0, 0.15 * size, 1.0]))
             shift = np.eye(4)
             shift[2, 3] = 0.15 * size
             node["head"].set_transform(shift)
-            turn = np.eye(4)
             up, axis = np.array([0.0, 0.0, 1.0]), linkage.pair_axis[pair]
-            turn[:3, :3] = pin.Quaternion.FromTwoVectors(up, axis).toRotationMatrix()
-            node.set_transform(frame.homogeneous @ turn)
+            turn = pin.Quaternion.FromTwoVectors(up, axis).toRotationMatrix()
+            tail = -(0.15 * size + 5.0 * 1.2 * _ARROW * size) * axis  # its tip is where it pushes
+            node.set_transform((frame * pin.SE3(turn, tail)).homogeneous)
     return tuple(drawn)
 
 
@@ -229,7 +255,8 @@ def _draw_marker(node: Any, marker: Marker, site: Site, size: float) -> None:
     node["disc"].set_property("visible", False)
     for name, sign in (("arc_plus", 1.0), ("arc_minus", -1.0)):
         if site.sliding:
-            _draw_arrow(node[name], blue, 0.8 * _ARROW * size)
+            # inside the body that slides, most often
+            _draw_arrow(node[name], blue, 0.8 * _ARROW * size, on_top=True)
             turn = np.diag([1.0, sign, sign, 1.0])  # half a turn about x: along -z
             node[name].set_transform(turn)
         else:

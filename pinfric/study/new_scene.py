@@ -11,23 +11,28 @@ import math
 import os
 import re
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricError, RobotError
-from pinfric.model.robot import Robot, example_robot_data, read_robot
+from pinfric.model.robot import Robot, example_robot_data, locate_urdf, read_robot
 from pinfric.model.twin import PRISMATIC, make_twin
-from pinfric.study.joint_columns import JointColumn, joint_columns
+from pinfric.study.followers import Follower, find_followers
+from pinfric.study.joint_columns import JointColumn, joint_columns, stated_range
 
 #: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
 _SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5
 #: An effort limit beyond so many times the static load is a placeholder (a gripper's force is
 #: many times its fingers' weight).
 _PLACEHOLDER, _PLACEHOLDER_SLIDING = 300.0, 3000.0
+#: The same for a joint whose weight has no lever (N m, N); the first move lasts no longer (s).
+_MOST_LOAD, _LONGEST = 1e4, 10.0
 #: Coulomb friction of gears and seals as part of the effort, and static over kinetic friction.
 _GEAR, _STATIC = 0.02, 1.2
 #: Rolling bearings: mu of catalogues (SKF 0.0015-0.0030) and, at rest, 1.5 times that.
@@ -71,15 +76,13 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
     travel. Each guess stands beside the reason for it.
 
     Args:
-        urdf: the file.
+        urdf: the file, or `example-robot-data:<path below its robots folder>`.
         folder: where the scene will be saved; the URDF is named relative to it. None: in full.
 
     Raises:
         RobotError: the URDF cannot be read, or describes something that cannot exist.
     """
-    urdf = Path(urdf)
-    if not urdf.is_file():
-        raise RobotError(f"there is no file {urdf}")
+    urdf = _file(urdf)
     robot, locked = _readable(urdf)
     joints = _joints(robot.model)
     parts = [
@@ -95,11 +98,10 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         "friction:",
         *[line for joint in joints for line in _joint_section(joint)],
         "# actuators:                   # without this section: one ideal drive per joint",
-        f"#   - joint: {_scalar(robot.model.names[1])}",
+        f"#   - joint: {_driven(robot.model)}",
         "#     transmission: {ratio: 100, efficiency: 0.85, back_efficiency: 0.82, "
         "rotor_inertia: 1.0e-5}",
-        "simulation:                    # pinfric simulate: lets go of the robot for a second",
-        "  t_end: 1.0",
+        *_simulation_section(robot.model),
     ]  # fmt: skip
     return "\n".join(parts) + "\n"
 
@@ -111,13 +113,16 @@ def new_waypoints(urdf: str | Path) -> str:
         RobotError: the URDF cannot be read.
         TrajectoryError: planar or floating joints, which files cannot describe.
     """
-    robot, _ = _readable(Path(urdf))
+    urdf = _file(urdf)
+    robot, _ = _readable(urdf)
     columns = joint_columns(robot.model, str(urdf))
+    followers = find_followers(SimpleNamespace(robot=robot, model=robot.model), columns)
+    columns = tuple(_followed(column, followers) for column in columns)
     start = [_start(column) for column in columns]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
     names = ", ".join(_scalar(column.name) for column in columns)
     return "\n".join([
-        f"# A first motion for {Path(urdf).name}: every joint moves a little, holds, and returns.",
+        f"# A first motion for {urdf.name}: every joint moves a little, holds, and returns.",
         "# Made by `pinfric new`; positions in rad and m, times in s.",
         "pinfric_trajectory: 1",
         "profile: quintic",
@@ -136,13 +141,14 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     """Write NAME.yaml and NAME.waypoints.yaml for a URDF; never over a file that is there.
 
     Args:
-        urdf: the file; NAME is its own without suffix.
+        urdf: see `new_scene`; NAME is the file's without suffix.
         folder: where to; made if missing.
 
     Raises:
         RobotError: see `new_scene`; PinfricError: a file is there already or cannot be written.
     """
-    folder, name = Path(folder), Path(urdf).stem
+    urdf = _file(urdf)
+    folder, name = Path(folder), urdf.stem
     contents = {f"{name}.yaml": new_scene(urdf, folder)}
     try:
         contents[f"{name}.waypoints.yaml"] = new_waypoints(urdf)
@@ -162,6 +168,15 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror}") from None
     return [folder / file for file in contents]
+
+
+def _file(urdf: str | Path) -> Path:
+    """The file that a user names, or that a scene would name as a bundled robot."""
+    if str(urdf).startswith("example-robot-data:"):
+        return locate_urdf(str(urdf), Path())
+    if not Path(urdf).is_file():
+        raise RobotError(f"there is no file {urdf}")
+    return Path(urdf)
 
 
 def _readable(urdf: Path) -> tuple[Robot, dict[str, float]]:
@@ -222,14 +237,14 @@ def _load(limit: float, weight: float, mass: float, sliding: bool) -> tuple[floa
     """(what a joint must stand, why, remark): its limit if believable, else twice the weight."""
     unit = "N" if sliding else "N m"
     given = math.isfinite(limit) and limit > 0
-    most = (_PLACEHOLDER_SLIDING if sliding else _PLACEHOLDER) * weight
-    if given and (weight == 0 or limit <= most):
+    most = (_PLACEHOLDER_SLIDING if sliding else _PLACEHOLDER) * weight or _MOST_LOAD
+    if given and limit <= most:
         return limit, f"its effort limit, {limit:.4g} {unit}", ""
     remark = f"; its effort limit, {limit:.4g} {unit}, looks like a placeholder" if given else ""
     if weight > 0:
         what = f"{mass:.2g} kg" if sliding else f"{mass:.2g} kg held out level"
         return 2.0 * weight, f"twice {what}, {2.0 * weight:.2g} {unit}", remark
-    return 1.0, f"1 {unit} (no limit and no mass are given)", remark
+    return 1.0, f"1 {unit} (there is no weight to go by)", remark
 
 
 def _limits(model: pin.Model, kind: Any) -> tuple[float, float]:
@@ -237,6 +252,7 @@ def _limits(model: pin.Model, kind: Any) -> tuple[float, float]:
         return -math.inf, math.inf
     lower = float(model.lowerPositionLimit[kind.idx_q])
     upper = float(model.upperPositionLimit[kind.idx_q])
+    lower, upper = stated_range(lower, upper)
     return (lower, upper) if upper - lower < 1e6 else (-math.inf, math.inf)
 
 
@@ -328,18 +344,55 @@ def _last_link(model: pin.Model) -> str:
     return str(bodies[-1])
 
 
+def _driven(model: pin.Model) -> str:
+    """A joint that an actuator can name: with one degree of freedom, no follower."""
+    single = [name for name, nv in zip(model.names, model.nvs, strict=True) if nv == 1]
+    return _scalar(single[0] if single else model.names[1])
+
+
+def _simulation_section(model: pin.Model) -> list[str]:
+    """What `pinfric simulate` runs; nothing where it could not: a joint that moves no mass."""
+    M = pin.crba(model, model.createData(), pin.neutral(model))
+    if np.linalg.eigvalsh(np.triu(M) + np.triu(M, 1).T)[0] <= 1e-12 * max(float(M.max()), 1e-9):
+        return ["# simulation: not possible, a joint moves no mass; give its link an <inertial>"]
+    return ["simulation:                    # pinfric simulate: lets go of the robot for a second",
+            "  t_end: 1.0"]  # fmt: skip
+
+
+def _followed(column: JointColumn, followers: Sequence[Follower]) -> JointColumn:
+    """The column with the range in which its followers, too, stay within their limits."""
+    lower, upper = column.lower, column.upper
+    for follower in followers:
+        if follower.leader == column and follower.ratio != 0.0:
+            limits = follower.column.lower, follower.column.upper
+            ends = sorted((end - follower.shift) / follower.ratio for end in limits)
+            lower, upper = max(lower, ends[0]), min(upper, ends[1])
+    return replace(column, lower=lower, upper=upper) if lower <= upper else column
+
+
 def _start(column: JointColumn) -> float:
     if column.lower < 0 < column.upper or not math.isfinite(column.lower + column.upper):
-        return 0.0
-    return round(0.5 * (column.lower + column.upper), 4)
+        return min(max(0.0, column.lower), column.upper)
+    return _rounded(0.5 * (column.lower + column.upper), column)
 
 
 def _end(column: JointColumn, start: float) -> float:
-    """A fifth of the range away, towards the farther limit; 0.4 rad or 0.05 m at most."""
+    """A fifth of the range away, towards the farther limit; 0.4 rad or 0.05 m at most.
+
+    Less where the joint is so slow that the move would last longer than `_LONGEST`.
+    """
     most = 0.05 if column.unit == "m" else 0.4
+    if math.isfinite(column.velocity_limit) and column.velocity_limit > 0:
+        most = min(most, _LONGEST * 0.3 * column.velocity_limit / 1.875)
     up, down = column.upper - start, start - column.lower
     step = min(most, 0.2 * min(max(up, down), 1e6))
-    return round(start + (step if up >= down else -step), 4)
+    return _rounded(start + (step if up >= down else -step), column)
+
+
+def _rounded(position: float, column: JointColumn) -> float:
+    """To 4 decimals, or more where the range is narrow or the joint slow."""
+    size = min(column.upper - column.lower, column.velocity_limit, 1.0)
+    return round(position, 4 if size >= 0.01 else 4 - math.floor(math.log10(max(size, 1e-12))))
 
 
 def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[float]) -> float:
@@ -362,12 +415,14 @@ def _scalar(text: str) -> str:
 
 def _short(x: float) -> str:
     """Two significant digits, as YAML reads a number."""
-    text = f"{x:.2g}"
-    if "e" in text:
-        digits, exponent = text.split("e")
-        return f"{digits if '.' in digits else digits + '.0'}e{int(exponent)}"
-    return text
+    return _yaml_number(f"{x:.2g}")
+
+
+def _yaml_number(text: str) -> str:
+    """A number as YAML 1.1 reads it: 5e-05 would be text there, 5.0e-5 is not."""
+    digits, e, exponent = text.partition("e")
+    return f"{digits if '.' in digits else digits + '.0'}e{int(exponent)}" if e else text
 
 
 def _numbers(values: list[float]) -> str:
-    return "[" + ", ".join(f"{value:g}" for value in values) + "]"
+    return "[" + ", ".join(_yaml_number(f"{value:.12g}") for value in values) + "]"

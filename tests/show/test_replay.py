@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import socket
 import subprocess
 import sys
-import time
-import urllib.request
 import warnings
 from pathlib import Path
 
@@ -18,10 +15,9 @@ from builders import random_tree
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
-from pinfric.errors import PinfricError, PinfricWarning, SceneError, StateError
+from pinfric.errors import PinfricError, PinfricWarning, StateError
 from pinfric.show import surfaces
 from pinfric.show.frames import frame_times, make_frames
-from pinfric.show.live import LiveReplay, simulate_live
 from pinfric.show.meshes import urdf_visuals
 from pinfric.show.replay import Replay, motion_to_replay, open_page, replay_json, replay_lines
 from pinfric.show.shapes import equivalent_box, robot_shapes
@@ -156,6 +152,29 @@ def test_payload_is_shown_while_it_is_carried():
     assert column[np.searchsorted(result.t, start)]
     assert not column[np.searchsorted(result.t, start) - 1]
     assert not column[np.searchsorted(result.t, end)]
+
+
+def test_log_whose_noise_passes_zero_all_the_time_keeps_the_page_small(monkeypatch, three_link):
+    scene = three_link[0]
+    t = np.arange(0.0, 3.0, 1e-3)
+    v = np.sin(t)[:, None] * np.ones(3)
+    v[::2, 1] = 0.0  # sticks at every other sample
+    monkeypatch.setattr("pinfric.show.frames.MOST_FRAMES", 500)
+    result = pf.inverse_dynamics(scene, 0 * v, v, 0 * v, t=t)
+    assert len(result.stick_intervals()) == 1500
+    frames = make_frames(scene, result)
+    assert len(frames.t) <= 2 * 500 + 2
+    assert len(frames.sites[0].sticking) == 1500  # the colours lose none
+
+
+def test_simulation_that_ended_early_says_so_on_its_page(pendulum_motion):
+    import dataclasses
+
+    scene, motion = pendulum_motion
+    stopped = dataclasses.replace(motion, status="failed", message="at t = 2 s: the end")
+    assert make_frames(scene, motion).ended == ""
+    assert "It ended early: at t = 2 s: the end" in pf.replay(scene, stopped).page
+    assert "It ended early" not in pf.replay(scene, motion).page
 
 
 # ---------------------------------------------------------------- shapes
@@ -408,6 +427,11 @@ def test_saved_motion_of_another_scene_is_refused(three_link, pendulum_motion, t
         pf.load_motion(file, three_link[0])
 
 
+def test_motion_file_that_is_not_there_is_called_so(pendulum_motion):
+    with pytest.raises(PinfricError, match=r"there is no file nothing\.npz"):
+        motion_to_replay(pendulum_motion[0], "nothing.npz")
+
+
 def test_result_without_times_is_refused(three_link):
     scene, _ = three_link
     result = pf.inverse_dynamics(scene, np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)))
@@ -444,86 +468,3 @@ def test_without_display_the_page_is_written_and_named(three_link, monkeypatch):
     assert open_page("http://127.0.0.1:7000/static/")
     assert asked == [shown.html.as_uri(), "http://127.0.0.1:7000/static/"]
     assert Replay("", None, 0.0, 0, ()).open() is False
-
-
-# ---------------------------------------------------------------- live
-
-
-def test_live_server_takes_the_next_port_shows_states_and_ends(three_link):
-    scene, _ = three_link
-    busy = []
-    for port in (7000, 6000):
-        taken = socket.socket()
-        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            taken.bind(("0.0.0.0", port))
-            taken.listen()
-        except OSError:  # somebody else has it: as good
-            taken.close()
-        else:
-            busy.append(taken)
-    with pf.LiveReplay(scene) as live:
-        port = int(live.url.split(":")[2].split("/")[0])
-        assert port > 7000
-        with urllib.request.urlopen(live.url, timeout=10) as answer:
-            assert b"meshcat" in answer.read().lower()
-        process = live._window._process
-        before = live._window.sent
-        for k in range(300):  # a simulation's steps come faster than frames
-            live(1e-3 * k, np.array([1e-3 * k, 0.0, 0.0]), modes=np.array([0]))
-        assert 1 <= live.frames < 100
-        assert live._window.sent - before >= 3 * live.frames
-        live.show(np.zeros(3), v=np.array([0.0, 1.0, 0.0]))
-        assert live._states == ["sliding"]
-        live.show(np.zeros(3), v=np.zeros(3))
-        assert live._states == ["sticking"]
-    assert process.poll() is not None
-    for taken in busy:
-        taken.close()
-
-
-def test_watched_simulation_is_the_same_simulation(pendulum_motion):
-    scene, alone = pendulum_motion
-    with pf.LiveReplay(scene, rate=1e6) as live:
-        watched = pf.simulate(scene, [0.524], [1.0], t_end=2.0, **live.watch())
-        assert live.frames > 100
-        assert live._states == ["sliding"]
-    np.testing.assert_array_equal(watched.q, alone.q)
-    assert watched.stick_intervals() == alone.stick_intervals()
-
-
-def test_scene_is_simulated_live_at_the_pace_asked_for():
-    scene, said = pf.load_scene(ROBOTS / "pendulum.yaml"), []
-    begun = time.monotonic()
-    motion = simulate_live(scene, said.append, t_end=0.8, pace=2.0)
-    assert time.monotonic() - begun > 0.4
-    assert motion.t[-1] == pytest.approx(0.8)
-    assert len(said) == 1
-    assert "http://127.0.0.1:" in said[0]
-    with pytest.raises(SceneError, match="no `simulation` section"):
-        simulate_live(pf.Scene(model=scene.model), said.append)
-
-
-def test_live_server_that_dies_does_not_stop_the_simulation(three_link):
-    with LiveReplay(three_link[0]) as live:
-        live._window._process.kill()
-        live._window._process.wait()
-        with pytest.warns(PinfricWarning, match="going on without") as caught:
-            [live.show(np.full(3, x)) for x in (0.0, 1.0)]
-        assert len(caught) == 1
-
-
-def test_live_server_ends_with_its_process_however_that_ends():
-    code = (
-        "import os, pinfric as pf\n"
-        f"live = pf.LiveReplay(pf.load_scene(r'{ROBOTS / 'pendulum.yaml'}'))\n"
-        "print(live._window._process.pid, flush=True)\n"
-        "os.kill(os.getpid(), 9)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert done.returncode == -9
-    status = Path(f"/proc/{int(done.stdout)}/stat")
-    deadline = time.monotonic() + 5.0
-    while status.exists() and status.read_text().split()[2] != "Z":
-        assert time.monotonic() < deadline, "the server outlived its owner"
-        time.sleep(0.05)

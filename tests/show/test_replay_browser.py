@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
+import json
 import shutil
 import time
 from pathlib import Path
@@ -41,7 +43,7 @@ def browser(tmp_path_factory):
     options.binary_location = CHROMIUM
     for flag in (*FLAGS.split(), f"--user-data-dir={tmp_path_factory.mktemp('chromium')}"):
         options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))
     driver.set_page_load_timeout(60)
     yield driver
@@ -55,6 +57,7 @@ class Page:
         self.browser = browser
         if file is not None:
             browser.get_log("browser")
+            browser.get_log("performance")
             browser.get(Path(file).absolute().as_uri())
         deadline = time.monotonic() + 60
         while not self.run("return document.body.dataset.ready"):
@@ -66,6 +69,12 @@ class Page:
 
     def complaints(self):
         return [x["message"] for x in self.browser.get_log("browser") if x["level"] != "INFO"]
+
+    def requests(self):
+        """Addresses that the page asked for since it was loaded, itself among them."""
+        entries = [json.loads(x["message"])["message"] for x in self.browser.get_log("performance")]
+        sent = [x["params"] for x in entries if x["method"] == "Network.requestWillBeSent"]
+        return {x["request"]["url"] for x in sent if x["documentURL"] == self.browser.current_url}
 
     def text(self, selector):
         return self.run("return document.querySelector(arguments[0]).innerText", selector)
@@ -114,6 +123,12 @@ def three_link_page(tmp_path_factory):
     result = pf.inverse_dynamics(scene, trajectory)
     shown = pf.replay(scene, result, html=tmp_path_factory.mktemp("page") / "three_link.html")
     return scene, result, shown.html
+
+
+def solved(name):
+    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
+    trajectory = pf.load_trajectory(ROBOTS / f"{name}.waypoints.yaml", scene)
+    return scene, pf.inverse_dynamics(scene, trajectory)
 
 
 def placement(scene, q, joint):
@@ -245,6 +260,144 @@ def test_it_plays_in_real_time_and_stops_at_the_end(three_link):
     assert shown == pytest.approx(passed, abs=0.4)  # a busy machine draws late, not slowly
     wait_for(result.t[-1])
     assert page.run(time_and_clock)[0] == result.t[-1]
+
+
+def test_friction_of_a_ball_is_an_arc_about_its_slip(browser, tmp_path):
+    scene, result = solved("delta")
+    aside = [loop.model_copy(update={"axis": (1.0, 0.0, 0.0)}) for loop in scene.loops]
+    scene = dataclasses.replace(scene, loops=aside)  # means nothing to a ball but to its marker
+    result = dataclasses.replace(result, scene=scene)
+    page = Page(browser, pf.replay(scene, result, html=tmp_path / "delta.html").html)
+    assert page.complaints() == []
+    assert page.requests() == {browser.current_url}
+    sample = len(result.t) // 3
+    page.seek(result.t[sample])
+    s = scene.site_names.index("ball_1")
+    assert not result.sticking[sample, s]
+    arc = page.run(
+        "const find = (p) => replay.viewer.scene_tree.find(['meshcat', ...p.split('/')]).object;"
+        "replay.viewer.scene.updateMatrixWorld(true); const T = MeshCat.THREE;"
+        "const [path] = JSON.parse(document.getElementById('data').textContent).sites"
+        ".filter((x) => x.name === 'ball_1').map((x) => x.path);"
+        "const arc = find(path + '/arc_minus'), turn = arc.getWorldQuaternion(new T.Quaternion());"
+        "const back = find('world').getWorldQuaternion(new T.Quaternion()).invert();"
+        "return [...new T.Vector3(0, 0, 1).applyQuaternion(turn).applyQuaternion(back).toArray(),"
+        "arc.visible, find(path + '/arc_plus').visible]"
+    )
+    data = scene.model.createData()
+    loop = scene.loops[scene.sites[s].loop]
+    pin.forwardKinematics(scene.model, data, result.states.q[sample], result.states.v[sample])
+    spins = []
+    for side in (loop.a, loop.b):
+        joint = scene.model.frames[scene.model.getFrameId(side.link)].parentJoint
+        spins.append(data.oMi[joint].rotation @ data.v[joint].angular)
+    slip = spins[1] - spins[0]
+    np.testing.assert_allclose(arc[:3], slip / np.linalg.norm(slip), atol=1e-3)
+    assert arc[3:] == [True, False]  # against the slip
+
+
+def test_friction_along_a_slide_is_seen_through_the_body_that_slides(browser, tmp_path):
+    scene, result = solved("drawer")
+    page = Page(browser, pf.replay(scene, result, html=tmp_path / "drawer.html").html)
+    assert "cylinder or force that drives" in page.text("#legend")
+    page.run("document.getElementById('show-names').click()")
+
+    def orange(shown):
+        page.run("if (replay.show.friction !== arguments[0])"
+                 "document.getElementById('show-friction').click()", shown)  # fmt: skip
+        page.seek(1.0)
+        time.sleep(0.1)
+        red, green, blue = page.pixels().reshape(-1, 3).astype(int).T
+        return int(((red > 190) & (abs(green - 158) < 40) & (blue < 60)).sum())
+
+    assert orange(True) > orange(False) + 200  # two arrows, at rest both ways
+
+
+def test_jammed_joint_has_its_colour_and_no_friction(browser, tmp_path):
+    from test_replay_loops import jammed_drawer  # beside this file
+
+    scene, result = jammed_drawer()
+    page = Page(browser, pf.replay(scene, result, html=tmp_path / "jammed.html").html)
+    page.seek(0.5)
+    assert page.complaints() == []
+    assert page.ring("slide") == (COLORS["jammed"], True)
+    assert page.text(".row .value").startswith("none")
+    assert "jammed" in page.text("#legend")
+    for arrow in ("arc_plus", "arc_minus"):
+        assert page.node(f"world/slide/site slide/{arrow}", "visible") is False
+
+
+def test_names_are_text_whatever_is_in_them(browser, tmp_path):
+    names = ['<b>&" onclick="x', "<img src=x onerror=alert(1)>", "</script>a/b", "<object>"]
+    model = pin.Model()
+    for joint, name in enumerate(names):
+        place = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+        model.addJoint(joint, pin.JointModelRY(), place, name)
+        body = pin.Inertia.FromBox(1.0, 0.3, 0.1, 0.1)
+        model.appendBodyToJoint(joint + 1, body, pin.SE3.Identity())
+    scene = pf.Scene(model=model, friction={name: {"viscous": 0.1} for name in names})
+    t = np.linspace(0.0, 1.0, 51)
+    v = np.ones((51, 4))
+    result = pf.inverse_dynamics(scene, t[:, None] * v, v, 0 * v, t=t)
+    page = Page(browser, pf.replay(scene, result, html=tmp_path / "names.html").html)
+    page.seek(0.5)
+    assert page.complaints() == []
+    titles = "return [...document.querySelectorAll('.row .name')].map((x) => x.title)"
+    assert page.run(titles) == names
+    labels = "return [...document.querySelectorAll('#labels span')].map((x) => x.textContent)"
+    assert page.run(labels) == names
+    assert page.run("return document.querySelectorAll('#app b, #app img, [onclick]').length") == 0
+    inside = page.run(
+        "const box = document.getElementById('pane').getBoundingClientRect();"
+        "return [...document.querySelectorAll('#labels span')].every((x) => {"
+        "const r = x.getBoundingClientRect(); return r.left >= box.left && r.right <= box.right &&"
+        "r.top >= box.top && r.bottom <= box.bottom; })"
+    )
+    assert inside
+
+
+def test_labels_stay_inside_the_view(three_link):
+    page = three_link[2]
+    page.seek(0.0)
+    for target in ("0, 3, 0", "0, -3, 0", "2, 0, -2", "-2, 0, 2"):  # above, below, right, left
+        page.run(f"replay.viewer.controls.target.set({target}); replay.viewer.controls.update();")
+        time.sleep(0.3)
+        box, label = (
+            page.run(f"return document.querySelector('{what}').getBoundingClientRect().toJSON()")
+            for what in ("#pane", "#labels span")
+        )
+        assert box["top"] <= label["top"] < label["bottom"] <= box["bottom"]
+        assert box["left"] <= label["left"] < label["right"] <= box["right"]
+    page.run("document.getElementById('fit').click()")
+
+
+def test_uneven_samples_are_shown_at_their_times(browser, tmp_path):
+    scene = pf.load_scene(ROBOTS / "three_link.yaml")
+    t = np.concatenate([np.linspace(0, 1, 41), np.linspace(1, 1.01, 200)[1:], [1.1, 1.2, 1.3]])
+    q = np.sin(t)[:, None] * np.ones(3)
+    v = np.cos(t)[:, None] * np.ones(3)
+    shown = pf.replay(scene, pf.inverse_dynamics(scene, q, v, -q, t=t), html=tmp_path / "t.html")
+    page = Page(browser, shown.html)
+    for at in (0.31, 1.005, 1.16):
+        page.seek(at)
+        expected = placement(scene, np.sin(at) * np.ones(3), "joint_23")
+        np.testing.assert_allclose(page.place("joint_23"), expected, atol=1e-3)
+
+
+def test_sticks_shorter_than_a_frame_are_listed_and_shown(browser, tmp_path):
+    scene = pf.load_scene(ROBOTS / "three_link.yaml")
+    t = np.arange(0.0, 1.0, 1e-4)
+    v = np.ones((len(t), 3))
+    v[5000:5004, 1] = 0.0  # 0.3 ms of rest
+    shown = pf.replay(scene, pf.inverse_dynamics(scene, 0 * v, v, 0 * v, t=t),
+                      html=tmp_path / "short.html")  # fmt: skip
+    page = Page(browser, shown.html)
+    assert page.text("#intervals").split("\n")[-1] == "0.30 ms"
+    assert "0.50000 \u2013 0.50030 s" in page.text("#intervals")
+    page.seek(0.50015)
+    assert page.ring("joint_12")[0] in (COLORS["sticking"], COLORS["near"])
+    page.seek(0.5005)
+    assert page.ring("joint_12")[0] == COLORS["sliding"]
 
 
 def test_panda_with_meshes_and_box(browser, tmp_path):

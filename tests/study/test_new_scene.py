@@ -167,3 +167,86 @@ def test_bad_urdf_is_one_clear_error(tmp_path, content, message):
         file.write_text(content)
     with pytest.raises(RobotError, match=rf"bad\.urdf.*{message}|{message}.*bad\.urdf"):
         new_scene(file)
+
+
+BODY = """<inertial><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>"""
+LEVEL = '<axis xyz="0 1 0"/>'
+
+
+def limits(lower, upper, effort=10, velocity=2):
+    return f'<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="{velocity}"/>'
+
+
+def chain(folder, *joints, body=BODY):
+    """A URDF of links in a row; joints as (name, type, what else)."""
+    links = "".join(f'<link name="link{i}">{body}</link>' for i in range(len(joints) + 1))
+    row = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="link{i}"/><child link="link{i + 1}"/>'
+        f'<origin xyz="0.2 0 0"/>{more}</joint>'
+        for i, (name, kind, more) in enumerate(joints)
+    )
+    file = folder / "chain.urdf"
+    file.write_text(f'<robot name="chain">{links}{row}</robot>')
+    return file
+
+
+def first_motion(urdf, folder):
+    """The trajectory that `new` writes; loading refuses what goes beyond a limit."""
+    scene_file, way_file = write_new(urdf, folder / "out")
+    return pf.load_trajectory(way_file, pf.load_scene(scene_file))
+
+
+def test_first_motion_keeps_followers_inside_their_limits_too(tmp_path):
+    follower = limits(0, 0.04) + '<mimic joint="jaw" multiplier="-2" offset="0.01"/>'
+    urdf = chain(tmp_path, ("jaw", "prismatic", limits(0, 0.06)), ("other", "prismatic", follower))
+    trajectory = first_motion(urdf, tmp_path)  # the jaw may go to 5 mm, not to 60
+    assert 0 <= trajectory.q.min() < trajectory.q.max() <= 0.005
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.0, 1e-4), (0.500010, 0.500020)])
+def test_first_motion_moves_joints_of_small_travel(tmp_path, lower, upper):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(lower, upper)))
+    trajectory = first_motion(urdf, tmp_path)
+    assert lower <= trajectory.q.min() < trajectory.q.max() <= upper
+    plain = yaml.safe_load((tmp_path / "out/chain.waypoints.yaml").read_text())["points"][1]["q"]
+    assert isinstance(plain[0], float)  # 6e-05 would be text to others' YAML readers
+
+
+def test_first_motion_of_a_slow_joint_is_short_instead_of_long(tmp_path):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(-1, 1, velocity=1e-4)))
+    trajectory = first_motion(urdf, tmp_path)
+    assert trajectory.t[-1] < 30.0
+    assert np.ptp(trajectory.q) > 0
+
+
+def test_bundled_robots_are_found_by_the_name_that_scenes_give_them(tmp_path):
+    name = "example-robot-data:ur_description/urdf/ur5_robot.urdf"
+    scene_file, way_file = write_new(name, tmp_path)
+    assert scene_file.name == "ur5_robot.yaml"
+    assert yaml.safe_load(scene_file.read_text())["robot"]["urdf"] == name
+    assert pf.load_trajectory(way_file, pf.load_scene(scene_file)).t[-1] > 1.0
+    with pytest.raises(RobotError, match="ur5_robot"):
+        write_new(name.replace("ur5_robot", "ur5_robt"), tmp_path)
+
+
+def test_absurd_limit_of_a_joint_without_lever_is_a_placeholder(tmp_path):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(0, 0, effort=1e30)))
+    text = new_scene(urdf)  # its only body is centred on its axis
+    assert "1e+30 N m, looks like a placeholder" in text
+    assert "turns, no limits" in text  # 0 to 0 is what a URDF without them reads as
+    assert yaml.safe_load(text)["friction"]["j"]["bearing"]["radius"] < 0.1
+
+
+def test_example_of_a_drive_names_a_joint_that_can_have_one(tmp_path):
+    urdf = chain(tmp_path, ("base", "floating", ""), ("j", "revolute", LEVEL + limits(-1, 1)))
+    text = new_scene(urdf)
+    assert "#   - joint: j\n" in text
+    assert "# base: 6 degrees of freedom" in text
+
+
+def test_robot_that_moves_no_mass_gets_no_simulation_that_would_fail(tmp_path):
+    urdf = chain(tmp_path, ("j", "revolute", LEVEL + limits(-1, 1)), body="")
+    assert "simulation" not in entries(urdf)
+    assert "moves no mass" in new_scene(urdf)
+    assert np.ptp(first_motion(urdf, tmp_path).q) > 0

@@ -51,8 +51,9 @@ function take(kind, count) {
 const T = take(Float64Array, F);
 const POSE = take(Float32Array, F * nj * 7);
 const LOWER = take(Float32Array, F * ns), UPPER = take(Float32Array, F * ns);
-const LOAD = take(Float32Array, F * ns), USE = take(Float32Array, F * ns);
-const FORCE = take(Float32Array, F * ns * 3);
+const USE = take(Float32Array, F * ns), FORCE = take(Float32Array, F * ns * 3);
+const balls = D.sites.filter((site) => site.ball);
+const SLIP = take(Float32Array, F * balls.length * 3);
 const t0 = T[0], t1 = T[F - 1];
 
 const commands = new Uint8Array(await unpack("commands"));
@@ -73,7 +74,7 @@ const sites = D.sites.map((site) => {
   const node = find(site.path);
   const mesh = (name) => node.find([name, "<object>"]).object;
   return {
-    ...site, node: node.object, ring: mesh("ring"), ghost: mesh("ghost"), disc: mesh("disc"),
+    ...site, ball_row: balls.indexOf(site), node: node.object, ring: mesh("ring"), ghost: mesh("ghost"), disc: mesh("disc"),
     disc_group: node.find(["disc"]).object, ring_group: node.find(["ring"]).object,
     ghost_group: node.find(["ghost"]).object,
     plus: arrow(node.find(["arc_plus"])), minus: arrow(node.find(["arc_minus"])),
@@ -145,7 +146,7 @@ function stretch_cylinders() {  // their nodes lie in "world", as the joints' do
     const length = direction.copy(ends[1]).sub(ends[0]).length() || 1e-9;
     c.node.quaternion.setFromUnitVectors(vz, direction.divideScalar(length));
     c.rod.scale.set(1, 1, length);
-    c.barrel.scale.set(1, 1, 0.6 * length);
+    c.barrel.scale.set(1, 1, D.barrel * length);
   }
 }
 
@@ -185,9 +186,14 @@ function show_site(site, s, k, state) {
   const i = k * ns + s, longest = site.sliding ? D.most.push : D.most.turn;
   const plus = shown.friction ? Math.max(UPPER[i], 0) / longest || 0 : 0;
   const minus = shown.friction ? Math.max(-LOWER[i], 0) / longest || 0 : 0;
-  if (site.ball) {  // its friction has no sense about an axis
-    site.plus.node.visible = site.minus.node.visible = false;
-  } else if (site.sliding) {
+  if (site.ball) {  // its friction acts about the direction of its slip
+    const row = 3 * (k * balls.length + site.ball_row);
+    direction.set(SLIP[row], SLIP[row + 1], SLIP[row + 2]);
+    for (const arc of [site.plus, site.minus]) {
+      arc.node.quaternion.setFromUnitVectors(vz, direction).premultiply(site.inverse);
+    }
+  }
+  if (site.sliding) {
     stretch(site.plus, plus * D.arrow, D.head.friction);
     stretch(site.minus, minus * D.arrow, D.head.friction);
   } else {
@@ -205,13 +211,14 @@ function show_site(site, s, k, state) {
   }
 }
 
-const number = (x) => !isFinite(x) ? "n/a" : x === 0 ? "0" :
+const number = (x) => !isFinite(x) ? "∞" : x === 0 ? "0" :
   Math.abs(x) >= 100 ? x.toFixed(0) : Math.abs(x) < 0.001 ? x.toExponential(1) : x.toPrecision(3);
 
 function friction_text(site, s, k) {
   const i = k * ns + s, low = LOWER[i], up = UPPER[i];
   const share = isFinite(USE[i]) ? ` <small>${(100 * USE[i]).toFixed(0)} %</small>` : "";
   const minus = (x) => number(x).replace("-", "−");
+  if (isNaN(up)) return "none";  // jammed
   if (!(up - low > 1e-9 * Math.abs(up))) return `${minus(up)} <small>${site.unit}</small>${share}`;
   return -low === up || Math.abs(low + up) < 1e-6 * up ? `±${number(up)} <small>${site.unit}</small>`
     : `${minus(low)} … ${minus(up)} <small>${site.unit}</small>`;
@@ -250,170 +257,16 @@ function place_labels() {
     site.node.getWorldPosition(spot).project(viewer.camera);
     const hidden = spot.z > 1;
     site.label.style.visibility = hidden ? "hidden" : "visible";
-    let x = (0.5 + 0.5 * spot.x) * w + 16, y = (0.5 - 0.5 * spot.y) * h - 24;
     const width = site.label.offsetWidth + 4;
+    const x = Math.max(Math.min((0.5 + 0.5 * spot.x) * w + 16, w - width), 0);
+    let y = Math.max(Math.min((0.5 - 0.5 * spot.y) * h - 24, h - 22), 0);
     while (taken.some(([a, b, c]) => Math.abs(b - y) < 19 && x < a + c && a < x + width)) y += 19;
     taken.push([x, y, width]);
     site.label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
   }
 }
 
-// ---------------------------------------------------------------- timeline
-const element = (kind, name, html = "") =>
-  Object.assign(document.createElement(kind), {className: name, innerHTML: html});
-const plain = (text) => text.replace(/[&<>]/g, (c) => ({"&": "&amp;", "<": "&lt;", ">": "&gt;"}[c]));
-
-// "panda_joint1", "panda_joint2": without what all names begin with, up to a "_" before a letter
-const together = ns < 2 ? "" : sites.reduce((common, {name}) => {
-  let n = 0;
-  while (n < common.length && common[n] === name[n]) n++;
-  return common.slice(0, n);
-}, sites[0].name);
-let cut = together.lastIndexOf("_") + 1;
-while (cut > 0 && sites.some(({name}) => !/[A-Za-z]/.test(name[cut]))) {
-  cut = together.lastIndexOf("_", cut - 2) + 1;
-}
-const short = (name) => plain(name.length > cut ? name.slice(cut) : name);
-
-sites.forEach((site) => {
-  site.inverse = new THREE.Quaternion(...site.turn);  // from the wrench's axes to the marker's
-  site.row = element("div", "row", `<span class="name" title="${plain(site.name)}"><i></i>${short(site.name)}</span>` +
-    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`);
-  [site.canvas, site.value] = [site.row.querySelector("canvas"), site.row.querySelector(".value")];
-  $("strips").append(site.row);
-  site.label = $("labels").appendChild(element("span", "", short(site.name)));
-});
-const ticks = element("div", "row ticks", `<span></span><div class="track"><canvas></canvas></div><span></span>`);
-$("strips").append(ticks);
-
-function sized(canvas) {
-  const ratio = window.devicePixelRatio || 1;
-  canvas.width = canvas.clientWidth * ratio;
-  canvas.height = canvas.clientHeight * ratio;
-  const context = canvas.getContext("2d");
-  context.scale(ratio, ratio);
-  return [context, canvas.clientWidth, canvas.clientHeight];
-}
-
-function draw_strip(site, s) {
-  const [c, w, h] = sized(site.canvas);
-  const x = (t) => (t1 > t0 ? (w * (t - t0)) / (t1 - t0) : 0);
-  c.fillStyle = "#e8edf2";
-  c.beginPath();
-  c.roundRect(0, 0, w, h, 4);
-  c.fill();
-  c.save();
-  c.clip();
-  for (const state of STATES.slice(1)) {
-    c.fillStyle = D.colors[state];
-    for (const [a, b] of site.times[state]) {
-      const left = Math.min(x(a), w - 2);
-      c.fillRect(left, 0, Math.max(x(b) - left, state === "near" ? 1 : 2), h);
-    }
-  }
-  let most = 0;
-  for (let k = 0; k < F; k++) most = Math.max(most, UPPER[k * ns + s] || 0, -LOWER[k * ns + s] || 0);
-  if (most > 0) {  // friction over time: its least and greatest value in each pixel
-    const y = (value) => h / 2 - (value / most) * (h / 2 - 2);
-    const columns = new Map();
-    for (let k = 0; k < F; k++) {
-      const i = k * ns + s, column = Math.round(x(T[k]));
-      if (!isFinite(UPPER[i])) continue;
-      const [low, up] = columns.get(column) || [Infinity, -Infinity];
-      columns.set(column, [Math.min(low, LOWER[i]), Math.max(up, UPPER[i])]);
-    }
-    let before = -1;
-    for (const [column, [low, up]] of columns) {
-      const width = before < 0 ? 1 : column - before, left = column - width + 1;
-      c.fillStyle = "rgba(255, 255, 255, .30)";
-      c.fillRect(left, y(up), width, y(low) - y(up));
-      c.fillStyle = "rgba(20, 38, 60, .80)";
-      c.fillRect(left, y(up) - 0.6, width, 1.2);
-      if (y(low) - y(up) > 1) c.fillRect(left, y(low) - 0.6, width, 1.2);
-      before = column;
-    }
-  }
-  c.restore();
-}
-
-function draw_ticks() {
-  const [c, w, h] = sized(ticks.querySelector("canvas"));
-  const span = t1 - t0;
-  if (!(span > 0)) return;
-  const rough = span / Math.max(w / 90, 1), power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((m) => m * power).find((m) => m >= rough);
-  c.fillStyle = "#66717e";
-  c.font = "10.5px system-ui, sans-serif";
-  for (let n = Math.ceil(t0 / step - 1e-9); n * step <= t1 + 1e-9 * span; n++) {
-    const x = (w * (n * step - t0)) / span;
-    c.fillRect(Math.min(x, w - 1), 0, 1, 3);
-    const text = `${+(n * step).toPrecision(6)}${n * step + step > t1 ? " s" : ""}`;
-    const half = c.measureText(text).width / 2;
-    c.fillText(text, Math.min(Math.max(x - half, 0), w - 2 * half), h - 1);
-  }
-}
-
-function lay_out() {
-  viewer.set_3d_pane_size();
-  sites.forEach(draw_strip);
-  draw_ticks();
-  place_labels();
-}
-
-// ---------------------------------------------------------------- panel
-const ring = (state) =>
-  `<li style="--state:${D.colors[state]}"><span class="ring${state === "sliding" ? "" : " full"}"></span>${D.meanings[state]}</li>`;
-const used = STATES.filter((s) => s === "sliding" || s === "sticking" || sites.some((x) => x.times[s].length));
-$("legend").innerHTML = (ns ? used.map(ring).join("") : "<li>no joint has friction</li>") +
-  (ns ? `<li style="--state:#46525f"><span class="mark">↻</span>friction of the parent on the child${D.simulated ? "; at rest with its share of the limit" : "; at rest both ways: all it can be"}</li>` : "") +
-  (ns ? `<li style="--state:${D.force_color}"><span class="mark">↑</span>force of the parent on the child</li>` : "") +
-  payloads.map((p) => `<li style="--state:${D.payload_color}"><span class="box"></span>${plain(p.name)}, while carried</li>`).join("");
-$("about").textContent = D.about;
-
-for (const [key, text] of [["friction", "friction"], ["forces", "forces"], ["names", "names"], ["solid", "solid robot"]]) {
-  const label = element("label", "check", `<input type="checkbox">${text}`);
-  const box = label.firstChild;
-  box.id = "show-" + key;
-  box.checked = shown[key];
-  box.onchange = () => {
-    shown[key] = box.checked;
-    if (key === "solid") see_through(!box.checked);
-    show(now);
-  };
-  $("toggles").append(label);
-}
-
-const drawn_of_robot = [];
-find("world").object.traverse((node) => {
-  for (let up = node; up; up = up.parent) if (up.name.startsWith("site ") || up.name === "axes") return;
-  if (node.isMesh) drawn_of_robot.push(...[node.material].flat());
-});
-function see_through(on) {
-  for (const material of drawn_of_robot) {
-    material.was = material.was ?? {opacity: material.opacity, transparent: material.transparent, depthWrite: material.depthWrite};
-    Object.assign(material, on ? {opacity: 0.3 * material.was.opacity, transparent: true, depthWrite: false} : material.was);
-    material.needsUpdate = true;
-  }
-}
-
-const MOST_ROWS = 1000;
-const intervals = [...D.intervals].sort((a, b) => a.start - b.start);
-$("count").textContent = intervals.length || "";
-for (const interval of intervals.slice(0, MOST_ROWS)) {
-  const length = interval.end - interval.start;
-  const digits = t1 - t0 < 100 ? 3 : 2;
-  const span = length > 0 ? `${interval.start.toFixed(digits)} – ${interval.end.toFixed(digits)}` : interval.start.toFixed(digits);
-  const button = element("button", "", `<b>${short(interval.site)}</b><span>${span} s</span>` +
-    `<em>${length > 0 ? (length < 0.0995 ? (1000 * length).toFixed(0) + " ms" : length.toFixed(2) + " s") : "passes"}</em>`);
-  button.interval = interval;
-  button.title = `${interval.site}: go to the beginning of this interval`;
-  button.onclick = () => { pause(); show(interval.start); };
-  $("intervals").appendChild(element("li", "")).append(button);
-}
-const interval_buttons = [...$("intervals").querySelectorAll("button")];
-if (!intervals.length) $("intervals").append(element("li", "none", "no joint sticks"));
-if (intervals.length > MOST_ROWS) $("intervals").append(element("li", "none", `and ${intervals.length - MOST_ROWS} more`));
-
+{{timeline}}
 // ---------------------------------------------------------------- playing
 const ICONS = {play: "M7 4v16l13-8z", pause: "M6 5h4v14H6zM14 5h4v14h-4z"};
 function set_playing(on) {
