@@ -20,11 +20,13 @@ _PUBLIC = {
     "InverseResult": "pinfric.dynamics.result",
     "StickInterval": "pinfric.dynamics.result",
     "joint_wrenches": "pinfric.dynamics.reactions",
+    "consistent_motion": "pinfric.dynamics.closure",
     "forward_dynamics": "pinfric.dynamics.forward",
     "Instant": "pinfric.dynamics.forward",
     "simulate": "pinfric.dynamics.simulate",
     "Motion": "pinfric.dynamics.motion",
     "load_motion": "pinfric.dynamics.motion",
+    "run_scene": "pinfric.study.scene_run",
     "Trajectory": "pinfric.study.trajectory",
     "load_trajectory": "pinfric.study.trajectory",
     "size": "pinfric.study.sizing",
@@ -41,6 +43,7 @@ _PUBLIC = {
 __all__ = [*_PUBLIC, "__version__"]
 
 if TYPE_CHECKING:  # the same names for type checkers, which do not run __getattr__
+    from pinfric.dynamics.closure import consistent_motion as consistent_motion
     from pinfric.dynamics.forward import Instant as Instant
     from pinfric.dynamics.forward import forward_dynamics as forward_dynamics
     from pinfric.dynamics.inverse import inverse_dynamics as inverse_dynamics
@@ -57,6 +60,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.show.live import LiveReplay as LiveReplay
     from pinfric.show.replay import replay as replay
     from pinfric.study.catalog import load_catalog as load_catalog
+    from pinfric.study.scene_run import run_scene as run_scene
     from pinfric.study.sizing import SizingReport as SizingReport
     from pinfric.study.sizing import size as size
     from pinfric.study.sweep import sweep as sweep

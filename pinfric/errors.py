@@ -75,7 +75,7 @@ class LoopMotionError(StateError):
         super().__init__(
             f"loop {loop!r} {what} at sample {sample}, by {amount:.3g} {unit}; give independent "
             "joints only and let the others follow (a trajectory file with their columns, "
-            "`scene.close`, `consistent_motion`)"
+            "`scene.close`, `pf.consistent_motion`)"
         )
 
 
@@ -90,8 +90,8 @@ class ToggleError(StateError):
         self.loop, self.freedoms, self.drives = loop, freedoms, drives
         super().__init__(
             f"loop {loop!r}: a toggle: the mechanism has {freedoms} degrees of freedom here and "
-            f"{drives} elsewhere: how it moves on does not follow from its mechanics; start elsewhere "
-            "or keep the motion away from it"
+            f"{drives} elsewhere: how it moves on does not follow from its mechanics; start "
+            "elsewhere or keep the motion away from it"
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,6 @@ from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
 
 EffortFunction = Callable[[float, np.ndarray, np.ndarray], Any]
-#: What `simulate` takes as effort.
-EffortLike = EffortFunction | Mapping[str, Any] | Sequence[Any] | np.ndarray | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +32,10 @@ class Effort:
     finest: float | None = None
 
 
+#: What `simulate` takes as effort.
+EffortLike = Effort | EffortFunction | Mapping[str, Any] | Sequence[Any] | np.ndarray | None
+
+
 def make_effort(
     scene: Scene, effort: EffortLike, breakpoints: Sequence[float] | None = None
 ) -> Effort:
@@ -41,10 +43,10 @@ def make_effort(
 
     Args:
         scene: its drives.
-        effort: a function (t, q, v) -> (na,); (na,) constants; (times (n,), values (n, na)), linear
-            between and constant beyond; a mapping drive name -> number, function of t, or the scene
-            file's `sine` and `table`, the drives left out give 0; None: the scene's own
-            `simulation.effort`.
+        effort: an `Effort`; a function (t, q, v) -> (na,); (na,) constants; (times (n,), values
+            (n, na)), linear between and constant beyond; a mapping drive name -> number, function
+            of t, or the scene file's `sine` and `table`, the drives left out give 0; None: the
+            scene's own `simulation.effort`.
         breakpoints: times (s) at which a function jumps or bends.
 
     Raises:
@@ -60,6 +62,8 @@ def make_effort(
                 "(t, q, v), constants, or (times, values)"
             )
         effort = scene.simulation.effort
+    if isinstance(effort, Effort):
+        return replace(effort, breakpoints=np.union1d(effort.breakpoints, own))
     if callable(effort):
         return Effort(effort, own)
     if isinstance(effort, Mapping):

@@ -177,7 +177,7 @@ class Motion:
             work = float(np.trapezoid((self.effort * drives).sum(axis=1), self.t))
             loss = -np.trapezoid(self.friction * sites, self.t, axis=0)
         change = total(-1) - total(0)
-        return Energy(work, change, loss, work - change - float(loss.sum()))
+        return Energy(float(work), change, loss, float(work - change - loss.sum()))
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all columns with names: t, positions, then `<name>.<quantity>`."""

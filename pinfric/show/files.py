@@ -104,6 +104,6 @@ def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
     taken = [name for name in names if (folder / name).is_dir()]
     if taken:
         raise PinfricError(
-            f"{folder}: cannot be written: {', '.join(taken)} there is a folder, and a file of "
+            f"{folder}: cannot be written: {', '.join(taken)} is a folder in there, and a file of "
             "that name is to be written; move it, or name another folder"
         )

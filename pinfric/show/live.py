@@ -16,6 +16,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -216,9 +217,7 @@ class LiveReplay:
     def watch(
         self, effort: EffortLike = None, breakpoints: Sequence[float] | None = None
     ) -> dict[str, Any]:
-        """Return the `effort` and `breakpoints` of a simulation that is shown while it runs.
-
-        To `simulate` the efforts are then a function, for which it takes shorter steps.
+        """Return the `effort` argument of a simulation that is shown while it runs.
 
         Args:
             effort, breakpoints: as `simulate` takes them; None: the scene's own efforts.
@@ -232,7 +231,7 @@ class LiveReplay:
             self(t, q, v)
             return made.function(t, q, v)
 
-        return {"effort": effort_shown, "breakpoints": made.breakpoints}
+        return {"effort": replace(made, function=effort_shown)}
 
     def show(
         self, q: np.ndarray, v: np.ndarray | None = None, modes: np.ndarray | None = None

@@ -43,8 +43,8 @@ def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn,
     Raises:
         TrajectoryError: planar, spherical or floating joints, which files cannot describe.
     """
-    moving = [(name, joint) for name, joint in zip(model.names, model.joints, strict=True)
-              if joint.nv > 0 and name != "universe"]  # fmt: skip
+    joints = list(zip(model.names, model.joints, strict=True))[1:]  # the first is the ground
+    moving = [(name, joint) for name, joint in joints if joint.nv > 0]
     several = [f"{name} ({joint.nv} degrees of freedom)" for name, joint in moving if joint.nv > 1]
     if several:
         raise TrajectoryError(
