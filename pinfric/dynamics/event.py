@@ -17,7 +17,7 @@ from pinfric.dynamics.record import Recorder, along
 from pinfric.dynamics.system import Chart, Settings, System, difference
 from pinfric.errors import AccelerationError, SimulationError
 
-#: Looks at the guards within a step, both ends included.
+#: Least number of looks at the guards within a step, both ends included.
 _LOOKS = 6
 #: Instants closer than this, relative to the time, are one.
 _SAME_TIME = 1e-12
@@ -219,7 +219,7 @@ class EventIntegration:
         if not self.ws.tables.dry.any():
             self._guards_at_end = np.zeros(self.nc)
             return None
-        times = np.linspace(start, end, _LOOKS)
+        times = np.linspace(start, end, max(_LOOKS, 1 + int((end - start) / self.settings.look)))
         states = polynomial(times)
         values = np.array([self._guards(t, states[:, i]) for i, t in enumerate(times)])
         self._guards_at_end = values[-1]

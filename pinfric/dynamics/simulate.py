@@ -69,7 +69,7 @@ def simulate(
         dt: step of `timestepping` (s).
         sample_step: time between samples (s); None gives 1001 of them. `event` adds one at every
             event; `timestepping` takes the nearest step.
-        max_step: longest step of `event` and `regularized` (s); None gives t_end / 20, t_end / 50
+        max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, t_end / 50
             for an effort function: what changes within less time than its sixth part may go
             unnoticed.
         breakpoints: times (s) at which an effort function jumps or bends; tables know theirs.
@@ -91,7 +91,8 @@ def simulate(
     q, v = _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints)
     if max_step is None:
-        settings = replace(settings, max_step=_longest_step(made, settings.t_end))
+        longest = _longest_step(made, settings.t_end)
+        settings = replace(settings, max_step=longest, look=settings.t_end / 250)
     applied = applied_wrenches(scene, external, 1)
     carried = None if attached is None else tuple(attached)
     system = System(make_workspace(scene, carried), made, applied)
@@ -110,7 +111,7 @@ def simulate(
 
 def _longest_step(effort: Effort, t_end: float) -> float:
     """Longest step (s): short enough to see what efforts do, as far as that is known."""
-    return t_end / 50 if effort.finest is None else min(t_end / 20, effort.finest)
+    return t_end / 50 if effort.finest is None else min(t_end / 4, effort.finest)
 
 
 def _run(
@@ -161,6 +162,7 @@ def _settings(
         atol=float(atol),
         dt=float(dt),
         max_step=t_end if max_step is None else float(max_step),
+        look=t_end,
         sample_step=t_end / 1000 if sample_step is None else float(sample_step),
         regularization_velocity=float(regularization_velocity),
         max_events=int(max_events),

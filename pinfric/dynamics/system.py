@@ -91,13 +91,14 @@ def difference(model: pin.Model, start: np.ndarray, end: np.ndarray) -> np.ndarr
 
 @dataclass(frozen=True)
 class Settings:
-    """How a simulation is run; see `simulate`."""
+    """How a simulation is run; see `simulate`. `look`: longest time between looks at guards (s)."""
 
     t_end: float
     rtol: float
     atol: float
     dt: float
     max_step: float
+    look: float
     sample_step: float
     regularization_velocity: float
     max_events: int
