@@ -74,7 +74,9 @@ def pair_rates(scene: Scene, states: States, part: slice, checked: slice) -> Pai
     return out
 
 
-def _check(linkage: Linkage, state: LoopState, here: slice, checked: slice) -> None:
+def _check(
+    linkage: Linkage, state: LoopState, here: slice, checked: slice, slack: float = 1.0
+) -> None:
     samples = np.arange(here.start, here.stop)
     inside = np.logical_and(samples >= checked.start, samples < checked.stop)
     for drive in linkage.drives:
@@ -85,7 +87,7 @@ def _check(linkage: Linkage, state: LoopState, here: slice, checked: slice) -> N
                 raise StateError(f"cylinder {drive.name!r}: its ends coincide at sample {sample}: "
                                  "it has no direction there")  # fmt: skip
     for row, loop in enumerate(linkage.loops):
-        tilted = np.logical_and(state.tilt[:, row] > NEARLY_CLOSED, inside)
+        tilted = np.logical_and(state.tilt[:, row] > slack * NEARLY_CLOSED, inside)
         if loop.kind == "planar_pin" and tilted.any():
             sample = int(np.argmax(tilted))
             raise StateError(
@@ -96,11 +98,11 @@ def _check(linkage: Linkage, state: LoopState, here: slice, checked: slice) -> N
             )
     rows, pairs = linkage.lambdas, linkage.column_pair[linkage.lambdas]
     turning = np.abs(linkage.unit[rows, 3:]).max(axis=1, initial=0.0) > 0
-    allowed = np.where(turning, NEARLY_CLOSED, NEARLY_CLOSED * linkage.size)
+    allowed = slack * np.where(turning, NEARLY_CLOSED, NEARLY_CLOSED * linkage.size)
     figures = (
         ("is open", np.abs(state.gap[:, rows]), allowed, ("m", "rad")),
         ("is violated by the velocities", np.abs(state.rate[:, rows]),
-         _MOTION * state.scale[:, pairs, 0] + 1e-12, ("m/s", "rad/s")),
+         slack * _MOTION * state.scale[:, pairs, 0] + 1e-12, ("m/s", "rad/s")),
         ("is violated by the accelerations", np.abs(state.rate_derivative[:, rows]),
          _MOTION * state.scale[:, pairs, 1] + 1e-9, ("m/s^2", "rad/s^2")),
     )  # fmt: skip
@@ -144,8 +146,8 @@ def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarra
     return drives, sites
 
 
-def check_closed(scene: Scene, q: np.ndarray, v: np.ndarray) -> None:
-    """Refuse a state (nq,), (nv,) that the loops do not allow.
+def check_closed(scene: Scene, q: np.ndarray, v: np.ndarray, slack: float = 1.0) -> None:
+    """Refuse a state (nq,), (nv,) that the loops do not allow, `slack` times the usual tolerance.
 
     Raises:
         LoopMotionError: a loop is open, or violated by the velocities; says by how much.
@@ -153,7 +155,7 @@ def check_closed(scene: Scene, q: np.ndarray, v: np.ndarray) -> None:
     assert scene.linkage is not None
     state = loop_state(scene.twin(), scene.linkage, q[None], v[None], np.zeros((1, len(v))))
     state.rate_derivative[:] = 0.0  # accelerations are not given
-    _check(scene.linkage, state, slice(0, 1), slice(0, 1))
+    _check(scene.linkage, state, slice(0, 1), slice(0, 1), slack)
 
 
 def independent_joints(scene: Scene, q: np.ndarray) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics.consistency import ROUNDING
 from pinfric.dynamics.crossing import first_crossing
 from pinfric.dynamics.modes import Found
 from pinfric.dynamics.record import Recorder, along
@@ -201,8 +200,7 @@ class EventIntegration:
     def _slack(self) -> np.ndarray:
         """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
         speeds = np.abs(self.y[self.ws.nv :]).max(initial=0.0)
-        limits = self.ws.most - self.ws.least
-        return np.where(self.ws.modes.stuck, ROUNDING * limits, 1e-15 * speeds)
+        return np.where(self.ws.modes.stuck, self.ws.friction_rounding(), 1e-15 * speeds)
 
     def _allow(self) -> None:
         """After a change of modes: what is below zero now was handled, and does not fire again."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pinfric.dynamics.closure import check_closed
 from pinfric.dynamics.reactions import applied_wrenches
 from pinfric.dynamics.result import Status
 from pinfric.dynamics.states import States
@@ -72,12 +73,16 @@ def forward_dynamics(
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:
-        StateError: a wrong shape, a value not finite.
+        StateError: a wrong shape, a value not finite; a loop that is open or that the velocities
+            violate (`LoopMotionError`), a toggle (`ToggleError`).
         NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
         RollMomentError: a guide without width is loaded by a moment about its axis.
     """
     ws = workspace(scene, attached)
     q, v, effort = _checked(ws, q, v, effort)
+    if scene.loops and np.isfinite(q).all() and np.isfinite(v).all():
+        # what an integrator hands to an effort function obeys loops to its tolerance only
+        check_closed(scene, q, v, slack=1e3)
     ws.solve(q, v, effort, applied_wrenches(scene, external, 1) if external else None)
     if ws.tables.guides:
         ws.check_roll_moments()

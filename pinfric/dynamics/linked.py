@@ -16,7 +16,7 @@ import numpy as np
 
 from pinfric.dynamics import rest
 from pinfric.dynamics.assembly import NOT_FINITE, SINGULAR, write_laws
-from pinfric.dynamics.consistency import site_friction, stick_limits
+from pinfric.dynamics.consistency import ROUNDING, site_friction, stick_limits
 from pinfric.dynamics.constrained import make_layout
 from pinfric.dynamics.linked_assembly import (
     balance,
@@ -41,6 +41,8 @@ from pinfric.model.twin import embed
 _STOP = 100.0
 #: A joint whose share in the mechanism's motion is this small stands at its dead centre.
 _IDLE = 1e-4
+#: So small a share is none.
+_DEAD = 1e-13
 
 
 class LinkedWorkspace(Workspace):
@@ -226,6 +228,9 @@ class LinkedWorkspace(Workspace):
         Raises:
             ToggleError: the loops leave more freedoms here than elsewhere.
         """
+        if not (np.isfinite(q).all() and np.isfinite(v).all() and np.isfinite(effort).all()):
+            self._refuse(NOT_FINITE, q, v, effort)
+        self._given = q, v, effort, applied, step
         self.run_batch(q, v, applied)
         self._move(q, v)
         X, J = self._act()
@@ -274,13 +279,17 @@ class LinkedWorkspace(Workspace):
         p.rate_scale[:] = np.abs(offset) + scale * (terms @ np.abs(self.a_slope))
         # a joint that stands still while the mechanism moves is at its dead centre
         share = np.abs(D @ Z).max(axis=1, initial=0.0)
-        m.idle[:] = share <= _IDLE * np.abs(D).max(axis=1) * np.abs(Z).max(initial=0.0)
+        size = np.abs(D).max(axis=1) * np.abs(Z).max(initial=0.0)
+        m.idle[:] = share <= _IDLE * size
+        dead = share <= _DEAD * size
+        m.factor[:, dead], p.rate_slope[dead], p.rate_slope[:, dead] = 0.0, 0.0, 0.0
 
     def _write_laws(self, rates: np.ndarray, implicit: bool) -> None:
         """Write every entry's coefficients; a ball's depend on its speed, its drag on its rates."""
         t = self.tables
-        write_laws(self.speeds(rates) if self._balls.size else rates, t.law, self._numbers,
-                   self.problem, implicit)  # fmt: skip
+        of_ball = self.mechanism.ball
+        moving = np.where(of_ball, self.speeds(rates), rates) if self._balls.size else rates
+        write_laws(moving, t.law, self._numbers, self.problem, implicit)  # fmt: skip
         if self._balls.size and not implicit:
             ball = self.mechanism.ball[t.entry_coordinate]
             self.problem.drag[ball] = t.law[ball, 6] * rates[t.entry_coordinate[ball]]
@@ -308,7 +317,7 @@ class LinkedWorkspace(Workspace):
             t.displacement_ratio, t.displacement_shift, G, p.contact_free, p.contact_slope,
         )  # fmt: skip
         if not finite:
-            self._refuse(NOT_FINITE, q, q, effort)
+            self._refuse(NOT_FINITE, q, self._given[1], effort)
 
     def _least(self, G: np.ndarray, N: np.ndarray) -> np.ndarray:
         """Free multipliers with the least sum of |F|^2 + |M / l|^2 over all joints (design 2.2)."""
@@ -333,7 +342,7 @@ class LinkedWorkspace(Workspace):
         m.stuck[:] = m.at_rest
         self._face(rates, speed, ~m.stuck)
         m.direction[m.stuck] = 0.0
-        found = rest.search(self.problem, m, self.mechanism)
+        found = self.search()
         if found != Found.SOLVED:
             raise self.failure(found, q, v, effort)
         self.finish()
@@ -386,7 +395,34 @@ class LinkedWorkspace(Workspace):
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> Found:
         """Search the modes of what is at rest; see `modes.search`, `rest.search`."""
-        return rest.search(self.problem, self.modes, self.mechanism, forced, held)
+        found = rest.search(self.problem, self.modes, self.mechanism, forced, held)
+        if found == Found.SOLVED:
+            self._leave_dead_centres()
+        return found
+
+    def _leave_dead_centres(self) -> None:
+        """Let joints that rest at their dead centre slip the way the mechanism takes them.
+
+        Their own rates are exactly zero and decide nothing: what they are a moment later, with the
+        velocities v = a dt, has the sign of the rate at v = a.
+        """
+        m = self.modes
+        dead = m.at_rest & m.stuck & ~self.mechanism.factor.any(axis=0)
+        q, v, effort, applied, step = self._given
+        a = self.a_free + self.a_slope @ m.friction
+        if step > 0.0 or not dead.any() or np.abs(a).max(initial=0.0) <= 1e-12 * self._terms():
+            return
+        kept = m.copy()
+        self.assemble(q, a, effort, applied)
+        way = np.sign(self.problem.rate_free[dead])
+        self.assemble(q, v, effort, applied)
+        m.stuck[dead], m.direction[dead], m.at_rest[dead] = way == 0.0, way, False
+        if rest.solve(self.problem, m, self.mechanism)[1] != 1:
+            m.take(kept)
+
+    def _terms(self) -> float:
+        """Size of the accelerations that may cancel."""
+        return float(np.abs(self.a_free).max(initial=0.0)) + 1e-300
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`."""
@@ -439,6 +475,12 @@ class LinkedWorkspace(Workspace):
 
     def _site_of(self, row: int) -> int:
         return int(self.tables.entry_site[row])
+
+    def friction_rounding(self) -> np.ndarray:
+        """Return how far friction (nc,) may be off by rounding, of the loads that cancel, too."""
+        slope = np.diag(self.problem.rate_slope)
+        terms = self.problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
+        return np.asarray(ROUNDING * (self.most - self.least + terms))
 
     @property
     def guards(self) -> np.ndarray:

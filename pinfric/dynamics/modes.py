@@ -128,7 +128,7 @@ def search(
                 status = Found.NOT_CONVERGED
             if obeying > 1:
                 return Found.AMBIGUOUS
-            if obeying == 1 and not any(_same(modes, other) for other in consistent):
+            if obeying == 1 and not any(same(modes, other) for other in consistent):
                 consistent.append(modes.copy())
         if len(consistent) > 1 and held is not None:
             stay = held & ~np.isin(np.arange(len(held)), list(forced))
@@ -195,8 +195,8 @@ def _candidates(
             yield
 
 
-def _same(one: Modes, other: Modes) -> bool:
-    """Whether two solutions are one acceleration (a coordinate at the limit slips at rate 0)."""
+def same(one: Modes, other: Modes) -> bool:
+    """Return whether two solutions are one acceleration (what is at its limit slips at rate 0)."""
     difference = np.abs(one.friction - other.friction).max(initial=0.0)
     size = max(np.abs(one.friction).max(initial=0.0), np.abs(other.friction).max(initial=0.0))
     return bool(difference <= _SAME * size)

@@ -13,8 +13,9 @@ reaches 1. Joints that rest independently of each other are left to `modes.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
 
@@ -51,7 +52,9 @@ class Mechanism:
     def groups(self, stuck: np.ndarray) -> list[np.ndarray]:
         """Return the coordinates that stick and share their friction, group by group."""
         held = np.flatnonzero(stuck)
-        if held.size == 0 or (held.size == 1 and not self.ball[held[0]]):
+        if held.size == 0:
+            return []
+        if held.size == 1 and not self.ball[held[0]] and self.factor[:, held[0]].any():
             return []
         A = _normalized(self.factor[:, held])
         together = np.abs(A.T @ A) > RANK
@@ -96,6 +99,8 @@ def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, in
         return found, obeying
     step = _Shared(problem, modes, mechanism, groups)
     start = np.zeros(len(modes.stuck))
+    if step.sharp < 1e-12 and np.isfinite(modes.friction).all():
+        start[:] = modes.friction  # exact whatever it starts from
     x, passes = _fixed_point(step, start, step.sharp)
     if x is None and step.possible:
         step.follows_loads = False
@@ -151,6 +156,9 @@ class _Shared:
             new[self.alone] = -np.linalg.lstsq(p.rate_slope[here], rate[self.alone], rcond=None)[0]
             rate = p.rate_free + p.rate_slope @ new
         for i, (group, basis, A) in enumerate(self.groups):
+            if not len(A):  # what cannot move at all needs no friction
+                new[group] = self.push[group] = 0.0
+                continue
             # rates of the group are A^T s: what does not fit cannot be held together
             s = A @ rate[group]
             terms = p.rate_scale[group] + np.abs(p.rate_slope[group]) @ np.abs(new)
@@ -205,7 +213,7 @@ class _Shared:
             over = (size > limit + noise) & m.at_rest[group]
             if over.any():
                 used = size / np.where(limit > 0.0, limit, 1e-300)
-                over &= used >= (1.0 - 1e-3) * used.max()
+                over &= used >= (1.0 - 1e-3) * used[over].max()
             m.verdict[group] = np.where(over, np.where(way[group] < 0.0, -1, 1), 0)
         return int((m.verdict != 0).sum())
 
@@ -265,13 +273,47 @@ def search(
         problem, modes, forced, held: see `modes.search`.
         mechanism: `Mechanism`.
     """
-    free, forced = modes.at_rest.copy(), forced or {}
+    forced = forced or {}
+    if not mechanism.is_dependent(modes.at_rest):
+        return _search_independent(problem, modes, mechanism, forced, held)
+    passing = _passing(problem, modes, mechanism)
+    modes.at_rest[passing] = modes.stuck[passing] = False
+    modes.direction[passing] = np.sign(problem.rate_free[passing])
+    at_rest = modes.at_rest.copy()
+    for _ in range(3):
+        found = _search_dependent(problem, modes, mechanism, forced, held)
+        if (modes.direction[passing] * modes.rate[passing] >= 0.0).all():
+            break
+        modes.at_rest[:] = at_rest
+        modes.direction[passing] = np.sign(modes.rate[passing])
+    return found
+
+
+def _passing(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
+    """(nc,) bool: joints at rest only because the mechanism passes their dead centre."""
+    A, moves = _normalized(mechanism.factor), ~modes.at_rest
+    led = (np.abs(A.T @ A[:, moves]) > RANK).any(axis=1)
+    led |= ~A.any(axis=0) & (problem.rate_free != 0.0)
+    return modes.at_rest & mechanism.idle & led
+
+
+def _search_dependent(
+    problem: Problem,
+    modes: Modes,
+    mechanism: Mechanism,
+    forced: Mapping[int, float],
+    held: np.ndarray | None,
+) -> Found:
+    """Everything at rest sticks; what is beyond its limit breaks away. See `search`."""
+    free = modes.at_rest.copy()
     if not mechanism.is_dependent(free):
         return _search_independent(problem, modes, mechanism, forced, held)
     modes.stuck[free], modes.direction[free] = True, 0.0
     for c, direction in forced.items():
         modes.stuck[c], modes.direction[c] = False, direction
     found = follow(problem, modes, mechanism, set(forced))
+    if found in (Found.NONE, Found.NOT_CONVERGED):
+        found = _enumerate(problem, modes, mechanism, free, forced, found)
     if found == Found.SOLVED and mechanism.factor.shape[0] == 1 and not modes.stuck[free].any():
         return _unless_backwards(problem, modes, mechanism, free)
     return found
@@ -311,6 +353,54 @@ def _unless_backwards(
     return Found.AMBIGUOUS if backwards else Found.SOLVED
 
 
+def _enumerate(
+    problem: Problem,
+    modes: Modes,
+    mechanism: Mechanism,
+    free: np.ndarray,
+    forced: Mapping[int, float],
+    otherwise: Found,
+) -> Found:
+    """All modes of up to `MOST_ENUMERATED` joints, the fewest slipping first (design 2.5)."""
+    joints = np.unique(mechanism.block[free])
+    if len(joints) > independent.MOST_ENUMERATED:
+        return otherwise
+    others = [int(j) for j in joints if j not in forced]
+    for level in range(len(others) + 1):
+        consistent: list[Modes] = []
+        for _ in _candidates(modes, mechanism, free, forced, others, level):
+            for _ in range(_CHANGES):
+                solutions, obeying = solve(problem, modes, mechanism)
+                if solutions <= 0 or not _turn_balls(problem, modes, mechanism):
+                    break
+            obeys = solutions > 0 and (obeying == 1 or not modes.verdict.any())
+            if obeys and not any(independent.same(modes, other) for other in consistent):
+                consistent.append(modes.copy())
+        if consistent:
+            modes.take(consistent[0])
+            return Found.SOLVED if len(consistent) == 1 else Found.AMBIGUOUS
+    return otherwise
+
+
+def _candidates(
+    modes: Modes,
+    mechanism: Mechanism,
+    free: np.ndarray,
+    forced: Mapping[int, float],
+    others: list[int],
+    level: int,
+) -> Iterator[None]:
+    """Write all modes with `level` joints slipping beside the forced ones, one after the other."""
+    for slipping in combinations(others, level):
+        for ways in product(*[(1.0,) if mechanism.ball[j] else (1.0, -1.0) for j in slipping]):
+            modes.at_rest[:], modes.friction[:1] = free, np.nan
+            modes.stuck[free], modes.direction[free] = True, 0.0
+            for c, way in (*forced.items(), *zip(slipping, ways, strict=True)):
+                modes.stuck[mechanism.block == mechanism.block[c]] = False
+                modes.direction[c] = way
+            yield
+
+
 def follow(
     problem: Problem, modes: Modes, mechanism: Mechanism, fixed: set[int] | None = None
 ) -> Found:
@@ -343,7 +433,7 @@ def follow(
         else:
             last = mechanism.block[wrong[-1]]
             wrong = [c for c in wrong if mechanism.block[c] == last]
-        alone = [c for c in wrong if mechanism.idle[c] and len(wrong) == 1]
+        alone = [c for c in wrong if mechanism.idle[c] and len(wrong) == 1 and not modes.stuck[c]]
         modes.direction[alone] *= -1.0  # at its dead centre a joint turns round
         for c in wrong if not alone else []:
             sticks = modes.verdict[c] == SHOULD_STICK
@@ -383,6 +473,6 @@ def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
             modes.verdict[here] = SHOULD_STICK
             continue
         towards = -new / np.linalg.norm(new)
-        turned = turned or bool(np.abs(towards - modes.direction[here]).max() > 1e-10)
+        turned = turned or bool(np.abs(towards - modes.direction[here]).max() > 1e-8)
         modes.direction[here] = towards
     return turned

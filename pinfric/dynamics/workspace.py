@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.assembly import FREE, GIVEN, NOT_FINITE, assemble, finish, solve_instant
+from pinfric.dynamics.consistency import ROUNDING
 from pinfric.dynamics.modes import MOST_ENUMERATED, Found, Modes, only_candidate, pivot, search
 from pinfric.dynamics.problem import Problem, contact_maps, empty_problem
 from pinfric.dynamics.reactions import AppliedWrench, Batch, relieve
@@ -325,6 +326,10 @@ class Workspace:
         """Write modes of sites (ns,) as modes of their coordinates."""
         self.modes.direction[self.tables.coordinate] = modes * np.sign(self.tables.ratio)
         self.modes.stuck[:] = (self.modes.direction == 0.0) & self.tables.dry
+
+    def friction_rounding(self) -> np.ndarray:
+        """Return how far friction (nc,) may be off by rounding (N m or N)."""
+        return np.asarray(ROUNDING * (self.most - self.least))
 
     @property
     def guards(self) -> np.ndarray:
