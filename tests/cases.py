@@ -297,3 +297,40 @@ def painleve_rod(mu, angle, mass=1.0, length=0.6, speed=1.0, g=9.81):
     free = mass * g / (1 + 3 * np.cos(angle) ** 2)
     q, v = np.array([[0.0, -angle]]), np.array([[speed, 0.0]])
     return Case(scene, q, v, 0 * v, known={"free": free})
+
+
+def boxer(cylinders=2, angle=0.0, rate=0.0, mu=0.1, brake=0.05):
+    """Opposed pistons on one crank without gravity; both are at their dead centres at once.
+
+    Args:
+        cylinders: 1 leaves one piston out.
+        angle, rate: of the crank (rad, rad/s).
+        brake: constant friction of the crank (N m).
+    """
+    model = grounded_model((0.0, 0.0, 0.0))
+    crank = add_link(model, 0, pin.JointModelRZ(), pin.SE3.Identity(), "crank", bar(1.0, 0.2, -0.1))
+    friction = {"crank": {"coulomb": {"static": brake, "kinetic": brake}}}
+    loops, guess = [], [angle]
+    guide = {"bearing": {"kind": "guide", "length": 0.1, "width": 0.1},
+             "mu": {"static": mu, "kinetic": mu}}  # fmt: skip
+    tilt = -np.arcsin(0.1 / 0.3 * np.sin(angle))
+    for k, side in ((1, 1.0), (2, -1.0))[:cylinders]:
+        add_link(model, crank, pin.JointModelRZ(), shifted(side * 0.1), f"rod_{k}", bar(0.4, 0.3))
+        turned = pin.SE3(pin.rpy.rpyToMatrix(0, 0, 0 if side > 0 else np.pi), np.zeros(3))
+        body = pin.Inertia(0.5, np.zeros(3), 1e-3 * np.eye(3))
+        add_link(model, 0, pin.JointModelPX(), turned, f"piston_{k}", body)
+        loops.append({"name": f"wrist_{k}", "kind": "planar_pin",
+                      "a": {"link": f"rod_{k}", "xyz": [0.3, 0, 0]},
+                      "b": {"link": f"piston_{k}"}})  # fmt: skip
+        friction |= {f"rod_{k}": pin_friction(mu), f"piston_{k}": guide,
+                     f"wrist_{k}": pin_friction(mu)}  # fmt: skip
+        guess += [tilt + (0.0 if side > 0 else np.pi) - angle,
+                  0.1 * np.cos(angle) + 0.3 * np.cos(tilt)]  # fmt: skip
+    scene = pf.Scene(model=model, friction=friction, loops=loops, actuators=[{"joint": "crank"}])
+    q0 = pin.neutral(model)
+    names = ["crank", *(f"{part}_{k}" for k in (1, 2)[:cylinders] for part in ("rod", "piston"))]
+    for name, position in zip(names, guess, strict=True):
+        q0[model.joints[model.getJointId(name)].idx_q] = position
+    q = scene.close(q0, ["crank"])[None]
+    v, a = consistent_motion(scene, q, ["crank"], np.array([[rate]]), np.zeros((1, 1)))
+    return Case(scene, q, v, a)

@@ -261,7 +261,8 @@ class EventIntegration:
         if len(stopped) < len(fired):
             self.system.solve_given_modes(self.t, q, v)
             way = ws.way_out()
-            forced = {int(c): float(way[c]) for c in fired if modes.stuck[c]}
+            broken = ws.breaking_with(fired[modes.stuck[fired]])
+            forced = {int(c): float(way[c]) for c in broken}
         modes.at_rest[:] = modes.stuck
         modes.at_rest[stopped] = True
         self.system.assemble(self.t, q, v)

@@ -387,6 +387,10 @@ class LinkedWorkspace(Workspace):
             out[here] = parts[here].sum()
         return out
 
+    def breaking_with(self, fired: np.ndarray) -> np.ndarray:
+        """Return the coordinates that break away when those in `fired` do: one freedom's, all."""
+        return self.mechanism.companions(self.modes.stuck, fired)
+
     def way_out(self) -> np.ndarray:
         """Return the direction (nc,) in which what sticks would break away."""
         return self.mechanism.way.copy()

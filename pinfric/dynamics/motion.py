@@ -167,8 +167,7 @@ class Motion:
         data = model.createData()
 
         def total(i: int) -> float:
-            kinetic = pin.computeKineticEnergy(model, data, self.q[i], self.v[i])
-            return float(kinetic + pin.computePotentialEnergy(model, data, self.q[i]))
+            return mechanical_energy(model, data, self.q[i], self.v[i])
 
         if self.dense is not None:
             work, loss = self.dense.integrate(self)
@@ -250,6 +249,17 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
         carried=None if about["carried"] is None else tuple(about["carried"]),
         **arrays,
     )
+
+
+def mechanical_energy(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> float:
+    """Return kinetic and potential energy (J); Pinocchio's own do not know mimic joints."""
+    if any(joint.shortname() == "JointModelMimic" for joint in model.joints[1:]):
+        M = np.triu(pin.crba(model, data, q))
+        kinetic = v @ M @ v - 0.5 * v @ (np.diag(M) * v)
+        centre = pin.centerOfMass(model, data, q)
+        return float(kinetic - pin.computeTotalMass(model) * model.gravity.linear @ centre)
+    kinetic = pin.computeKineticEnergy(model, data, q, v)
+    return float(kinetic + pin.computePotentialEnergy(model, data, q))
 
 
 def scene_digests(scene: Scene) -> dict[str, str]:

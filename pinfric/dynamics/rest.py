@@ -9,6 +9,11 @@ used more than it must be: of all x that hold, the one with the least t in
 (limit analysis). With one freedom all joints are used alike, x_k = -t limit_k sign(A_k); with
 several, only those are that would move in the weakest direction w, which is what breaks away when t
 reaches 1. Joints that rest independently of each other are left to `modes.py`.
+
+Limits depend on loads, loads on friction: t is a stationary value, with one freedom by its own
+conditions, with several by freezing the limits again and again. In spatial mechanisms whose loads
+depend strongly on friction it can lie above the least, and break-away up to some 2 % of inverse
+dynamics' interval before its end.
 """
 
 from __future__ import annotations
@@ -70,6 +75,15 @@ class Mechanism:
             if self.ball[held[group]].any() or _rank(A[:, group]) < group.sum():
                 found.append(held[group])
         return found
+
+    def companions(self, stuck: np.ndarray, fired: np.ndarray) -> np.ndarray:
+        """Return `fired` and what sticks with them in a group of one freedom."""
+        broken = np.zeros(len(stuck), dtype=bool)
+        broken[fired] = True
+        for group in self.groups(stuck):
+            if broken[group].any() and _rank(_normalized(self.factor[:, group])) == 1:
+                broken[group[self.factor[:, group].any(axis=0)]] = True
+        return np.flatnonzero(broken)
 
     def is_dependent(self, stuck: np.ndarray) -> bool:
         """Return whether some of these coordinates can only move together."""

@@ -302,6 +302,10 @@ class Workspace:
         """Return parts (nc,) summed over the coordinates of each joint."""
         return parts
 
+    def breaking_with(self, fired: np.ndarray) -> np.ndarray:
+        """Return the coordinates that break away when those in `fired` do: they alone."""
+        return fired
+
     def way_out(self) -> np.ndarray:
         """Return the direction (nc,) in which what sticks would break away: against friction."""
         x = self.modes.friction

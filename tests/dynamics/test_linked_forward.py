@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from cases import (
     ball_tripod,
+    boxer,
     drawer_forces,
     drawer_scene,
     four_bar_of_masses,
@@ -29,7 +30,9 @@ from pinfric.dynamics.closure import consistent_motion
 from pinfric.dynamics.sharing import share
 from pinfric.errors import (
     AmbiguousAcceleration,
+    LoopMotionError,
     NoConsistentAcceleration,
+    StateError,
     ToggleError,
 )
 from pinfric.study.scene_run import start_state
@@ -288,3 +291,52 @@ def test_without_friction_it_is_pinocchio_s_constrained_dynamics():
         for pair, constraint in enumerate(datas):
             force = np.linalg.norm(instant.multipliers[3 * pair : 3 * pair + 3])
             assert force == pytest.approx(np.linalg.norm(constraint.contact_force.linear), rel=1e-8)
+
+
+# ---------------------------------------------------------------- what a reviewer found
+
+
+def test_a_brake_is_overcome_although_nothing_loads_the_pins():
+    """No gravity: all loads are rounding, and 0.05 N m at the crank is all that holds."""
+    case = boxer(cylinders=1, angle=1.0)
+    held = pf.forward_dynamics(case.scene, case.q[0], 0 * case.v[0], [0.04])
+    assert (held.a == 0.0).all()
+    gone = pf.forward_dynamics(case.scene, case.q[0], 0 * case.v[0], [0.8])
+    assert gone.a[0] > 10.0
+    assert (gone.modes != 0).all()
+
+
+def test_viscous_friction_beside_a_ball_opposes_the_motion():
+    case = ball_tripod()
+    friction = {**case.scene.friction, "arm": {"viscous": 0.5}}
+    scene = pf.Scene(model=case.scene.model, loops=case.scene.loops, friction=friction,
+                     actuators=case.scene.actuators)  # fmt: skip
+    arm = scene.site_names.index("arm")
+    for q, v in zip(case.q, case.v, strict=True):
+        instant = pf.forward_dynamics(scene, q, v, [0.0, 0.0])
+        assert instant.friction[arm] == pytest.approx(-0.5 * v[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-9, 1e-7, 1e-5])
+@pytest.mark.parametrize("rate", [0.0, 1.0, 10.0])
+def test_two_pistons_pass_their_dead_centres_at_once(offset, rate):
+    """Opposed pistons at rest while the crank turns: the limit from both sides, and at rest."""
+    case = boxer(cylinders=2, angle=offset, rate=rate)
+    beside = boxer(cylinders=2, angle=3e-5, rate=rate)
+    instants = [pf.forward_dynamics(c.scene, c.q[0], c.v[0], [0.8]) for c in (case, beside)]
+    assert instants[0].a[0] == pytest.approx(instants[1].a[0], rel=1e-3)
+    pistons = [case.scene.site_names.index(f"piston_{k}") for k in (1, 2)]
+    assert (instants[0].modes[pistons] == -1).all()  # both leave inwards
+
+
+def test_states_that_are_open_or_not_numbers_are_refused_by_name():
+    case = turning_four_bar(1)
+    q, v = case.q[0], case.v[0]
+    with pytest.raises(LoopMotionError, match=r"'B' is open.*by 0\.0"):
+        pf.forward_dynamics(case.scene, q + 0.1, v, [0.0])
+    with pytest.raises(LoopMotionError, match=r"'B' is violated by the velocities"):
+        pf.forward_dynamics(case.scene, q, v + 0.1, [0.0])
+    for name, state in (("q", (q * np.nan, v, [0.0])), ("v", (q, v * np.nan, [0.0])),
+                        ("effort", (q, v, [np.inf]))):  # fmt: skip
+        with pytest.raises(StateError, match=f"{name}: column 0 is"):
+            pf.forward_dynamics(case.scene, *state)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from cases import boxer
+from dynamics.test_forward import mimic_scene
 from mechanisms import add_link, bar, four_bar, grounded_model, shifted
 
 import pinfric as pf
@@ -213,3 +215,32 @@ def test_a_motion_goes_to_a_file_and_back_and_knows_its_loops(tmp_path):
                      actuators=scene.actuators, simulation=scene.simulation)  # fmt: skip
     with pytest.raises(pf.PinfricError, match="loops"):
         pf.load_motion(path, other)
+
+
+def test_one_freedom_breaks_away_at_once_although_nothing_loads_its_pins():
+    """Ramp 0.2 t against a brake of 0.05 N m: at 0.25 s, all four joints, and none before."""
+    case = boxer(cylinders=1, angle=1.0)
+    motion = pf.simulate(case.scene, case.q[0], 0 * case.v[0], lambda t, q, v: [0.2 * t], 0.4)
+    slips = [event for event in motion.events if event.kind == "slip"]
+    assert {event.name for event in slips} == {"crank", "rod_1", "piston_1", "wrist_1"}
+    for event in slips:
+        assert event.time == pytest.approx(0.25, abs=1e-9)
+
+
+def test_a_boxer_runs_through_its_dead_centres():
+    case = boxer(cylinders=2, angle=-0.5, rate=10.0)
+    motion = pf.simulate(case.scene, case.q[0], case.v[0], [0.8], 1.0)
+    energy = motion.energy()
+    assert motion.status == "finished"
+    assert abs(energy.residual) < 1e-5 * energy.work
+    turns = [event.time for event in motion.events if event.name == "piston_1"]
+    others = [event.time for event in motion.events if event.name == "piston_2"]
+    assert len(turns) >= 3
+    assert turns == pytest.approx(others, abs=1e-6)
+
+
+def test_energy_of_mimic_joints_is_balanced():
+    scene = mimic_scene()
+    motion = pf.simulate(scene, [0.0], [2.0], [0.5], 0.4)
+    energy = motion.energy()
+    assert abs(energy.residual) < 1e-9 * (abs(energy.work) + energy.friction_loss.sum())
