@@ -117,6 +117,7 @@ def solve_coupled(
         interval_exact=answer.exact,
         redundant=layout.solved > len(layout.rest),
         actuator_velocity=drive_rates[0][:, :, 0],
+        actuator_acceleration=drive_rates[0][:, :, 1],
     )
 
 

@@ -96,7 +96,8 @@ class InverseResult:
             (a search by single flips), a coupled ball sticks, or a sample has several solutions.
         redundant: the loops close more directions than are independent: reactions are those of
             least sum of |F|^2 + |M/l|^2 over all joints (design 2.2).
-        actuator_velocity: (T, na) rate of what each drive moves (rad/s or m/s).
+        actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s, and
+            per second).
 
     With loops, cylinders or forces, wrenches, multipliers and loads depend on the friction: where
     something sticks they are those of the state in which what sticks has none.
@@ -123,6 +124,7 @@ class InverseResult:
     interval_exact: np.ndarray = None  # type: ignore[assignment]  # filled below
     redundant: bool = False
     actuator_velocity: np.ndarray = None  # type: ignore[assignment]  # filled below
+    actuator_acceleration: np.ndarray = None  # type: ignore[assignment]  # filled below
 
     def __post_init__(self) -> None:
         # an open chain with joint drives: its intervals are the paper's, its drives the joints
@@ -130,6 +132,7 @@ class InverseResult:
             object.__setattr__(self, "interval_exact", np.ones(len(self.status), dtype=bool))
         if self.actuator_velocity is None:
             object.__setattr__(self, "actuator_velocity", self.states.v)
+            object.__setattr__(self, "actuator_acceleration", self.states.a)
 
     @property
     def critical_mu(self) -> np.ndarray:

@@ -211,6 +211,9 @@ def _temperature(
     if figures is None or figures.mean_temperature is None:
         missing = lacking or "thermal resistances, torque constant and resistance"
         return compare(name, None, rise, "K", formula, source, missing)
+    if np.isinf(max(figures.mean_temperature, figures.peak_temperature or 0.0)):  # whatever the limit
+        return Criterion(name, Status.FAILS, np.inf, rise, "K", _LEAST_MARGIN, formula, source,
+                         "runs away: the heat grows faster with temperature than it is led off")  # fmt: skip
     peak = figures.peak_temperature
     if peak is not None:
         note = f"reaches {peak:.4g} C" if np.isfinite(peak) else "runs away"

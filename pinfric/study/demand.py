@@ -10,7 +10,7 @@ from pinfric.dynamics.inverse import reversals
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.model.scene import Scene
-from pinfric.study.summary import effort_unit, ends_by_magnitude, rms, sites_on
+from pinfric.study.summary import effort_unit, ends_by_magnitude, rms
 
 
 @dataclass(frozen=True)
@@ -116,9 +116,8 @@ def drive_cycle(result: InverseResult, actuator: int, holding: np.ndarray) -> Dr
     """
     if result.t is None or len(result.t) < 2:
         raise StateError("sizing needs a motion with times and at least two samples")
-    column = result.scene.drives[actuator].velocity_index
     stick = _stick_velocity(result.scene, actuator)
-    velocity = result.states.v[:, column]
+    velocity = result.actuator_velocity[:, actuator]  # a cylinder's rate is no joint's
     turns = reversals(velocity[:, None], np.array([stick]))[:, 0]
     return DriveCycle(
         t=result.t,
@@ -126,7 +125,7 @@ def drive_cycle(result: InverseResult, actuator: int, holding: np.ndarray) -> Dr
         effort_upper=result.effort_upper[:, actuator].copy(),
         effort_frictionless=result.effort_frictionless[:, actuator].copy(),
         velocity=velocity,
-        acceleration=result.states.a[:, column],
+        acceleration=result.actuator_acceleration[:, actuator],
         at_rest=turns | (np.abs(velocity) <= stick),
         holding=holding,
         stick_velocity=stick,
@@ -142,7 +141,8 @@ def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
     """
     limits = np.full(v.shape[1], scene.stick_velocity)
     for i, drive in enumerate(scene.drives):
-        limits[drive.velocity_index] = _stick_velocity(scene, i)
+        if drive.velocity_index >= 0:  # a cylinder moves no column of its own
+            limits[drive.velocity_index] = _stick_velocity(scene, i)
     still = (np.abs(v) <= limits).all(axis=1)
     for first, last in runs(still):
         if first == last:
@@ -235,7 +235,9 @@ def _power(t: np.ndarray, one: np.ndarray, other: np.ndarray) -> Power:
 
 def _stick_velocity(scene: Scene, actuator: int) -> float:
     """The stick velocity of the site on the drive's own joint, else the scene's default."""
-    for s in sites_on(scene, actuator):
-        if scene.sites[s].ratio == 1.0:
-            return scene.sites[s].law.stick_velocity
+    drive = scene.drives[actuator]
+    for site in scene.sites:
+        own = site.name == drive.name or 0 <= drive.velocity_index == site.velocity_index
+        if own and site.ratio == 1.0:
+            return site.law.stick_velocity
     return scene.stick_velocity

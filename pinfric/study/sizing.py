@@ -62,6 +62,7 @@ class JointSizing:
         nearest: where none fits, the candidate that comes nearest.
         choice_without_masses: what would have been chosen without the drives' mass.
         choice_frictionless: what would have been chosen without friction in the joints.
+        lacking: why there are no candidates, where a catalogue was given; else empty.
     """
 
     demand: JointDemand
@@ -74,6 +75,7 @@ class JointSizing:
     nearest: Assessment | None = None
     choice_without_masses: Assessment | None = None
     choice_frictionless: Assessment | None = None
+    lacking: str = ""
 
     @property
     def name(self) -> str:
@@ -88,8 +90,10 @@ class JointSizing:
     @property
     def miss(self) -> str:
         """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
-        if self.choice is not None or not self.assessments:
+        if self.choice is not None or (not self.assessments and not self.lacking):
             return ""
+        if not self.assessments:
+            return f"{self.name}: nothing to choose from: {self.lacking}"
         if self.nearest is None:
             lacking = self.assessments[0]
             return (f"{self.name}: no candidate could be judged; {lacking.candidate.name}: "
@@ -273,14 +277,27 @@ class _Sizing:
             self.hold = _holds(self.scene, self.trajectory, result.states.v)
         cycle = drive_cycle(result, i, self.hold)
         demand = joint_demand(result, i, cycle)
-        inertia = None if self.scene.loops else float(inertias[i])
+        tree = _joint(self.scene, i) is not None and not self.scene.loops
+        inertia = float(inertias[i]) if tree else None
         ranked: tuple[Assessment, ...] = ()
         if self.catalog is not None and _joint(self.scene, i) is not None:
             hand = _depth(self.scene, i) > _BASE_AXES
             ranked = assess(self.catalog, self.conditions, demand, cycle, inertia, hand)
         choice = ranked[0] if ranked and ranked[0].fits else None
+        lacking = "" if ranked else self._no_candidates(i, demand.unit)
         return JointSizing(demand, cycle, demand, inertia, None, ranked, choice,
-                           None if choice else nearest_miss(ranked))  # fmt: skip
+                           None if choice else nearest_miss(ranked), lacking=lacking)  # fmt: skip
+
+    def _no_candidates(self, i: int, unit: str) -> str:
+        """Why there is nothing to choose from; empty without a catalogue."""
+        if self.catalog is None:
+            return ""
+        if _joint(self.scene, i) is None:
+            return "motors and gears are for joints of one axis, not for cylinders and forces"
+        if not self.catalog.motors and not self.catalog.gearmotors:
+            return f"{self.catalog.source} has no motors"
+        output = "linear" if unit == "N" else "rotary"
+        return f"{self.catalog.source} has no gear with a {output} output"
 
     def _compared(self, joint: JointSizing, plain: JointSizing) -> JointSizing:
         """The joint, with what would have been chosen without masses, and without friction."""

@@ -31,7 +31,7 @@ from pinfric.study.sweep_cycle import Block, Study, compute
 #: Connecting takes milliseconds; an address that does not answer is said within 10 s.
 _CONNECT_TIMEOUT = 4
 #: What Dask raises for an address that is none, that nobody answers, or that is no scheduler's.
-_NOT_REACHED = (OSError, ValueError, ImportError, TypeError)
+_NOT_REACHED = (OSError, ValueError, ImportError, TypeError, MemoryError)
 #: Starting workers of this machine: imports on a slow disk.
 _START_TIMEOUT = 120
 #: Without any worker for this long, a cluster is taken to be gone.

@@ -303,7 +303,37 @@ def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
     motion = pf.Trajectory.from_arrays(scene, [0.0, 1.0], q, zero, zero)
     report = pf.size(scene, motion, one_drive(tmp_path))
     assert [joint.choice for joint in report.joints] == [None] * 3
-    assert report.misses == ()
+    assert len(report.misses) == 3
+    assert "nothing to choose from: motors and gears are for joints of one axis" in report.misses[0]
+
+
+def test_cylinders_are_sized_by_their_own_rate():
+    """Independent: lengths from Pinocchio's frames; rates by differences, work by trapezoids."""
+    scene = pf.load_scene("excavator")
+    motion = pf.load_trajectory("excavator.waypoints.yaml", scene)
+    report = pf.size(scene, motion)
+    result = pf.inverse_dynamics(scene, motion)
+    model, data = scene.model, scene.model.createData()
+    ends = [(a.cylinder.a, a.cylinder.b) for a in scene.actuators]
+    length = np.empty((len(motion.t), 3))
+    for i, q in enumerate(motion.q):
+        pin.framesForwardKinematics(model, data, q)
+        for k, (a, b) in enumerate(ends):
+            at = [data.oMf[model.getFrameId(end.link)].act(np.array(end.xyz)) for end in (a, b)]
+            length[i, k] = np.linalg.norm(at[1] - at[0])
+    rate = np.gradient(length, motion.t, axis=0, edge_order=2)
+    np.testing.assert_allclose(result.actuator_velocity, rate, atol=2e-3 * np.abs(rate).max())
+    for k, joint in enumerate(report.joints):
+        assert joint.demand.speed == pytest.approx(np.abs(rate[:, k]).max(), rel=5e-3)
+        assert joint.load_inertia is None
+
+
+def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp_path):
+    scene = pf.load_scene("excavator")
+    motion = pf.load_trajectory("excavator.waypoints.yaml", scene)
+    report = pf.size(scene, motion, "default")
+    assert len(report.misses) == 3
+    assert report.misses[0].startswith("boom_cylinder: nothing to choose from: motors and gears are")
 
 
 def test_panda_takes_heavier_drives_once_drives_have_mass(panda):
