@@ -95,6 +95,8 @@ class EventIntegration:
         """Return d(xi, v)/dt (2 nv,) in the present modes."""
         nv = self.ws.nv
         q, v = self._state(y)
+        if self.ws.locked and not v.any():
+            return np.zeros(2 * nv)
         out = np.empty(2 * nv)
         out[nv:] = self.system.solve_given_modes(t, q, v)
         out[:nv] = self.chart.rate(y[:nv], v)

@@ -454,12 +454,14 @@ class LinkedWorkspace(Workspace):
         """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
         m, t = self.modes, self.tables
         self.a[:] = self.a_free + self.a_slope @ m.friction
+        self.locked = False
         if m.stuck.any():
             self.a[t.coordinate_v[m.stuck & (t.coordinate_v >= 0)]] = 0.0
             factor = self.mechanism.factor
             size = np.linalg.svd(factor[:, m.stuck], compute_uv=False)
             if int((size > RANK * size[:1]).sum()) == len(factor):
                 self.a[:] = 0.0  # nothing can move
+                self.locked = True
         x = np.empty(1 + len(m.friction))
         x[0], x[1:] = 1.0, m.friction
         self.multipliers[:] = self._multipliers @ x

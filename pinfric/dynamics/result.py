@@ -96,8 +96,8 @@ class InverseResult:
             (a search by single flips), a coupled ball sticks, or a sample has several solutions.
         redundant: the loops close more directions than are independent: reactions are those of
             least sum of |F|^2 + |M/l|^2 over all joints (design 2.2).
-        actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s, and
-            per second).
+        actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
+            and per second).
 
     With loops, cylinders or forces, wrenches, multipliers and loads depend on the friction: where
     something sticks they are those of the state in which what sticks has none.

@@ -115,6 +115,7 @@ class Workspace:
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6) of the solution: accelerations,
             friction, normal load and wrench of each site.
         multipliers: (nl,) forces that close loops; none in an open chain.
+        locked: whether what sticks lets nothing move (known where joints are linked).
         turns_balls: whether the friction of balls that slip is pointed against their motion.
         least, most: (nc,) static limits of the friction x.
         site_modes: (ns,) int8, -1, 0, 1.
@@ -125,7 +126,7 @@ class Workspace:
         self.twin: Twin = scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
         self.multipliers = np.zeros(0)
-        self.turns_balls = True
+        self.turns_balls, self.locked = True, False
         self._make(scene)
 
     def _make(self, scene: Scene) -> None:
