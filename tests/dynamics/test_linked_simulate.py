@@ -50,27 +50,32 @@ def residuals(motion):
     return [np.abs(x[:, rows]).max() for x in (state.gap, state.rate, state.rate_derivative)]
 
 
+# Safeguard: what the integration leaves open is closed after every step and in every sample.
+# Without (`obey` returns what it is given): gaps of 0.06 m, 0.21 m and 0.09 m after 100 s.
 @pytest.mark.parametrize("method", METHODS)
 def test_loops_stay_closed_for_a_hundred_seconds(method):
-    """The issue's bound is 1e-10 m; the frictionless pendulum also keeps its period."""
-    scene = parallelogram_scene()
-    options = {"event": {"rtol": 1e-6, "atol": 1e-8}, "timestepping": {"dt": 0.02},
-               "regularized": {"rtol": 1e-3, "atol": 1e-5}}[method]  # fmt: skip
-    step = 0.1 if method == "event" else 1.0
-    motion = pf.simulate(scene, swing(0.3), np.zeros(3), [0.0], 100.0, method, sample_step=step,
-                         **options)  # fmt: skip
+    """The issue's bound is 1e-10 m; the four-bar swings without friction."""
+    scene, _ = four_bar(friction={})
+    q = scene.close(np.array([-1.2, 1.0, 1.5]), ["O"])
+    options = {"event": {"rtol": 1e-5, "atol": 1e-7}, "timestepping": {"dt": 0.02},
+               "regularized": {"rtol": 1e-2, "atol": 1e-4}}[method]  # fmt: skip
+    motion = pf.simulate(scene, q, np.zeros(3), [0.0], 100.0, method, sample_step=1.0, **options)
     gap, rate, _ = residuals(motion)
     assert gap < 1e-10
     assert rate < 1e-10
-    assert np.abs(motion.q[-1]).max() < 4.0
-    if method == "event":
-        from scipy.special import ellipk
+    assert np.ptp(motion.q[:, 0]) > 0.5  # and it did swing
 
-        period = 4 * ellipk(np.sin(0.15) ** 2) / np.sqrt(STIFFNESS)
-        down = np.flatnonzero((motion.v[:-1, 0] > 0) & (motion.v[1:, 0] <= 0))  # turns at +0.3
-        assert len(down) == int(100.0 / period)
-        turns = [np.interp(0.0, -motion.v[i : i + 2, 0], motion.t[i : i + 2]) for i in down]
-        assert np.diff(turns).mean() == pytest.approx(period, rel=1e-4)
+
+def test_a_parallelogram_swings_with_the_period_of_its_pendulum():
+    from scipy.special import ellipk
+
+    motion = pf.simulate(parallelogram_scene(), swing(0.3), np.zeros(3), [0.0], 20.0,
+                         sample_step=0.05)  # fmt: skip
+    period = 4 * ellipk(np.sin(0.15) ** 2) / np.sqrt(STIFFNESS)
+    turns = np.flatnonzero((motion.v[:-1, 0] > 0) & (motion.v[1:, 0] <= 0))  # at +0.3
+    assert len(turns) == int(20.0 / period)
+    times = [np.interp(0.0, -motion.v[i : i + 2, 0], motion.t[i : i + 2]) for i in turns]
+    assert np.diff(times).mean() == pytest.approx(period, rel=1e-4)
 
 
 def pendulum_with_constant_friction(start, torque, t_end):
@@ -142,6 +147,8 @@ def test_energy_is_balanced_with_load_dependent_friction_in_a_loop():
     assert abs(energy.residual) < 1e-7 * energy.friction_loss.sum()
 
 
+# Safeguard: what stops one joint of a freedom stops all of it. Without: only two of the four joints
+# are said to stick.
 def test_all_that_runs_out_stops_at_once():
     """One freedom: when one joint of the slider-crank stops, all four do, at the same instant."""
     motion = run_scene(pf.load_scene("slider_crank"))
@@ -218,6 +225,8 @@ def test_a_motion_goes_to_a_file_and_back_and_knows_its_loops(tmp_path):
         pf.load_motion(path, other)
 
 
+# Safeguard: guards know the rounding of loads that cancel, and one freedom's joints break away
+# together. Without: a wrist "slips" alone at 6e-8 s, then a rod and a piston.
 def test_one_freedom_breaks_away_at_once_although_nothing_loads_its_pins():
     """Ramp 0.2 t against a brake of 0.05 N m: at 0.25 s, all four joints, and none before."""
     case = boxer(cylinders=1, angle=1.0)
@@ -228,6 +237,8 @@ def test_one_freedom_breaks_away_at_once_although_nothing_loads_its_pins():
         assert event.time == pytest.approx(0.25, abs=1e-9)
 
 
+# Safeguard: joints at rest only because the mechanism passes their dead centre are not taken for a
+# mechanism at rest. Without: no acceleration is found at the first dead centre.
 def test_a_boxer_runs_through_its_dead_centres():
     case = boxer(cylinders=2, angle=-0.5, rate=10.0)
     motion = pf.simulate(case.scene, case.q[0], case.v[0], [0.8], 1.0)
