@@ -10,6 +10,7 @@ import numpy as np
 from pinfric.dynamics.result import runs
 from pinfric.show.plots import thinned
 from pinfric.study.assess import Assessment
+from pinfric.study.catalog import Conditions
 from pinfric.study.drivetrain import Ratings
 from pinfric.study.sizing import JointSizing, SizingReport
 from pinfric.study.summary import ends_by_magnitude
@@ -42,7 +43,7 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
         top = max(top, 1.1 * ratings.peak_torque)
     top = min(top, _MOST_SHRUNK * most) if most > 0 else top
     reach = _speed_reach(ratings, voltage, float(np.abs(speed).max()))
-    data = _envelope(ratings, voltage, motor.figures.hot, reach, top)
+    data = _envelope(ratings, report.conditions, motor.figures.hot, reach, top)
     keep = thinned([lower, upper, speed], _PIECES)
     wide = keep[(upper - lower)[keep] > 1e-9 * max(most, 1e-12)]
     bars_x, bars_y = _bars(speed[wide], lower[wide], upper[wide])
@@ -154,10 +155,12 @@ def _speed_reach(ratings: Ratings, voltage: float, used: float) -> float:
 
 
 def _envelope(
-    ratings: Ratings, voltage: float, hot: float, reach: float, top: float
+    ratings: Ratings, conditions: Conditions, hot: float, reach: float, top: float
 ) -> list[dict[str, Any]]:
     """What the motor can do: the line of the bus voltage cut by peak torque, and continuously."""
-    data = []
+    data, voltage = [], conditions.bus_voltage
+    name = "envelope" if ratings.has_line else "envelope (no speed-torque line known)"
+    continuous, _ = ratings.continuous_at(conditions)
     fastest = ratings.speed_limit(voltage)[0]
     end = reach if fastest is None else min(fastest, reach)
     speed = np.linspace(-end, end, 201)
@@ -166,9 +169,9 @@ def _envelope(
         x = np.concatenate([speed, speed[::-1], speed[:1]])
         y = np.concatenate([limit, -limit, limit[:1]])
         y = np.clip(y, -2 * top, 2 * top)
-        data.append(_line(_short(x), _short(y), "envelope", _GREEN, 1, fill="toself",
+        data.append(_line(_short(x), _short(y), name, _GREEN, 1, fill="toself",
                           fillcolor="rgba(0,158,115,0.10)", hoverinfo="skip"))  # fmt: skip
-    for text, torque, dash in (("continuous torque", ratings.continuous_torque, "dash"),
+    for text, torque, dash in (("continuous torque", continuous, "dash"),
                                ("peak torque", ratings.peak_torque, "dot")):  # fmt: skip
         if torque is not None and torque <= 1.3 * top:
             ends = [-reach, reach, None, -reach, reach]

@@ -8,9 +8,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pinfric.errors import PinfricError
 from pinfric.show.files import write_file
-from pinfric.show.report import digits, span
+from pinfric.show.report import digits
 from pinfric.show.sizing_figures import (
     Figure,
     effort_over_time,
@@ -18,7 +20,14 @@ from pinfric.show.sizing_figures import (
     temperature,
     torque_speed,
 )
-from pinfric.show.sizing_report import ROUNDING, ratio_figures, tightest
+from pinfric.show.sizing_report import (
+    ROUNDING,
+    beside,
+    passes,
+    ratio_figures,
+    span_beside,
+    tightest,
+)
 from pinfric.study.assess import Assessment
 from pinfric.study.criteria import Criterion, Status
 from pinfric.study.sizing import JointSizing, SizingReport
@@ -27,6 +36,8 @@ from pinfric.study.sizing import JointSizing, SizingReport
 _NONE = "\N{EN DASH}"
 #: Rejected candidates are listed nearest first; beyond this many only counted.
 _MOST_REJECTED = 100
+#: Margins below are of something infinite, or of a limit of nothing.
+_BEYOND = -1e6
 
 
 def sizing_page(report: SizingReport) -> str:
@@ -43,7 +54,7 @@ def sizing_page(report: SizingReport) -> str:
         loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    environment.filters.update(digits=_digits, percent=_percent, formula=_formula)
+    environment.filters.update(digits=_digits, beside=_beside, percent=_percent, formula=_formula)
     figures: dict[str, Figure] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
     t = report.result.t
@@ -56,6 +67,7 @@ def sizing_page(report: SizingReport) -> str:
         samples=len(t),
         joints=joints,
         matrix=_matrix(report),
+        passes=passes(report),
         sources=_sources(report),
         plotly=offline.get_plotlyjs(),
         figures=_script_safe(figures),
@@ -113,8 +125,8 @@ def _joint_view(
         "tightest": None if taken is None else tightest(taken),
         "fitting": fitting, "rejected": rejected[:_MOST_REJECTED],
         "more_rejected": max(len(rejected) - _MOST_REJECTED, 0),
-        "rms": span(d.rms_least, d.rms),
-        "holding": _NONE if d.holding is None else span(*d.holding),
+        "rms": span_beside(d.rms_least, d.rms, d.peak),
+        "holding": _NONE if d.holding is None else span_beside(*d.holding, d.peak),
         "without_masses": _name(joint.choice_without_masses),
         "frictionless": _name(joint.choice_frictionless),
         "ratios": None if taken is None else ratio_figures(joint, taken),
@@ -156,12 +168,20 @@ def _script_safe(figures: dict[str, Figure]) -> str:
 def _digits(x: float | None) -> str:
     if x is None:
         return _NONE
+    if np.isinf(x):
+        return "\N{INFINITY}"
     return digits(x) if abs(x) > ROUNDING else "0"
+
+
+def _beside(x: float | None, scale: float) -> str:
+    return _NONE if x is None else beside(x, scale)
 
 
 def _percent(x: float | None) -> str:
     if x is None:
         return _NONE
+    if x <= _BEYOND:
+        return "beyond any limit"
     return f"{100 * x:.0f} %" if x > -10 else f"{1 - x:.3g} times the limit"
 
 

@@ -21,12 +21,17 @@ if TYPE_CHECKING:
 
 #: Efforts below (N m, N) are rounding.
 ROUNDING = 1e-9
+#: Efforts below this part of the joint's peak print as 0, not as 3.2e-6 beside 0.249.
+_VISIBLE = 1e-4
 #: Longer names of joints are folded.
 _WIDEST_NAME = 13
 
 
 def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str, Any]:
     """Return everything `pinfric size --json` prints; SI units, None for what is not known.
+
+    `holding` is [least, worst] effort while every joint of the robot stands still; what a joint
+    that stands while others move must bear is in `breakaway` and, at its motor, `motor.standing`.
 
     Args:
         report: of `size`.
@@ -143,6 +148,7 @@ def sizing_report(report: SizingReport) -> list[RenderableType]:
         parts += [Text(), _choice_table(report), Text()]
         parts += [Text(line) for line in _changes(report)]
         parts += [Text(f"! {line}", style="bold red") for line in report.misses]
+        parts += [Text(), *(Text(f"note: {line}") for line in report.notes)]
     return parts
 
 
@@ -160,10 +166,10 @@ def _demand_table(report: SizingReport) -> Table:
     for joint in report.joints:
         d = joint.demand
         table.add_row(
-            d.name, digits(d.peak), span(d.rms_least, d.rms),
-            f"{_digits(d.peak_frictionless)}, {_digits(d.rms_frictionless)}",
-            "-" if d.holding is None else span(*d.holding),
-            "-" if d.breakaway is None else digits(d.breakaway),
+            d.name, digits(d.peak), span_beside(d.rms_least, d.rms, d.peak),
+            f"{beside(d.peak_frictionless, d.peak)}, {beside(d.rms_frictionless, d.peak)}",
+            "-" if d.holding is None else span_beside(*d.holding, d.peak),
+            "-" if d.breakaway is None else beside(d.breakaway, d.peak),
             digits(d.speed),
         )  # fmt: skip
     return table
@@ -193,13 +199,21 @@ def _choice_table(report: SizingReport) -> Table:
 
 def tightest(assessment: Assessment) -> Criterion | None:
     """Return the criterion with the least margin, or None where none was compared."""
-    compared = [c for c in assessment.criteria if c.margin is not None and c.name != "back-driving"]
+    compared = [c for c in assessment.criteria if c.scaled]
     return min(compared, key=lambda c: c.margin or 0.0, default=None)
+
+
+def passes(report: SizingReport) -> str:
+    """Return how the choice of drives ended, in words."""
+    count = f"{report.passes} pass" + "es" * (report.passes != 1)
+    return (
+        f"settled after {count}" if report.settled else f"not settled after {count}: it alternates"
+    )
 
 
 def _changes(report: SizingReport) -> list[str]:
     """What the drives' own mass changed, and what neglecting friction would have bought."""
-    lines = [f"{digits(report.drive_mass)} kg of drives; settled after {report.passes} passes"]
+    lines = [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"]
     for joint in report.joints:
         d, before = joint.demand, joint.demand_without_masses
         if d.rms > 1.05 * before.rms:
@@ -229,9 +243,14 @@ def _table(report: SizingReport, title: str) -> Table:
     return table
 
 
-def _digits(x: float) -> str:
-    """As `digits`; what is rounding is 0."""
-    return digits(x) if abs(x) > ROUNDING else "0"
+def beside(x: float, scale: float) -> str:
+    """Return x as `digits` does; what vanishes beside `scale`, of the same unit, is 0."""
+    return digits(x, zero=max(ROUNDING, _VISIBLE * scale))
+
+
+def span_beside(least: float, worst: float, scale: float) -> str:
+    """Return "least–worst" as `span` does; what vanishes beside `scale` is 0."""
+    return span(least, worst, zero=max(ROUNDING, _VISIBLE * scale))
 
 
 def _name(assessment: Assessment | None) -> str | None:

@@ -53,9 +53,8 @@ class Assessment:
 
     @cached_property
     def margin(self) -> float:
-        """The least margin of what was checked (back-driving has no scale of that kind)."""
-        margins = [c.margin for c in self.criteria if c.margin is not None and c.unit]
-        margins += [c.margin for c in self.criteria if c.name == "inertia ratio" and c.margin]
+        """The least margin of what was checked and has a scale (`Criterion.scaled`)."""
+        margins = [c.margin for c in self.criteria if c.margin is not None and c.scaled]
         return min(margins, default=0.0)
 
     @property

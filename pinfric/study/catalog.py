@@ -3,12 +3,15 @@
 A figure that is missing stays missing: every criterion that needs it says so (`criteria`). SI units
 throughout, temperatures in degrees Celsius; `grade` R is a figure read at the maker's own document,
 T one retyped by a third party.
+
+A file with `extends: default` adds to the bundled catalogue: its entries go before bundled ones of
+the same name, its conditions apply.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -22,6 +25,7 @@ from pinfric.model.yamlfile import read_yaml
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[1] / "catalog"
+_SECTIONS = ("motors", "gears", "gearmotors", "bearings")
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
 REFERENCE_TEMPERATURE = 25.0
 
@@ -203,7 +207,7 @@ class Conditions(Entry):
         bus_voltage: V, at the motors' terminals.
         ambient: deg C.
         peak_factor: reserve on the peak torque (20 to 30 % are usual).
-        inertia_ratio: largest load inertia at the motor's shaft / rotor inertia.
+        inertia_ratio: largest J_load/(ratio^2 (J_motor + J_gear input)).
         life: L10 of the gears, hours (default: a strain wave gear at its rated torque and speed).
         back_driving: whether the load must be able to move the motor, must not, or may.
         max_winding: deg C, for motors whose maker prints no limit; None leaves it unchecked.
@@ -230,6 +234,7 @@ class CatalogFile(Entry):
     """A whole catalogue file."""
 
     pinfric_catalog: Literal[1]
+    extends: Literal["default"] | None = None
     motors: dict[str, Motor] = Field(default_factory=dict)
     gears: dict[str, Gear] = Field(default_factory=dict)
     gearmotors: dict[str, GearMotor] = Field(default_factory=dict)
@@ -258,6 +263,8 @@ class Catalog:
 def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     """Read a catalogue: a YAML file, or "default" for the bundled motors, gears and bearings.
 
+    A file that says `extends: default` has the bundled entries beside its own.
+
     Args:
         name: the file.
 
@@ -268,20 +275,13 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         PinfricWarning: a figure is so unusual that a wrong unit is likelier.
     """
     if str(name) == DEFAULT and not Path(name).is_file():
-        files = [_read(path) for path in sorted(_FOLDER.glob("*.yaml"))]
-        catalog = Catalog(
-            DEFAULT,
-            motors={k: v for f in files for k, v in f.motors.items()},
-            gears={k: v for f in files for k, v in f.gears.items()},
-            gearmotors={k: v for f in files for k, v in f.gearmotors.items()},
-            bearings={k: v for f in files for k, v in f.bearings.items()},
-        )
+        catalog = _merged(DEFAULT, _bundled())
     else:
         file = _read(Path(name))
-        if not (file.motors or file.gears or file.gearmotors or file.bearings):
-            raise CatalogError(f"{name}: no motors, gears, gearmotors or bearings in it")
-        catalog = Catalog(str(name), file.motors, file.gears, file.gearmotors, file.bearings,
-                          file.conditions or Conditions())  # fmt: skip
+        if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
+            raise CatalogError(f"{name}: no motors, gears, gearmotors or bearings in it; "
+                               "`extends: default` takes the bundled ones")  # fmt: skip
+        catalog = _merged(str(name), [*(_bundled() if file.extends else ()), file])
     for where, text in _doubts(catalog):
         warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
     return catalog
@@ -304,6 +304,19 @@ def parse_conditions(
     except SceneError as problem:
         raise CatalogError(str(problem)) from None
     return conditions
+
+
+def _bundled() -> list[CatalogFile]:
+    return [_read(path) for path in sorted(_FOLDER.glob("*.yaml"))]
+
+
+def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
+    """All entries of the files; of the same name, and of the conditions, the last file's."""
+    entries = {
+        section: {name: entry for file in files for name, entry in getattr(file, section).items()}
+        for section in _SECTIONS
+    }
+    return Catalog(source, **entries, conditions=files[-1].conditions or Conditions())
 
 
 def _read(path: Path) -> CatalogFile:
@@ -345,12 +358,25 @@ _USUAL = {
     "no_load_running_torque": (1e-5, 50.0, "N m", "N cm"),
     "ratio": (1.0, 2e3, "motor turns per output turn", "output turns per motor turn"),
 }
+#: The same for the input of a gear, which turns slower than the fastest motors.
+_USUAL_OF_GEARS = {
+    "rated_speed": (1.0, 1e3, "rad/s", "rpm"),
+    "no_load_speed": (1.0, 1e3, "rad/s", "rpm"),
+}
 #: Radius of gyration sqrt(J/m) of a rotor over the whole mass, m, and rotor inertia per continuous
 #: torque, s^2: far beyond real motors on both sides (4e-3 m and 4e-5 s^2 are usual).
 _GYRATION = (2e-4, 0.15)
 _INERTIA_PER_TORQUE = (1e-7, 2e-2)
 #: Continuous torque per mass, N m/kg: bare motors reach 5 to 10, geared ones 100.
 _TORQUE_PER_MASS = {"motors": (5e-3, 40.0), "gearmotors": (5e-2, 500.0)}
+#: Continuous torque x greatest speed per mass, W/kg: servo motors reach 1000; rpm is 9.5 times it.
+_POWER_PER_MASS = 3e3
+#: Maximum speed over that at the nominal voltage: slow windings reach 8; rpm is 9.5 times it.
+_SPEED_OVER_NOMINAL = 9.0
+#: k omega_0/U and T_stall R/(k U), both about 1.
+_BACK_EMF, _STALL = (0.5, 2.0), (0.3, 3.0)
+#: s: windings of gram motors take longer to warm.
+_LEAST_WINDING_TIME = 1.0
 
 
 def _doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
@@ -358,21 +384,26 @@ def _doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
     for section in ("motors", "gears", "gearmotors"):
         for name, entry in getattr(catalog, section).items():
             where = f"{section}.{name}"
-            for text in (*_beyond_usual(entry), *_beyond_proportion(section, entry)):
+            for text in (*_beyond_usual(section, entry), *_beyond_proportion(section, entry)):
                 yield where, text
-            thermal = getattr(entry, "thermal", None)
-            if thermal is not None and (thermal.max_winding or 0) > 250:
-                yield where, f"max_winding = {thermal.max_winding:g} C: kelvin entered?"
+            if section != "gears":
+                yield from ((where, text) for text in _speeds_beyond_proportion(section, entry))
+            if section == "motors":
+                yield from ((where, text) for text in _line_beyond_proportion(entry))
+            if (thermal := getattr(entry, "thermal", None)) is not None:
+                yield from ((f"{where}.thermal", text) for text in _unusual_heat(thermal))
 
 
-def _beyond_usual(entry: Sourced) -> Iterator[str]:
-    for key, (least, greatest, unit, slip) in _USUAL.items():
+def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
+    usual = _USUAL | (_USUAL_OF_GEARS if section == "gears" else {})
+    for key, (least, greatest, unit, slip) in usual.items():
         value = getattr(entry, key, None)
         if value is None or getattr(entry, "output", "") == "linear":
             continue
         for x in value if isinstance(value, tuple) else (value,):
             if not (least <= x <= greatest or (x == 0 and key == "input_inertia")):
-                yield f"{key} = {x:g} {unit} is far from anything usual; {slip} entered?"
+                yield (f"{key} = {x:g} {unit} is far from anything usual, {least:g} to "
+                       f"{greatest:g} {unit}; {slip} entered?")  # fmt: skip
 
 
 def _beyond_proportion(section: str, entry: Any) -> Iterator[str]:
@@ -394,3 +425,52 @@ def _beyond_proportion(section: str, entry: Any) -> Iterator[str]:
         if not low <= torque / mass <= high:
             yield (f"continuous torque {torque:g} N m at {mass:g} kg is {torque / mass:.3g} "
                    "N m/kg; mN m or g entered?")  # fmt: skip
+
+
+def _speeds_beyond_proportion(section: str, entry: Motor | GearMotor) -> Iterator[str]:
+    """Question speeds that do not go with each other, or with torque and mass."""
+    nominal = entry.no_load_speed or entry.rated_speed
+    if entry.max_speed and nominal and entry.max_speed > _SPEED_OVER_NOMINAL * nominal:
+        yield (f"max_speed = {entry.max_speed:g} rad/s is {entry.max_speed / nominal:.3g} times "
+               f"the speed at the nominal voltage, {nominal:g} rad/s; up to "
+               f"{_SPEED_OVER_NOMINAL:g} times expected; rpm entered?")  # fmt: skip
+        return
+    torque, mass = entry.continuous_torque, entry.mass
+    if not (torque and mass) or torque / mass > _TORQUE_PER_MASS[section][1]:
+        return  # the torque or the mass is in question, not the speed
+    for key in ("max_speed", "no_load_speed", "rated_speed"):
+        speed = getattr(entry, key)
+        if speed and torque * speed / mass > _POWER_PER_MASS:
+            yield (f"{key} = {speed:g} rad/s at continuous_torque {torque:g} N m and {mass:g} kg "
+                   f"is {torque * speed / mass:.3g} W/kg; up to {_POWER_PER_MASS:g} W/kg expected; "
+                   "rpm entered?")  # fmt: skip
+
+
+def _line_beyond_proportion(motor: Motor) -> Iterator[str]:
+    """Question a torque constant beside k omega_0 = U, and a stall torque beside k U/R."""
+    k, voltage = motor.torque_constant, motor.nominal_voltage
+    if k is None or voltage is None:
+        return
+    if motor.no_load_speed is not None:
+        expected = voltage / motor.no_load_speed
+        if not _BACK_EMF[0] <= k / expected <= _BACK_EMF[1]:
+            yield (f"torque_constant = {k:g} N m/A; about nominal_voltage/no_load_speed = "
+                   f"{expected:.3g} N m/A expected; one of them in another unit?")  # fmt: skip
+    if motor.stall_torque is not None and motor.resistance is not None:
+        expected = k * voltage / motor.resistance
+        if not _STALL[0] <= motor.stall_torque / expected <= _STALL[1]:
+            yield (f"stall_torque = {motor.stall_torque:g} N m; about torque_constant x "
+                   f"nominal_voltage/resistance = {expected:.3g} N m expected: mN m, or another "
+                   "unit of them?")  # fmt: skip
+
+
+def _unusual_heat(thermal: Thermal) -> Iterator[str]:
+    winding, housing = thermal.winding_time, thermal.housing_time
+    if (thermal.max_winding or 0) > 250:
+        yield f"max_winding = {thermal.max_winding:g} C, at most 250 C expected; kelvin entered?"
+    if winding is not None and winding < _LEAST_WINDING_TIME:
+        yield (f"winding_time = {winding:g} s; more than {_LEAST_WINDING_TIME:g} s expected; "
+               "minutes entered?")  # fmt: skip
+    if winding is not None and housing is not None and winding >= housing:
+        yield (f"winding_time = {winding:g} s; less than housing_time = {housing:g} s expected; "
+               "one of them in ms or minutes, or swapped?")  # fmt: skip

@@ -18,7 +18,7 @@ import numpy as np
 
 from pinfric.study.catalog import Conditions, Gear
 from pinfric.study.demand import DriveCycle, JointDemand, largest
-from pinfric.study.drivetrain import Candidate, MotorCycle, Ratings
+from pinfric.study.drivetrain import Candidate, MotorCycle, Ratings, too_hot
 from pinfric.study.summary import rms
 
 #: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
@@ -29,6 +29,8 @@ _LEAST_MARGIN = -1e9
 #: Why a load inertia is not known.
 _LOOPS = "inertia about a joint of a closed loop"
 _PRACTICE = "common practice of servo drives"
+#: A bus above this many times the nominal voltage is likelier a slip than a choice.
+_MOST_OVERVOLTAGE = 1.5
 
 
 class Status(StrEnum):
@@ -63,8 +65,20 @@ class Criterion:
     note: str = ""
 
     @property
+    def scaled(self) -> bool:
+        """Whether the margin says how tight the drive is.
+
+        Back-driving has no scale; a bus voltage that passes is no tighter the nearer it is.
+        """
+        if self.margin is None or self.name == "back-driving":
+            return False
+        return self.name != "bus voltage" or self.status == Status.FAILS
+
+    @property
     def why(self) -> str:
         """Say in words by how much it fails or passes, or what is missing."""
+        if self.margin is not None and self.margin <= _LEAST_MARGIN and self.note:
+            return f"{self.name}: {self.note}"  # no number says more
         if self.margin is None or self.required is None or self.available is None:
             return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
         relation = "short by" if self.margin < 0 else "in reserve"
@@ -141,12 +155,12 @@ def _motor_criteria(
     output = " at its output" if candidate.at_output else " at its shaft"
     speed = None if motor is None else motor.figures.max_speed
     factor = conditions.peak_factor
+    continuous, _ = ratings.continuous_at(conditions)
     return [
         compare(
-            "continuous torque", None if motor is None else motor.figures.rms,
-            ratings.continuous_torque, "N m",
+            "continuous torque", None if motor is None else motor.figures.rms, continuous, "N m",
             "sqrt(1/T int T_m^2 dt) <= continuous torque" + output, _PRACTICE,
-            lacking or "continuous torque", _holding_note(ratings, motor),
+            lacking or "continuous torque", _continuous_note(ratings, motor, conditions),
         ),
         compare(
             "peak torque", None if motor is None else factor * motor.figures.peak,
@@ -154,21 +168,35 @@ def _motor_criteria(
             "N m", f"{factor:g} max |T_m| <= peak torque" + output, _PRACTICE + ": 20 to 30 %",
             lacking or "peak torque",
         ),
+        _bus_voltage(ratings, conditions),
         _line(ratings, motor, conditions, lacking),
         _speed(ratings, speed, conditions, lacking),
         _temperature(ratings, motor, conditions, lacking),
     ]  # fmt: skip
 
 
-def _holding_note(ratings: Ratings, motor: MotorCycle | None) -> str:
-    """Say when a hold alone exceeds the continuous rating, which assumes that the rotor turns."""
-    limit = ratings.continuous_torque
-    notes = [text for text in ratings.derived if text.startswith("continuous")]
-    holding = None if motor is None else motor.figures.holding
-    if holding is not None and limit is not None and holding[1] > limit:
-        notes.append(f"holds take up to {holding[1]:.3g} N m, above the continuous torque: a "
-                     "stalled motor has hot spots that the mean does not show")  # fmt: skip
+def _continuous_note(ratings: Ratings, motor: MotorCycle | None, conditions: Conditions) -> str:
+    """Say how the rating was found, and when a stop exceeds it: it assumes that the rotor turns."""
+    limit, derated = ratings.continuous_at(conditions)
+    notes = [derated] if derated else []
+    notes += [text for text in ratings.derived if text.startswith("continuous")]
+    standing = None if motor is None else motor.figures.standing
+    if standing is not None and limit and standing > limit:
+        notes.append(
+            f"standing still it takes up to {standing:.3g} N m, above the continuous torque: a "
+            "stalled motor has hot spots that the mean does not show"
+        )
     return "; ".join(notes)
+
+
+def _bus_voltage(ratings: Ratings, conditions: Conditions) -> Criterion:
+    """A motor far below the bus voltage is likelier a wrong entry, and its insulation unproven."""
+    nominal = ratings.nominal_voltage
+    most = None if nominal is None else _MOST_OVERVOLTAGE * nominal
+    return compare("bus voltage", conditions.bus_voltage, most, "V",
+                   f"bus voltage <= {_MOST_OVERVOLTAGE:g} nominal voltage",
+                   "pinfric: question of a motor on a bus it was not made for", "nominal voltage",
+                   "" if nominal is None else f"made for {nominal:g} V")  # fmt: skip
 
 
 def _line(
@@ -202,18 +230,20 @@ def _temperature(
 ) -> Criterion:
     name, formula = "winding temperature", "settled cycle of the two-node model: max T_w - T_a"
     source = "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K"
-    thermal = ratings.thermal
-    limit = None
-    if thermal is not None:
-        limit = thermal.max_winding if thermal.max_winding is not None else conditions.max_winding
+    limit = None if ratings.thermal is None else ratings.max_winding(conditions)
     rise = None if limit is None else limit - conditions.ambient
+    if limit is not None and rise is not None and rise <= 0:
+        return Criterion(name, Status.FAILS, 0.0, rise, "K", _LEAST_MARGIN, formula, source,
+                         too_hot(conditions.ambient, limit))  # fmt: skip
     figures = None if motor is None else motor.figures
     if figures is None or figures.mean_temperature is None:
         missing = lacking or "thermal resistances, torque constant and resistance"
         return compare(name, None, rise, "K", formula, source, missing)
-    if np.isinf(max(figures.mean_temperature, figures.peak_temperature or 0.0)):  # whatever the limit
+    # whatever the limit, and without one
+    if np.isinf(max(figures.mean_temperature, figures.peak_temperature or 0.0)):
+        text = "runs away: the heat grows faster with temperature than it is led off"
         return Criterion(name, Status.FAILS, np.inf, rise, "K", _LEAST_MARGIN, formula, source,
-                         "runs away: the heat grows faster with temperature than it is led off")  # fmt: skip
+                         text)  # fmt: skip
     peak = figures.peak_temperature
     if peak is not None:
         note = f"reaches {peak:.4g} C" if np.isfinite(peak) else "runs away"
@@ -272,6 +302,11 @@ def _life(gear: Gear, ratio: float, demand: JointDemand, conditions: Conditions)
 def _inertia_ratio(
     candidate: Candidate, load_inertia: float | None, conditions: Conditions
 ) -> Criterion:
+    """Load to motor side, max J_load/(ratio^2 (J_motor + J_gear input)).
+
+    The gear's input (a wave generator) counts with the rotor: it sits on the motor's side of the
+    compliance, across which load and motor swing; the rule bounds how unlike they may be.
+    """
     inertia, ratio = candidate.rotor_inertia, None
     missing = ", ".join(candidate.missing) or "rotor inertia"
     if load_inertia is None:
@@ -279,7 +314,9 @@ def _inertia_ratio(
     elif inertia is not None:
         ratio = load_inertia / (candidate.ratio**2 * inertia)
     return compare("inertia ratio", ratio, conditions.inertia_ratio, "",
-                   "max J_load/(ratio^2 J_rotor)", _PRACTICE, missing)  # fmt: skip
+                   "max J_load / (ratio^2 (J_motor + J_gear input))",
+                   _PRACTICE + "; the gear's input is on the motor's side of the compliance",
+                   missing)  # fmt: skip
 
 
 def _resonance(
@@ -301,7 +338,8 @@ def _back_driving(candidate: Candidate, conditions: Conditions) -> Criterion:
     name, formula = "back-driving", "eta_b > 0: the load moves the motor from some effort on"
     source = "Harmonic Drive: back-driving torque must not be counted on to hold a load"
     effort = candidate.back_driving_torque
-    note = "" if effort is None else f"the load moves the motor from {effort:.3g} N m on"
+    unit = "N" if candidate.gear is not None and candidate.gear.output == "linear" else "N m"
+    note = "" if effort is None else f"the load moves the motor from {effort:.3g} {unit} on"
     transmission = candidate.transmission
     known = transmission is not None and (not candidate.at_output or effort is not None)
     if wanted == "any" or not known:
@@ -350,6 +388,8 @@ def resonance(stiffness: float, inertia: float) -> float:
 
 def optimum_ratio_for_inertia(load_inertia: float, rotor_inertia: float) -> float:
     """Return sqrt(J_load/J_rotor): the ratio that accelerates a pure inertia with least torque.
+
+    J_rotor is all that turns at the motor's speed, J_motor + J_gear input.
 
     T_m = (J_load/r + r J_rotor) a is least where both parts are equal.
 

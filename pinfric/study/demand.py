@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,7 +44,8 @@ class JointDemand:
         rms, rms_least: root mean square over the cycle.
         speed, mean_speed: largest and mean |v|, rad/s or m/s.
         mean_cubic: cube root of the speed-weighted mean of |u|^3 (`average_output_effort`).
-        holding: (least, worst) largest effort over the samples of the holds; None without a hold.
+        holding: (least, worst) largest effort over the holds, in which every joint of the robot
+            stands still; None without a hold.
         holding_frictionless: the same without friction.
         breakaway: largest end of the effort interval where the joint is at rest or reverses, load
             included; None where it never rests. breakaway_friction: the part that is friction.
@@ -96,6 +98,11 @@ class DriveCycle:
     holding: np.ndarray
     stick_velocity: float
 
+    @cached_property
+    def standing(self) -> np.ndarray:
+        """(T,) this joint stands still, in two samples or more, whatever the others do."""
+        return _lasting(np.abs(self.velocity) <= self.stick_velocity)
+
     def without_friction(self) -> DriveCycle:
         """Return the same cycle as if the joints had no friction."""
         u = self.effort_frictionless
@@ -143,7 +150,11 @@ def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
     for i, drive in enumerate(scene.drives):
         if drive.velocity_index >= 0:  # a cylinder moves no column of its own
             limits[drive.velocity_index] = _stick_velocity(scene, i)
-    still = (np.abs(v) <= limits).all(axis=1)
+    return _lasting((np.abs(v) <= limits).all(axis=1))
+
+
+def _lasting(still: np.ndarray) -> np.ndarray:
+    """The mask (T,) without lone samples: a zero of the velocity at a reversal is no rest."""
     for first, last in runs(still):
         if first == last:
             still[first] = False

@@ -72,6 +72,29 @@ class Ratings:
         electric = self.torque_constant is not None and self.resistance is not None
         return electric or (self.no_load_speed is not None and self.stall_torque is not None)
 
+    def continuous_at(self, conditions: Conditions) -> tuple[float | None, str]:
+        """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
+
+        T sqrt((T_max - T_a)/(T_max - 25 C)) above 25 C, to which ratings refer: copper loss, in
+        proportion to the torque's square, is led off in proportion to T_max - T_a.
+        """
+        torque, ambient = self.continuous_torque, conditions.ambient
+        if torque is None or ambient <= REFERENCE_TEMPERATURE:
+            return torque, ""
+        hottest = self.max_winding(conditions)
+        if hottest is None:
+            return torque, f"rated at {REFERENCE_TEMPERATURE:g} C, not checked at {ambient:g} C"
+        if ambient >= hottest:
+            return 0.0, too_hot(ambient, hottest)
+        share = ((hottest - ambient) / (hottest - REFERENCE_TEMPERATURE)) ** 0.5
+        return torque * share, f"{share:.3g} of the rating at 25 C: {ambient:g} C around it"
+
+    def max_winding(self, conditions: Conditions) -> float | None:
+        """Return the permissible winding temperature: the maker's, else the conditions', deg C."""
+        if self.thermal is not None and self.thermal.max_winding is not None:
+            return self.thermal.max_winding
+        return conditions.max_winding
+
     def speed_limit(self, bus_voltage: float) -> tuple[float | None, str]:
         """Return the largest permitted speed (rad/s, or None) and what it is, in words.
 
@@ -115,6 +138,11 @@ class Ratings:
         return np.maximum(limit, 0.0)
 
 
+def too_hot(ambient: float, hottest: float) -> str:
+    """Say that a motor cannot lead off anything (deg C)."""
+    return f"the surroundings, {ambient:g} C, are as hot as the winding may be, {hottest:g} C"
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A motor with a gear, or a gearmotor.
@@ -127,7 +155,7 @@ class Candidate:
         transmission: ratio and losses for the dynamics; None where figures are missing.
         missing: the figures missing for the motor's torque.
         mass: kg; None where a part's is not known.
-        rotor_inertia: rotor and gear input at the motor's shaft, kg m^2, or None.
+        rotor_inertia: J_motor + J_gear input at the motor's shaft, kg m^2, or None.
         back_driving_torque: at the output, N m, or None.
         stand_ins: figures taken from other products.
         losses: how the transmission's losses follow from the entry, in words.
@@ -157,11 +185,12 @@ class MotorFigures:
 
     Attributes:
         peak, rms, rms_least: torque, N m. max_speed: rad/s.
-        holding: (least, worst) over the holds, N m; None without a hold.
+        holding: (least, worst) over the holds (all joints at rest), N m; None without a hold.
         peak_temperature: of the winding in the settled cycle, deg C (infinite: it runs away), or
             None where not known. mean_temperature: deg C at the mean heat, or None.
         driving_power, braking_power: peaks of the electrical power from and to the bus, W.
         energy, regenerated: electrical, from and to the bus over a cycle, J; copper loss counted.
+        standing: worst while this joint stands still, whatever the others do, N m; None: never.
     """
 
     peak: float
@@ -175,13 +204,15 @@ class MotorFigures:
     braking_power: float | None
     energy: float | None
     regenerated: float | None
+    standing: float | None = None
 
     @property
     def hot(self) -> float:
-        """The winding's resistance at its hottest over that at 25 C; 1 where not known."""
-        if self.peak_temperature is None or not np.isfinite(self.peak_temperature):
-            return 1.0
-        return 1 + COPPER * (self.peak_temperature - REFERENCE_TEMPERATURE)
+        """Resistance at the winding's peak (else mean) temperature over that at 25 C, else 1."""
+        for temperature in (self.peak_temperature, self.mean_temperature):
+            if temperature is not None and np.isfinite(temperature):
+                return 1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
+        return 1.0
 
 
 @dataclass(frozen=True)
@@ -239,9 +270,7 @@ def motor_with_gear(
         transmission, losses = gear_transmission(gear, ratio, inertia or 0.0)
     several = f", i = {ratio:g}" if len(gear.ratios) > 1 else ""
     return Candidate(
-        name=f"{motor_name} + {gear_name}{several}",
-        motor=motor_name,
-        gear_name=gear_name,
+        name=f"{motor_name} + {gear_name}{several}", motor=motor_name, gear_name=gear_name,
         ratio=ratio,
         ratings=_motor_ratings(motor),
         at_output=False,
@@ -331,11 +360,9 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         peak_temperature=None if winding is None else winding.peak,
         mean_temperature=mean_temperature,
-        driving_power=power[0],
-        braking_power=power[1],
-        energy=power[2],
-        regenerated=power[3],
-    )
+        driving_power=power[0], braking_power=power[1], energy=power[2], regenerated=power[3],
+        standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
+    )  # fmt: skip
     return MotorCycle(lower, upper, speed, current, winding, figures)
 
 
@@ -451,10 +478,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         losses = "identified friction at the output: base, load-dependent, viscous"
     stall, derived = _stall(entry.continuous_torque, entry.rated_speed, entry.no_load_speed, None)
     return Candidate(
-        name=name,
-        motor=name,
-        gear_name=None,
-        ratio=entry.ratio,
+        name=name, motor=name, gear_name=None, ratio=entry.ratio,
         ratings=Ratings(
             continuous_torque=entry.continuous_torque, peak_torque=entry.peak_torque,
             stall_torque=stall, nominal_voltage=entry.nominal_voltage,

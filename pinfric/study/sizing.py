@@ -456,8 +456,9 @@ def _notes(scene: Scene, catalog: Catalog | None, conditions: Conditions) -> tup
         "through motor currents, it holds the old gear's friction, which then counts twice.",
     ]  # fmt: skip
     if not conditions.mass_in_urdf:
-        notes.insert(1, "The URDF's links are taken to be without drives. If they have some, name "
-                        "their masses in conditions.mass_in_urdf.")  # fmt: skip
+        notes.insert(1, "The URDF's links are taken to be without drives: if they have some, these "
+                        "count twice. Name their masses in conditions.mass_in_urdf, in a catalogue "
+                        "file (`extends: default` keeps the bundled entries).")  # fmt: skip
     if any(drive.transmission is not None for drive in scene.drives):
         notes.append("The scene's transmissions are replaced by the candidates'.")
     return tuple(notes)

@@ -199,8 +199,8 @@ def test_the_pushed_drawer_at_its_critical_mu(mu):
         assert hard.contraction == pytest.approx(0.0)  # the push is given: nothing to iterate
 
 
-# Safeguard: every solution's residual is verified. Without (any residual will do): two solutions are
-# claimed beyond mu_crit, where there is none.
+# Safeguard: every solution's residual is verified. Without (any residual will do): two solutions
+# are claimed beyond mu_crit, where there is none.
 @pytest.mark.parametrize("tangent", [1.0, 2.0, 3.5])
 def test_the_painleve_rod_at_its_critical_mu(tangent):
     """mu_crit = (1 + 3 cos^2 t) / (3 sin t cos t), least 4/3 at tan t = 2; from both sides."""

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -17,7 +18,7 @@ from sizing_cases import MOTOR, one_drive, trapezoid, turntable, write_catalog
 import pinfric as pf
 from pinfric.show.sizing_figures import pareto_front, torque_speed
 from pinfric.show.sizing_page import save_sizing_page, sizing_page
-from pinfric.show.sizing_report import sizing_json, sizing_report, tightest
+from pinfric.show.sizing_report import passes, sizing_json, sizing_report, tightest
 from pinfric.study.catalog import load_catalog
 
 BROWSER = next(
@@ -117,6 +118,34 @@ def test_tables_fit_eighty_columns(panda):
         assert word in text
 
 
+def test_console_prints_the_notes(panda):
+    console = Console(file=StringIO(), width=80)
+    console.print(*sizing_report(panda), sep="\n")
+    text = " ".join(console.file.getvalue().split())
+    assert len(panda.notes) > 3
+    for note in panda.notes:
+        assert f"note: {note}" in text
+    assert "count twice. Name their masses in conditions.mass_in_urdf" in text
+
+
+def test_passes_in_words(report):
+    assert passes(report).startswith("settled after ")
+    assert passes(replace(report, passes=1)) == "settled after 1 pass"
+    alternates = replace(report, passes=10, settled=False)
+    assert passes(alternates) == "not settled after 10 passes: it alternates"
+    assert "not settled after 10 passes" in sizing_page(alternates)
+
+
+def test_what_vanishes_beside_the_peak_prints_as_0(panda):
+    demand = panda.joint("panda_joint7").demand
+    assert 1e-9 < demand.holding_frictionless < 1e-4 * demand.peak
+    assert not re.search(r"<td>[^<]*<small>[^<]*e-\d", sizing_page(panda))
+
+
+def test_page_defines_holding(report):
+    assert "“Holding” is while every joint of the robot stands still" in sizing_page(report)
+
+
 def test_tightest_criterion_is_that_of_the_least_margin(report):
     choice = report.joints[0].choice
     assert tightest(choice).margin == pytest.approx(choice.margin)
@@ -147,6 +176,14 @@ def test_envelope_is_the_line_of_the_bus_voltage_cut_by_the_peak_torque(report):
     assert max(v for v in bars["y"] if v is not None) == pytest.approx(3 / 0.8 / 100, rel=1e-2)
 
 
+def test_legend_says_that_no_speed_torque_line_is_known(tmp_path):
+    scene = turntable()
+    catalog = one_drive(tmp_path, {"resistance": None, "thermal": None})
+    report = pf.size(scene, trapezoid(scene), catalog)
+    names = [trace["name"] for trace in torque_speed(report.joints[0], report)["data"]]
+    assert names[0] == "envelope (no speed-torque line known)"
+
+
 def test_page_needs_no_network_and_escapes_names(report):
     page = sizing_page(report)
     assert "fits <b>" not in page
@@ -174,9 +211,25 @@ def test_saved_page_is_whole_or_not_there(report, tmp_path, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
 
 
+#: Notes what lies at the middle of the first plot, once all are drawn.
+_PROBE = """<script>
+const wait = setInterval(() => {
+  if (!document.documentElement.dataset.drawn) return;
+  clearInterval(wait);
+  const plot = document.getElementById("envelope-0");
+  plot.scrollIntoView({block: "center"});
+  const box = plot.getBoundingClientRect();
+  const hit = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+  document.documentElement.dataset.hit = hit ? hit.getAttribute("class") : "nothing";
+}, 20);
+</script></body>"""
+
+
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is installed")
 def test_browser_draws_every_figure_without_errors(report, tmp_path):
     path = save_sizing_page(report, tmp_path / "report.html")
+    page = path.read_text(encoding="utf-8").rpartition("</body>")
+    path.write_text(page[0] + _PROBE + page[2], encoding="utf-8")
     done = subprocess.run(
         [BROWSER, "--headless", "--no-sandbox", "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader", "--disable-background-networking",
@@ -191,5 +244,9 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
     for kind in ("envelope-0", "effort-0", "heat-0", "trade-0"):
         assert re.search(rf'<div id="{kind}"[^>]*class="js-plotly-plot"', dom)
     assert dom.count('class="main-svg"') >= 4
+    # the mouse reaches the plot, not a mode bar that covers it
+    (hit,) = re.findall(r'data-hit="([^"]*)"', dom)
+    assert "drag" in hit
+    assert "modebar" not in hit
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert not [line for line in console if "rror" in line]

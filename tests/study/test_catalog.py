@@ -71,7 +71,7 @@ def test_bearing_gives_a_scene_its_levers():
         ({"gears": {"G": {**GEAR, "stand_ins": {"colour": "H"}}}}, ["stand_ins", "colour"]),
         ({"conditions": {"bus_voltage": 0}}, ["conditions.bus_voltage"]),
         ({"conditions": {"bus_volts": 24}}, ["bus_volts", "bus_voltage"]),
-        ({"motors": {}, "gears": {}}, ["no motors, gears"]),
+        ({"motors": {}, "gears": {}}, ["no motors, gears", "`extends: default`"]),
     ],
 )  # fmt: skip
 def test_wrong_entries_are_named_with_file_and_key(tmp_path, content, texts):
@@ -106,19 +106,59 @@ def test_format_version_and_file_are_needed(tmp_path):
         ("gears", "input_inertia", 0.079, "kg cm\\^2"),
         ("gears", "max_input_speed", 7300.0, "rpm"),
         ("gears", "ratio", 0.01, "output turns per motor turn"),
+        ("gears", "rated_speed", 2000.0, "1 to 1000 rad/s; rpm"),
+        ("motors", "max_speed", 5000.0, "up to 3000 W/kg expected; rpm"),
     ],
 )
 def test_units_that_cannot_be_right_are_questioned(tmp_path, section, figure, value, guess):
     peak = {"peak_torque": None} if section == "motors" else {}
     with pytest.warns(pf.PinfricWarning, match=guess) as caught:
         one_drive(tmp_path, **{section[:-1]: {figure: value, **peak}})
-    assert any(f"{section}.{section[0].upper()}" in str(w.message) for w in caught)
+    where = f"{tmp_path / 'catalog.yaml'}: {section}.{section[0].upper()}"
+    assert any(where in str(w.message) and f"{value:g}" in str(w.message) for w in caught)
+
+
+#: A motor whose speed-torque line is consistent: k omega_0 = U, T_stall = k U/R.
+LINE = {"nominal_voltage": 48.0, "no_load_speed": 480.0, "stall_torque": 6.0}
+
+
+@pytest.mark.parametrize(
+    ("change", "found", "expected"),
+    [
+        ({"torque_constant": 1.0}, "torque_constant = 1 N m/A", "= 0.1 N m/A expected"),
+        ({"torque_constant": 0.01}, "torque_constant = 0.01 N m/A", "= 0.1 N m/A expected"),
+        ({"stall_torque": 60.0}, "stall_torque = 60 N m", "= 6 N m expected"),
+        ({"stall_torque": 0.6}, "stall_torque = 0.6 N m", "= 6 N m expected"),
+        ({"no_load_speed": 48.0, "torque_constant": None, "max_speed": 600.0},
+         "max_speed = 600 rad/s", "up to 9 times expected; rpm"),
+        ({"thermal": {**MOTOR["thermal"], "winding_time": 20.0 / 60}},
+         "winding_time = 0.333333 s", "more than 1 s expected"),
+        ({"thermal": {**MOTOR["thermal"], "winding_time": 20e3}},
+         "winding_time = 20000 s", "less than housing_time = 300 s expected"),
+    ],
+)  # fmt: skip
+def test_figures_that_do_not_go_with_each_other_are_questioned(tmp_path, change, found, expected):
+    with pytest.warns(pf.PinfricWarning) as caught:
+        one_drive(tmp_path, motor=LINE | change)
+    where = f"{tmp_path / 'catalog.yaml'}: motors.M"
+    (text,) = {str(w.message) for w in caught if found in str(w.message)}
+    assert text.startswith(where)
+    assert expected in text
+
+
+def test_rpm_of_a_gearmotor_is_questioned(tmp_path):
+    entry = {"source": "invented", "grade": "R", "ratio": 9.0, "continuous_torque": 9.0,
+             "nominal_voltage": 48.0, "no_load_speed": 570.0, "mass": 0.49}  # fmt: skip
+    path = write_catalog(tmp_path / "c.yaml", gearmotors={"A": entry})
+    with pytest.warns(pf.PinfricWarning, match=r"gearmotors\.A: no_load_speed = 570 .*rpm"):
+        pf.load_catalog(path)
 
 
 def test_plausible_figures_raise_no_question(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         one_drive(tmp_path)
+        one_drive(tmp_path, motor=LINE)
 
 
 def test_kelvin_for_celsius_is_questioned(tmp_path):
@@ -134,6 +174,31 @@ def test_conditions_of_the_caller_go_before_those_of_the_file(tmp_path):
     assert parse_conditions(None, catalog.conditions) is catalog.conditions
     with pytest.raises(CatalogError, match="conditions: unknown key `volts`"):
         parse_conditions({"volts": 1.0}, Conditions())
+
+
+def test_a_catalogue_that_extends_the_bundled_one(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({
+        "pinfric_catalog": 1, "extends": "default",
+        "conditions": {"bus_voltage": 24.0, "mass_in_urdf": {"joint_2": 1.5}},
+    }))  # fmt: skip
+    bundled, mine = pf.load_catalog(), pf.load_catalog(path)
+    assert mine.source == str(path)
+    assert (mine.motors, mine.gears, mine.gearmotors, mine.bearings) == (
+        bundled.motors, bundled.gears, bundled.gearmotors, bundled.bearings
+    )  # fmt: skip
+    assert (mine.conditions.bus_voltage, mine.conditions.ambient) == (24.0, 25.0)
+    assert mine.conditions.mass_in_urdf == {"joint_2": 1.5}
+    assert bundled.conditions == Conditions()
+    # of the same name the file's entry is taken, whole
+    name = "maxon RE 40 148867"
+    own = pf.load_catalog(write_catalog(path, {name: MOTOR, "mine": MOTOR}, {}, extends="default"))
+    assert own.motors[name].source == "invented"
+    assert own.motors[name].nominal_voltage is None
+    assert own.motors.keys() == {*bundled.motors, "mine"}
+    write_catalog(path, extends="defualt")
+    with pytest.raises(CatalogError, match=r"extends.*'default'"):
+        pf.load_catalog(path)
 
 
 def test_catalogues_are_part_of_the_package():

@@ -24,6 +24,7 @@ from sizing_cases import (
 import pinfric as pf
 from pinfric.study.criteria import (
     Status,
+    check,
     compare,
     gear_life,
     load_factor,
@@ -32,7 +33,7 @@ from pinfric.study.criteria import (
     resonance,
 )
 from pinfric.study.demand import DriveCycle
-from pinfric.study.drivetrain import gear_transmission, motor_with_gear
+from pinfric.study.drivetrain import gear_transmission, motor_cycle, motor_with_gear
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -131,7 +132,7 @@ def test_voltage_along_the_speed_torque_line(tmp_path):
     # the same line from no-load speed and stall torque at 24 V
     printed = {"nominal_voltage": 24.0, "no_load_speed": 24 / k, "stall_torque": 24 * k / r}
     printed |= dict.fromkeys(("thermal", "resistance", "torque_constant"))
-    again = sized(tmp_path, motor=printed)
+    again = sized(tmp_path, motor=printed, conditions={"bus_voltage": 24.0})
     assert criterion(again, "speed-torque line").required == pytest.approx(needed, rel=1e-6)
 
 
@@ -162,7 +163,10 @@ def test_electrical_energy_drawn_and_regenerated(tmp_path):
 
 def test_inertia_ratio_and_resonance(tmp_path):
     joint = sized(tmp_path)
-    assert criterion(joint, "inertia ratio").required == pytest.approx(INERTIA / RATIO**2 / ROTOR)
+    found = criterion(joint, "inertia ratio")
+    assert found.required == pytest.approx(INERTIA / RATIO**2 / ROTOR)
+    assert found.formula == "max J_load / (ratio^2 (J_motor + J_gear input))"
+    assert "motor's side of the compliance" in found.source
     hertz = np.sqrt(GEAR["stiffness"] / INERTIA) / (2 * np.pi)
     assert criterion(joint, "gear resonance").available == pytest.approx(hertz)
     assert resonance(4 * np.pi**2, 1.0) == pytest.approx(1.0)
@@ -244,6 +248,77 @@ def test_mean_heat_can_refuse_a_motor_without_time_constants_but_not_pass_it(tmp
     with pytest.warns(pf.PinfricWarning, match="winding temperature"):
         found = criterion(sized(tmp_path, motor={"thermal": hot}), "winding temperature")
     assert found.status == Status.FAILS
+
+
+def test_run_away_fails_whatever_the_limit(tmp_path):
+    for times in ({"winding_time": 20.0, "housing_time": 300.0}, {}):
+        thermal = {"winding_housing": 600.0, "housing_ambient": 900.0, **times}
+        with pytest.warns(pf.PinfricWarning, match="winding temperature: runs away"):
+            found = criterion(sized(tmp_path, motor={"thermal": thermal}), "winding temperature")
+        assert found.status == Status.FAILS
+        assert found.available is None
+
+
+def test_resistance_at_the_mean_heat_where_no_peak_is_known(tmp_path):
+    thermal = {"winding_housing": 2.0, "housing_ambient": 3.0}
+    figures = sized(tmp_path, motor={"thermal": thermal}).motor.figures
+    assert figures.peak_temperature is None
+    assert figures.hot == pytest.approx(1 + 0.0039 * (figures.mean_temperature - 25))
+    assert figures.hot > 1.01
+
+
+def test_ambient_derates_the_continuous_torque(tmp_path):
+    hot = sized(tmp_path, conditions={"ambient": 75.0})
+    found = criterion(hot, "continuous torque")
+    assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(50 / 100))
+    assert "0.707 of the rating at 25 C" in found.note
+    # no rating grows in the cold
+    cold = criterion(sized(tmp_path, conditions={"ambient": 0.0}), "continuous torque")
+    assert (cold.available, cold.note) == (MOTOR["continuous_torque"], "")
+    # the limit of the conditions stands in for the maker's; without one it is said
+    bare = {"thermal": None}
+    limit = {"ambient": 75.0, "max_winding": 125.0}
+    found = criterion(sized(tmp_path, bare, conditions=limit), "continuous torque")
+    assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(0.5))
+    found = criterion(sized(tmp_path, bare, conditions={"ambient": 100}), "continuous torque")
+    assert found.available == MOTOR["continuous_torque"]
+    assert found.note == "rated at 25 C, not checked at 100 C"
+
+
+def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
+    with pytest.warns(pf.PinfricWarning, match="as hot as the winding may be") as caught:
+        joint = sized(tmp_path, conditions={"ambient": 130.0})
+    text = "the surroundings, 130 C, are as hot as the winding may be, 125 C"
+    for name in ("continuous torque", "winding temperature"):
+        assert criterion(joint, name).why == f"{name}: {text}"
+    assert not any("e+09" in str(w.message) for w in caught)
+
+
+def test_bus_voltage_far_above_the_motors_own(tmp_path):
+    motor = {"nominal_voltage": 48.0}
+    assert criterion(sized(tmp_path), "bus voltage").status == Status.NOT_CHECKED
+    joint = sized(tmp_path, motor, conditions={"bus_voltage": 72.0})
+    assert criterion(joint, "bus voltage").status == Status.PASSES
+    assert joint.choice.margin > 0  # at its limit, but that is no tightness
+    with pytest.warns(pf.PinfricWarning, match="bus voltage: needs 400 V, has 72 V"):
+        joint = sized(tmp_path, motor, conditions={"bus_voltage": 400.0})
+    assert joint.choice is None
+
+
+def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
+    t, zero, nobody = np.linspace(0, 1, 11), np.zeros(11), np.zeros(11, dtype=bool)
+    catalog = one_drive(tmp_path)
+    candidate = motor_with_gear("M", catalog.motors["M"], "G", catalog.gears["G"], RATIO)
+    effort = np.where(t < 0.25, 80.0, 5.0)  # 80 N m/100/0.8 = 1 N m at the motor
+    cycle = DriveCycle(t, effort, effort, effort, zero, zero, ~nobody, nobody, 0.0)
+    motor = motor_cycle(candidate, cycle, catalog.conditions)
+    assert motor.figures.holding is None
+    assert motor.figures.standing == pytest.approx(80 / RATIO / ETA)
+    found = check(candidate, sized(tmp_path).demand, cycle, motor, 1.0, False, catalog.conditions)
+    assert "standing still it takes up to 1 N m" in found[0].note
+    # one sample at v = 0 is a reversal, not a stop
+    turning = DriveCycle(t, effort, effort, effort, t - 0.5, zero, nobody, nobody, 0.0)
+    assert not turning.standing.any()
 
 
 def test_back_driving_demanded_and_forbidden(tmp_path):

@@ -198,12 +198,14 @@ def test_sliding_joint_takes_linear_gears_only(tmp_path):
     model.appendBodyToJoint(1, body, pin.SE3.Identity())
     scene = pf.Scene(model=model)
     screw = {"source": "invented", "grade": "R", "ratio": 628.3, "output": "linear", "mass": 0.5,
-             "input_inertia": 1e-6, "efficiency": 0.9}  # fmt: skip
+             "input_inertia": 1e-6, "efficiency": 0.9, "back_driving_torque": 12.0}  # fmt: skip
     gears = {"G": GEAR, "screw": screw}
     catalog = load_catalog(write_catalog(tmp_path / "c.yaml", gears=gears))
     (joint,) = pf.size(scene, still(scene), catalog).joints
     assert joint.demand.unit == "N"
     assert [a.candidate.name for a in joint.assessments] == ["M + screw"]
+    back_driving = joint.assessments[0].criteria[-1]
+    assert back_driving.note == "the load moves the motor from 12 N on"
     # at rest the interval reaches from lowering to lifting: worst 4 kg x 9.81/0.9/628.3 rad/m
     assert joint.motor.figures.holding[1] == pytest.approx(4 * 9.81 / 0.9 / 628.3)
 
@@ -333,7 +335,9 @@ def test_a_catalogue_without_motors_or_gears_says_that_nothing_can_be_chosen(tmp
     motion = pf.load_trajectory("excavator.waypoints.yaml", scene)
     report = pf.size(scene, motion, "default")
     assert len(report.misses) == 3
-    assert report.misses[0].startswith("boom_cylinder: nothing to choose from: motors and gears are")
+    assert report.misses[0].startswith(
+        "boom_cylinder: nothing to choose from: motors and gears are"
+    )
 
 
 def test_panda_takes_heavier_drives_once_drives_have_mass(panda):
