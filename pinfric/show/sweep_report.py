@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.report import digits, json_safe
-from pinfric.study.sweep_cycle import FIGURES
+from pinfric.study.sweep_cycle import DEMANDS
 from pinfric.study.sweep_motors import Trial
 from pinfric.study.sweep_result import Probability, SweepResult
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 _NAMED, _LEAST_SHARE = 2, 0.01
 _AT_JOINT, _AT_MOTOR = ("peak", "rms"), ("motor_peak", "motor_rms")
 _HEADINGS = {"peak": "peak", "rms": "RMS", "motor_peak": "peak", "motor_rms": "RMS"}
-_CRITERIA = ("continuous", "peak", "speed")
 _DESIGNS = {"random": "random samples", "sobol": "samples of a Sobol design",
             "grid": "points of a grid"}  # fmt: skip
 
@@ -57,12 +56,12 @@ def sweep_json(result: SweepResult, warnings: Sequence[str] = ()) -> dict[str, A
         ),
         "warnings": list(warnings),
     }
-    quantiles = {name: result.quantiles(name) for name in FIGURES} if result.solved.any() else {}
-    correlations = {name: result.rank_correlation(name) for name in FIGURES}
-    shares = {name: result.sobol(name) for name in FIGURES}
+    quantiles = {name: result.quantiles(name) for name in DEMANDS} if result.solved.any() else {}
+    correlations = {name: result.rank_correlation(name) for name in DEMANDS}
+    shares = {name: result.sobol(name) for name in DEMANDS}
     for i, (drive, unit) in enumerate(zip(result.actuator_names, result.units, strict=True)):
         joint: dict[str, Any] = {"name": drive, "unit": unit}
-        for name in FIGURES:
+        for name in DEMANDS:
             joint[name] = {
                 "percentiles": {f"{p:g}": quantiles[name][k, i]
                                 for k, p in enumerate(result.percentiles) if quantiles},
@@ -81,12 +80,14 @@ def sweep_json(result: SweepResult, warnings: Sequence[str] = ()) -> dict[str, A
 
 
 def _trial_json(result: SweepResult, trial: Trial) -> dict[str, Any]:
-    met = trial.passes(result.figures)
+    met = trial.met(result.figures)
+    own = asdict(trial)
+    own["criteria_of_size"] = bool(own.pop("checks"))
     return {
-        **asdict(trial),
+        **own,
         "suffices": asdict(result.probability(result.sufficing(trial))),
         "criteria": {name: asdict(result.probability(mask)) for name, mask in met.items()},
-        "not_checked": trial.not_checked,
+        "not_checked": trial.not_checked(result.figures),
     }
 
 
@@ -186,17 +187,21 @@ def brief(parameter: str) -> str:
 
 def _motor_table(result: SweepResult) -> list[RenderableType]:
     table = _table()
-    for heading in ("motor", "suffices", *_CRITERIA):
-        table.add_column(heading, justify="left" if heading == "motor" else "right")
+    table.add_column("motor", overflow="fold")
+    table.add_column("suffices", justify="right", no_wrap=True)
+    table.add_column("fails", overflow="fold")
     for trial in result.trials:
-        met = trial.passes(result.figures)
-        cells = [
-            percent(result.probability(met[name])) if name in met else "not checked"
-            for name in _CRITERIA
-        ]
         suffices = percent(result.probability(result.sufficing(trial)), interval=True)
-        table.add_row(trial.drive, trial.name or "as given", suffices, *cells)
-    return _titled("motors on trial: in how many samples the rating suffices", table)
+        table.add_row(trial.drive, trial.name or "as given", suffices, _failures(result, trial))
+    return _titled("motors on trial: in how many samples they suffice, and what fails", table)
+
+
+def _failures(result: SweepResult, trial: Trial) -> str:
+    """The criteria that fail in any sample, and in how many, the most frequent first."""
+    failing = {name: ~mask[result.solved] for name, mask in trial.met(result.figures).items()}
+    shares = {name: mask.sum() / result.samples for name, mask in failing.items() if mask.any()}
+    order = sorted(shares, key=lambda name: -shares[name])
+    return "\n".join(f"{name} {100 * shares[name]:.1f} %" for name in order) or "nothing"
 
 
 def percent(probability: Probability, interval: bool = False) -> str:
@@ -230,9 +235,7 @@ def _footer(result: SweepResult) -> list[str]:
         lines.append(f"all motors suffice in {every} of the samples")
         if result.sampling == "random":
             lines.append("in brackets: 95 % confidence, of the number of samples alone")
-    for trial in result.trials:
-        if trial.not_checked:
-            lines.append(f"{trial.drive}: {', '.join(trial.not_checked)} not checked: no figure")
+    lines += _trial_notes(result)
     if not result.solved.all():
         lines.append(f"{np.count_nonzero(~result.solved)} samples have no solution: left out of "
                      "percentiles, no motor suffices in them")  # fmt: skip
@@ -241,5 +244,32 @@ def _footer(result: SweepResult) -> list[str]:
         lines.append(
             f"correlations below {digits(result.correlation_noise)} are not told from chance, and "
             "a minimum in mid-range is not seen (sampling: sobol sees it)"
+        )
+    return lines
+
+
+def _trial_notes(result: SweepResult) -> list[str]:
+    """What was not checked, and what was put into the model."""
+    lines = []
+    for trial in result.trials:
+        if missing := trial.not_checked(result.figures):
+            lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
+    bare = [trial.drive for trial in result.trials if not trial.checks]
+    if bare:
+        factor = result.trials[0].peak_factor
+        lines.append(
+            f"{', '.join(bare)}: ratings alone, the peak times {factor:g}; gear, life, voltage and "
+            "winding temperature are not looked at (`drive:` does)"
+        )
+    judged = [trial for trial in result.trials if trial.checks]
+    if judged:
+        masses = ", ".join(
+            f"{t.drive} " + ("not known" if t.mass is None else f"{digits(t.mass)} kg")
+            for t in judged
+        )
+        lines.append(
+            f"criteria of `pinfric size`; masses of drives, on their joints' parent links: {masses}"
+            " (those of the other joints are as in the scene; conditions.mass_in_urdf says what "
+            "the links have already)"
         )
     return lines

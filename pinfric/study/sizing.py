@@ -44,7 +44,7 @@ _MOST_PASSES = 10
 #: Drives in the model: (index, mass in kg) of each.
 _Load = tuple[tuple[int, float | None], ...]
 #: Joints nearer to the base than this are base axes for the resonance rule.
-_BASE_AXES = 3
+BASE_AXES = 3
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ def size(
     if isinstance(catalog, str | Path):
         catalog = load_catalog(catalog)
     wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)
-    _check_names(scene, wanted)
+    check_names(scene, wanted)
     sizing = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None))
     report = sizing.run()
     if on_miss == "raise":
@@ -243,7 +243,7 @@ class _Sizing:
                           PinfricWarning, stacklevel=3)  # fmt: skip
         joints = tuple(self._compared(self.joint(i, taken), plain[i]) for i in drives)
         chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
-        equipped = _with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
+        equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
         without = inverse_dynamics(self.scene, self.trajectory)
         return SizingReport(
             scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
@@ -267,21 +267,21 @@ class _Sizing:
         """Inverse dynamics and load inertias with these drives' masses in the model."""
         if load not in self.solved:
             self.solved.clear()  # joints of one load follow each other: older ones are done
-            scene = _with_masses(self.scene, taken, self.conditions, drives=False)
+            scene = with_masses(self.scene, taken, self.conditions, drives=False)
             result = inverse_dynamics(scene, self.trajectory)
             self.solved[load] = result, load_inertias(result)
         return self.solved[load]
 
     def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
         if self.hold is None:
-            self.hold = _holds(self.scene, self.trajectory, result.states.v)
+            self.hold = holds(self.scene, self.trajectory, result.states.v)
         cycle = drive_cycle(result, i, self.hold)
         demand = joint_demand(result, i, cycle)
         tree = _joint(self.scene, i) is not None and not self.scene.loops
         inertia = float(inertias[i]) if tree else None
         ranked: tuple[Assessment, ...] = ()
         if self.catalog is not None and _joint(self.scene, i) is not None:
-            hand = _depth(self.scene, i) > _BASE_AXES
+            hand = depth(self.scene, i) > BASE_AXES
             ranked = assess(self.catalog, self.conditions, demand, cycle, inertia, hand)
         choice = ranked[0] if ranked and ranked[0].fits else None
         lacking = "" if ranked else self._no_candidates(i, demand.unit)
@@ -307,7 +307,7 @@ class _Sizing:
         if self.catalog is not None and joint.assessments:
             d, cycle = joint.demand, joint.cycle.without_friction()
             bare = joint_demand_frictionless(d, cycle)
-            hand = _depth(self.scene, self.scene.actuator_names.index(d.name)) > _BASE_AXES
+            hand = depth(self.scene, self.scene.actuator_names.index(d.name)) > BASE_AXES
             ranked = assess(self.catalog, self.conditions, bare, cycle, joint.load_inertia, hand)
             frictionless = ranked[0] if ranked[0].fits else None
         return replace(
@@ -316,8 +316,8 @@ class _Sizing:
         )  # fmt: skip
 
 
-def _holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
-    """(T,) samples of the holds: those the trajectory knows (v = a = 0), else by velocity."""
+def holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
+    """Return (T,) which samples hold: those the trajectory knows (v = a = 0), else by velocity."""
     mask = np.zeros(len(v), dtype=bool)
     for hold in trajectory.holds() if isinstance(trajectory, Trajectory) else ():
         mask[hold.first : hold.last + 1] = True
@@ -358,7 +358,7 @@ def load_inertias(result: InverseResult) -> np.ndarray:
     return largest[[drive.velocity_index for drive in scene.drives]]
 
 
-def _with_masses(
+def with_masses(
     scene: Scene, taken: Mapping[int, Assessment], conditions: Conditions, drives: bool = True
 ) -> Scene:
     """The scene with the drives' mass on their joints' parent links, and their transmissions."""
@@ -419,24 +419,25 @@ def _loads(scene: Scene, drive: int, actuator: int) -> bool:
     return link == joint
 
 
-def _depth(scene: Scene, actuator: int) -> int:
-    """How many joints lie between the ground and the joint's child, its own included."""
-    joint, depth = _joint(scene, actuator), 0
+def depth(scene: Scene, actuator: int) -> int:
+    """Return how many joints lie between the ground and the joint's child, its own included."""
+    joint, count = _joint(scene, actuator), 0
     while joint:
-        joint, depth = int(scene.model.parents[joint]), depth + 1
-    return depth
+        joint, count = int(scene.model.parents[joint]), count + 1
+    return count
 
 
 def _tip_to_base(scene: Scene) -> list[int]:
     """The drives, those farthest from the ground first."""
-    return sorted(range(len(scene.drives)), key=lambda i: -_depth(scene, i))
+    return sorted(range(len(scene.drives)), key=lambda i: -depth(scene, i))
 
 
 def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
     return {i: assessment.candidate.name for i, assessment in taken.items()}
 
 
-def _check_names(scene: Scene, conditions: Conditions) -> None:
+def check_names(scene: Scene, conditions: Conditions) -> None:
+    """Refuse conditions that name a drive that is not there: `CatalogError`."""
     for key in ("mass_in_urdf", "collision_effort"):
         for name in getattr(conditions, key):
             if name not in scene.actuator_names:

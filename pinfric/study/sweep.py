@@ -60,7 +60,7 @@ def sweep(
     nothing else: the same on any number of processes, whatever is lost on the way.
 
     Args:
-        scene: the robot; its masses stay, also with other motors on trial.
+        scene: the robot; drives of a catalogue on trial add their masses to it, once.
         trajectory: one cycle.
         sweep: the sweep's file, or what stands in it.
         out: folder for the samples (Parquet). Every finished batch is written at once, and a

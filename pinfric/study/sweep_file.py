@@ -24,6 +24,7 @@ from pinfric.errors import SceneError, SweepError
 from pinfric.model.scene import find_file
 from pinfric.model.schema import Entry, Number, Positive, parse
 from pinfric.model.yamlfile import read_yaml
+from pinfric.study.catalog import Conditions
 from pinfric.study.sweep_distributions import (
     Choice,
     Distribution,
@@ -73,10 +74,11 @@ class MotorOnTrial(Entry):
     """A motor whose ratings every sample is held against.
 
     Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N): `continuous_torque`
-    against the RMS, `peak_torque` against the peak, `max_speed` in rad/s.
+    against the RMS, `peak_torque` against the conditions' `peak_factor` times the peak, `max_speed`
+    in rad/s.
     `motor`: ratings from the catalogue, with the scene's transmission. `drive`: a motor with its
-    gear, by the name `pinfric size` prints; its transmission replaces the scene's. Ratings given
-    here take precedence.
+    gear, by the name `pinfric size` prints, held against all its criteria; its transmission
+    replaces the scene's, and its mass is put into the model. Ratings given here take precedence.
     """
 
     motor: str | None = None
@@ -103,7 +105,7 @@ class SweepFile(Entry):
 
     `sampling`: random; sobol (Saltelli's design: samples is a power of two N, N (d + 2) cycles are
     computed for d parameters, and the shares of the variance come out); grid (every combination
-    of choice and steps).
+    of choice and steps). `conditions`: what differs from those of the catalogue.
     """
 
     pinfric_sweep: Literal[1]
@@ -113,6 +115,7 @@ class SweepFile(Entry):
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
     percentiles: Annotated[tuple[Number, ...], Field(min_length=1)] = (5.0, 50.0, 95.0, 99.0)
     catalog: str = "default"
+    conditions: Conditions | None = None
     motors: dict[str, MotorOnTrial] = Field(default_factory=dict)
 
     @model_validator(mode="after")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.errors import SweepError, choose_from
-from pinfric.study.sweep_cycle import FIGURES
+from pinfric.study.sweep_cycle import DEMANDS, FIGURES
 from pinfric.study.sweep_motors import Trial
 from pinfric.study.sweep_parameters import seeded
 
@@ -62,7 +62,8 @@ class SweepResult:
 
     The figures of each drive (`figure`) are those of `pinfric inverse`: `peak`, `rms` of the worst
     end of the effort interval; `motor_peak`, `motor_rms` at the motor's shaft; `speed`, the largest
-    |v| of the drive.
+    |v| of the drive. Of catalogue drives on trial there are `failed`, `not_checked` (sums of 2^k,
+    criterion k of `Trial.checks`) and `margin`, the least of all criteria.
 
     Attributes:
         scene, trajectory, sweep: their names.
@@ -126,13 +127,14 @@ class SweepResult:
         return np.asarray(np.percentile(there, self.percentiles, axis=0))
 
     def sufficing(self, trial: Trial | None = None) -> np.ndarray:
-        """Return (n,) in which samples a motor meets all its ratings; None: all motors do.
+        """Return (n,) in which samples a motor meets all its criteria; None: all motors do.
 
         A sample without a solution is one in which none does.
         """
         trials = self.trials if trial is None else (trial,)
-        met = [mask for t in trials for mask in t.passes(self.figures).values()]
-        return np.asarray(np.logical_and.reduce([*met, np.ones(self.samples, dtype=bool)]))
+        met = [mask for t in trials for mask in t.met(self.figures).values()]
+        there = np.isfinite(self.figures[:, [t.actuator for t in trials]]).all(axis=(1, 2))
+        return np.asarray(np.logical_and.reduce([*met, there]))
 
     def probability(self, mask: np.ndarray) -> Probability:
         """Return the share of a (n,) mask with its confidence interval."""
@@ -216,13 +218,25 @@ class SweepResult:
         return SobolIndices(found.first_order.reshape(d), found.total_order.reshape(d), *ends)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed."""
+        """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed.
+
+        For each drive on trial `<drive>.suffices` and `<drive>.failed`, the names of its criteria
+        that fail; of a catalogue's drive `<drive>.margin`, the least.
+        """
         import pandas as pd
 
         columns: dict[str, object] = {"sample": np.arange(self.samples)}
         columns |= {name: self.values[:, j] for j, name in enumerate(self.parameter_names)}
         for i, drive in enumerate(self.actuator_names):
-            columns |= {f"{drive}.{f}": self.figures[:, i, k] for k, f in enumerate(FIGURES)}
-        columns |= {f"{t.drive}.suffices": self.sufficing(t) for t in self.trials}
+            columns |= {f"{drive}.{f}": self.figures[:, i, k] for k, f in enumerate(DEMANDS)}
+        for trial in self.trials:
+            met = trial.met(self.figures)
+            columns[f"{trial.drive}.suffices"] = self.sufficing(trial)
+            columns[f"{trial.drive}.failed"] = [
+                ", ".join(name for name, mask in met.items() if solved and not mask[row])
+                for row, solved in enumerate(self.solved)
+            ]
+            if trial.checks:
+                columns[f"{trial.drive}.margin"] = self.figure("margin")[:, trial.actuator]
         columns |= {"unsolved": self.unsolved, "problem": list(self.problems)}
         return pd.DataFrame(columns)

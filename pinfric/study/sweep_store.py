@@ -25,6 +25,10 @@ SAMPLES, BATCHES = "samples.parquet", "batches"
 _KEY = b"pinfric_sweep"
 
 
+#: Of the columns in a part: raised when they change, so that older parts are not continued.
+_FORMAT = "2"
+
+
 def identity(study: Study, values: np.ndarray, version: str) -> dict[str, str]:
     """Return what a sample's figures depend on, hashed part by part, to compare runs."""
     scene, motion = study.scene, study.trajectory
@@ -39,7 +43,11 @@ def identity(study: Study, values: np.ndarray, version: str) -> dict[str, str]:
     for name, contents in parts.items():
         for content in contents:
             hashes[name].update(content if isinstance(content, bytes) else repr(content).encode())
-    return {"pinfric": version, **{name: h.hexdigest()[:16] for name, h in hashes.items()}}
+    return {
+        "pinfric": version,
+        "format": _FORMAT,
+        **{name: h.hexdigest()[:16] for name, h in hashes.items()},
+    }
 
 
 @dataclass(frozen=True)

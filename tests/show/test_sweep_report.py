@@ -99,3 +99,27 @@ def test_figure_survives_samples_without_solution():
     figure = sweep_figure(result)
     figure.draw_without_rendering()
     assert "(1 without a solution)" in figure.get_suptitle()
+
+
+def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    scene = pf.load_scene("panda_pick_and_place")
+    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    drive = "Kollmorgen TBM-6051-A + Harmonic Drive CSF-17-100"
+    result = pf.sweep(scene, motion, sweep_of(
+        20, motors={"panda_joint2": {"drive": drive}, "panda_joint4": {"peak_torque": 9.0}},
+        payload__box__mass=uniform(0.5, 2.0),
+    ), processes=1)  # fmt: skip
+    lines = printed(result, capsys)
+    assert all(len(line) <= 80 for line in lines)
+    text = " ".join(" ".join(lines).split())
+    met = result.trials[0].met(result.figures)["gear repeated peak torque"]
+    assert 0 < met.sum() < 20
+    assert f"{100 * (1 - met.mean()):.1f} %" in text.split("motors on trial")[1]
+    assert "panda_joint2: speed-torque line, winding temperature" in text
+    assert "panda_joint4: ratings alone, the peak times 1.2" in text
+    assert "masses of drives, on their joints' parent links: panda_joint2 1.23 kg" in text
+    sweep_figure(result).draw_without_rendering()
+    content = json.loads(as_text(sweep_json(result)))["motors"]
+    assert content[0]["criteria"]["gear repeated peak torque"]["value"] == met.mean()
+    assert [entry["criteria_of_size"] for entry in content] == [True, False]
