@@ -233,6 +233,8 @@ def _connected(address: str) -> Iterator[Any]:
 
 def _not_reached(address: str, problem: BaseException) -> SweepError:
     reason = " ".join(str(problem).split())[:200] or f"no answer in {_CONNECT_TIMEOUT} s"
+    if isinstance(problem, MemoryError):  # its first bytes are read as the length of a message
+        reason = "what answers there is no Dask scheduler"
     return SweepError(f"the scheduler at {address} cannot be reached: {reason}")
 
 

@@ -1,11 +1,13 @@
 """Sweeps on processes and clusters: the same figures, whatever is lost on the way."""
 
+import contextlib
 import os
 import signal
 import socket
 import subprocess
 import sys
 import textwrap
+import threading
 from pathlib import Path
 from time import monotonic
 
@@ -147,7 +149,9 @@ def test_scheduler_lost_in_the_run_is_said_and_nothing_finished_is_lost(
     np.testing.assert_array_equal(found.figures, undisturbed.figures)
 
 
-@pytest.mark.parametrize("address", ["closed", "silent", "nonsense", "nobody.invalid:8786", "http"])
+@pytest.mark.parametrize(
+    "address", ["closed", "silent", "nonsense", "nobody.invalid:8786", "http", "ssh"]
+)
 def test_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(address, monkeypatch):
     if address in ("closed", "nobody.invalid:8786"):  # "silent" waits for as long as users do
         monkeypatch.setattr("pinfric.study.sweep_workers._CONNECT_TIMEOUT", 0.5)
@@ -155,15 +159,27 @@ def test_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(address, mo
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         port = listener.getsockname()[1]
-        if address == "silent":  # takes the connection and says nothing
+        if address in ("silent", "ssh"):  # takes the connection and says nothing, or its own name
             listener.listen()
-        named = {"closed": f"tcp://127.0.0.1:{port}", "silent": f"tcp://127.0.0.1:{port}",
+        if address == "ssh":
+            threading.Thread(target=_greet_as_ssh, args=(listener,), daemon=True).start()
+        here = f"tcp://127.0.0.1:{port}"
+        named = {"closed": here, "silent": here, "ssh": here,
                  "http": f"http://127.0.0.1:{port}"}.get(address, address)  # fmt: skip
         start = monotonic()
         with pytest.raises(SweepError, match="cannot be reached") as caught:
             pf.sweep(scene, steady(scene), sweep_of(speed=uniform(1, 2)), scheduler=named)
     assert monotonic() - start < 10
     assert named in str(caught.value)
+    assert ("is no Dask scheduler" in str(caught.value)) == (address == "ssh")
+
+
+def _greet_as_ssh(listener):
+    held = []
+    with contextlib.suppress(OSError):  # the test closes the listener
+        while True:
+            held.append(listener.accept()[0])
+            held[-1].sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n")
 
 
 def test_script_without_a_main_guard_runs_on_processes(tmp_path):
