@@ -18,8 +18,11 @@ from pinfric.model.compiled import kernel
 _RESIDUAL = 1e-15
 #: Passes of Newton; fixed-point passes where the contraction is certain but Newton cycles.
 _NEWTON_PASSES, _FIXED_POINT_PASSES = 60, 5000
-#: Two solutions closer than this, relative to their size, are one.
+#: Two solutions closer than this, relative to their size, are one; a z with a larger error is none
+#: that rounding lets us know.
 _DISTINCT = 1e-6
+#: So far below a contraction of 1 a small residual proves a small error: |rest| / (1 - it).
+_CERTAIN = 1e-6
 
 
 @kernel
@@ -363,6 +366,51 @@ def fixed_point(
 
 
 @kernel
+def settles(
+    problem: Problem,
+    gain: np.ndarray,
+    offset: np.ndarray,
+    unknown: np.ndarray,
+    contact: np.ndarray,
+    z: np.ndarray,
+) -> bool:
+    """Refine a z of small residual by Newton; return whether it is known to be a solution.
+
+    Its error |J^-1| (|rest| + rounding) must be small. Where the contraction is 1, z and gain
+    load(z) grow alike far out: their difference is rounding, or happens to be zero, although no
+    solution is near or none exists.
+
+    Args:
+        problem, gain, offset, unknown, contact: see `residual`.
+        z: (nz,), overwritten.
+    """
+    nz = z.size
+    rest, J, inverse = np.empty(nz), np.empty((nz, nz)), np.empty((nz, nz))
+    for _ in range(3):
+        residual(problem, gain, offset, unknown, contact, z, rest, J)
+        for i in range(nz):
+            for j in range(nz):
+                inverse[i, j] = 1.0 if i == j else 0.0
+        if not solve_dense(J, inverse):
+            return False
+        size = largest(z) + largest(offset)
+        for t in range(contact.shape[0]):
+            force = abs(contact[t, 0, 0]) + abs(contact[t, 0, 1]) + abs(contact[t, 0, 2])
+            size = max(size, abs(gain[problem.contact_site[t]]) * force)
+        error = 0.0
+        for i in range(nz):
+            step, bound = 0.0, 0.0
+            for j in range(nz):
+                step += inverse[i, j] * rest[j]
+                bound += abs(inverse[i, j]) * (abs(rest[j]) + _RESIDUAL * size)
+            z[i] -= step
+            error = max(error, bound)
+        if error <= _DISTINCT * size:
+            return True
+    return False
+
+
+@kernel
 def contraction_matrix(
     problem: Problem, gain: np.ndarray, unknown: np.ndarray, contact: np.ndarray, A: np.ndarray
 ) -> None:
@@ -448,17 +496,18 @@ def solve_given_modes(
                 z[unknown[c]] = guess[c]
     error, passes = newton(problem, gain, offset, unknown, contact, z, figures[0] < 1.0)
     figures[1] = passes
-    found = 0
-    if error <= tolerance:
-        found = keep(X, z, solutions, found)
     if figures[0] < 1.0:
-        if found == 0:
+        if not error <= tolerance:
             passes = fixed_point(problem, gain, offset, unknown, contact, z, tolerance)
             figures[1] += passes
             if passes == _FIXED_POINT_PASSES:
                 return -1
-            found = keep(X, z, solutions, found)
-        return found
+        if figures[0] > 1.0 - _CERTAIN and not settles(problem, gain, offset, unknown, contact, z):
+            return -1
+        return keep(X, z, solutions, 0)
+    found = 0
+    if error <= tolerance and settles(problem, gain, offset, unknown, contact, z):
+        found = keep(X, z, solutions, found)
     # No uniqueness: look from where other solutions would be, rest and far out on every side.
     far, most = 1.0, 1.0
     for t in range(nt):
@@ -473,6 +522,8 @@ def solve_given_modes(
                 z[k] = -direction[c] * 1e4 * far * most * weight
         error, passes = newton(problem, gain, offset, unknown, contact, z, False)
         figures[1] += passes
-        if error <= tolerance and found < 2:
+        if found == 2 or not error <= tolerance:
+            continue
+        if settles(problem, gain, offset, unknown, contact, z):
             found = keep(X, z, solutions, found)
     return found

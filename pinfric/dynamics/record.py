@@ -11,6 +11,9 @@ from pinfric.dynamics.system import Chart, System, timed
 from pinfric.errors import RollMomentError
 from pinfric.model.scene import Scene
 
+#: So far beyond its range (rad or m) a joint still stands at its end: rounding.
+_AT_LIMIT = 1e-9
+
 #: (t, q, v, a, effort, modes, friction, normal_load) at one time.
 Row = tuple[np.ndarray, ...]
 
@@ -99,10 +102,11 @@ class Recorder:
         names, index, lower, upper = self._limits
         if not names:
             return
-        q = configuration(end)
-        for i in np.flatnonzero((q[index] < lower) | (q[index] > upper) | (self._beyond != 0)):
-            side = int(q[index[i]] > upper[i]) - int(q[index[i]] < lower[i])
-            if side not in (0, self._beyond[i]):
+        q = configuration(end)[index]
+        sides = np.where(q > upper + _AT_LIMIT, 1, np.where(q < lower - _AT_LIMIT, -1, 0))
+        for i in np.flatnonzero(sides != self._beyond):
+            side = int(sides[i])
+            if side:
                 bound = upper[i] if side > 0 else lower[i]
                 low, high = start, end
                 for _ in range(60):  # bisection: once per crossing, and nothing to converge wrongly

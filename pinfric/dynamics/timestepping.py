@@ -8,6 +8,10 @@ with x by the laws of friction at the *end* of the step: a coordinate sticks if 
 limits brings it to v' = 0 exactly, else it slips against x. That is the problem of an instant with
 the next velocity in place of the acceleration, so there is nothing to locate, no step is too long
 for friction to be stable, and what stands still does so exactly. First order.
+
+A step also ends at exactly zero where it passes a turning point and friction could take what was
+left of the velocity. Whether that is a stop is a question to the instant, not to the step: it is
+one where static friction holds what stands there; else the motion turns round.
 """
 
 from __future__ import annotations
@@ -47,22 +51,24 @@ def step_through(
     before = ws.modes.copy()
     for k in range(steps):
         t, start = k * dt, q
+        end = (k + 1) * dt if k + 1 < steps else settings.t_end
         middle = pin.integrate(model, q, 0.5 * dt * v)
         system.assemble(t + 0.5 * dt, middle, v, dt)
         rates = ws.rates(middle, v)
         found = _solve_step(ws, rates, before)
         if found != Found.SOLVED:
             raise ws.failure(found, middle, v, system.u).at(t)
-        stopped = (rates != 0.0) & ws.modes.stuck
+        stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
         v = v + dt * (ws.a_free + ws.a_slope @ ws.modes.friction)
         v = ws.obey(middle, v)[1]
         q = pin.integrate(model, middle, 0.5 * dt * v)
         # v obeys the loops at the middle; made to obey them here it would lack half their impulse
         q, at_end = ws.obey(q, v)
-        _note_changes(record, system, before, stopped.any(), t, dt)
+        if stopped:
+            _hold_or_turn(system, end, q, at_end, before)
+        _note_changes(record, system, before, end if stopped else t)
         before = ws.modes.copy()
-        end = (k + 1) * dt if k + 1 < steps else settings.t_end
         record.watch_limits(t, end, _between(model, t, dt, start, q))
         if (k + 1) % stride == 0 or k + 1 == steps:
             system.solve_given_modes(end, q, at_end)
@@ -87,14 +93,27 @@ def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes) -> Found:
     return ws.search_step()
 
 
-def _note_changes(
-    record: Recorder, system: System, before: Modes, stopped: bool, t: float, dt: float
-) -> None:
+def _hold_or_turn(system: System, t: float, q: np.ndarray, v: np.ndarray, before: Modes) -> None:
+    """Let what a step brought to rest stick on only where static friction holds it there.
+
+    Args:
+        t, q, v: the step's end.
+        before: the modes before the step.
+    """
+    ws = system.ws
+    stopped = ws.modes.copy()
+    ws.modes.at_rest[:] = ws.modes.stuck
+    system.assemble(t, q, v)
+    if ws.search(held=before.stuck) != Found.SOLVED:
+        ws.modes.take(stopped)  # the next step decides
+    ws.finish()
+
+
+def _note_changes(record: Recorder, system: System, before: Modes, when: float) -> None:
     """Note mode changes: what came to rest did so at the step's end, what left at its start."""
     ws = system.ws
     if (ws.modes.stuck == before.stuck).all() and (ws.modes.direction == before.direction).all():
         return
-    when = t + dt if stopped else t
     record.phase(when)
     for s, site in enumerate(ws.scene.sites):
         c = int(ws.tables.coordinate[s])

@@ -134,7 +134,7 @@ def test_timestepping_is_first_order():
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert 0.9 < order < 1.2
     assert errors[-1] < 5e-3
-    assert m.evaluations == 1600 + 8 + 1
+    assert m.evaluations == 1600 + 8 + 1 + 1  # steps, samples, the start, one look at the stop
 
 
 def test_timestepping_meets_the_events_of_the_belt_to_its_step():
