@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import os
 import warnings
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +18,10 @@ import pinocchio as pin
 from pinfric.errors import PinfricWarning, RobotError, choose_from
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import read_document, reductions, warn_of_missing_meshes
+from pinfric.model.urdf_file import read_xml
+
+#: An eigenvalue of the mass matrix below zero by this part of the largest is rounding.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -69,21 +75,29 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
     Raises:
         RobotError: not XML, not a URDF, a mass, inertia or axis that cannot be, an unknown joint.
     """
-    document = read_document(urdf)
-    share = example_robot_data()
-    package_dirs = (share.parents[1], share.parent, share, urdf.parent)
+    root = read_xml(urdf)
+    document = read_document(root, urdf)
+    package_dirs = mesh_folders(urdf)
     warn_of_missing_meshes(document, urdf, package_dirs)
-    model = _build(urdf, document, locked)
+    model = _build(root, urdf, document, locked)
     dynamics = {
         joint.name: UrdfDynamics(float(joint.dynamics.friction or 0.0),
                                  float(joint.dynamics.damping or 0.0))
         for joint in document.joints
         if joint.dynamics is not None
     }  # fmt: skip
-    return Robot(model, urdf, package_dirs, dynamics, reductions(urdf))
+    return Robot(model, urdf, package_dirs, dynamics, reductions(root))
 
 
-def _build(urdf: Path, document: Any, locked: Mapping[str, float]) -> pin.Model:
+def mesh_folders(urdf: Path) -> tuple[Path, ...]:
+    """Return where `package://` names may begin: beside the URDF and above it, then the bundled."""
+    share = example_robot_data()
+    return (*urdf.resolve().parents, share.parents[1], share.parent, share)
+
+
+def _build(
+    root: ElementTree.Element, urdf: Path, document: Any, locked: Mapping[str, float]
+) -> pin.Model:
     movable = [j.name for j in document.joints if j.type != "fixed"]
     for name in locked:
         if name not in movable:
@@ -98,7 +112,7 @@ def _build(urdf: Path, document: Any, locked: Mapping[str, float]) -> pin.Model:
             f"robot.locked: {sorted(locked)} would lock some mimic joints of {urdf} and keep "
             f"others ({sorted(followers.keys() - positions.keys())}): lock all of them or none"
         )
-    model = _pinocchio_model(urdf, mimic)
+    model = _pinocchio_model(root, urdf, mimic)
     if positions:
         reference = pin.neutral(model)
         for name, position in positions.items():
@@ -113,7 +127,25 @@ def _build(urdf: Path, document: Any, locked: Mapping[str, float]) -> pin.Model:
         model = pin.buildReducedModel(model, ids, reference)
     if model.nv == 0:
         raise RobotError(f"{urdf}: no joint of this robot can move; there is nothing to drive")
+    _check_kinetic_energy(model, urdf)
     return model
+
+
+def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
+    """Refuse a robot that could gain speed from nothing: v^T M v / 2 < 0 for some v.
+
+    Links with negative moments of inertia are let through where others make up for them.
+    """
+    M = pin.crba(model, model.createData(), pin.neutral(model))
+    values, vectors = np.linalg.eigh(np.triu(M) + np.triu(M, 1).T)
+    if values[0] < -_ROUNDING * np.abs(values).max():
+        column = int(np.abs(vectors[:, 0]).argmax())
+        joint = next(n for n, j in zip(model.names, model.joints, strict=True)
+                     if j.idx_v <= column < j.idx_v + j.nv)  # fmt: skip
+        raise RobotError(
+            f"{urdf}: what joint {joint!r} moves has a negative kinetic energy, so no motion "
+            "follows from any effort; correct the <inertia> of its links"
+        )
 
 
 def _with_followers(locked: Mapping[str, float], followers: Mapping[str, Any]) -> dict[str, float]:
@@ -127,18 +159,56 @@ def _with_followers(locked: Mapping[str, float], followers: Mapping[str, Any]) -
     return positions
 
 
-def _pinocchio_model(urdf: Path, mimic: bool) -> pin.Model:
-    with _silent_stderr() as said:
-        try:
-            return pin.buildModelFromUrdf(str(urdf), mimic=mimic)
-        except Exception as problem:
-            reason = said() or str(problem)
-            if "mimic" in reason:
-                reason += (
-                    "; Pinocchio visits joints depth first in alphabetical order and needs a mimic "
-                    "joint's leader before its follower: rename them, or lock both (robot.locked)"
-                )
+def _pinocchio_model(root: ElementTree.Element, urdf: Path, mimic: bool) -> pin.Model:
+    reason = ""
+    for leaders_first in (False, True):
+        with _silent_stderr() as said:
+            try:
+                return _leaders_first(root) if leaders_first else _from_xml(root, mimic)
+            except Exception as problem:
+                reason = said() or str(problem)
+        if "mimic" not in reason:
+            break
     raise RobotError(f"{urdf}: Pinocchio cannot build it: {reason}")
+
+
+def _from_xml(root: ElementTree.Element, mimic: bool) -> pin.Model:
+    return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), mimic=mimic)
+
+
+def _leaders_first(root: ElementTree.Element) -> pin.Model:
+    """Build a model whose mimic joints come after the joints they follow.
+
+    Pinocchio visits joints depth first, those of one link in alphabetical order, and needs the
+    leader before the follower. Numbers put before the names give that order.
+    """
+    root = copy.deepcopy(root)
+    joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
+    mimics = [mimic for joint in joints.values() for mimic in joint.findall("mimic")]
+    leading: set[str] = set()  # leaders, and all joints on the way to them
+    below = {_link(joint, "child"): name for name, joint in joints.items()}
+    for name in {str(mimic.get("joint")) for mimic in mimics}:
+        above: str | None = name
+        while above is not None and above not in leading:
+            leading.add(above)
+            above = below.get(_link(joints[above], "parent"))
+    for name, joint in joints.items():
+        joint.set("name", f"{int(name not in leading)} {name}")
+    for mimic in mimics:
+        mimic.set("joint", f"0 {mimic.get('joint')}")
+    model = _from_xml(root, mimic=True)
+    for index in range(1, model.njoints):
+        model.names[index] = model.names[index][2:]
+    for frame in list(model.frames)[1:]:  # the first is the universe's
+        if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
+            frame.name = frame.name[2:]
+    return model
+
+
+def _link(joint: ElementTree.Element, end: str) -> str:
+    """The name of a joint's `parent` or `child` link; that there is one was checked."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
 
 
 class _silent_stderr:  # noqa: N801 - used like a function

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import warnings
 import xml.etree.ElementTree as ElementTree
@@ -21,25 +22,28 @@ _INERTIA_FLOOR = 1e-9
 _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating")
 
 
-def read_document(urdf: Path) -> Any:
+def read_document(root: ElementTree.Element, urdf: Path) -> Any:
     """Return a URDF as yourdfpy's data classes, checked; no meshes, no scene graph.
 
+    Mimicry of joints that are not there is taken out of `root`, and bodies that no matter could
+    form are kept, each with one `PinfricWarning`: other programs compute with both.
+
+    Args:
+        root: as `read_xml` returns it.
+        urdf: named in messages.
+
     Raises:
-        RobotError: not XML, not a URDF, no tree, or a mass, inertia, axis or limit that cannot be.
+        RobotError: not a URDF, no tree, or a mass, inertia, axis or limit that cannot be.
     """
-    try:
-        root = ElementTree.parse(urdf).getroot()
-    except (ElementTree.ParseError, UnicodeDecodeError, ValueError) as problem:
-        raise RobotError(f"{urdf}: is not well-formed XML: {problem}") from None
-    if root.tag != "robot":
-        raise RobotError(f"{urdf}: the root element is <{root.tag}>, a URDF begins with <robot>")
     _check_elements(root, urdf)
+    _release_followers(root, urdf)
     import yourdfpy  # 1.2 s: only where a URDF is read
 
     try:
         document = yourdfpy.URDF.load(
-            str(urdf), build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False
-        ).robot
+            io.BytesIO(ElementTree.tostring(root)),
+            build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
+        ).robot  # fmt: skip
     except Exception as problem:  # yourdfpy lets ValueError, TypeError, AttributeError through
         raise RobotError(f"{urdf}: is not a valid URDF: {problem}") from None
     _check_tree(document, urdf)
@@ -49,14 +53,14 @@ def read_document(urdf: Path) -> Any:
     return document
 
 
-def reductions(urdf: Path) -> dict[str, float]:
+def reductions(root: ElementTree.Element) -> dict[str, float]:
     """Return joint -> mechanical reduction (motor turns per joint turn) of a URDF's transmissions.
 
     yourdfpy leaves the element out; where it stands beside the joint and beside the actuator, the
     actuator's counts, as in ROS.
     """
     found: dict[str, float] = {}
-    for transmission in ElementTree.parse(urdf).getroot().findall("transmission"):
+    for transmission in root.findall("transmission"):
         texts = [*transmission.findall("joint/mechanicalReduction"),
                  *transmission.findall("actuator/mechanicalReduction"),
                  *transmission.findall("mechanicalReduction")]  # fmt: skip
@@ -200,8 +204,6 @@ def _check_mimics(document: Any, urdf: Path) -> None:
         if joint.mimic is None:
             continue
         where, leader = f"{urdf}: joint {name!r}", joint.mimic.joint
-        if leader not in joints:
-            raise RobotError(f"{where} mimics {leader!r}; {choose_from(leader, joints)}")
         if leader == name:
             raise RobotError(f"{where} mimics itself")
         if joints[leader].mimic is not None:
@@ -218,29 +220,75 @@ def _check_mimics(document: Any, urdf: Path) -> None:
             raise RobotError(f"{where} mimics with the multiplier 0: make it a fixed joint")
 
 
+def _release_followers(root: ElementTree.Element, urdf: Path) -> None:
+    """Take out mimicry of joints that are not there: such a joint moves by itself."""
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    lost: dict[str, str] = {}
+    for name, joint in joints.items():
+        for mimic in joint.findall("mimic"):
+            if mimic.get("joint") not in joints:
+                lost[str(name)] = str(mimic.get("joint"))
+                joint.remove(mimic)
+    if lost:
+        name, leader = next(iter(lost.items()))
+        others = f" (and {len(lost) - 1} more joints have no leader)" if len(lost) > 1 else ""
+        warnings.warn(
+            f"{urdf}: joint {name!r} mimics {leader!r}, which is not there{others}; what has no "
+            "leader moves by itself, with a drive of its own",
+            PinfricWarning,
+            stacklevel=4,
+        )
+
+
 def _check_inertias(document: Any, urdf: Path) -> None:
-    """Refuse bodies that cannot exist; links fixed to the root never move and are passed over."""
-    children = {joint.child for joint in document.joints}
-    roots = [link.name for link in document.links if link.name not in children]
-    still = _reachable(roots, (joint for joint in document.joints if joint.type == "fixed"))
+    """Refuse negative masses; warn once of other bodies that cannot be.
+
+    Links fixed to the root never move and are passed over.
+    """
+    still = still_links(document)
+    problems: dict[str, str] = {}
     for link in document.links:
         if link.inertial is None or link.name in still:
             continue
-        mass = link.inertial.mass
-        inertia = link.inertial.inertia
-        problem = implausible_body(
-            0.0 if mass is None else float(mass),
-            np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float),
+        mass, inertia = mass_and_inertia(link)
+        if problem := implausible_body(mass, inertia):
+            if mass < 0:
+                raise RobotError(f"{urdf}: link {link.name!r}: {problem}")
+            problems[link.name] = problem
+    if problems:
+        first, *others = problems
+        also = f"; the like of {', '.join(others)}" if others else ""
+        warnings.warn(
+            f"{urdf}: link {first!r}: {problems[first]}{also}; computed with as written "
+            "(`pinfric check` lists them, --strict refuses them)",
+            PinfricWarning,
+            stacklevel=4,
         )
-        if problem:
-            raise RobotError(f"{urdf}: link {link.name!r}: {problem}")
+
+
+def still_links(document: Any) -> set[str]:
+    """Return the links that never move: the root and what is fixed to it."""
+    children = {joint.child for joint in document.joints}
+    roots = [link.name for link in document.links if link.name not in children]
+    return _reachable(roots, (joint for joint in document.joints if joint.type == "fixed"))
+
+
+def mass_and_inertia(link: Any) -> tuple[float, np.ndarray]:
+    """Return a link's mass (kg) and its inertia (3, 3) about its centre of mass, zeros if none."""
+    given = link.inertial
+    mass = None if given is None else given.mass
+    inertia = None if given is None else given.inertia
+    return (
+        0.0 if mass is None else float(mass),
+        np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float),
+    )
 
 
 def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
     """Say why no rigid body has this mass and inertia about its centre of mass, or None.
 
     J's principal moments are sums of integrals over the body, so each is at most the sum of the
-    other two (triangle inequality).
+    other two (triangle inequality); rounding of what a file prints is allowed for.
 
     Args:
         mass: kg.
@@ -251,16 +299,16 @@ def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
     if mass < 0:
         return f"mass {mass:g} kg is negative"
     moments = np.linalg.eigvalsh(inertia)
+    slack = _INERTIA_SLACK * moments[2] + _INERTIA_FLOOR
     shown = ", ".join(f"{m:.3g}" for m in moments)
+    if moments[0] < -slack:
+        return f"principal moments of inertia {shown} kg m^2: one is negative"
     if mass == 0 and moments[2] > _INERTIA_FLOOR:
         return f"principal moments of inertia {shown} kg m^2 without a mass"
-    if moments[0] < -_INERTIA_FLOOR:
-        return f"principal moments of inertia {shown} kg m^2: one is negative"
-    slack = _INERTIA_SLACK * moments[2] + _INERTIA_FLOOR
     if moments[2] > moments[0] + moments[1] + slack:
         return (
-            f"principal moments of inertia {shown} kg m^2 violate the triangle inequality "
-            "(the largest exceeds the sum of the others): no body has them; correct <inertia>"
+            f"principal moments of inertia {shown} kg m^2 violate the triangle "
+            "inequality (the largest exceeds the sum of the others): no body has them"
         )
     return None
 
@@ -292,5 +340,5 @@ def mesh_file(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | Non
     elif scheme == "file":
         candidates = [Path(rest)]
     else:
-        candidates = [folder / rest for folder in package_dirs]
+        candidates = [folder / rest.lstrip("/") for folder in package_dirs]
     return next((path for path in candidates if path.is_file()), None)

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from pinfric.model.robot import Robot
 from pinfric.model.urdf import mesh_file
+from pinfric.model.urdf_file import read_xml
 from pinfric.show import surfaces
 
 _GRAY = (190, 196, 204)
@@ -63,7 +64,7 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Visual], dict[str
         model: the robot, with a frame for each of its links.
         robot: the URDF and where its meshes are.
     """
-    root = ElementTree.parse(robot.urdf).getroot()
+    root = read_xml(robot.urdf)
     named = {m.get("name"): color for m in root.findall("material") if (color := _rgba(m))}
     found: list[Visual] = []
     missing: dict[str, str] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.model.urdf_file import read_xml
 from pinfric.study.joint_columns import (
     JointColumn,
     limit_problems,
@@ -101,7 +101,7 @@ def _law(follower: Follower) -> str:
 def _urdf_limits(urdf: Path) -> dict[str, JointColumn]:
     """Limits of a URDF's joints by name; the file was checked when the robot was read."""
     found = {}
-    for joint in ElementTree.parse(urdf).getroot().findall("joint"):
+    for joint in read_xml(urdf).findall("joint"):
         name, kind, limit = joint.get("name", ""), joint.get("type"), joint.find("limit")
         given = {} if limit is None else limit.attrib
         lower, upper = stated_range(float(given.get("lower", 0)), float(given.get("upper", 0)))

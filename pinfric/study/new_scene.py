@@ -10,7 +10,6 @@ import json
 import math
 import os
 import re
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -83,7 +82,7 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         RobotError: the URDF cannot be read, or describes something that cannot exist.
     """
     urdf = _file(urdf)
-    robot, locked = _readable(urdf)
+    robot = read_robot(urdf, {})
     joints = _joints(robot.model)
     parts = [
         _head(urdf, robot),
@@ -91,7 +90,6 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         "robot:",
         f"  urdf: {_scalar(_locator(urdf, folder))}",
         "  gravity: [0.0, 0.0, -9.81]",
-        *_locked_section(locked),
         *_dynamics_section(robot),
         "  # payloads:                  # what it carries; com in the link's frame",
         f"  #   box: {{link: {_scalar(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
@@ -114,7 +112,7 @@ def new_waypoints(urdf: str | Path) -> str:
         TrajectoryError: planar or floating joints, which files cannot describe.
     """
     urdf = _file(urdf)
-    robot, _ = _readable(urdf)
+    robot = read_robot(urdf, {})
     columns = joint_columns(robot.model, str(urdf))
     followers = find_followers(SimpleNamespace(robot=robot, model=robot.model), columns)
     columns = tuple(_followed(column, followers) for column in columns)
@@ -177,37 +175,6 @@ def _file(urdf: str | Path) -> Path:
     if not Path(urdf).is_file():
         raise RobotError(f"there is no file {urdf}")
     return Path(urdf)
-
-
-def _readable(urdf: Path) -> tuple[Robot, dict[str, float]]:
-    """The robot; with its mimic joints locked where Pinocchio cannot follow them."""
-    try:
-        return read_robot(urdf, {}), {}
-    except RobotError as problem:
-        if "mimic" not in str(problem):
-            raise
-        locked = _mimic_joints(urdf)
-        try:
-            return read_robot(urdf, locked), locked
-        except RobotError:
-            raise problem from None
-
-
-def _mimic_joints(urdf: Path) -> dict[str, float]:
-    """Leaders and followers -> 0, or the limit next to it."""
-    joints = {joint.get("name", ""): joint for joint in ElementTree.parse(urdf).iter("joint")}
-    names = set()
-    for name, joint in joints.items():
-        mimic = joint.find("mimic")
-        if mimic is not None:
-            names |= {name, mimic.get("joint", "")}
-    locked = {}
-    for name in sorted(names & joints.keys()):
-        limit = joints[name].find("limit")
-        low, high = (-math.inf, math.inf) if limit is None else (
-            float(limit.get("lower", 0.0)), float(limit.get("upper", 0.0)))  # fmt: skip
-        locked[name] = min(max(0.0, low), high)
-    return locked
 
 
 def _joints(model: pin.Model) -> list[_Joint]:
@@ -318,13 +285,6 @@ def _locator(urdf: Path, folder: str | Path | None) -> str:
     if folder is None:
         return str(full)
     return Path(os.path.relpath(full, Path(folder).resolve())).as_posix()
-
-
-def _locked_section(locked: dict[str, float]) -> list[str]:
-    if not locked:
-        return []
-    lines = ["  locked:                      # mimic joints that Pinocchio cannot follow here"]
-    return lines + [f"    {_scalar(name)}: {_short(at)}" for name, at in locked.items()]
 
 
 def _dynamics_section(robot: Robot) -> list[str]:

@@ -374,9 +374,11 @@ def with_masses(
         place = pin.SE3(np.eye(3), model.jointPlacements[joint].translation)
         parent = model.parents[joint]
         point = pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
+        before = implausible_body(model.inertias[parent].mass, model.inertias[parent].inertia)
         model.appendBodyToJoint(parent, point, place)
         body = model.inertias[parent]
-        if problem := implausible_body(body.mass, body.inertia):
+        problem = implausible_body(body.mass, body.inertia)
+        if problem and (body.mass < 0 or not before):  # else the URDF's own, warned of on loading
             raise SizingError(
                 f"conditions.mass_in_urdf.{drive.name}: with {-mass:g} kg less, the link that "
                 f"carries this drive is a body that cannot be: {problem}"
