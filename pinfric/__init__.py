@@ -32,6 +32,8 @@ _PUBLIC = {
     "size": "pinfric.study.sizing",
     "SizingReport": "pinfric.study.sizing",
     "load_catalog": "pinfric.study.catalog",
+    "check": "pinfric.study.plausibility",
+    "CheckReport": "pinfric.study.findings",
     "sweep": "pinfric.study.sweep",
     "SweepResult": "pinfric.study.sweep_result",
     "replay": "pinfric.show.replay",
@@ -60,6 +62,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.show.live import LiveReplay as LiveReplay
     from pinfric.show.replay import replay as replay
     from pinfric.study.catalog import load_catalog as load_catalog
+    from pinfric.study.findings import CheckReport as CheckReport
+    from pinfric.study.plausibility import check as check
     from pinfric.study.scene_run import run_scene as run_scene
     from pinfric.study.sizing import SizingReport as SizingReport
     from pinfric.study.sizing import size as size

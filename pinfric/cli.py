@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +17,7 @@ from typing import Annotated, Any
 import typer
 
 from pinfric import __version__
-from pinfric.errors import PinfricError
+from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.terminal import (
     as_text,
     load,
@@ -319,13 +320,39 @@ def new(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path(),
 ) -> None:
     """Write a starting scene and a first motion for a URDF; every guess is marked."""
+    from pinfric.show.check_report import doubts
     from pinfric.study.new_scene import write_new
+    from pinfric.study.plausibility import check as judge
 
-    files = write_new(urdf, out)
+    with working("reading the robot and its meshes"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", PinfricWarning)  # what they say is among the doubts
+        files = write_new(urdf, out)
+        report = judge(urdf)
+    show(doubts(report))
     for file in files:
         print_line(f"wrote {file}")
     command = "inverse" if len(files) > 1 else "explain"
     print_line(f"try: pinfric {command} {' '.join(map(str, files))}")
+
+
+@app.command()
+def check(
+    source: Annotated[
+        str, typer.Argument(metavar="URDF | SCENE", help="The robot, or a scene with its robot.")
+    ],
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Warnings are errors, too (exit code 2).")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """List what is implausible about a robot or a scene, and what a wrong unit would explain."""
+    from pinfric.show.check_report import check_json, check_report
+    from pinfric.study.plausibility import check as judge
+
+    with working("reading the robot and its meshes"):
+        report = judge(source)
+    show(check_json(report) if as_json else check_report(report))
+    report.check(strict)  # errors are the last line, and the exit code (2)
 
 
 @app.command()

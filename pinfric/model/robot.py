@@ -8,7 +8,7 @@ import os
 import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,10 @@ from pinfric.model.urdf_file import read_xml
 
 #: An eigenvalue of the mass matrix below zero by this part of the largest is rounding.
 _ROUNDING = 1e-12
+
+
+#: What a bundled robot's name begins with.
+BUNDLED = "example-robot-data:"
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,14 @@ class Robot:
     package_dirs: tuple[Path, ...]
     dynamics: Mapping[str, UrdfDynamics]
     reductions: Mapping[str, float]
+    locked: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def gears(self) -> dict[str, float]:
+        """Joint of the model -> its reduction, where that is a gear: not 1, not 0, finite."""
+        return {name: ratio for name, ratio in self.reductions.items()
+                if name in self.model.names and math.isfinite(ratio)
+                and abs(ratio) not in (0.0, 1.0)}  # fmt: skip
 
 
 def example_robot_data() -> Path:
@@ -50,8 +62,8 @@ def example_robot_data() -> Path:
 
 def locate_urdf(locator: str, relative_to: Path) -> Path:
     """Resolve a scene's `robot.urdf`: a path, or `example-robot-data:<path below its robots>`."""
-    scheme, _, rest = locator.partition(":")
-    if scheme == "example-robot-data":
+    if locator.startswith(BUNDLED):
+        rest = locator.removeprefix(BUNDLED)
         folder = example_robot_data()
         path = folder / rest
         if not path.is_file():
@@ -63,6 +75,19 @@ def locate_urdf(locator: str, relative_to: Path) -> Path:
     if not path.is_file():
         raise RobotError(f"robot.urdf: there is no file {path}")
     return path
+
+
+def urdf_file(name: str | Path) -> Path:
+    """Return the file that a user names, or that a scene would name as a bundled robot.
+
+    Raises:
+        RobotError: there is none.
+    """
+    if str(name).startswith(BUNDLED):
+        return locate_urdf(str(name), Path())
+    if not Path(name).is_file():
+        raise RobotError(f"there is no file {name}")
+    return Path(name)
 
 
 def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
@@ -86,7 +111,7 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
         for joint in document.joints
         if joint.dynamics is not None
     }  # fmt: skip
-    return Robot(model, urdf, package_dirs, dynamics, reductions(root))
+    return Robot(model, urdf, package_dirs, dynamics, reductions(root), locked)
 
 
 def mesh_folders(urdf: Path) -> tuple[Path, ...]:
@@ -262,10 +287,10 @@ def with_payloads(model: pin.Model, payloads: Mapping[str, Payload]) -> pin.Mode
 
 def mention_reductions(robot: Robot, where: str) -> None:
     """Warn of gears the URDF names: a ratio alone says nothing of losses, so it is not used."""
-    geared = [n for n, r in robot.reductions.items() if abs(r) != 1 and n in robot.model.names]
-    if geared:
-        ratios = ", ".join(f"{name} {robot.reductions[name]:g}" for name in geared[:4])
-        more = f" and {len(geared) - 4} more" if len(geared) > 4 else ""
+    gears = robot.gears
+    if gears:
+        ratios = ", ".join(f"{name} {ratio:g}" for name, ratio in list(gears.items())[:4])
+        more = f" and {len(gears) - 4} more" if len(gears) > 4 else ""
         warnings.warn(
             f"{where}: the URDF's <transmission> gives reductions ({ratios}{more}); motors are "
             "taken at the joints until `actuators` names ratio, losses and inertia",

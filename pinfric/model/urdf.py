@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.model.urdf_file import NAMELESS
 
 #: Triangle-inequality slack relative to the largest principal moment: URDFs print few digits.
 _INERTIA_SLACK = 1e-3
@@ -25,8 +26,9 @@ _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "float
 def read_document(root: ElementTree.Element, urdf: Path) -> Any:
     """Return a URDF as yourdfpy's data classes, checked; no meshes, no scene graph.
 
-    Mimicry of joints that are not there is taken out of `root`, and bodies that no matter could
-    form are kept, each with one `PinfricWarning`: other programs compute with both.
+    A robot without a name gets one in `root`. Mimicry of joints that are not there is taken out
+    of it, and bodies that no matter could form are kept, each with one `PinfricWarning`: other
+    programs compute with both.
 
     Args:
         root: as `read_xml` returns it.
@@ -36,6 +38,8 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
         RobotError: not a URDF, no tree, or a mass, inertia, axis or limit that cannot be.
     """
     _check_elements(root, urdf)
+    if not root.get("name"):
+        root.set("name", NAMELESS)
     _release_followers(root, urdf)
     import yourdfpy  # 1.2 s: only where a URDF is read
 
@@ -220,41 +224,49 @@ def _check_mimics(document: Any, urdf: Path) -> None:
             raise RobotError(f"{where} mimics with the multiplier 0: make it a fixed joint")
 
 
+def lost_leaders(root: ElementTree.Element) -> dict[str, str]:
+    """Return joint -> the joint it mimics, where that one is not there."""
+    joints = {joint.get("name") for joint in root.findall("joint")}
+    return {
+        str(joint.get("name")): str(mimic.get("joint"))
+        for joint in root.findall("joint")
+        for mimic in joint.findall("mimic")
+        if mimic.get("joint") not in joints
+    }
+
+
 def _release_followers(root: ElementTree.Element, urdf: Path) -> None:
     """Take out mimicry of joints that are not there: such a joint moves by itself."""
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    lost: dict[str, str] = {}
-    for name, joint in joints.items():
-        for mimic in joint.findall("mimic"):
-            if mimic.get("joint") not in joints:
-                lost[str(name)] = str(mimic.get("joint"))
-                joint.remove(mimic)
-    if lost:
-        name, leader = next(iter(lost.items()))
-        others = f" (and {len(lost) - 1} more joints have no leader)" if len(lost) > 1 else ""
-        warnings.warn(
-            f"{urdf}: joint {name!r} mimics {leader!r}, which is not there{others}; what has no "
-            "leader moves by itself, with a drive of its own",
-            PinfricWarning,
-            stacklevel=4,
-        )
+    lost = lost_leaders(root)
+    if not lost:
+        return
+    for joint in root.findall("joint"):
+        for mimic in joint.findall("mimic") if joint.get("name") in lost else ():
+            joint.remove(mimic)
+    name, leader = next(iter(lost.items()))
+    others = f" (and {len(lost) - 1} more joints have no leader)" if len(lost) > 1 else ""
+    warnings.warn(
+        f"{urdf}: joint {name!r} mimics {leader!r}, which is not there{others}; what has no "
+        "leader moves by itself, with a drive of its own",
+        PinfricWarning,
+        stacklevel=4,
+    )
+
+
+def implausible_links(document: Any) -> dict[str, str]:
+    """Return link -> why no rigid body has its mass and inertia; links that never move left out."""
+    still = still_links(document)
+    bodies = {link.name: mass_and_inertia(link) for link in document.links
+              if link.inertial is not None and link.name not in still}  # fmt: skip
+    return {name: why for name, body in bodies.items() if (why := implausible_body(*body))}
 
 
 def _check_inertias(document: Any, urdf: Path) -> None:
-    """Refuse negative masses; warn once of other bodies that cannot be.
-
-    Links fixed to the root never move and are passed over.
-    """
-    still = still_links(document)
-    problems: dict[str, str] = {}
+    """Refuse negative masses; warn once of other bodies that cannot be."""
+    problems = implausible_links(document)
     for link in document.links:
-        if link.inertial is None or link.name in still:
-            continue
-        mass, inertia = mass_and_inertia(link)
-        if problem := implausible_body(mass, inertia):
-            if mass < 0:
-                raise RobotError(f"{urdf}: link {link.name!r}: {problem}")
-            problems[link.name] = problem
+        if link.name in problems and mass_and_inertia(link)[0] < 0:
+            raise RobotError(f"{urdf}: link {link.name!r}: {problems[link.name]}")
     if problems:
         first, *others = problems
         also = f"; the like of {', '.join(others)}" if others else ""
@@ -313,8 +325,8 @@ def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
     return None
 
 
-def warn_of_missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Path]) -> None:
-    """Warn once, naming them, of mesh files that are not there; the dynamics do without them."""
+def missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Path]) -> list[str]:
+    """Return the mesh names of a URDF whose files are not there, sorted."""
     missing = {
         geometry.mesh.filename
         for link in document.links
@@ -322,11 +334,16 @@ def warn_of_missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Pat
         if (geometry := shape.geometry) is not None and geometry.mesh is not None
         if mesh_file(geometry.mesh.filename, urdf, package_dirs) is None
     }
-    if missing:
-        first, *others = sorted(missing)
-        more = f" and {len(others)} more" if others else ""
+    return sorted(missing)
+
+
+def warn_of_missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Path]) -> None:
+    """Warn once, naming them, of mesh files that are not there; the dynamics do without them."""
+    if missing := missing_meshes(document, urdf, package_dirs):
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         warnings.warn(
-            f"{urdf}: there is no mesh {first}{more}; loaded without (efforts do not need meshes)",
+            f"{urdf}: there is no mesh {missing[0]}{more}; loaded without (efforts do not need "
+            "meshes)",
             PinfricWarning,
             stacklevel=2,
         )

@@ -15,11 +15,12 @@ _OTHERS = {
     "mujocoinclude": "MJCF, as MuJoCo writes it",
     "COLLADA": "a Collada mesh",
 }
-_NAMELESS = "robot"
+#: What a robot without a name is called.
+NAMELESS = "robot"
 
 
 def read_xml(urdf: Path) -> ElementTree.Element:
-    """Return a URDF's root element, with xacro expanded; a robot without a name is called "robot".
+    """Return a URDF's root element, with xacro expanded.
 
     Raises:
         RobotError: it cannot be read, is not XML, is another format, or xacro that does not expand.
@@ -33,8 +34,6 @@ def read_xml(urdf: Path) -> ElementTree.Element:
         )
     if _is_xacro(root):
         root = _expanded(urdf, root)
-    if not root.get("name"):
-        root.set("name", _NAMELESS)
     return root
 
 
@@ -74,7 +73,7 @@ def _expanded(urdf: Path, root: ElementTree.Element) -> ElementTree.Element:
         packages.walk_up_from(path)
         # included, not read: only so do its own includes count from its folder
         document = XacroDoc.from_includes(
-            [str(path)], name=root.get("name") or _NAMELESS, resolve_packages=False
+            [str(path)], name=root.get("name") or NAMELESS, resolve_packages=False
         )
         return ElementTree.fromstring(document.to_urdf_string())
     except Exception as problem:  # of xacro, its expressions, its includes, its packages

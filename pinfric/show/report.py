@@ -157,9 +157,9 @@ def _footer(result: InverseResult) -> list[str]:
     lines = []
     if sites:
         sticks = [len(runs(result.sticking[:, s])) for s in range(sites)]
-        resting = f"{np.count_nonzero(sticks)} of {_counted(sites, 'joint')} with friction stick"
-        resting += f", in {_counted(sum(sticks), 'interval')}" if any(sticks) else ""
-        reversals = _counted(int(result.reversal.sum()), "reversal")
+        resting = f"{np.count_nonzero(sticks)} of {counted(sites, 'joint')} with friction stick"
+        resting += f", in {counted(sum(sticks), 'interval')}" if any(sticks) else ""
+        reversals = counted(int(result.reversal.sum()), "reversal")
         lines.append(f"{resting}; {reversals} between samples")
     else:
         lines.append("no joint has friction")
@@ -168,13 +168,14 @@ def _footer(result: InverseResult) -> list[str]:
         lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
     failed = np.flatnonzero(result.status != Status.CONVERGED)
     if failed.size:
-        lines.append(f"{_counted(failed.size, 'sample')} without a solution, the first {failed[0]}")
+        lines.append(f"{counted(failed.size, 'sample')} without a solution, the first {failed[0]}")
     if sites:
         lines.append("share: RMS of friction / (RMS of friction + frictionless RMS)")
     return lines
 
 
-def _counted(count: int, noun: str) -> str:
+def counted(count: int, noun: str) -> str:
+    """Return "1 joint", "2 joints"."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 

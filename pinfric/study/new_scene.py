@@ -10,61 +10,37 @@ import json
 import math
 import os
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricError, RobotError
-from pinfric.model.robot import Robot, example_robot_data, locate_urdf, read_robot
-from pinfric.model.twin import PRISMATIC, make_twin
+from pinfric.model.robot import (
+    Robot,
+    UrdfDynamics,
+    example_robot_data,
+    read_robot,
+    urdf_file,
+)
+from pinfric.model.scene import Scene
 from pinfric.study.followers import Follower, find_followers
-from pinfric.study.joint_columns import JointColumn, joint_columns, stated_range
+from pinfric.study.joint_columns import JointColumn, joint_columns
+from pinfric.study.joint_loads import JointLoad, joint_loads
 
 #: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
 _SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5
-#: An effort limit beyond so many times the static load is a placeholder (a gripper's force is
-#: many times its fingers' weight).
-_PLACEHOLDER, _PLACEHOLDER_SLIDING = 300.0, 3000.0
-#: The same for a joint whose weight has no lever (N m, N); the first move lasts no longer (s).
-_MOST_LOAD, _LONGEST = 1e4, 10.0
+#: The first move lasts no longer (s).
+_LONGEST = 10.0
 #: Coulomb friction of gears and seals as part of the effort, and static over kinetic friction.
 _GEAR, _STATIC = 0.02, 1.2
 #: Rolling bearings: mu of catalogues (SKF 0.0015-0.0030) and, at rest, 1.5 times that.
 _MU = {"static": 0.003, "kinetic": 0.002}
-_GRAVITY = 9.81
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*\Z")
 _YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
-
-
-@dataclass(frozen=True)
-class _Joint:
-    """What is known of a joint.
-
-    Attributes:
-        name: as YAML writes it.
-        sliding: True for a prismatic joint.
-        degrees: 1, or more for a planar or floating joint.
-        leader: of a mimic follower, as YAML writes it; None for others.
-        lower, upper: rad or m, infinite without limits.
-        load: what it must stand (N m or N).
-        why: where that is taken from.
-        remark: what to say of its effort limit, or "".
-    """
-
-    name: str
-    sliding: bool
-    degrees: int
-    leader: str | None
-    lower: float
-    upper: float
-    load: float
-    why: str
-    remark: str
 
 
 def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
@@ -81,9 +57,9 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
     Raises:
         RobotError: the URDF cannot be read, or describes something that cannot exist.
     """
-    urdf = _file(urdf)
+    urdf = urdf_file(urdf)
     robot = read_robot(urdf, {})
-    joints = _joints(robot.model)
+    joints = joint_loads(robot.model)
     parts = [
         _head(urdf, robot),
         "pinfric: 1",
@@ -94,11 +70,8 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         "  # payloads:                  # what it carries; com in the link's frame",
         f"  #   box: {{link: {_scalar(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
         "friction:",
-        *[line for joint in joints for line in _joint_section(joint)],
-        "# actuators:                   # without this section: one ideal drive per joint",
-        f"#   - joint: {_driven(robot.model)}",
-        "#     transmission: {ratio: 100, efficiency: 0.85, back_efficiency: 0.82, "
-        "rotor_inertia: 1.0e-5}",
+        *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
+        *_actuators_section(robot),
         *_simulation_section(robot.model),
     ]  # fmt: skip
     return "\n".join(parts) + "\n"
@@ -111,7 +84,7 @@ def new_waypoints(urdf: str | Path) -> str:
         RobotError: the URDF cannot be read.
         TrajectoryError: planar or floating joints, which files cannot describe.
     """
-    urdf = _file(urdf)
+    urdf = urdf_file(urdf)
     robot = read_robot(urdf, {})
     columns = joint_columns(robot.model, str(urdf))
     followers = find_followers(SimpleNamespace(robot=robot, model=robot.model), columns)
@@ -145,7 +118,7 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     Raises:
         RobotError: see `new_scene`; PinfricError: a file is there already or cannot be written.
     """
-    urdf = _file(urdf)
+    urdf = urdf_file(urdf)
     folder, name = Path(folder), urdf.stem
     contents = {f"{name}.yaml": new_scene(urdf, folder)}
     try:
@@ -168,85 +141,34 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     return [folder / file for file in contents]
 
 
-def _file(urdf: str | Path) -> Path:
-    """The file that a user names, or that a scene would name as a bundled robot."""
-    if str(urdf).startswith("example-robot-data:"):
-        return locate_urdf(str(urdf), Path())
-    if not Path(urdf).is_file():
-        raise RobotError(f"there is no file {urdf}")
-    return Path(urdf)
-
-
-def _joints(model: pin.Model) -> list[_Joint]:
-    """What is known of each joint; the weight it carries with the robot at rest in q0."""
-    twin, data = make_twin(model), model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
-    leaders = {int(twin.v_index[j - 1]): _scalar(model.names[j])
-               for j in range(1, model.njoints) if model.joints[j].nv == 1}  # fmt: skip
-    found = []
-    for j in range(1, model.njoints):
-        kind, sliding = model.joints[j], bool(twin.kind[j - 1] == PRISMATIC)
-        bodies = list(model.subtrees[j])
-        masses = np.array([model.inertias[b].mass for b in bodies])
-        centers = np.array([data.oMi[b].act(model.inertias[b].lever) for b in bodies])
-        reach = np.linalg.norm(centers - data.oMi[j].translation, axis=1)
-        weight = _GRAVITY * float(masses.sum() if sliding else masses @ reach)
-        limit = float(model.effortLimit[kind.idx_v]) if kind.nv == 1 else 0.0
-        load, why, remark = _load(limit, weight, float(masses.sum()), sliding)
-        lower, upper = _limits(model, kind)
-        follows = leaders[int(twin.v_index[j - 1])] if kind.nv == 0 else None
-        found.append(_Joint(_scalar(model.names[j]), sliding, max(kind.nv, 1), follows,
-                            lower, upper, load, why, remark))  # fmt: skip
-    return found
-
-
-def _load(limit: float, weight: float, mass: float, sliding: bool) -> tuple[float, str, str]:
-    """(what a joint must stand, why, remark): its limit if believable, else twice the weight."""
-    unit = "N" if sliding else "N m"
-    given = math.isfinite(limit) and limit > 0
-    most = (_PLACEHOLDER_SLIDING if sliding else _PLACEHOLDER) * weight or _MOST_LOAD
-    if given and limit <= most:
-        return limit, f"its effort limit, {limit:.4g} {unit}", ""
-    remark = f"; its effort limit, {limit:.4g} {unit}, looks like a placeholder" if given else ""
-    if weight > 0:
-        what = f"{mass:.2g} kg" if sliding else f"{mass:.2g} kg held out level"
-        return 2.0 * weight, f"twice {what}, {2.0 * weight:.2g} {unit}", remark
-    return 1.0, f"1 {unit} (there is no weight to go by)", remark
-
-
-def _limits(model: pin.Model, kind: Any) -> tuple[float, float]:
-    if kind.nq != 1 or kind.nv != 1:
-        return -math.inf, math.inf
-    lower = float(model.lowerPositionLimit[kind.idx_q])
-    upper = float(model.upperPositionLimit[kind.idx_q])
-    lower, upper = stated_range(lower, upper)
-    return (lower, upper) if upper - lower < 1e6 else (-math.inf, math.inf)
-
-
-def _joint_section(joint: _Joint) -> list[str]:
+def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> list[str]:
     """The lines of one joint; a joint without a single axis is only listed."""
+    name = _scalar(joint.name)
     if joint.degrees > 1:
-        return [f"  # {joint.name}: {joint.degrees} degrees of freedom; friction needs one axis"]
+        return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
     unit, position = ("N", "m") if joint.sliding else ("N m", "rad")
     if joint.leader is not None:
-        about = f"follows {joint.leader}: bearings of its own, no drive"
+        about = f"follows {_scalar(joint.leader)}: bearings of its own, no drive"
     elif math.isfinite(joint.upper):
         about = f"{joint.lower:.4g} to {joint.upper:.4g} {position}"
     else:
         about = "no limits"
-    gear = _GEAR * joint.load
+    about += f"; {joint.remark}" if joint.remark else ""
+    gear, given = _GEAR * joint.load, dynamics.get(joint.name, UrdfDynamics(0.0, 0.0))
+    friction = f"; <dynamics>: {given.friction:g}" if given.friction else ""
+    damping = ", <dynamics>" if given.damping else ""
     return [
-        f"  {joint.name}:  # {'slides' if joint.sliding else 'turns'}, {about}{joint.remark}",
+        f"  {name}:  # {'slides' if joint.sliding else 'turns'}, {about}",
         _guide(joint) if joint.sliding else _pin(joint),
         f"    mu: {{static: {_MU['static']}, kinetic: {_MU['kinetic']}}}"
         "  # guess: rolling bearings (plain bushings: 0.1 to 0.2)",
         f"    coulomb: {{static: {_short(_STATIC * gear)}, kinetic: {_short(gear)}}}"
-        f"  # guess: gear and seals, {100 * _GEAR:g} % of {joint.load:.3g} {unit}",
-        f"    # viscous: 0.0  # {unit} s/{position}",
+        f"  # guess: gear and seals, {100 * _GEAR:g} % of {joint.load:.3g} {unit}{friction}",
+        f"    # viscous: {_yaml_number(f'{given.damping:.6g}')}  # {unit} s/{position}{damping}",
     ]
 
 
-def _guide(joint: _Joint) -> str:
+def _guide(joint: JointLoad) -> str:
     travel = joint.upper - joint.lower
     length = min(max(0.5 * travel, 0.02), 0.3) if math.isfinite(travel) else 0.1
     why = "half its travel" if length == 0.5 * travel else "a usual size"
@@ -254,7 +176,7 @@ def _guide(joint: _Joint) -> str:
     return f"    bearing: {{kind: guide, length: {size}, width: {size}}}  # guess: {why}"
 
 
-def _pin(joint: _Joint) -> str:
+def _pin(joint: JointLoad) -> str:
     shaft = (16.0 * joint.load / (math.pi * _SHEAR)) ** (1.0 / 3.0)
     radius = max(0.5 * _BEARING_OVER_SHAFT * shaft, 1e-3)
     r, length = _short(radius), _short(2.0 * radius)
@@ -265,7 +187,7 @@ def _pin(joint: _Joint) -> str:
 
 
 def _head(urdf: Path, robot: Robot) -> str:
-    mass = sum(inertia.mass for inertia in robot.model.inertias)
+    mass = sum(inertia.mass for inertia in tuple(robot.model.inertias)[1:])  # 0 is the ground
     joints = robot.model.njoints - 1
     return (
         f"# A starting scene for {urdf.name} ({joints} joints, {mass:.4g} kg that move), made by "
@@ -304,10 +226,26 @@ def _last_link(model: pin.Model) -> str:
     return str(bodies[-1])
 
 
-def _driven(model: pin.Model) -> str:
-    """A joint that an actuator can name: with one degree of freedom, no follower."""
-    single = [name for name, nv in zip(model.names, model.nvs, strict=True) if nv == 1]
-    return _scalar(single[0] if single else model.names[1])
+def _actuators_section(robot: Robot) -> list[str]:
+    """The drives with the ratios that the URDF gives; a comment where it gives none."""
+    single = [name for name, nv in zip(robot.model.names, robot.model.nvs, strict=True) if nv == 1]
+    if not robot.gears.keys() & set(single):
+        return [
+            "# actuators:                   # without this section: one ideal drive per joint",
+            f"#   - joint: {_scalar(single[0] if single else robot.model.names[1])}",
+            "#     transmission: {ratio: 100, efficiency: 0.85, back_efficiency: 0.82, "
+            "rotor_inertia: 1.0e-5}",
+        ]
+    lines = [
+        "actuators:                     # ratios are those of the URDF's <transmission>; it has no",
+        "  # losses and no rotors: add efficiency, back_efficiency, rotor_inertia (data sheet)",
+    ]
+    for name in Scene(robot.model).actuator_names:
+        ratio = robot.gears.get(name) if name in single else None
+        gear = "" if ratio is None else (
+            f", transmission: {{ratio: {_yaml_number(f'{ratio:.12g}')}}}")  # fmt: skip
+        lines.append(f"  - {{joint: {_scalar(name)}{gear}}}{'  # the URDF' if gear else ''}")
+    return lines
 
 
 def _simulation_section(model: pin.Model) -> list[str]:

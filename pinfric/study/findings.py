@@ -1,0 +1,125 @@
+"""What a check finds: one finding for each place, with what it would be in another unit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from pinfric.errors import PinfricError
+
+
+class Severity(IntEnum):
+    """How much a finding matters."""
+
+    #: What one should know; nothing is wrong.
+    NOTE = 1
+    #: Implausible; the figures that depend on it deserve doubt.
+    WARNING = 2
+    #: The figures would be wrong, or there are none.
+    ERROR = 3
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a check found.
+
+    Attributes:
+        severity: how much it matters.
+        kind: the same word for the same finding at other places, for programs.
+        place: where: "link NAME", "joint NAME", "robot", or a key of the scene.
+        found: what stands there.
+        why: why that is implausible, or what follows from it; "" where that is plain.
+        if_unit: what it would be if the unit were another one; "" where no unit explains it.
+        excess: by what factor it passes what is plausible; sorts findings of one severity.
+    """
+
+    severity: Severity
+    kind: str
+    place: str
+    found: str
+    why: str
+    if_unit: str = ""
+    excess: float = 1.0
+
+    @property
+    def text(self) -> str:
+        """The finding as one line, without its place."""
+        said = f"{self.found}: {self.why}" if self.why else self.found
+        return f"{said}; {self.if_unit}" if self.if_unit else said
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """All findings on a robot or a scene, what matters most first.
+
+    Attributes:
+        source: the file.
+        findings: sorted by severity, then by how far off they are.
+        figures: the robot as a whole: links, joints, moving_mass and fixed_mass (kg), reach (m).
+    """
+
+    source: str
+    findings: tuple[Finding, ...]
+    figures: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, source: str, findings: Iterable[Finding], figures: dict[str, float]) -> CheckReport:
+        """Return the report with its findings sorted."""
+        return cls(source, tuple(sorted(findings, key=lambda f: (-f.severity, -f.excess))), figures)
+
+    def count(self, severity: Severity) -> int:
+        """Return how many findings there are of one severity."""
+        return sum(finding.severity == severity for finding in self.findings)
+
+    def check(self, strict: bool = False) -> None:
+        """Raise if there are errors.
+
+        Args:
+            strict: warnings count, too.
+
+        Raises:
+            PinfricError: says how many there are, and the first.
+        """
+        least = Severity.WARNING if strict else Severity.ERROR
+        failed = [finding for finding in self.findings if finding.severity >= least]
+        if failed:
+            first = failed[0]
+            more = f" (and {len(failed) - 1} more)" if len(failed) > 1 else ""
+            raise PinfricError(f"{self.source}: {first.place}: {first.text}{more}")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit that files hold by mistake, and its size in SI units."""
+
+    name: str
+    size: float
+
+
+LENGTHS = (Unit("mm", 1e-3), Unit("cm", 1e-2), Unit("inches", 0.0254))
+MASSES = (Unit("g", 1e-3),)
+INERTIAS = (Unit("kg mm^2", 1e-6), Unit("g mm^2", 1e-9), Unit("kg cm^2", 1e-4),
+            Unit("g cm^2", 1e-7))  # fmt: skip
+ANGLES = (Unit("degrees", 0.017453292519943295),)
+
+
+def in_unit(unit: Unit | None, si: str, value: float) -> str:
+    """Return what a number is if it was written in a unit by mistake; "" for no unit.
+
+    Args:
+        unit: the unit.
+        si: name of the SI unit.
+        value: as written.
+    """
+    return f"if it is in {unit.name}: {unit.size * value:.3g} {si}" if unit else ""
+
+
+def likely_unit(units: Iterable[Unit], plausible: Callable[[float], bool]) -> Unit | None:
+    """Return the first unit whose size makes a value plausible, or None.
+
+    Args:
+        units: the candidates, the likeliest first.
+        plausible: of the factor on the value.
+    """
+    return next((unit for unit in units if plausible(unit.size)), None)
