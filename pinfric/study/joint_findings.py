@@ -13,7 +13,7 @@ from pinfric.study.joint_loads import joint_loads
 from pinfric.study.robot_facts import RobotFacts
 
 #: A turning joint rarely has a limit beyond so many rad; as degrees it would be at most that.
-_MOST_ANGLE, _MOST_DEGREES = 20.0, 1080.0
+_MOST_ANGLE, _MOST_DEGREES = 20.0, 720.0
 #: A sliding joint rarely goes so many m, nor so many times as far as the robot reaches.
 _MOST_TRAVEL, _TRAVEL_OVER_REACH = 5.0, 3.0
 #: Few joints turn faster than so many rad/s, or slide faster than so many m/s.
@@ -160,7 +160,7 @@ def _transmissions(facts: RobotFacts) -> Iterator[Finding]:
     for name, ratio in found.items():
         if name not in joints:
             yield Finding(Severity.WARNING, "transmission", f"joint {name}",
-                          "a <transmission> names it", "which is not there")  # fmt: skip
+                          "a <transmission> names it", "there is no such joint")  # fmt: skip
         elif not math.isfinite(ratio) or ratio == 0.0:
             yield Finding(Severity.WARNING, "transmission", f"joint {name}",
                           f"<mechanicalReduction> {ratio:g}", "connects nothing")  # fmt: skip

@@ -32,8 +32,8 @@ _OUTSIDE, _LEAST_OUTSIDE = 0.25, 0.02
 _WIDE, _NARROW = 1.5, 0.02
 #: Between these a link's radius of gyration over its diagonal is as usual.
 _USUAL = (0.05, 0.8)
-#: kg/m^3 of the box around the shapes: denser than solid lead, lighter than any foam.
-_DENSEST, _LIGHTEST = 12000.0, 5.0
+#: kg/m^3 of the box around the shapes: denser than solid tungsten, lighter than any foam.
+_DENSEST, _LIGHTEST = 20000.0, 5.0
 #: A link that is fixed to heavier ones matters from this part of them on; as a point of mass
 #: it may be one of them.
 _SHARE, _MAIN = 0.05, 0.5
@@ -191,7 +191,7 @@ def _density(link: LinkFacts) -> Finding | None:
         unit = likely_unit(MASSES, lambda g: 50.0 < g * density < 3000.0)
         return Finding(
             Severity.WARNING, "dense", f"link {link.name}", found,
-            f"{density:.3g} kg/m^3 (lead: 11300, steel: 7850)",
+            f"{density:.3g} kg/m^3 (tungsten: 19300, steel: 7850)",
             in_unit(unit, "kg", link.mass), density / _DENSEST,
         )  # fmt: skip
     if density < _LIGHTEST:

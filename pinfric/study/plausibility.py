@@ -88,10 +88,12 @@ def _urdf_findings(facts: RobotFacts) -> Iterator[Finding]:
     if facts.nameless:
         yield Finding(Severity.NOTE, "no name", "robot", "has no name", "called 'robot'")
     for mesh in facts.missing:
-        yield Finding(Severity.NOTE, "missing mesh", f"mesh {mesh}", "there is no such file",
-                      "efforts do not need it; its link's size is not judged")  # fmt: skip
+        yield Finding(Severity.NOTE, "missing mesh", f"mesh {Path(mesh).name}",
+                      f"there is no file {mesh}",
+                      "efforts do not need it, but its link's size is not judged")  # fmt: skip
     for mesh, why in facts.unread.items():
-        yield Finding(Severity.NOTE, "unreadable mesh", f"mesh {mesh}", "cannot be read", why)
+        yield Finding(Severity.NOTE, "unreadable mesh", f"mesh {Path(mesh).name}", "cannot be read",
+                      why)  # fmt: skip
 
 
 def _figures(facts: RobotFacts) -> dict[str, float]:

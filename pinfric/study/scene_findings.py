@@ -28,8 +28,8 @@ _BEARING_OVER_LINK = 1.0
 _ROLLING, _PLAIN = 0.03, 1.0
 #: A payload is rarely heavier than so many times the robot that carries it.
 _PAYLOAD = 2.0
-#: The rotor's inertia at the joint over that of all the joint moves.
-_ROTOR = 300.0
+#: A rotor's inertia at its joint over the largest inertia that any joint moves.
+_ROTOR = 30.0
 
 
 def scene_findings(
@@ -179,6 +179,7 @@ def _drives(scene: Scene) -> Iterator[Finding]:
     """Transmissions against the URDF's ratio, the joint's limit and what the joint moves."""
     model = scene.model
     M = pin.crba(model, model.createData(), scene.start_configuration)
+    moved = float(M.diagonal().max())
     ratios = scene.robot.reductions if scene.robot is not None else {}
     for actuator in scene.actuators or ():
         transmission, joint = actuator.transmission, actuator.joint
@@ -193,12 +194,12 @@ def _drives(scene: Scene) -> Iterator[Finding]:
                           f"the URDF's <transmission> says {stated:g}")  # fmt: skip
         index = model.joints[model.getJointId(joint)].idx_v
         yield from _losses(transmission, place, float(model.effortLimit[index]))
-        moved, rotor = float(M[index, index]), transmission.rotor_inertia * transmission.ratio**2
+        rotor = transmission.rotor_inertia * transmission.ratio**2
         if moved > 0 and rotor > _ROTOR * moved:
             yield Finding(
                 Severity.WARNING, "rotor", f"{place}.rotor_inertia",
                 f"{transmission.rotor_inertia:g} kg m^2",
-                f"{rotor:.3g} kg m^2 at the joint, which moves {moved:.3g} kg m^2",
+                f"{rotor:.3g} kg m^2 at the joint; no joint moves more than {moved:.3g} kg m^2",
                 f"if it is in kg cm^2: {1e-4 * transmission.rotor_inertia:.3g} kg m^2",
                 rotor / (_ROTOR * moved),
             )  # fmt: skip
