@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.model.robot import Robot
-from pinfric.model.urdf import mesh_file
+from pinfric.model.urdf import mesh_file, read_mesh_scene
 from pinfric.model.urdf_file import read_xml
 from pinfric.show import surfaces
 
@@ -92,7 +92,7 @@ def read_mesh(path: Path) -> Mesh:
     """
     import trimesh
 
-    scene: Any = trimesh.load(str(path), force="scene", process=False)
+    scene, unit = read_mesh_scene(path)
     parts = []
     for node in scene.graph.nodes_geometry:
         turn, name = scene.graph[node]
@@ -103,7 +103,7 @@ def read_mesh(path: Path) -> Mesh:
         raise ValueError("no triangles")
     first = np.cumsum([0, *(len(part.vertices) for part in parts)])
     return Mesh(
-        vertices=np.concatenate([part.vertices for part in parts]),
+        vertices=unit * np.concatenate([part.vertices for part in parts]),
         faces=np.concatenate([part.faces + n for part, n in zip(parts, first[:-1], strict=True)]),
         normals=np.concatenate([part.normals for part in parts]),
         colors=np.concatenate([part.colors for part in parts]),

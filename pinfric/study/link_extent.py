@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.model.urdf import mesh_file
+from pinfric.model.urdf import mesh_file, read_mesh_scene
 
 _CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
 
@@ -100,13 +100,12 @@ def _shape_box(
 
 @lru_cache(maxsize=512)
 def _mesh_bounds(path: Path) -> np.ndarray | str:
-    """(2, 3) the corners of a mesh in its file's own length, or why it cannot be read."""
-    import trimesh  # 0.4 s: only where a mesh is there
-
+    """(2, 3) the corners of a mesh in m, before the URDF's scale, or why it cannot be read."""
     try:
-        bounds = trimesh.load(str(path), force="scene", process=False).bounds
+        scene, unit = read_mesh_scene(path)
+        bounds = scene.bounds
     except Exception as problem:  # each format's reader raises its own
         return " ".join(str(problem).split()) or type(problem).__name__
     if bounds is None or not np.isfinite(bounds).all():
         return "it has no points, or points that are not finite"
-    return np.asarray(bounds)
+    return unit * np.asarray(bounds)

@@ -119,7 +119,7 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
         RobotError: see `new_scene`; PinfricError: a file is there already or cannot be written.
     """
     urdf = urdf_file(urdf)
-    folder, name = Path(folder), urdf.stem
+    folder, name = Path(folder), urdf.stem.removesuffix(".urdf")  # of arm.urdf.xacro, too
     contents = {f"{name}.yaml": new_scene(urdf, folder)}
     try:
         contents[f"{name}.waypoints.yaml"] = new_waypoints(urdf)

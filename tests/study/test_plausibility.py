@@ -9,13 +9,16 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+import trimesh
 
 import pinfric as pf
 from pinfric import cli
 from pinfric.errors import PinfricError, PinfricWarning, RobotError
 from pinfric.model.robot import example_robot_data
+from pinfric.show.meshes import read_mesh
 from pinfric.study.findings import Severity
 from pinfric.study.link_extent import Extent
+from pinfric.study.robot_facts import RobotFacts
 
 #: Robots of which nothing is wrong but notes; arms, legs and a lift.
 GOOD = ("ur_description/urdf/ur10_robot.urdf", "xarm_description/urdf/xarm7.urdf",
@@ -176,7 +179,6 @@ def test_shapes_are_measured_where_they_stand(tmp_path):
     """A cylinder along z, turned by 90 degrees about x and moved, lies along y."""
     shape = """<visual><origin xyz="1 0 0" rpy="1.5707963267948966 0 0"/><geometry>
       <cylinder radius="0.1" length="2"/></geometry></visual>"""
-    from pinfric.study.robot_facts import RobotFacts
 
     file = arm(tmp_path, tip=TIP + shape)
     extent = RobotFacts.of(file).extents["tip"]
@@ -340,3 +342,18 @@ def test_new_writes_the_urdfs_ratios_and_dynamics_and_lists_doubts_once(tmp_path
         scene = pf.load_scene(tmp_path / "out/arm.yaml")
     assert scene.drives[0].transmission.ratio == 120
     assert scene.drives[1].transmission is None
+
+
+def test_collada_meshes_are_in_the_unit_that_they_name(tmp_path):
+    """As RViz and Gazebo read them: a box of 40 mm is 0.04 m."""
+    box = trimesh.creation.box(extents=(40.0, 20.0, 10.0))
+    text = trimesh.exchange.dae.export_collada(box).decode()
+    unit = '<unit name="millimeter" meter="0.001"/>'
+    text = text.replace("</created>", f"</created>\n{unit}", 1)
+    assert unit in text
+    (tmp_path / "box.dae").write_text(text)
+    mesh = '<visual><geometry><mesh filename="box.dae"/></geometry></visual>'
+    file = arm(tmp_path, tip=TIP + mesh)
+    size = RobotFacts.of(file).extents["tip"].size
+    np.testing.assert_allclose(size, [0.04, 0.02, 0.01], rtol=1e-6)
+    np.testing.assert_allclose(np.ptp(read_mesh(tmp_path / "box.dae").vertices, axis=0), size)
