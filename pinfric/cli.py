@@ -308,7 +308,7 @@ def replay(
         shown = make_replay(scene, motion, html=html, title=title)
     opened = shown.open() if open_browser and not live else None
     if as_json:
-        show(replay_json(shown))
+        show(replay_json(shown, noticed))
         return
     for line in replay_lines(shown, opened):
         print_line(line)
@@ -416,8 +416,10 @@ def explain(
     trajectory = None if trajectory_name is None else load_trajectory(trajectory_name, scene)
     with working("measuring"):
         explanation = measure(scene, trajectory)
-    render = explain_json if as_json else explain_report
-    show(render(explanation, scene.source))
+    if as_json:
+        show(explain_json(explanation, scene.source, noticed))
+    else:
+        show(explain_report(explanation, scene.source))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

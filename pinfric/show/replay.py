@@ -6,7 +6,7 @@ import html as html_escaping
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -150,8 +150,13 @@ def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
     return lines
 
 
-def replay_json(shown: Replay) -> dict[str, Any]:
-    """Return what `pinfric replay --json` prints; times in s."""
+def replay_json(shown: Replay, warnings: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what `pinfric replay --json` prints; times in s.
+
+    Args:
+        shown: the replay.
+        warnings: what was noticed on the way.
+    """
     return {
         "html": None if shown.html is None else str(shown.html),
         "duration": shown.duration,
@@ -159,6 +164,7 @@ def replay_json(shown: Replay) -> dict[str, Any]:
         "stick_intervals": [
             {"site": i.site, "start": i.start, "end": i.end} for i in shown.stick_intervals
         ],
+        "warnings": list(warnings),
     }
 
 

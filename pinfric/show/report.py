@@ -203,9 +203,17 @@ def span(least: float, worst: float, zero: float = 0.0) -> str:
     return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range
 
 
-def explain_json(explanation: Explanation, scene: str) -> dict[str, Any]:
-    """Return everything `pinfric explain --json` prints; SI units but for `_us` (microseconds)."""
-    return json_safe({"scene": scene, **asdict(explanation)})
+def explain_json(
+    explanation: Explanation, scene: str, warnings: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return everything `pinfric explain --json` prints; SI units but for `_us` (microseconds).
+
+    Args:
+        explanation: what was measured.
+        scene: its file.
+        warnings: what was noticed on the way.
+    """
+    return json_safe({"scene": scene, **asdict(explanation), "warnings": list(warnings)})
 
 
 def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]:

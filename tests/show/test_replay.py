@@ -365,8 +365,9 @@ def test_notebook_shows_the_page_in_a_frame(three_link):
 
 def test_json_is_what_the_command_prints(three_link, tmp_path):
     shown = pf.replay(*three_link, html=tmp_path / "out.html")
-    printed = json.loads(json.dumps(replay_json(shown)))
-    assert set(printed) == {"html", "duration", "frames", "stick_intervals"}
+    printed = json.loads(json.dumps(replay_json(shown, ["look"])))
+    assert set(printed) == {"html", "duration", "frames", "stick_intervals", "warnings"}
+    assert printed["warnings"] == ["look"]
     assert printed["html"] == str(tmp_path / "out.html")
     assert [i["site"] for i in printed["stick_intervals"]] == ["joint_12"] * 3
 

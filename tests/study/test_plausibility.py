@@ -307,15 +307,21 @@ def test_a_robot_that_cannot_move_is_still_judged(tmp_path):
         pf.check(tmp_path / "none.urdf")
 
 
-def test_the_warning_of_an_implausible_body_reaches_every_commands_json(tmp_path, capsys):
-    file = arm(tmp_path, tip=TIP.format(J=J.replace('izz="0.0008"', 'izz="0.9"')))
-    (tmp_path / "scene.yaml").write_text("pinfric: 1\nrobot: {urdf: arm.urdf}")
-    (tmp_path / "motion.csv").write_text(
-        "t,swing,turn\n" + "".join(f"{0.1 * i:.1f},{0.01 * i},0\n" for i in range(12))
+@pytest.mark.parametrize("command", ["inverse", "size", "explain", "replay", "simulate"])
+def test_the_warning_of_an_implausible_body_reaches_every_commands_json(
+    tmp_path, capsys, monkeypatch, command
+):
+    monkeypatch.chdir(tmp_path)
+    arm(tmp_path, tip=TIP.format(J=J.replace('izz="0.0008"', 'izz="0.9"')))
+    (tmp_path / "scene.yaml").write_text(
+        "pinfric: 1\nrobot: {urdf: arm.urdf}\nfriction: {swing: {viscous: 0.1}}\n"
+        "simulation: {t_end: 0.01}\n"
     )
-    assert file.is_file()
+    rows = "".join(f"{0.1 * i:.1f},{0.01 * i},0\n" for i in range(12))
+    (tmp_path / "motion.csv").write_text("t,swing,turn\n" + rows)
+    motion = [] if command == "simulate" else ["motion.csv"]
     with pytest.raises(SystemExit) as left:
-        cli.main(["inverse", str(tmp_path / "scene.yaml"), str(tmp_path / "motion.csv"), "--json"])
+        cli.main([command, "scene.yaml", *motion, "--json"])
     said = capsys.readouterr()
     assert left.value.code == 0
     assert sum("'tip'" in line for line in said.err.splitlines()) == 1

@@ -283,6 +283,18 @@ def test_mass_already_in_the_urdf_is_taken_off(tmp_path):
         pf.size(scene, still(scene), conditions={"mass_in_urdf": {"joint_3": 1.5}})
 
 
+def test_an_implausible_link_of_the_urdf_does_not_stop_sizing(tmp_path):
+    """Loading warned of it; that a drive's mass is taken off its link is not to blame."""
+    scene = arm(2)
+    model = scene.model.copy()
+    model.inertias[1] = pin.Inertia(1.0, np.array([0.25, 0, 0]), np.diag([0.01, 0.5, 0.01]))
+    scene = pf.Scene(model=model)
+    conditions = {"inertia_ratio": 1000, "mass_in_urdf": {"joint_2": 0.3}}
+    report = pf.size(scene, still(scene), one_drive(tmp_path), conditions=conditions)
+    drive = MOTOR["mass"] + GEAR["mass"]
+    assert report.joints[0].demand.rms == pytest.approx(9.81 * (1.0 + (drive - 0.3) * 0.5))
+
+
 def test_neglecting_friction_would_have_bought_a_smaller_drive(tmp_path):
     motors = {
         "small": {**MOTOR, "mass": 0.3, "continuous_torque": 0.085, "thermal": None},
