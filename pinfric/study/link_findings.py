@@ -17,12 +17,12 @@ from pinfric.study.findings import (
     in_unit,
     likely_unit,
 )
-from pinfric.study.robot_facts import LinkFacts, RobotFacts
+from pinfric.study.robot_facts import BEYOND, LinkFacts, RobotFacts
 
 #: A robot reaches no farther than this (m), and its joints are no closer than that.
 _FARTHEST, _NEAREST = 50.0, 5e-3
-#: kg per cubic metre of reach: robots have 1 to 60. Fewer links may be short and heavy.
-_HEAVIEST, _FEW = 1000.0, 3
+#: kg per cubic metre of reach: robots have 1 to 60. Less in kg, or fewer links, may be compact.
+_HEAVIEST, _COMPACT, _FEW = 1000.0, 100.0, 3
 #: A shape so many times the robot's reach is in another unit.
 _SHAPE_OVER_REACH = 20.0
 #: Outside its shapes by this part of their diagonal, and by so many m: shapes are simplified.
@@ -53,7 +53,7 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
                           problem, "", excess=3.0)  # fmt: skip
         if link.has_shapes and (finding := _shape(link, facts.reach)):
             yield finding
-        elif link.mass > 0:
+        elif link.mass > 0 and (link.has_shapes or facts.reach > 0):
             found = [_com(link), _large_inertia(link), _small_inertia(link)]
             found += [_density(link)] if link.has_shapes and not heavy else []
             yield from (finding for finding in found if finding is not None)
@@ -85,7 +85,7 @@ def _masses(facts: RobotFacts) -> Finding | None:
     if shaped:
         excess = float(np.median([_box_density(link) for link in shaped])) / _DENSEST
         why = f"most of its links were {excess * _DENSEST:.2g} kg/m^3 dense (steel: 7850)"
-    elif len(facts.links) >= _FEW:
+    elif len(facts.links) >= _FEW and mass > _COMPACT:
         excess = mass / (_HEAVIEST * max(facts.reach, _NEAREST) ** 3)
         why = f"too much for a robot that reaches {facts.reach:.3g} m"
     else:
@@ -133,7 +133,7 @@ def _com(link: LinkFacts) -> Finding | None:
     where = f"{away:.3g} m from the link's origin" if away else "at the link's origin"
     where += "" if link.com_given else ", as no <origin> is given"
     size = f"its shapes are {box.diagonal:.3g} m large" if link.has_shapes else (
-        f"what it carries is within {box.high[0]:.3g} m")  # fmt: skip
+        f"{box.high[0]:.3g} m are {BEYOND:g} times the robot's reach")  # fmt: skip
     return Finding(
         Severity.ERROR if unit else Severity.WARNING, "centre of mass", f"link {link.name}",
         f"centre of mass {where}", f"{outside:.3g} m outside: {size}",
@@ -178,8 +178,9 @@ def _gyration(link: LinkFacts) -> tuple[float, float, float]:
 
 
 def _extends(link: LinkFacts, farthest: float) -> str:
-    kind = "its shapes end" if link.has_shapes else "what it carries ends"
-    return f"{kind} {farthest:.3g} m from there"
+    if link.has_shapes:
+        return f"its shapes end {farthest:.3g} m from there"
+    return f"the robot reaches {link.extent.high[0] / BEYOND:.3g} m"
 
 
 def _density(link: LinkFacts) -> Finding | None:

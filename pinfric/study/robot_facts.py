@@ -27,6 +27,11 @@ from pinfric.study.link_extent import Extent, link_extents
 _STAND_IN = 0.01
 
 
+#: No link, payload or centre of mass is so many times as far away as the robot reaches. (The reach
+#: ends at the last joint: the last link may be longer than all before it.)
+BEYOND = 3.0
+
+
 @dataclass(frozen=True)
 class LinkFacts:
     """One link that moves.
@@ -37,7 +42,7 @@ class LinkFacts:
         inertia: (3, 3) kg m^2 about the centre of mass.
         com: (3,) m, in the link's frame.
         com_given: False where the URDF has no <origin> and it is the link's origin.
-        extent: the box of its shapes; without shapes a cube around what it carries.
+        extent: the box of its shapes; without shapes a cube of `BEYOND` times the robot's reach.
         has_shapes: whether `extent` is that of shapes.
         mass_share, inertia_share: its part of the links it is fixed to; 1 where it is alone.
     """
@@ -147,7 +152,7 @@ class RobotFacts:
                 shapes = None
             found.append(LinkFacts(
                 link.name, mass, inertia, com, origin is not None,
-                shapes or self._around(link.name), shapes is not None, *map(float, shares),
+                shapes or self._around(), shapes is not None, *map(float, shares),
             ))  # fmt: skip
         return tuple(found)
 
@@ -176,11 +181,10 @@ class RobotFacts:
     def _fixed_above(self) -> dict[str, str]:
         return {j.child: j.parent for j in self.document.joints if j.type == "fixed"}
 
-    def _around(self, link: str) -> Extent:
-        """A cube that holds what a link without shapes carries, or half the robot."""
-        carried = [offset(joint) for joint in self.document.joints if joint.parent == link]
-        half = max(2.0 * max(carried, default=0.0), 0.5 * self.reach, 1e-3)
-        return Extent(np.full(3, -half), np.full(3, half))
+    def _around(self) -> Extent:
+        """Where a link without shapes surely ends: its length is not known, only the others'."""
+        half = np.full(3, BEYOND * self.reach)
+        return Extent(-half, half)
 
 
 def offset(joint: Any) -> float:

@@ -20,7 +20,7 @@ from pinfric.study.findings import (
     in_unit,
     likely_unit,
 )
-from pinfric.study.robot_facts import RobotFacts
+from pinfric.study.robot_facts import BEYOND, RobotFacts
 
 #: A bearing's radius over half the diagonal of the larger of the links it joins.
 _BEARING_OVER_LINK = 1.0
@@ -61,7 +61,7 @@ def _bearing(site: Site, scene: Scene, facts: RobotFacts | None) -> Iterator[Fin
     joint = next(j for j in facts.document.joints if j.name == site.name)
     links = {*facts.fixed_to(joint.parent), *facts.fixed_to(joint.child)}
     sizes = [facts.extents[link].diagonal for link in links if link in facts.extents]
-    largest = max(sizes, default=2.0 * facts.reach)
+    largest = max(sizes, default=2.0 * BEYOND * facts.reach)
     for key in ("radius", "thrust_radius", "length", "width"):
         value = getattr(bearing, key)
         most = _BEARING_OVER_LINK * largest * (0.5 if "radius" in key else 1.0)
@@ -131,7 +131,7 @@ def _payloads(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
                 payload.mass / (_PAYLOAD * moving),
             )  # fmt: skip
         away = float(np.linalg.norm(payload.com))
-        if reach > 0 and away > max(reach, 0.3):
+        if reach > 0 and away > max(BEYOND * reach, 0.3):
             unit = likely_unit(LENGTHS, _below(away, 0.5 * reach))
             yield Finding(
                 Severity.WARNING, "payload", f"{place}.com", f"{away:.3g} m from its link",
@@ -139,7 +139,7 @@ def _payloads(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
             )  # fmt: skip
         moment = float(np.linalg.eigvalsh(payload_inertia(payload).inertia)[2])
         radius = math.sqrt(max(moment, 0.0) / payload.mass)
-        if reach > 0 and radius > max(reach, 0.3):
+        if reach > 0 and radius > max(BEYOND * reach, 0.3):
             yield Finding(
                 Severity.WARNING, "payload", f"{place}.inertia",
                 f"{moment:.3g} kg m^2 for {payload.mass:g} kg",

@@ -167,6 +167,20 @@ def test_centre_of_mass_against_the_link_itself(tmp_path):
     assert found.if_unit == ""
 
 
+def test_a_last_link_without_shapes_may_be_longer_than_the_rest(tmp_path):
+    """Of one rod on a short stand the URDF tells no length: 0.1 m says nothing of 0.25 m."""
+    file = tmp_path / "rod.urdf"
+    for stand in (0.0, 0.1):
+        file.write_text(f"""<robot name="r"><link name="base"/>
+          <link name="rod"><inertial><origin xyz="0.25 0 0"/><mass value="1"/>{J}</inertial></link>
+          <joint name="j" type="continuous"><parent link="base"/><child link="rod"/>
+          <origin xyz="0 0 {stand}"/><axis xyz="0 1 0"/></joint></robot>""")
+        assert not pf.check(file).count(Severity.WARNING)
+    file.write_text(file.read_text().replace("0.25 0 0", "250 0 0"))
+    (found,) = errors(pf.check(file))
+    assert found.if_unit == "if it is in mm: 0.25 m"
+
+
 def test_boxes_know_distances():
     box = Extent(np.array([0.0, 0.0, 0.0]), np.array([1.0, 2.0, 2.0]))
     assert box.diagonal == 3.0
