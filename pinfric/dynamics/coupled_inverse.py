@@ -70,12 +70,14 @@ def solve_coupled(
     assert linkage is not None
     T, threads = whole.stop - whole.start, threads_for(whole.stop - whole.start, threads)
     layout = make_layout(scene, linkage)
-    around = slice(max(whole.start - 1, 0), min(whole.stop + 1, len(states.q)))
+    around = states.around(whole)
     rates = pair_rates(scene, states, around, whole)
     wider = friction_velocities(layout, states.v[around], rates)
     inner = slice(whole.start - around.start, whole.stop - around.start)
     velocity = np.ascontiguousarray(wider[inner])
-    reversal = site_reversals(layout, wider)[inner]
+    reversal = np.zeros((T, len(scene.sites)), dtype=bool)
+    if states.t is not None:
+        reversal = site_reversals(layout, wider)[inner]
     answer = Answer.of(layout, T)
     frictionless = np.empty((T, len(scene.drives)))
     wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, layout.solved))
@@ -216,7 +218,9 @@ def actuator_rates(
             both[:, d, 1] = states.a[around, drive.velocity_index]
         same = [s.law.stick_velocity for s in scene.sites if s.name == drive.name]
         stick[d] = same[0] if same else scene.stick_velocity
-    turns = reversals(np.ascontiguousarray(both[:, :, 0]), stick)
+    turns = np.zeros(both.shape[:2], dtype=bool)
+    if states.t is not None:
+        turns = reversals(np.ascontiguousarray(both[:, :, 0]), stick)
     inner = slice(whole.start - around.start, whole.stop - around.start)
     return both[inner], turns[inner]
 

@@ -71,16 +71,18 @@ def inverse_dynamics(
 ) -> InverseResult | Iterator[InverseResult]:
     """Return the drives' efforts along a motion, with friction: intervals where joints stick.
 
-    u = M a + h - J_ext^T f_ext - D phi (design 2.3; paper eq. 16, 17; at rest eq. 21, 22). A joint
+    u = M a + h - J_ext^T f_ext - D phi (paper eq. 16, 17; at rest eq. 21, 22). With times, a joint
     that reverses between two samples passes through rest: the sample nearest to the reversal
-    carries the interval of standstill too.
+    carries the interval of standstill too. Without times the samples are states of their own, in
+    no order: what stands beside a sample says nothing of it.
 
     Args:
         scene: the robot with its friction and drives.
         q, v, a: (T, nq), (T, nv), (T, nv) in rad, m and per second; or, in place of q alone, a
             motion that has t, q, v, a (and `attached`).
         external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m).
-        t: (T,) times in s, for stick intervals and time-weighted figures.
+        t: (T,) times in s, which make the samples one motion: for reversals, stick intervals and
+            time-weighted figures. None: states without order.
         attached: (T, np) which payloads are carried; columns as `scene.payloads`.
         threads: of Pinocchio; None chooses by the number of samples.
         chunks: return an iterator of results of this many samples each, for motions whose result
@@ -121,7 +123,7 @@ def _solve(
     T, ns, nv = whole.stop - whole.start, len(scene.sites), scene.model.nv
     sites, threads = scene.site_tables, threads_for(T, threads)
     velocity, reversal = _velocities(
-        sites.velocity_index, sites.ratio, sites.law[:, STICK_VELOCITY], states.v, whole, threads
+        sites.velocity_index, sites.ratio, sites.law[:, STICK_VELOCITY], states, whole, threads
     )
     reacting = _needs_wrenches(scene, applied)
     shapes = [(T, nv)] * 3 + [(T, ns)] * 3 + [(T, ns, 6 if reacting else 0)]
@@ -224,7 +226,7 @@ def _motor_torques(
     motor_lower, motor_upper = lower.copy(), upper.copy()
     index = np.array([drive.velocity_index for drive in scene.drives])
     stick = np.array([_drive_stick_velocity(scene, i) for i in index])
-    velocity, turns = _velocities(index, np.ones(len(index)), stick, states.v, whole)
+    velocity, turns = _velocities(index, np.ones(len(index)), stick, states, whole)
     for column, drive in enumerate(scene.drives):
         if drive.transmission is not None:
             motor_lower[:, column], motor_upper[:, column] = motor_torque_bounds(
@@ -243,15 +245,17 @@ def _arrays(shapes: list[tuple[int, ...]]) -> list[np.ndarray]:
 
 
 def _velocities(
-    index: np.ndarray, ratio: np.ndarray, stick_velocity: np.ndarray, v: np.ndarray, part: slice,
+    index: np.ndarray, ratio: np.ndarray, stick_velocity: np.ndarray, states: States, part: slice,
     threads: int = 1,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """(n, ns) velocities ratio * v[:, index] of the samples of `part`, and where they reverse."""
-    around = slice(max(part.start - 1, 0), min(part.stop + 1, len(v)))
-    wider = v[around]
-    if not np.array_equal(index, np.arange(v.shape[1])) or (ratio != 1).any():
+    around = states.around(part)
+    wider = states.v[around]
+    if not np.array_equal(index, np.arange(wider.shape[1])) or (ratio != 1).any():
         wider = wider[:, index] * ratio
     inner = slice(part.start - around.start, part.stop - around.start)
+    if states.t is None:
+        return wider[inner], np.zeros(wider.shape, dtype=bool)
     return wider[inner], reversals(wider, stick_velocity, threads)[inner]
 
 

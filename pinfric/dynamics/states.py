@@ -41,7 +41,8 @@ class States:
 
     Attributes:
         q, v, a: (T, nq), (T, nv), (T, nv), finite, C-ordered float64, q on its manifold.
-        t: (T,) increasing times in s, or None where only instants are known.
+        t: (T,) increasing times in s, which make the samples one motion; None: states without
+            order.
         attached: (T, np) which payloads are carried, columns as `scene.payloads`; None is the
             scene's default throughout.
     """
@@ -86,6 +87,12 @@ class States:
         t = None if self.t is None else self.t[part]
         attached = None if self.attached is None else self.attached[part]
         return States(self.q[part], self.v[part], self.a[part], t, attached)
+
+    def around(self, part: slice) -> slice:
+        """Return a slice of the samples with one more on each side, where a motion has one."""
+        if self.t is None:
+            return part
+        return slice(max(part.start - 1, 0), min(part.stop + 1, len(self.q)))
 
     def phases(self, scene: Scene) -> Iterator[tuple[int, int, tuple[str, ...] | None]]:
         """Yield (start, stop, names of the payloads carried) of each phase of constant load."""

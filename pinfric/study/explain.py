@@ -17,6 +17,7 @@ from pinfric.study.ladder import (
     effort_change,
     hardly_rubbing,
     one_pass,
+    repeated_times,
     solve,
     timed_repeats,
 )
@@ -128,10 +129,12 @@ def _coupling_change(scene: Scene, trajectory: Trajectory) -> tuple[float, float
 class _Motion:
     """Arrays to solve and to time; payload columns go with the scenes that have the payloads.
 
-    `repeats` is 0 where the motion takes so long that it is timed once.
+    `t` is None where they are states without order; `repeats` is 0 where the motion takes so long
+    that it is timed once.
     """
 
     trajectory: tuple[np.ndarray, np.ndarray, np.ndarray]
+    t: np.ndarray | None
     attached: np.ndarray | None
     payloads: tuple[str, ...]
     repeats: int
@@ -144,11 +147,11 @@ class _Motion:
             )
         if trajectory is None:
             qva: tuple[np.ndarray, np.ndarray, np.ndarray] = _random_motion(scene)
-            attached = None
+            t, attached = None, None
         else:
             qva = trajectory.q, trajectory.v, trajectory.a
-            attached = trajectory.attached
-        first = cls(qva, attached, tuple(scene.payloads), 0)
+            t, attached = trajectory.t, trajectory.attached
+        first = cls(qva, t, attached, tuple(scene.payloads), 0)
         repeats = timed_repeats(lambda: first.solve(scene), len(qva[0]), _TIMED, _PATIENCE)
         return replace(first, repeats=repeats)
 
@@ -158,13 +161,15 @@ class _Motion:
 
     def solve(self, scene: Scene) -> InverseResult:
         attached = self.attached if tuple(scene.payloads) == self.payloads else None
-        return inverse_dynamics(scene, *self.trajectory, attached=attached, threads=1)
+        return inverse_dynamics(scene, *self.trajectory, t=self.t, attached=attached, threads=1)
 
     def timed(self, scene: Scene) -> Callable[[], object]:
         attached = self.attached if tuple(scene.payloads) == self.payloads else None
-        q, v, a = (np.tile(x, (max(self.repeats, 1), 1)) for x in self.trajectory)
-        phases = None if attached is None else np.tile(attached, (max(self.repeats, 1), 1))
-        return lambda: inverse_dynamics(scene, q, v, a, attached=phases, threads=1)
+        n = max(self.repeats, 1)
+        q, v, a = (np.tile(x, (n, 1)) for x in self.trajectory)
+        t = None if self.t is None else repeated_times(self.t, n)
+        phases = None if attached is None else np.tile(attached, (n, 1))
+        return lambda: inverse_dynamics(scene, q, v, a, t=t, attached=phases, threads=1)
 
 
 def _random_motion(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -238,13 +238,20 @@ def timed_repeats(run: Callable[[], object], samples: int, wanted: int, patience
     return min(-(-wanted // samples), int(patience / seconds))
 
 
+def repeated_times(t: np.ndarray, repeats: int) -> np.ndarray:
+    """Return the times (s) of a motion repeated end to start, the mean step between two runs."""
+    period = (t[-1] - t[0]) * len(t) / (len(t) - 1) if len(t) > 1 else 1.0
+    return np.asarray(np.tile(t, repeats) + np.repeat(np.arange(repeats) * period, len(t)))
+
+
 def _timed(scene: Scene | None, motion: MotionLike, repeats: int) -> Callable[[], object]:
     assert scene is not None
     n = max(repeats, 1)
     q, v, a = (np.tile(x, (n, 1)) for x in (motion.q, motion.v, motion.a))
+    t = repeated_times(motion.t, n)
     attached = attached_columns(scene, motion)
     carried = None if attached is None else np.tile(attached, (n, 1))
-    return lambda: inverse_dynamics(scene, q, v, a, attached=carried, threads=1)
+    return lambda: inverse_dynamics(scene, q, v, a, t=t, attached=carried, threads=1)
 
 
 def effort_change(

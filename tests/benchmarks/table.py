@@ -57,6 +57,7 @@ def inverse():
     model = ur5()
     scene, plain, (q, v, a) = with_pins(model), pf.Scene(model=model), states(model, SAMPLES)
     data, pool, out = model.createData(), pin.ModelPool(model, 1), np.empty((SAMPLES, 6))
+    t = np.arange(float(SAMPLES))  # as a motion: with its reversals
 
     def loop():
         for i in range(SAMPLES):
@@ -65,8 +66,8 @@ def inverse():
     s = median_seconds({
         "loop": loop,
         "parallel": lambda: pin.rneaInParallel(1, pool, q.T, v.T, a.T, out.T),
-        "pins": lambda: pf.inverse_dynamics(scene, q, v, a, threads=1),
-        "plain": lambda: pf.inverse_dynamics(plain, q, v, a, threads=1),
+        "pins": lambda: pf.inverse_dynamics(scene, q, v, a, t=t, threads=1),
+        "plain": lambda: pf.inverse_dynamics(plain, q, v, a, t=t, threads=1),
     }, rounds=15)  # fmt: skip
     each = {name: 1e6 * seconds / SAMPLES for name, seconds in s.items()}
     what = "inverse dynamics, UR5, six pins"
@@ -87,9 +88,9 @@ def threads():
     """
     model = ur5()
     scene, (q, v, a) = with_pins(model), states(model, 100_000)
-    out = np.empty((100_000, 6))
+    out, t = np.empty((100_000, 6)), np.arange(100_000.0)
     pools = {n: pin.ModelPool(model, n) for n in (1, 4)}
-    ours = {n: lambda n=n: pf.inverse_dynamics(scene, q, v, a, threads=n) for n in (1, 4)}
+    ours = {n: lambda n=n: pf.inverse_dynamics(scene, q, v, a, t=t, threads=n) for n in (1, 4)}
     bare = {-n: lambda n=n: pin.rneaInParallel(n, pools[n], q.T, v.T, a.T, out.T) for n in (1, 4)}
     times = all_seconds(ours | bare, rounds=25)
     s = {n: min(values) for n, values in times.items()}

@@ -58,13 +58,14 @@ def interleaved(contestants, rounds=ROUNDS):
 def test_friction_against_pinocchio_without(ur5, threads, benchmark):
     scene, (q, v, a) = scene_with_pins(ur5), states(ur5, SAMPLES)
     data, pool, effort = ur5.createData(), pin.ModelPool(ur5, threads), np.empty((SAMPLES, 6))
+    t = np.arange(float(SAMPLES))
 
     def python_loop():
         for i in range(SAMPLES):
             pin.rnea(ur5, data, q[i], v[i], a[i])
 
-    def with_friction():
-        pf.inverse_dynamics(scene, q, v, a, threads=threads)
+    def with_friction():  # as a motion: with its reversals
+        pf.inverse_dynamics(scene, q, v, a, t=t, threads=threads)
 
     seconds = interleaved(
         {
@@ -100,7 +101,7 @@ base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 q, v, a = np.sin(t * np.arange(1, 7)), np.cos(t * np.arange(1, 7)), -np.sin(t * np.arange(1, 7))
 inputs = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 peak = 0.0
-for part in pf.inverse_dynamics(scene, q, v, a, threads=1, chunks=20_000):
+for part in pf.inverse_dynamics(scene, q, v, a, t=t[:, 0], threads=1, chunks=20_000):
     peak = max(peak, part.effort_upper.max())
 total = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 print(base, inputs, total, peak)

@@ -116,7 +116,7 @@ def test_pendulum_on_a_pin():
 def test_a_reversal_between_samples_is_an_interval_at_the_slower_one():
     scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
     v = np.array([[0.3], [0.1], [-0.2], [-0.4]])
-    result = pf.inverse_dynamics(scene, np.zeros((4, 1)), v, np.zeros((4, 1)))
+    result = pf.inverse_dynamics(scene, np.zeros((4, 1)), v, np.zeros((4, 1)), t=np.arange(4.0))
     N = 2.0 * 9.81
     assert result.reversal[:, 0].tolist() == [False, True, False, False]
     assert result.effort_lower[:, 0] == pytest.approx(np.array([0.3, -0.5, -0.3, -0.3]) * N)
@@ -126,7 +126,7 @@ def test_a_reversal_between_samples_is_an_interval_at_the_slower_one():
 def test_passing_through_a_sticking_sample_is_no_second_interval():
     scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
     v = np.array([[0.3], [0.0], [-0.2]])
-    result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v, np.zeros((3, 1)))
+    result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v, np.zeros((3, 1)), t=np.arange(3.0))
     assert not result.reversal.any()
     assert result.sticking[:, 0].tolist() == [False, True, False]
 

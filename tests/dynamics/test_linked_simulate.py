@@ -168,7 +168,7 @@ def test_inverse_dynamics_of_a_simulated_motion_gives_its_efforts_back():
     q = scene.close(np.array([0.5, 0.4, 1.5]), ["O"])
     v, _ = consistent_motion(scene, q[None], ["O"], np.array([[2.0]]), np.zeros((1, 1)))
     motion = pf.simulate(scene, q, v[0], {"O": lambda t: 0.8 + 0.2 * np.sin(5 * t)}, 0.5)
-    result = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a)
+    result = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a, t=motion.t)
     error = np.abs(result.effort_lower - motion.effort)[:, 0]
     moving = ~(result.sticking | result.reversal).any(axis=1)
     assert moving.sum() > 400

@@ -31,8 +31,9 @@ def test_threads_change_no_bit(threads, samples):
     assert moving
     q, v, a = random_states(model, 1, samples)
     v[samples // 2 :, 0] = 0.0
-    one = pf.inverse_dynamics(scene, q, v, a, threads=1)
-    several = pf.inverse_dynamics(scene, q, v, a, threads=threads)
+    t = np.arange(float(samples))
+    one = pf.inverse_dynamics(scene, q, v, a, t=t, threads=1)
+    several = pf.inverse_dynamics(scene, q, v, a, t=t, threads=threads)
     for name in EVERYTHING:
         np.testing.assert_array_equal(getattr(several, name), getattr(one, name), err_msg=name)
     assert several.check().passed(1e-10)

@@ -94,7 +94,7 @@ def test_moves_stay_inside_position_velocity_and_effort_limits(name):
     assert (position >= model.lowerPositionLimit).all()
     assert (position <= model.upperPositionLimit).all()
     torque = frictionless_torque(scene, motion)
-    result = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a)
+    result = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a, t=motion.t)
     friction = np.abs(result.friction_upper).max(axis=0)
     sites = [scene.joint_names.index(site) for site in result.site_names]
     worst = np.abs(torque).max(axis=0)
