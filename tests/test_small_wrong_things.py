@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from builders import block, plane_friction, random_friction, random_states, random_tree
+from builders import block, random_friction, random_states, random_tree
 from cases import turning_four_bar
+from mechanisms import pin_friction
 
 import pinfric as pf
 
@@ -57,11 +58,31 @@ def four_bar_to_and_fro() -> int:
     return int((result.effort_lower < result.effort_upper).sum())
 
 
+def step_at_the_stick_velocity() -> float:
+    """By how much the effort just above a wide stick velocity leaves the interval just below."""
+    friction = {"coulomb": {"static": 2.0, "kinetic": 2.0}, "viscous": 30.0, "stick_velocity": 0.1}
+    scene = pf.Scene(model=block(), friction={"slide": friction})
+    v = np.array([[0.1], [np.nextafter(0.1, 1.0)]])
+    effort = pf.inverse_dynamics(scene, 0 * v, v, 0 * v).effort_upper[:, 0]
+    return float(max(effort[1] - effort[0], 0.0))
+
+
+def step_in_a_loop() -> float:
+    """The same for a four-bar's crank: its states with and without a wide stick velocity."""
+    entry = pin_friction(0.2, 0.02) | {"viscous": 0.5}
+    cases = [turning_four_bar(24, rate=0.2, friction=entry | {"stick_velocity": stick})
+             for stick in (1e-6, 10.0)]  # fmt: skip
+    slides, creeps = (pf.inverse_dynamics(c.scene, c.q, c.v, c.a).effort_upper for c in cases)
+    return float(np.maximum(slides - creeps, 0.0).max())
+
+
 ROWS = [
     Row("states in no order: share with an interval", intervals_among_random_states, 0.409, 0.0),
     Row("the same in another order: change of efforts (N m)", lambda: shuffled(None), 2411.58, 0.0),
     Row("the same in chunks (N m)", lambda: shuffled(7), 2411.58, 0.0),
     Row("states of a loop in no order: intervals", four_bar_to_and_fro, 40, 0),
+    Row("step out of the interval at the stick velocity (N)", step_at_the_stick_velocity, 3.0, 0.0),
+    Row("the same in a loop (N m)", step_in_a_loop, 0.3712, 0.0),
 ]
 
 

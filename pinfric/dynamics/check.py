@@ -178,7 +178,7 @@ _LOADS = {"pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball}
 def plain_friction(
     site: Site, velocity: float, load: float, at_rest: bool = False
 ) -> tuple[float, float]:
-    """Return the least and greatest friction of one site (paper eq. 20, 21; design 3.1).
+    """Return the least and greatest friction of one site (`laws`; paper eq. 20, 21).
 
     Args:
         site: the joint and its law.
@@ -188,14 +188,17 @@ def plain_friction(
     """
     friction = site.friction
     rest = (-_dry(friction, load, 1.0, 1.0), _dry(friction, load, -1.0, 1.0))
+    drag = friction.viscous * velocity
     if abs(velocity) <= site.law.stick_velocity:
-        return rest
+        if rest == (0.0, 0.0) and not (friction.mu and friction.mu.static):
+            return -drag, -drag  # nothing can hold it
+        return rest[0] - max(drag, 0.0), rest[1] - min(drag, 0.0)
     blend = 0.0
     if friction.stribeck is not None:
         blend = float(np.exp(-((abs(velocity) / friction.stribeck.velocity)
                                ** friction.stribeck.exponent)))  # fmt: skip
     sign = float(np.sign(velocity))
-    phi = -sign * _dry(friction, load, sign, blend) - friction.viscous * velocity
+    phi = -sign * _dry(friction, load, sign, blend) - drag
     return (min(rest[0], phi), max(rest[1], phi)) if at_rest else (phi, phi)
 
 

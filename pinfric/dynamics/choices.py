@@ -25,12 +25,13 @@ class Law:
     """The friction of each site in each of its states, samples first.
 
     Attributes:
-        choices: (n, ns) number of frictions a site may have: 1 where it slides, 2 where it sticks,
-            3 beside a reversal.
+        choices: (n, ns) number of frictions a site may have: 1 where it slides or has no dry
+            friction, 2 where it sticks, 3 beside a reversal.
         code: (n, ns) what it is in the state that wrenches are given for.
         slip: (n, ns) sign of its velocity; 1 for a ball.
         direction: (n, nf) along which its friction acts: 1, or a ball's unit vector.
-        mu, coulomb: (4, n, ns) for each code; drag: (n, ns), viscous friction while it slides.
+        mu, coulomb: (4, n, ns) for each code, at the limits with the drag of creeping (`laws`);
+            drag: (n, ns), viscous friction while it slides.
         fixed_load: (n, ns) load where it cannot vary, else 0.
     """
 
@@ -65,7 +66,7 @@ class Candidates:
 
 
 def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Law:
-    """Return what each site's friction can be (`laws`, paper eq. 20, 21).
+    """Return what each site's friction can be (`laws`; paper eq. 20, 21).
 
     Args:
         layout, maps: see `constrained`.
@@ -86,7 +87,11 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
     sticks = speed <= law[:, 9]
     scaled = speed / np.where(law[:, 7] > 0, law[:, 7], 1.0)
     blend = np.where(law[:, 7] > 0, np.exp(-(scaled ** law[:, 8])), 0.0)
-    dry = (law[:, [0, 2, 4]] > 0).any(axis=1)
+    dry, drag = (law[:, [0, 2, 4]] > 0).any(axis=1), law[:, 6] * v
+    creeping = np.where(sticks, drag, 0.0)
+    ball = layout.phi_count == 3  # its limit is a sphere about 0, whatever the direction
+    against = np.where(ball, np.abs(creeping), np.maximum(creeping, 0.0))
+    along = np.where(ball, np.abs(creeping), np.maximum(-creeping, 0.0))
     ahead = slip > 0
     static, kinetic = np.where(ahead, law[:, 2], law[:, 4]), np.where(ahead, law[:, 3], law[:, 5])
     shape = np.broadcast_shapes(v.shape)
@@ -96,16 +101,16 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
         fixed[:, layout.contact_site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
     return Law(
         choices=np.where(dry & sticks, 2, np.where(dry & at_rest, 3, 1)),
-        code=np.where(sticks, NONE, SLIDES),
+        code=np.where(sticks & dry, NONE, SLIDES),
         slip=slip,
         direction=direction,
         mu=np.array([
             law[:, 1] + (law[:, 0] - law[:, 1]) * blend, still + law[:, 0], still + law[:, 0], still
         ]),
         coulomb=np.array([
-            kinetic + (static - kinetic) * blend, still + law[:, 2], still + law[:, 4], still
+            kinetic + (static - kinetic) * blend, against + law[:, 2], along + law[:, 4], still
         ]),
-        drag=law[:, 6] * v,
+        drag=drag,
         fixed_load=fixed,
     )  # fmt: skip
 

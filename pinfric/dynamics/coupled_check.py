@@ -249,7 +249,7 @@ def _law_error(
     least, most = plain_friction(site, speed, load, bool(result.reversal[i, k]))
     if least < most:
         return max(error, float(np.linalg.norm(phi)) - max(-least, most))
-    return max(error, float(np.abs(phi - least * velocity / speed).max()))
+    return max(error, float(np.abs(phi - least * velocity / max(speed, 1e-300)).max()))
 
 
 def _frictionless(

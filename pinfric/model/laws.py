@@ -2,10 +2,14 @@
 
 Sliding (paper eq. 20):     phi = -sign(v) (mu(v) c + coulomb(v)) - viscous v
 Sticking (paper eq. 21):    -(mu_s c + coulomb_s+) <= phi <= mu_s c + coulomb_s-
+Creeping:                   the same, plus anything from 0 to -viscous v
 Stribeck:                   x(v) = x_kinetic + (x_static - x_kinetic) exp(-(|v|/v_s)^exponent)
 
 for x in mu and coulomb alike; without a Stribeck velocity static falls to kinetic in a jump.
-Moving forward (v > 0) the positive Coulomb value acts, backwards the negative one.
+Moving forward (v > 0) the positive Coulomb value acts, backwards the negative one. Creeping is at
+or below the stick velocity but not at 0: whether the joint moves is not known, so neither is its
+drag, and the sliding value just above the stick velocity lies in the interval just below it. A
+joint without dry friction has nothing to stick by: its drag is -viscous v at any speed.
 """
 
 from __future__ import annotations
@@ -105,7 +109,10 @@ def friction_bounds(
             limit_forward = law[s, 0] * c + law[s, 2]
             limit_backward = law[s, 0] * c + law[s, 4]
             if sticks:
-                lower[i, s], upper[i, s] = -limit_forward, limit_backward
+                drag = law[s, 6] * v
+                dry = law[s, 0] > 0.0 or law[s, 2] > 0.0 or law[s, 4] > 0.0
+                lower[i, s] = -limit_forward - (max(drag, 0.0) if dry else drag)
+                upper[i, s] = limit_backward - (min(drag, 0.0) if dry else drag)
                 continue
             blend = 0.0
             if law[s, 7] > 0.0:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,6 +14,48 @@ import pinfric as pf
 from pinfric.dynamics import choices, coupled_solve
 from pinfric.dynamics.coupled_solve import Solver
 from pinfric.dynamics.solutions import one_sample
+
+# ---------------------------------------------------------------- creeping
+
+
+@pytest.mark.parametrize("viscous", [0.0, 0.5, 5.0])
+@pytest.mark.parametrize("dry", [True, False])
+def test_what_slides_just_above_the_stick_velocity_lies_in_the_interval_below_it(viscous, dry):
+    """The same states, with a stick velocity above and below their speeds."""
+    friction = pin_friction(0.2, 0.02, static=0.25) if dry else {}
+    slides, creeps = (
+        dataclasses.replace(turning_four_bar(24, rate=0.2, friction=friction | {
+            "viscous": viscous, "stick_velocity": stick}), t=None).inverse()
+        for stick in (1e-6, 10.0)
+    )  # fmt: skip
+    assert not slides.sticking.any()
+    assert creeps.sticking.all()
+    assert (slides.effort_lower == slides.effort_upper).all()
+    rounding = 1e-12 * np.abs(slides.effort_lower).max()
+    assert (creeps.effort_lower <= slides.effort_lower + rounding).all()
+    assert (slides.effort_upper <= creeps.effort_upper + rounding).all()
+    assert creeps.check().passed(1e-10)
+    if not dry:  # nothing to stick by: the drag, and no interval
+        np.testing.assert_allclose(creeps.effort_upper, slides.effort_upper, atol=rounding)
+        np.testing.assert_allclose(creeps.effort_lower, slides.effort_lower, atol=rounding)
+
+
+def test_a_creeping_balls_sphere_holds_its_drag():
+    case = ball_tripod()
+    friction = {n: f.model_dump(exclude_unset=True) for n, f in case.scene.friction.items()}
+    found = []
+    for stick in (1e-6, 100.0):
+        for entry in friction.values():
+            entry |= {"viscous": 2.0, "stick_velocity": stick}
+        scene = dataclasses.replace(case.scene, friction=friction)
+        found.append(Case(scene, case.q[:3], case.v[:3], case.a[:3]).inverse())
+    slides, creeps = found
+    assert creeps.sticking.all()
+    assert not slides.sticking.any()
+    assert (creeps.effort_lower <= slides.effort_lower).all()
+    assert (slides.effort_upper <= creeps.effort_upper).all()
+    assert creeps.check().passed(1e-9)
+
 
 # ---------------------------------------------------------------- balls
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
+from hypothesis import given
+from hypothesis import strategies as st
 
 import pinfric as pf
 from pinfric.dynamics.check import plain_friction
@@ -48,6 +50,53 @@ def test_stick_velocity_from_both_sides():
     assert (lower, upper, sticking) == (-3.0, -3.0, False)
 
 
+def test_creeping_adds_the_drag_to_what_standstill_admits():
+    friction = plane_friction(0.4, 0.3, viscous=10.0, stick_velocity=0.5)
+    assert bounds(friction, 0.2, 10.0) == (-6.0, 4.0, True)
+    assert bounds(friction, -0.2, 10.0) == (-4.0, 6.0, True)
+
+
+def test_without_dry_friction_there_is_nothing_to_stick_by():
+    friction = {"viscous": 10.0, "stick_velocity": 0.5}
+    assert bounds(friction, 0.2) == (-2.0, -2.0, True)
+    assert bounds(friction, 0.0) == (0.0, 0.0, True)
+
+
+@st.composite
+def friction_entries(draw):
+    """Every kind of law, with a wide stick velocity."""
+
+    def pair(most):
+        static = draw(st.floats(0.0, most))
+        return {"static": static, "kinetic": static * draw(st.floats(0.0, 1.0))}
+
+    coulomb = {"positive": pair(5.0), "negative": pair(5.0)} if draw(st.booleans()) else pair(5.0)
+    more = {"coulomb": coulomb, "viscous": draw(st.floats(0.0, 20.0))}
+    if draw(st.booleans()):
+        velocity, exponent = draw(st.floats(1e-3, 1.0)), draw(st.floats(0.5, 2.0))
+        more["stribeck"] = {"velocity": velocity, "exponent": exponent}
+    mu = pair(0.5)
+    return plane_friction(mu["static"], mu["kinetic"], **more,
+                          stick_velocity=draw(st.floats(1e-6, 0.5)))  # fmt: skip
+
+
+@given(friction_entries(), st.floats(0.0, 100.0), st.sampled_from([-1.0, 1.0]))
+def test_no_step_out_of_the_interval_at_the_stick_velocity(friction, load, side):
+    """The sliding value just above the stick velocity lies in the interval just below it."""
+    edge = side * friction["stick_velocity"]
+    sliding, same, _ = bounds(friction, np.nextafter(edge, 2 * edge), load)
+    lower, upper, sticking = bounds(friction, edge, load)
+    assert sticking
+    assert sliding == same
+    rounding = 1e-12 * max(abs(lower), abs(upper))
+    assert lower - rounding <= sliding <= upper + rounding
+    # at 0 exactly it is what the static limits say
+    law = friction_law(Friction.model_validate(friction), 1e-6)
+    assert bounds(friction, 0.0, load)[:2] == (
+        -(law.mu_static * load + law.static_positive), law.mu_static * load + law.static_negative,
+    )  # fmt: skip
+
+
 def test_passing_through_rest_encloses_both_standstill_and_sliding():
     friction = plane_friction(0.4, 0.4, viscous=10.0)
     lower, upper, sticking = bounds(friction, 1.0, 10.0, at_rest=True)
@@ -59,7 +108,7 @@ def test_kernel_equals_the_law_written_out(seed):
     model = random_tree(seed, joints=6)
     scene = pf.Scene(model=model, friction=random_friction(model, seed), stick_velocity=0.2)
     q, v, a = random_states(model, seed, 40)
-    result = pf.inverse_dynamics(scene, q, v, a)
+    result = pf.inverse_dynamics(scene, q, v, a, t=np.arange(40.0))
     assert result.sticking.any()
     assert result.reversal.any()
     for i in range(len(q)):
