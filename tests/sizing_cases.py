@@ -79,3 +79,33 @@ def trapezoid(scene, samples=400):
     t, v, a = (np.concatenate(column) for column in zip(*rows, strict=True))
     # positions do not matter: nothing depends on the angle
     return pf.Trajectory.from_arrays(scene, t, np.zeros((len(t), 1)), v[:, None], a[:, None])
+
+
+def hour_with_a_stall(stall=300.0, move=2.0):
+    """A pendulum held out for `stall` seconds at 2.5 times what MOTOR can for ever; else it hangs.
+
+    Returns:
+        scene, trajectory of an hour, and what `one_drive` takes: a drive that it fits but for this.
+    """
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "table")
+    effort = 2.5 * MOTOR["continuous_torque"] * GEAR["ratio"] * GEAR["efficiency"]
+    body = pin.Inertia(effort / 9.81, np.array([1.0, 0.0, 0.0]), 0.01 * np.eye(3))
+    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    scene = pf.Scene(model=model, stick_velocity=0.0)
+    s = np.linspace(0.0, 1.0, 101)
+    shape = 10 * s**3 - 15 * s**4 + 6 * s**5
+    rates = (30 * s**2 - 60 * s**3 + 30 * s**4) / move
+    accelerations = (60 * s - 180 * s**2 + 120 * s**3) / move**2
+    down, still = np.pi / 2, np.zeros(2)
+    t = np.concatenate([[0.0], stall + move * s, 3600.0 - move + move * s])
+    q = np.concatenate([[0.0], down * shape, down * (1 - shape)])
+    v = np.concatenate([still[:1], down * rates, -down * rates])
+    a = np.concatenate([still[:1], down * accelerations, -down * accelerations])
+    for x in (v, a):
+        x[[1, 101, 102, 202]] = 0.0
+    hour = pf.Trajectory.from_arrays(scene, t, q[:, None], v[:, None], a[:, None])
+    strong = dict.fromkeys(("average_torque", "repeated_peak_torque", "momentary_peak_torque"), 300)
+    drive = {"motor": {"peak_torque": 5.0}, "gear": strong | {"stiffness": 1e5},
+             "conditions": {"inertia_ratio": 20.0}}  # fmt: skip
+    return scene, hour, drive

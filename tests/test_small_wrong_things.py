@@ -6,7 +6,9 @@ what it gives again. The parts have tests of their own in their folders.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +16,11 @@ import pytest
 from builders import block, random_friction, random_states, random_tree
 from cases import turning_four_bar
 from mechanisms import pin_friction
+from sizing_cases import hour_with_a_stall, one_drive, turntable
 
 import pinfric as pf
+from pinfric.study.catalog import Thermal
+from pinfric.study.thermal import winding_cycle
 
 
 class Row(NamedTuple):
@@ -76,6 +81,32 @@ def step_in_a_loop() -> float:
     return float(np.maximum(slides - creeps, 0.0).max())
 
 
+def winding_temperature() -> float:
+    """Of 3 A without end, as worst ends that change sides from sample to sample (deg C)."""
+    thermal = Thermal(winding_housing=2.0, housing_ambient=3.0, winding_time=20, housing_time=300)
+    current = np.where(np.arange(100) % 2, -3.0, 3.0)
+    return winding_cycle(np.linspace(0, 7, 100), current, 0.8, thermal, 25.0).peak
+
+
+def stalled_motor() -> str:
+    """What `size` says of a motor stalled 5 minutes at 2.5 times its continuous torque."""
+    scene, hour, drive = hour_with_a_stall()
+    drive["motor"]["thermal"] = None  # no time constant is known
+    with tempfile.TemporaryDirectory() as folder:
+        catalog = one_drive(Path(folder), **drive)
+    (joint,) = pf.size(scene, hour, catalog, on_miss="ignore").joints
+    return "passes" if joint.choice else f"fails: {joint.assessments[0].failed[0].name}"
+
+
+def open_cycle() -> str:
+    """What `size` remarks about a cycle that ends 2 rad from where it began."""
+    scene = turntable()
+    t = np.linspace(0.0, 1.0, 51)[:, None]
+    motion = pf.Trajectory.from_arrays(scene, t[:, 0], 2 * t, 2 + 0 * t, 0 * t)
+    notes = pf.size(scene, motion).notes
+    return notes[0].partition(".")[0] if notes else "nothing"
+
+
 ROWS = [
     Row("states in no order: share with an interval", intervals_among_random_states, 0.409, 0.0),
     Row("the same in another order: change of efforts (N m)", lambda: shuffled(None), 2411.58, 0.0),
@@ -83,6 +114,20 @@ ROWS = [
     Row("states of a loop in no order: intervals", four_bar_to_and_fro, 40, 0),
     Row("step out of the interval at the stick velocity (N)", step_at_the_stick_velocity, 3.0, 0.0),
     Row("the same in a loop (N m)", step_in_a_loop, 0.3712, 0.0),
+    # T_a + r P/(1 - alpha r P), P = R i^2 = 7.2 W, r = 5 K/W
+    Row("winding at +3 A and -3 A in turn (deg C)", winding_temperature, 37.59, 25 + 36 / 0.8596),
+    Row(
+        "a motor stalled 5 minutes at 2.5 times",
+        stalled_motor,
+        "passes",
+        "fails: overloaded standstill",
+    ),
+    Row(
+        "a cycle that ends elsewhere",
+        open_cycle,
+        "nothing",
+        "The cycle does not close: table ends 2 rad from where it began",
+    ),
 ]
 
 

@@ -25,6 +25,7 @@ from pinfric.show.sizing_report import (
     beside,
     passes,
     ratio_figures,
+    repetition,
     span_beside,
     tightest,
 )
@@ -68,6 +69,7 @@ def sizing_page(report: SizingReport) -> str:
         joints=joints,
         matrix=_matrix(report),
         passes=passes(report),
+        repetition=repetition(report),
         sources=_sources(report),
         plotly=offline.get_plotlyjs(),
         figures=_script_safe(figures),

@@ -49,6 +49,7 @@ def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str,
             "catalog": None if report.catalog is None else report.catalog.source,
             "conditions": report.conditions.model_dump(),
             "cycle_time": t[-1] - t[0],
+            "unclosed": list(report.unclosed),
             "passes": report.passes,
             "settled": report.settled,
             "drive_mass": report.drive_mass,
@@ -148,8 +149,14 @@ def sizing_report(report: SizingReport) -> list[RenderableType]:
         parts += [Text(), _choice_table(report), Text()]
         parts += [Text(line) for line in _changes(report)]
         parts += [Text(f"! {line}", style="bold red") for line in report.misses]
+    if report.notes:
         parts += [Text(), *(Text(f"note: {line}") for line in report.notes)]
     return parts
+
+
+def repetition(report: SizingReport) -> str:
+    """Return how the cycle is taken to go on, in words."""
+    return "repeated, though it does not close" if report.unclosed else "repeated without a pause"
 
 
 def _demand_table(report: SizingReport) -> Table:
@@ -158,7 +165,7 @@ def _demand_table(report: SizingReport) -> Table:
     units = {joint.demand.unit for joint in report.joints}
     unit = units.pop() if len(units) == 1 else ""
     title = f"{Path(report.given.source).stem} · {Path(report.trajectory).name}"
-    table = _table(report, f"{title}: {digits(t[-1] - t[0])} s, repeated")
+    table = _table(report, f"{title}: {digits(t[-1] - t[0])} s, {repetition(report)}")
     headings = ("peak", "RMS", "frictionless\npeak, RMS", "holding", "break-\naway")
     for heading in headings:
         table.add_column(heading + (f"\n{unit}" if unit else ""), justify="right", no_wrap=True)

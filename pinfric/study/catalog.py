@@ -211,6 +211,8 @@ class Conditions(Entry):
         life: L10 of the gears, hours (default: a strain wave gear at its rated torque and speed).
         back_driving: whether the load must be able to move the motor, must not, or may.
         max_winding: deg C, for motors whose maker prints no limit; None leaves it unchecked.
+        thermal_time: s, in place of the winding's time constant where it is not known: overload
+            counts within it (small motors have 15 to 50 s).
         collision_effort: joint -> effort in a collision or an emergency stop, N m or N.
         resonance_base, resonance_hand: Hz, of the first three joints and of those beyond.
         mass_in_urdf: joint -> mass of the drive that the URDF's link already has at the joint's
@@ -224,6 +226,7 @@ class Conditions(Entry):
     life: Positive = 10_000.0
     back_driving: Literal["any", "required", "forbidden"] = "any"
     max_winding: Number | None = None
+    thermal_time: Positive = 20.0
     collision_effort: dict[str, Positive] = Field(default_factory=dict)
     resonance_base: Positive = 8.0
     resonance_hand: Positive = 15.0

@@ -18,7 +18,7 @@ import numpy as np
 
 from pinfric.study.catalog import Conditions, Gear
 from pinfric.study.demand import DriveCycle, JointDemand, largest
-from pinfric.study.drivetrain import Candidate, MotorCycle, Ratings, too_hot
+from pinfric.study.drivetrain import Candidate, MotorCycle, Ratings, overload_window, too_hot
 from pinfric.study.summary import rms
 
 #: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
@@ -162,6 +162,7 @@ def _motor_criteria(
             "sqrt(1/T int T_m^2 dt) <= continuous torque" + output, _PRACTICE,
             lacking or "continuous torque", _continuous_note(ratings, motor, conditions),
         ),
+        *_overload(ratings, motor, conditions, lacking, output),
         compare(
             "peak torque", None if motor is None else factor * motor.figures.peak,
             ratings.peak_torque,
@@ -184,9 +185,32 @@ def _continuous_note(ratings: Ratings, motor: MotorCycle | None, conditions: Con
     if standing is not None and limit and standing > limit:
         notes.append(
             f"standing still it takes up to {standing:.3g} N m, above the continuous torque: a "
-            "stalled motor has hot spots that the mean does not show"
+            "stalled motor has hot spots that the mean does not show (overloaded standstill)"
         )
     return "; ".join(notes)
+
+
+def _overload(
+    ratings: Ratings, motor: MotorCycle | None, conditions: Conditions, lacking: str, output: str
+) -> list[Criterion]:
+    """What the mean over the cycle hides: overload for a while, and at a standstill."""
+    continuous, derated = ratings.continuous_at(conditions)
+    window, source = overload_window(ratings, conditions)
+    figures = None if motor is None else motor.figures
+    missing = lacking or "continuous torque"
+    still = None if figures is None else figures.overloaded_standstill
+    return [
+        compare(
+            "short-term torque", None if figures is None else figures.short_term, continuous, "N m",
+            f"max of sqrt(1/w int T_m^2 dt) over any w = {window:.3g} s <= continuous torque"
+            + output, source, missing, derated,
+        ),
+        compare(
+            "overloaded standstill", still, window, "s",
+            f"longest standstill with |T_m| > continuous torque <= {window:.3g} s", source, missing,
+            "it never ends" if still == np.inf else "",
+        ),
+    ]  # fmt: skip
 
 
 def _bus_voltage(ratings: Ratings, conditions: Conditions) -> Criterion:

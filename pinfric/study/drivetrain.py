@@ -33,6 +33,7 @@ from pinfric.study.catalog import (
     Thermal,
 )
 from pinfric.study.demand import DriveCycle, largest
+from pinfric.study.overload import longest_above, moving_rms
 from pinfric.study.summary import ends_by_magnitude, rms
 from pinfric.study.thermal import (
     COPPER,
@@ -191,6 +192,10 @@ class MotorFigures:
         driving_power, braking_power: peaks of the electrical power from and to the bus, W.
         energy, regenerated: electrical, from and to the bus over a cycle, J; copper loss counted.
         standing: worst while this joint stands still, whatever the others do, N m; None: never.
+        window: s, within which overload counts: the winding's time constant, else the conditions'.
+        short_term: largest RMS over any such time, N m (over the cycle where that is shorter).
+        overloaded_standstill: longest time for which it stands still above the continuous torque,
+            s (infinite: for ever); None where that torque is not known.
     """
 
     peak: float
@@ -205,6 +210,9 @@ class MotorFigures:
     energy: float | None
     regenerated: float | None
     standing: float | None = None
+    window: float | None = None
+    short_term: float | None = None
+    overloaded_standstill: float | None = None
 
     @property
     def hot(self) -> float:
@@ -352,6 +360,8 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         candidate.ratings, cycle.t, worst, conditions
     )
     power = _electrical(candidate.ratings, cycle.t, worst, speed, current, winding)
+    limit, _ = candidate.ratings.continuous_at(conditions)
+    window, _ = overload_window(candidate.ratings, conditions)
     figures = MotorFigures(
         peak=largest(worst),
         rms=rms(cycle.t, worst),
@@ -362,8 +372,21 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         mean_temperature=mean_temperature,
         driving_power=power[0], braking_power=power[1], energy=power[2], regenerated=power[3],
         standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
+        window=window,
+        short_term=moving_rms(cycle.t, worst, window),
+        overloaded_standstill=None if limit is None else longest_above(
+            cycle.t, worst, limit, cycle.standing),
     )  # fmt: skip
     return MotorCycle(lower, upper, speed, current, winding, figures)
+
+
+def overload_window(ratings: Ratings, conditions: Conditions) -> tuple[float, str]:
+    """Return the time (s) within which overload counts, and where it comes from, in words."""
+    thermal = ratings.thermal
+    if thermal is not None and thermal.winding_time is not None:
+        text = "maxon, Key information: short-term operation, within the winding's time constant"
+        return thermal.winding_time, text
+    return conditions.thermal_time, "pinfric: conditions.thermal_time for a time constant not known"
 
 
 def _temperatures(

@@ -35,12 +35,15 @@ from pinfric.study.demand import (
     drive_cycle,
     hold_samples,
     joint_demand,
+    unclosed,
 )
 from pinfric.study.drivetrain import MotorCycle, motor_cycle
 from pinfric.study.trajectory import Trajectory
 
 #: Passes over all joints before an alternating choice is given up; a serial chain needs two.
 _MOST_PASSES = 10
+#: Gaps of a cycle that a note lists; the others are counted.
+_MOST_GAPS = 4
 #: Drives in the model: (index, mass in kg) of each.
 _Load = tuple[tuple[int, float | None], ...]
 #: Joints nearer to the base than this are base axes for the resonance rule.
@@ -115,6 +118,7 @@ class SizingReport:
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         passes: over all joints, until no choice changed. settled: no choice changed in the last.
         notes: what the model does not know, for the reader.
+        unclosed: what of the cycle does not end as it began, in words; empty where it closes.
     """
 
     scene: Scene
@@ -128,6 +132,7 @@ class SizingReport:
     passes: int
     settled: bool
     notes: tuple[str, ...] = ()
+    unclosed: tuple[str, ...] = ()
 
     @property
     def drive_mass(self) -> float:
@@ -180,7 +185,8 @@ def size(
     Args:
         scene: the robot with its friction. Its links are taken to be without drives, but for
             `conditions.mass_in_urdf`. The candidates replace its transmissions.
-        trajectory: one cycle, with times; it is repeated without a pause.
+        trajectory: one cycle, with times; it is repeated without a pause. Where it does not end as
+            it began, `SizingReport.unclosed` and a note say by how much.
         catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
         conditions: what differs from the catalogue's conditions, as `Conditions` or a mapping.
         on_miss: what to do where no candidate fits a joint; the report says so in any case.
@@ -245,12 +251,13 @@ class _Sizing:
         chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
         without = inverse_dynamics(self.scene, self.trajectory)
+        gaps = unclosed(without)
         return SizingReport(
             scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
             trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
             result_without_masses=without, passes=passes, settled=settled,
-            notes=_notes(self.scene, self.catalog, self.conditions),
+            notes=_notes(self.scene, self.catalog, self.conditions, gaps), unclosed=gaps,
         )  # fmt: skip
 
     def joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
@@ -447,10 +454,22 @@ def check_names(scene: Scene, conditions: Conditions) -> None:
                                    f"{choose_from(name, scene.actuator_names)}")  # fmt: skip
 
 
-def _notes(scene: Scene, catalog: Catalog | None, conditions: Conditions) -> tuple[str, ...]:
+def _notes(
+    scene: Scene, catalog: Catalog | None, conditions: Conditions, gaps: Sequence[str]
+) -> tuple[str, ...]:
+    opening = []
+    if gaps:
+        more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
+        opening = [
+            f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
+            "temperatures, overload and gear life take it as repeated without a pause all the "
+            "same, as if the way back took no time and no torque: complete the trajectory by its "
+            "way back and its pause for figures that hold."
+        ]
     if catalog is None:
-        return ()
+        return tuple(opening)
     notes = [
+        *opening,
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the first joint's stands on the ground.",
         "Any motor is taken to fit any gear; couplings, housings and brakes have no mass.",
@@ -459,9 +478,10 @@ def _notes(scene: Scene, catalog: Catalog | None, conditions: Conditions) -> tup
         "through motor currents, it holds the old gear's friction, which then counts twice.",
     ]  # fmt: skip
     if not conditions.mass_in_urdf:
-        notes.insert(1, "The URDF's links are taken to be without drives: if they have some, these "
-                        "count twice. Name their masses in conditions.mass_in_urdf, in a catalogue "
-                        "file (`extends: default` keeps the bundled entries).")  # fmt: skip
+        text = ("The URDF's links are taken to be without drives: if they have some, these count "
+                "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
+                "(`extends: default` keeps the bundled entries).")  # fmt: skip
+        notes.insert(1 + len(opening), text)
     if any(drive.transmission is not None for drive in scene.drives):
         notes.append("The scene's transmissions are replaced by the candidates'.")
     return tuple(notes)

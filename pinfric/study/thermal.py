@@ -50,13 +50,14 @@ def winding_cycle(
 ) -> WindingCycle:
     """Return the temperatures that a repeated cycle settles to.
 
-    In each interval between samples i^2 is its mean (current linear in time), so the equations
-    are linear with constant coefficients and are stepped by their matrix exponential; one cycle is
-    then an affine map x -> Phi x + g, and the settled cycle begins at (I - Phi)^-1 g.
+    In each interval between samples i^2 is its mean (|i| linear in time: between two worst cases of
+    opposite sign the motor does not rest), so the equations are linear with constant coefficients
+    and are stepped by their matrix exponential; one cycle is then an affine map x -> Phi x + g, and
+    the settled cycle begins at (I - Phi)^-1 g.
 
     Args:
         t: (T,) s; the last sample is the first of the next repetition.
-        current: (T,) A.
+        current: (T,) A; its sign does not matter.
         resistance: ohm at 25 C.
         thermal: with both time constants.
         ambient: deg C.
@@ -72,7 +73,7 @@ def winding_cycle(
     capacity = np.array([thermal.winding_time / thermal.winding_housing,
                          thermal.housing_time / thermal.housing_ambient])  # fmt: skip
     conductance = np.array([1 / thermal.winding_housing, 1 / thermal.housing_ambient])
-    heat = resistance * mean_square(current)
+    heat = resistance * mean_square(np.abs(current))
     warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
     rise, runaway = _settled(np.diff(t), heat, warm, copper, capacity, conductance)
     if runaway:
@@ -96,7 +97,7 @@ def mean_winding_temperature(
     Args: as `winding_cycle`.
     """
     resistance_to_ambient = thermal.winding_housing + thermal.housing_ambient
-    heat = resistance * _mean_square_over(t, current)
+    heat = resistance * _mean_square_over(t, np.abs(current))
     gain = resistance_to_ambient * heat
     if copper * gain >= 1:
         return np.inf

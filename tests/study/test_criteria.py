@@ -289,7 +289,7 @@ def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
     with pytest.warns(pf.PinfricWarning, match="as hot as the winding may be") as caught:
         joint = sized(tmp_path, conditions={"ambient": 130.0})
     text = "the surroundings, 130 C, are as hot as the winding may be, 125 C"
-    for name in ("continuous torque", "winding temperature"):
+    for name in ("continuous torque", "short-term torque", "winding temperature"):
         assert criterion(joint, name).why == f"{name}: {text}"
     assert not any("e+09" in str(w.message) for w in caught)
 

@@ -391,3 +391,57 @@ def _bundled(name):
     from pinfric.model.scene import bundled_folder
 
     return bundled_folder() / name
+
+
+# ---------------------------------------------------------------- cycles that do not close
+
+
+def way_out(scene, end=0.5, speed=0.0, attached=None):
+    """From 0 to `end` rad, there with `speed` (rad/s); the joint moves all the time."""
+    t = np.linspace(0.0, 1.0, 51)
+    q = end * (3 * t**2 - 2 * t**3) + speed * (t**3 - t**2)
+    v = end * (6 * t - 6 * t**2) + speed * (3 * t**2 - 2 * t)
+    a = end * (6 - 12 * t) + speed * (6 * t - 2)
+    return pf.Trajectory.from_arrays(scene, t, q[:, None], v[:, None], a[:, None],
+                                     attached=attached)  # fmt: skip
+
+
+def test_a_cycle_that_does_not_close_says_what_and_by_how_much(tmp_path):
+    payload = {"box": {"link": "table", "mass": 1.0, "com": [0.0, 0.0, 0.0]}}
+    scene = turntable()
+    model = scene.model.copy()
+    model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    scene = pf.Scene(model=model, payloads=payload, friction=scene.friction)
+    carried = {"box": np.arange(51) > 20}
+    report = pf.size(scene, way_out(scene, 0.5, 0.2, carried), one_drive(tmp_path),
+                     on_miss="ignore")  # fmt: skip
+    assert report.unclosed == (
+        "table ends 0.5 rad from where it began",
+        "table ends with a velocity 0.2 rad/s from that at its start",
+        "payload box is carried at the end only",
+    )
+    assert report.notes[0].startswith("The cycle does not close: table ends 0.5 rad from where it")
+    assert "repeated without a pause all the same" in report.notes[0]
+    # without a catalogue, too: the RMS is of the repeated cycle
+    (note,) = pf.size(scene, way_out(scene)).notes
+    assert "table ends 0.5 rad" in note
+
+
+def test_a_cycle_that_closes_but_for_noise_says_nothing():
+    scene = turntable()
+    assert pf.size(scene, way_out(scene, 0.0, 0.0)).unclosed == ()
+    there_and_back = trapezoid(scene)  # its positions are 0 throughout, its velocities end at 0
+    assert pf.size(scene, there_and_back).unclosed == ()
+    noisy = way_out(scene, 5e-5)
+    assert pf.size(scene, noisy).notes == ()
+
+
+def test_full_turns_of_a_continuous_joint_close():
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "table")
+    model.appendBodyToJoint(1, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    scene = pf.Scene(model=model)
+    angle = np.linspace(0.0, 4 * np.pi, 200)
+    q, v = np.column_stack([np.cos(angle), np.sin(angle)]), np.ones((200, 1))
+    motion = pf.Trajectory.from_arrays(scene, angle, q, v, 0 * v)
+    assert pf.size(scene, motion).unclosed == ()

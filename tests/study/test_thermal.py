@@ -38,6 +38,17 @@ def test_constant_current_settles_at_the_closed_form():
     )
 
 
+def test_worst_cases_of_opposite_sign_heat_as_one_of_them_all_the_time():
+    """At rest the worst end changes sides from sample to sample; the motor does not rest there."""
+    t, i = np.linspace(0, 7, 100), np.where(np.arange(100) % 2, -3.0, 3.0)
+    heat, r, warm = RESISTANCE * 9.0, R_WH + R_HA, 1 + ALPHA * (AMBIENT - 25)
+    rise = r * heat * warm / (1 - ALPHA * r * heat)
+    found = winding_cycle(t, i, RESISTANCE, THERMAL, AMBIENT)
+    np.testing.assert_allclose(found.winding, AMBIENT + rise, rtol=1e-9)
+    at_mean = mean_winding_temperature(t, i, RESISTANCE, THERMAL, AMBIENT)
+    assert at_mean == pytest.approx(AMBIENT + rise, rel=1e-12)
+
+
 def test_on_off_cycle_without_copper_coefficient_is_the_sum_of_two_exponentials():
     # x' = A x + b on, x' = A x off; periodic: x(on) = (I - E_on E_off)^-1 (I - E_on) x_inf, and
     # by eigenvectors each mode is a periodic on-off exponential of its own
