@@ -7,6 +7,7 @@ what it gives again. The parts have tests of their own in their folders.
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -107,6 +108,31 @@ def open_cycle() -> str:
     return notes[0].partition(".")[0] if notes else "nothing"
 
 
+def said(**change: Any) -> str:
+    """What inverse dynamics says of such arguments: an error's kind, or the effort it returns."""
+    scene = pf.Scene(model=block())
+    given = {"q": np.zeros((3, 1)), "v": np.zeros((3, 1)), "a": np.ones((3, 1))} | change
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # NumPy's of imaginary parts
+        try:
+            result = pf.inverse_dynamics(scene, **given)
+            parts = list(result) if "chunks" in change else [result]
+        except Exception as problem:
+            return type(problem).__name__
+    return f"{float(parts[0].effort_upper[0, 0]):g}"
+
+
+def said_forward() -> str:
+    """What forward dynamics says of an imaginary force."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            effort = np.array([4 + 3j])
+            return f"{pf.forward_dynamics(pf.Scene(model=block()), [0], [0], effort).a[0]:g}"
+        except Exception as problem:
+            return type(problem).__name__
+
+
 ROWS = [
     Row("states in no order: share with an interval", intervals_among_random_states, 0.409, 0.0),
     Row("the same in another order: change of efforts (N m)", lambda: shuffled(None), 2411.58, 0.0),
@@ -128,6 +154,10 @@ ROWS = [
         "nothing",
         "The cycle does not close: table ends 2 rad from where it began",
     ),
+    Row("chunks=2.5", lambda: said(chunks=2.5), "TypeError", "StateError"),
+    Row("complex accelerations", lambda: said(a=np.full((3, 1), 1 + 1j)), "2", "StateError"),
+    Row("accelerations of text", lambda: said(a=[["1"], ["2"], ["3"]]), "2", "StateError"),
+    Row("a complex effort", said_forward, "2", "StateError"),
 ]
 
 

@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.states import States
 from pinfric.errors import ClosureError, LoopMotionError, SceneError, StateError
+from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import (
     NEARLY_CLOSED,
     RANK,
@@ -193,13 +194,15 @@ def consistent_motion(
         v, a: (T, nv).
 
     Raises:
-        SceneError: a name that is not there.
+        SceneError: a name that is not there. StateError: not real numbers.
         ClosureError: they leave a motion open, or contradict a loop; says at which sample.
     """
     linkage, twin = scene.linkage, scene.twin()
     assert linkage is not None
     given = _in_order(scene, independent)
-    q = np.atleast_2d(np.asarray(q, dtype=float))
+    q = np.atleast_2d(real_numbers("q", q))
+    rates = real_numbers("rates", rates)
+    accelerations = real_numbers("accelerations", accelerations)
     v, a = np.zeros((len(q), twin.nv)), np.zeros((len(q), twin.nv))
     v[:, given], a[:, given] = rates, accelerations
     rest = np.setdiff1d(np.arange(twin.nv), given)

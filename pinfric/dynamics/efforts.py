@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.errors import SimulationError, choose_from
+from pinfric.errors import SimulationError, StateError, choose_from
+from pinfric.model.arrays import real_numbers
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
 
@@ -51,8 +52,9 @@ def make_effort(
 
     Raises:
         SimulationError: an unknown drive, a wrong shape, a value not finite.
+        StateError: not real numbers.
     """
-    own = np.asarray([] if breakpoints is None else breakpoints, dtype=float).ravel()
+    own = real_numbers("breakpoints", [] if breakpoints is None else breakpoints).ravel()
     if not np.isfinite(own).all():
         raise SimulationError("breakpoints: hold NaN or Inf; give times in s")
     if effort is None:
@@ -180,11 +182,10 @@ def _csv_column(scene: Scene, table: str, name: str) -> Effort:
 
 def _numbers(where: str, given: Any) -> np.ndarray:
     try:
-        array = np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        raise SimulationError(
-            f"{where}: should be numbers, (times, values), a mapping by drive or a function of "
-            f"(t, q, v), found {type(given).__name__}"
+        array = np.array(real_numbers(where, given))  # what the caller does to his later stays his
+    except StateError as problem:
+        raise StateError(
+            f"{problem}, (times, values), a mapping by drive or a function of (t, q, v)"
         ) from None
     if not np.isfinite(array).all():
         raise SimulationError(f"{where}: holds NaN or Inf")

@@ -19,6 +19,7 @@ from pinfric.dynamics.result import Status
 from pinfric.dynamics.states import States
 from pinfric.dynamics.workspace import Workspace, workspace
 from pinfric.errors import StateError
+from pinfric.model.arrays import real_numbers
 from pinfric.model.scene import Scene
 
 
@@ -120,10 +121,7 @@ def _checked(
 
 def vector(name: str, given: Any, size: int, symbol: str) -> np.ndarray:
     """Return a (size,) C-ordered float array, or raise `StateError` naming it."""
-    try:
-        array = np.ascontiguousarray(given, dtype=float)
-    except (TypeError, ValueError) as problem:
-        raise StateError(f"{name}: is not an array of numbers: {problem}") from None
+    array = np.atleast_1d(real_numbers(name, given))
     if array.shape != (size,):
         raise StateError(f"{name}: shape {np.shape(given)}; should be ({size},), {symbol} = {size}")
     return array

@@ -36,6 +36,7 @@ from pinfric.dynamics.threaded import (
     team,
 )
 from pinfric.errors import RollMomentError, StateError
+from pinfric.model.arrays import whole_number
 from pinfric.model.bearings import FOLLOWS_PARENT, normal_loads
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.model.laws import STICK_VELOCITY, friction_bounds
@@ -90,7 +91,7 @@ def inverse_dynamics(
             interval of both.
 
     Raises:
-        StateError: a wrong shape, a value not finite, times not increasing.
+        StateError: not real numbers, a wrong shape, a value not finite, times not increasing.
         RollMomentError: a guide without width is loaded by a moment about its axis.
         LoopMotionError: a loop is open, or the motion violates it.
     """
@@ -106,9 +107,7 @@ def inverse_dynamics(
     applied = applied_wrenches(scene, external, len(states.q))
     if chunks is None:
         return _solve(scene, states, applied, slice(0, len(states.q)), threads)
-    if chunks < 1:
-        raise StateError(f"chunks = {chunks}; should be at least 1 sample")
-    parts = slices(0, len(states.q), chunks)
+    parts = slices(0, len(states.q), whole_number("chunks", chunks))
     return (_solve(scene, states, applied, part, threads) for part in parts)
 
 

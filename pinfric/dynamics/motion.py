@@ -16,6 +16,7 @@ import pinocchio as pin
 from pinfric.dynamics.closure import working_rates
 from pinfric.dynamics.result import StickInterval, runs
 from pinfric.errors import SimulationError, StateError
+from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import velocity_names
 from pinfric.model.scene import Scene
 
@@ -145,7 +146,7 @@ class Motion:
             StateError: times outside the motion or not increasing; no polynomials (only `event`
                 has them), or a motion from a file, which does not hold the effort function.
         """
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = np.atleast_1d(real_numbers("t", t))
         if self.dense is None:
             raise StateError(
                 f"this motion cannot be sampled at other times (method {self.method!r}, or read "

@@ -12,6 +12,7 @@ import pinocchio as pin
 from pinfric.dynamics.states import States
 from pinfric.dynamics.threaded import embed_in_parts, team
 from pinfric.errors import SceneError, StateError, choose_from
+from pinfric.model.arrays import real_numbers, whole_number
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin, embed, project, transmit
 
@@ -140,8 +141,11 @@ def applied_wrenches(
         SceneError: there is no such frame; StateError: a wrong shape or a value not finite.
     """
     applied = []
+    if not isinstance(external, Mapping | None):
+        raise StateError(f"external: should be a mapping of frames to wrenches on them, found "
+                         f"{type(external).__name__}")  # fmt: skip
     for name, given in (external or {}).items():
-        wrench = np.asarray(given, dtype=float)
+        wrench = real_numbers(f"external[{name!r}]", given)
         if wrench.shape not in ((6,), (samples, 6)):
             raise StateError(
                 f"external[{name!r}]: shape {wrench.shape}; should be (6,) or ({samples}, 6), "
@@ -174,9 +178,7 @@ def threads_for(samples: int, threads: int | None) -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     if threads is None:
         return 1 if samples < _FEW else max(1, (cores or 1) - 1)
-    if threads < 1:
-        raise StateError(f"threads = {threads}; should be at least 1")
-    return min(threads, cores or 1)
+    return min(whole_number("threads", threads), cores or 1)
 
 
 def batch_size(threads: int) -> int:

@@ -155,6 +155,8 @@ def _settings(
         good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
         if not good or not np.isfinite(value) or value <= 0:
             raise SimulationError(f"{name} = {value!r}: should be a positive number")
+    if max_events != int(max_events):
+        raise SimulationError(f"max_events = {max_events!r}: should be a whole number")
     t_end = float(t_end)
     return Settings(
         t_end=t_end,

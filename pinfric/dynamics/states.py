@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, StateError
+from pinfric.model.arrays import flags, real_numbers
 from pinfric.model.scene import Scene
 
 
@@ -60,7 +61,7 @@ class States:
         """Check arrays against the scene; a single sample may come without its first axis.
 
         Raises:
-            StateError: a wrong shape, a value not finite, times not increasing.
+            StateError: not real numbers, a wrong shape, a value not finite, times not increasing.
         """
         model = scene.model
         q = _samples("q", q, model.nq)
@@ -68,14 +69,14 @@ class States:
         if not len(q) == len(v) == len(a):
             raise StateError(f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples; should be equal")
         if t is not None:
-            t = np.asarray(t, dtype=float)
+            t = real_numbers("t", t)
             if t.shape != (len(q),) or not np.isfinite(t).all():
                 raise StateError(f"t: shape {t.shape}; should be ({len(q)},) finite times in s")
             if (np.diff(t) <= 0).any():
                 i = int(np.argmax(np.diff(t) <= 0)) + 1
                 raise StateError(f"t: not increasing at sample {i} ({t[i - 1]:g} s, {t[i]:g} s)")
         if attached is not None:
-            attached = np.asarray(attached, dtype=bool)
+            attached = flags("attached", attached)
             wanted = (len(q), len(scene.payloads))
             if attached.shape != wanted:
                 raise StateError(f"attached: shape {attached.shape}; should be {wanted}: samples, "
@@ -129,10 +130,7 @@ def attached_columns(scene: Scene, motion: Any) -> np.ndarray | None:
 
 
 def _samples(name: str, given: Any, width: int) -> np.ndarray:
-    try:
-        array = np.ascontiguousarray(np.atleast_2d(np.asarray(given, dtype=float)))
-    except (TypeError, ValueError) as problem:
-        raise StateError(f"{name}: is not an array of numbers: {problem}") from None
+    array = np.atleast_2d(real_numbers(name, given))
     if array.ndim != 2 or array.shape[1] != width:
         raise StateError(
             f"{name}: shape {np.shape(given)}; should be (T, {width}), samples first, "

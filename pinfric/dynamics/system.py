@@ -10,7 +10,8 @@ import pinocchio as pin
 from pinfric.dynamics.efforts import Effort
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.dynamics.workspace import Workspace
-from pinfric.errors import AccelerationError, PinfricError, SimulationError
+from pinfric.errors import AccelerationError, PinfricError, SimulationError, StateError
+from pinfric.model.arrays import real_numbers
 
 #: Joints described around a base configuration, and how many of their last numbers are rotations.
 _LOCAL = {"JointModelPlanar": 1, "JointModelSpherical": 3, "JointModelFreeFlyer": 3}
@@ -147,8 +148,8 @@ class System:
                 f"effort: the function raised {type(problem).__name__} at t = {t:.9g} s: {problem}"
             ) from problem
         try:
-            u = np.ascontiguousarray(given, dtype=float)
-        except (TypeError, ValueError) as problem:
+            u = np.atleast_1d(real_numbers("effort", given))
+        except StateError as problem:
             raise SimulationError(
                 f"effort: the function returned no numbers at t = {t:.9g} s: {problem}"
             ) from None

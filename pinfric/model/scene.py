@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
+from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import LoadWeights, load_weights, weight_table
 from pinfric.model.closure import check_drives, close, velocity_indices
 from pinfric.model.drives import Drive
@@ -206,13 +207,13 @@ class Scene:
             independent: names of joints that stay where the guess has them; None lets all move.
 
         Raises:
-            SceneError: a joint that is not there.
+            SceneError: a joint that is not there. StateError: not real numbers.
             ClosureError: it cannot close; says how far apart the frames stay.
         """
         held = np.zeros(self.model.nv, dtype=bool)
         where = f"{self.source}: close: independent"
         held[velocity_indices(self.model, independent or (), where)] = True
-        q = np.array(q_guess, dtype=float)
+        q = np.array(real_numbers("q_guess", q_guess))
         if q.shape != (self.model.nq,):
             raise SceneError(f"{self.source}: close: q_guess has shape {q.shape}; should be "
                              f"({self.model.nq},)")  # fmt: skip

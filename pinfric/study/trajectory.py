@@ -16,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.arrays import real_numbers
 from pinfric.model.scene import Scene, find_file
 from pinfric.study.followers import find_followers, follower_problems, follower_warnings
 from pinfric.study.joint_columns import (
@@ -90,7 +91,8 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a"):
-            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            where = f"{self.source}: {name}"
+            array = np.atleast_1d(real_numbers(where, getattr(self, name), TrajectoryError))
             object.__setattr__(self, name, array)
         object.__setattr__(self, "attached", np.asarray(self.attached, dtype=bool))
         if not self.joint_nq:
@@ -125,7 +127,13 @@ class Trajectory:
             TrajectoryError: shapes, values, limits or names that do not fit; all at once.
         """
         model, payloads = scene.model, _defaults(scene)
-        times, qs = np.atleast_1d(np.asarray(t, dtype=float)), np.asarray(q, dtype=float)
+
+        def numbers(name: str, given: ArrayLike) -> FloatArray:
+            return real_numbers(f"{source}: {name}", given, TrajectoryError)
+
+        times, qs = np.atleast_1d(numbers("t", t)), numbers("q", q)
+        v = None if v is None else numbers("v", v)
+        a = None if a is None else numbers("a", a)
         given = attached or {}
         problems = _shape_problems(model, times, qs, v, a)
         problems += _attached_problems(given, payloads, times.size)
@@ -138,15 +146,15 @@ class Trajectory:
         carried = _attached_columns(payloads, given, times.size)
         if has_many and v is not None and a is not None:
             names, nqs = _moving_joints(model)
-            return cls(times, qs, np.asarray(v), np.asarray(a), carried, tuple(payloads), names,
+            return cls(times, qs, v, a, carried, tuple(payloads), names,
                        source, nqs)  # fmt: skip
         columns = joint_columns(model, source)
         _raise_all(source, unit_circle_problems(columns, qs))
         table = TrajectoryTable(
             times,
             single_positions(qs, [column.nq for column in columns]),
-            np.full((times.size, model.nv), np.nan) if v is None else np.asarray(v, dtype=float),
-            np.full((times.size, model.nv), np.nan) if a is None else np.asarray(a, dtype=float),
+            np.full((times.size, model.nv), np.nan) if v is None else v,
+            np.full((times.size, model.nv), np.nan) if a is None else a,
             {},
             np.zeros(len(columns)),
         )

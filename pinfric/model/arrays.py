@@ -1,0 +1,63 @@
+"""What callers hand over as numbers, checked: arrays of real numbers, flags, counts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pinfric.errors import PinfricError, StateError
+
+_FLOAT = np.dtype(float)
+#: What NumPy's kinds of arrays hold that are no real numbers; others are objects.
+_OTHERS = {"b": "true and false", "c": "complex numbers", "U": "text", "S": "text", "M": "dates",
+           "m": "durations"}  # fmt: skip
+
+
+def real_numbers(name: str, given: Any, error: type[PinfricError] = StateError) -> np.ndarray:
+    """Return a C-ordered array of float64 (the given one, if it is one), or refuse it.
+
+    NumPy alone would drop imaginary parts, and read True as 1 and "2" as 2.
+
+    Args:
+        name: for the message.
+        given: real numbers in any shape.
+        error: what is raised.
+    """
+    if type(given) is np.ndarray and given.dtype is _FLOAT and given.flags.c_contiguous:
+        return given
+    try:
+        array = np.asarray(given)
+    except (TypeError, ValueError) as problem:
+        text = " ".join(str(problem).split())
+        raise error(f"{name}: is not an array of numbers: {text}") from None
+    if array.dtype.kind not in "fiu":
+        what = _OTHERS.get(array.dtype.kind, "objects")
+        raise error(f"{name}: is not an array of numbers: it holds {what}; give real numbers")
+    return np.asarray(array, dtype=float, order="C")
+
+
+def flags(name: str, given: Any) -> np.ndarray:
+    """Return an array of bool from one of bool, or of numbers 0 and 1.
+
+    Raises:
+        StateError: anything else.
+    """
+    array = given if isinstance(given, np.ndarray) and given.dtype == bool else np.asarray(given)
+    if array.dtype != bool:
+        array = real_numbers(name, given)
+        if not np.isin(array, (0.0, 1.0)).all():
+            raise StateError(f"{name}: holds other numbers than 0 and 1; give true or false")
+    return np.asarray(array, dtype=bool)
+
+
+def whole_number(name: str, given: Any, least: int = 1) -> int:
+    """Return a whole number, Python's or NumPy's, of at least `least`.
+
+    Raises:
+        StateError: anything else, also 2.0 and True.
+    """
+    whole = isinstance(given, int | np.integer) and not isinstance(given, bool)
+    if not whole or given < least:
+        raise StateError(f"{name} = {given!r}; should be a whole number of at least {least}")
+    return int(given)
