@@ -133,6 +133,15 @@ def said_forward() -> str:
             return type(problem).__name__
 
 
+def still_joint() -> int:
+    """Warnings of a file in which a joint stands at 0.123 rad, at 1 kHz."""
+    rows = [f"{0.001 * i:.3f},0.123\n" for i in range(200)]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "still.csv"
+        file.write_text("t,table\n" + "".join(rows))
+        return len(pf.load_trajectory(file, turntable()).warnings)
+
+
 ROWS = [
     Row("states in no order: share with an interval", intervals_among_random_states, 0.409, 0.0),
     Row("the same in another order: change of efforts (N m)", lambda: shuffled(None), 2411.58, 0.0),
@@ -154,6 +163,7 @@ ROWS = [
         "nothing",
         "The cycle does not close: table ends 2 rad from where it began",
     ),
+    Row("a joint that stands still: warnings of noise", still_joint, 1, 0),
     Row("chunks=2.5", lambda: said(chunks=2.5), "TypeError", "StateError"),
     Row("complex accelerations", lambda: said(a=np.full((3, 1), 1 + 1j)), "2", "StateError"),
     Row("accelerations of text", lambda: said(a=[["1"], ["2"], ["3"]]), "2", "StateError"),

@@ -382,7 +382,8 @@ def _noise_warning(
     column: JointColumn, t: FloatArray, acceleration: FloatArray, resolution: float
 ) -> list[str]:
     noise, peak = acceleration_noise(t, resolution), float(np.abs(acceleration).max())
-    if t.size < _FEWEST_SAMPLES or noise <= _NOISE_SHARE * peak:
+    # where a joint stands still throughout, its accelerations are 0 and hold no noise
+    if t.size < _FEWEST_SAMPLES or peak == 0.0 or noise <= _NOISE_SHARE * peak:
         return []
     return [
         f"joint {column.name}: positions rounded to {resolution:.1g} {column.unit} leave noise of "

@@ -301,6 +301,14 @@ def test_coarse_positions_are_pointed_out(tmp_path):
     assert "positions rounded to 0.0001 rad leave noise of about 1.4e+02" in messages[4][0]
 
 
+def test_a_joint_that_stands_still_has_no_noise_to_warn_of(tmp_path):
+    path = tmp_path / "still.csv"
+    path.write_text("t,a\n" + "\n".join(f"{0.001 * i:.3f},0.123" for i in range(200)))
+    motion = load_trajectory(path, one_joint_scene())
+    assert motion.warnings == ()
+    assert not motion.a.any()
+
+
 def test_csv_payload_columns_and_defaults(tmp_path):
     path = write(tmp_path, "m.csv", "t,a,payload.box\n0,0,0\n1,0,1\n2,0,1\n3,0,0\n")
     motion = load_trajectory(path, one_joint_scene(tool=True, box=True))
