@@ -15,7 +15,7 @@ __version__ = "0.1.0"
 #: Public name -> where it lives. Imported at first use: `pinfric --help` needs none of it.
 _PUBLIC = {
     "Scene": "pinfric.model.scene",
-    "load_scene": "pinfric.model.scene",
+    "load_scene": "pinfric.model.scene_file",
     "inverse_dynamics": "pinfric.dynamics.inverse",
     "InverseResult": "pinfric.dynamics.result",
     "StickInterval": "pinfric.dynamics.result",
@@ -58,7 +58,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.errors import PinfricError as PinfricError
     from pinfric.errors import PinfricWarning as PinfricWarning
     from pinfric.model.scene import Scene as Scene
-    from pinfric.model.scene import load_scene as load_scene
+    from pinfric.model.scene_file import load_scene as load_scene
     from pinfric.show.live import LiveReplay as LiveReplay
     from pinfric.show.replay import replay as replay
     from pinfric.study.catalog import load_catalog as load_catalog

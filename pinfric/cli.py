@@ -115,7 +115,7 @@ def simulate(
     Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png and
     summary.json.
     """
-    from pinfric.model.scene import load_scene
+    from pinfric.model.scene_file import load_scene
     from pinfric.show.files import check_writable
     from pinfric.show.motion_report import motion_figure, motion_json, motion_report
     from pinfric.study.scene_run import run_scene
@@ -283,7 +283,7 @@ def replay(
 
     The page is one file that plays without a network.
     """
-    from pinfric.model.scene import load_scene
+    from pinfric.model.scene_file import load_scene
     from pinfric.show.files import check_writable
     from pinfric.show.live import simulate_live
     from pinfric.show.replay import motion_to_replay, replay_json, replay_lines
@@ -372,7 +372,7 @@ def accuracy(
 
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
-    from pinfric.model.scene import load_scene
+    from pinfric.model.scene_file import load_scene
     from pinfric.show.accuracy_report import accuracy_frame, accuracy_json, accuracy_report
     from pinfric.show.files import check_writable
     from pinfric.study.accuracy import accuracy as study
@@ -407,7 +407,7 @@ def explain(
     as_json: AsJson = False,
 ) -> None:
     """Say which effects a scene calls for, why, and what each costs and changes."""
-    from pinfric.model.scene import load_scene
+    from pinfric.model.scene_file import load_scene
     from pinfric.show.report import explain_json, explain_report
     from pinfric.study.explain import explain as measure
     from pinfric.study.trajectory import load_trajectory

@@ -36,7 +36,7 @@ def load(
     scene_name: str, trajectory_name: str, out: Path | None = None
 ) -> tuple[Scene, Trajectory]:
     """Read a scene and a trajectory; refuse a folder that could not be written before any work."""
-    from pinfric.model.scene import load_scene
+    from pinfric.model.scene_file import load_scene
     from pinfric.show.files import check_writable
     from pinfric.study.trajectory import load_trajectory
 

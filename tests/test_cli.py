@@ -146,7 +146,9 @@ def test_failure_while_writing_leaves_the_old_results_and_nothing_half(files, ca
 
 
 def test_out_that_is_a_file_is_refused_before_any_work(files, capsys, monkeypatch):
-    monkeypatch.setattr("pinfric.model.scene.load_scene", lambda _: pytest.fail("work was done"))
+    monkeypatch.setattr(
+        "pinfric.model.scene_file.load_scene", lambda _: pytest.fail("work was done")
+    )
     assert run("inverse", "arm.yaml", "way.yaml", "--out", "arm.yaml") == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from builders import block, random_friction, random_states, random_tree
+from builders import block, plane_friction, random_friction, random_states, random_tree
 from cases import turning_four_bar
 from mechanisms import pin_friction
 from sizing_cases import hour_with_a_stall, one_drive, turntable
@@ -80,6 +81,24 @@ def step_in_a_loop() -> float:
              for stick in (1e-6, 10.0)]  # fmt: skip
     slides, creeps = (pf.inverse_dynamics(c.scene, c.q, c.v, c.a).effort_upper for c in cases)
     return float(np.maximum(slides - creeps, 0.0).max())
+
+
+def changed_gravity() -> str:
+    """The gravities in one result, after `scene.model`'s was changed to the moon's."""
+    model = block()
+    model.addFrame(pin.Frame("tray", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    box = {"link": "tray", "mass": 1.0, "com": [0.0, 0.0, 0.0], "attached": False}
+    scene = pf.Scene(model=model, friction={"slide": plane_friction(0.5, 0.5)},
+                     payloads={"box": box})  # fmt: skip
+    zero, one = np.zeros((1, 1)), np.zeros((2, 1))
+    pf.inverse_dynamics(scene, zero, zero, zero)
+    scene.model.gravity.linear = np.array([0.0, 0.0, -1.62])
+    try:
+        result = pf.inverse_dynamics(scene, one, one, one, attached=[[False], [True]])
+    except pf.PinfricError as problem:
+        return type(problem).__name__
+    found = result.effort_upper[:, 0] / (0.5 * np.array([2.0, 3.0]))
+    return " and ".join(f"{g:.3g}" for g in found)
 
 
 def winding_temperature() -> float:
@@ -149,6 +168,7 @@ ROWS = [
     Row("states of a loop in no order: intervals", four_bar_to_and_fro, 40, 0),
     Row("step out of the interval at the stick velocity (N)", step_at_the_stick_velocity, 3.0, 0.0),
     Row("the same in a loop (N m)", step_in_a_loop, 0.3712, 0.0),
+    Row("gravity of scene.model changed (m/s2)", changed_gravity, "9.81 and 1.62", "SceneError"),
     # T_a + r P/(1 - alpha r P), P = R i^2 = 7.2 W, r = 5 K/W
     Row("winding at +3 A and -3 A in turn (deg C)", winding_temperature, 37.59, 25 + 36 / 0.8596),
     Row(

@@ -431,6 +431,7 @@ _LAST = _Last()
 def workspace(scene: Scene, attached: Iterable[str] | None = None) -> Workspace:
     """Return this thread's workspace of a scene, made at first; it lives in the scene's twin."""
     if attached is None and _LAST.scene() is scene:
+        scene.check_unchanged()
         return _LAST.found
     twin = scene.twin(attached)
     key = "forward", threading.get_ident()

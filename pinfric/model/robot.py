@@ -276,6 +276,26 @@ def link_frame(model: pin.Model, link: str) -> int:
     return int(model.getFrameId(link, pin.FrameType.BODY))
 
 
+#: What of a model people change, in the order it is named; the rest is its structure.
+_CHANGEABLE = ("gravity", "inertias", "jointPlacements", "armature", "lowerPositionLimit",
+               "upperPositionLimit", "velocityLimit", "effortLimit", "frames")  # fmt: skip
+
+
+def changed_parts(model: pin.Model, other: pin.Model) -> list[str]:
+    """Return the names of what differs in two models: masses, places, limits and the like."""
+
+    def differs(name: str) -> bool:
+        ours, theirs = getattr(model, name), getattr(other, name)
+        if isinstance(ours, pin.Motion):
+            return bool(ours != theirs)
+        if isinstance(ours, np.ndarray):
+            return not np.array_equal(ours, theirs)
+        # Pinocchio's lists compare by identity, what is in them by value
+        return len(ours) != len(theirs) or any(a != b for a, b in zip(ours, theirs, strict=True))
+
+    return [name for name in _CHANGEABLE if differs(name)]
+
+
 def with_payloads(model: pin.Model, payloads: Mapping[str, Payload]) -> pin.Model:
     """Return a copy of the model that carries the payloads."""
     loaded = model.copy()

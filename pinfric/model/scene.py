@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
+from pinfric.errors import RobotError, SceneError, choose_from
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import LoadWeights, load_weights, weight_table
 from pinfric.model.closure import check_drives, close, velocity_indices
@@ -21,26 +20,21 @@ from pinfric.model.laws import FrictionLaw, friction_law, law_table
 from pinfric.model.loops import Linkage, check_loop_friction, make_linkage
 from pinfric.model.robot import (
     Robot,
+    changed_parts,
     link_frame,
-    locate_urdf,
-    mention_reductions,
     payload_inertia,
-    read_robot,
     with_payloads,
 )
 from pinfric.model.schema import (
     Actuator,
-    Coefficients,
     Friction,
     Loop,
     Payload,
-    SceneFile,
     Simulation,
     parse,
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
 from pinfric.model.urdf import implausible_body
-from pinfric.model.yamlfile import read_yaml
 
 _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
@@ -91,6 +85,9 @@ class SiteTables:
 class Scene:
     """A robot with friction in its joints; everything the dynamics need, and nothing that changes.
 
+    What follows from it is computed once. `with_` makes a changed scene of it; a change of
+    `scene.model` itself is refused at the next use (`check_unchanged`).
+
     Args:
         model: Pinocchio's model, without the payloads; copied.
         friction: joint name -> friction, as `Friction` or as the mapping a scene file holds.
@@ -126,8 +123,10 @@ class Scene:
 
         set_ = object.__setattr__  # the one way to normalize a frozen dataclass's own fields
         set_(self, "model", self.model.copy())  # what the caller does to his model later stays his
-        set_(self, "friction", entries(Friction, "friction", self.friction))
-        set_(self, "payloads", entries(Payload, "robot.payloads", self.payloads))
+        friction = entries(Friction, "friction", self.friction)
+        set_(self, "friction", MappingProxyType(friction))
+        payloads = entries(Payload, "robot.payloads", self.payloads)
+        set_(self, "payloads", MappingProxyType(payloads))
         if self.actuators is not None:
             where = f"{self.source}: actuators"
             listed = [parse(Actuator, a, f"{where}[{i}]") for i, a in enumerate(self.actuators)]
@@ -138,10 +137,62 @@ class Scene:
         self._check_bodies()
         self._check_payloads()
         # what cannot be is said now, not at first use
-        _ = self.linkage, self.sites, self.drives, self.twin()
+        _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
         if self.linkage is not None:
             columns = [(d.name, d.velocity_index, getattr(d, "column", -1)) for d in self.drives]
             check_drives(self.twin(), self.linkage, columns, self.start_configuration, self.source)
+
+    def with_(self, *, gravity: Any = None, **changes: Any) -> Scene:
+        """Return a changed scene, checked like the first; this one stays as it is.
+
+        Args:
+            gravity: (3,) m/s^2, in the world's axes.
+            changes: arguments of `Scene` (`friction`, `payloads`, `actuators`, `stick_velocity`,
+                `model` ...), each in place of the scene's own as a whole.
+
+        Raises:
+            SceneError: there is no such argument, or an entry that cannot be.
+        """
+        self.check_unchanged()
+        names = [entry.name for entry in fields(self)]
+        for name in changes:
+            if name not in names:
+                raise SceneError(
+                    f"{self.source}: with_: there is no {name!r}; "
+                    f"{choose_from(name, ['gravity', *names])}"
+                )
+        if gravity is not None:
+            where = f"{self.source}: with_: gravity"
+            linear = real_numbers(where, gravity, SceneError)
+            if linear.shape != (3,) or not np.isfinite(linear).all():
+                raise SceneError(f"{where}: should be three finite numbers, m/s^2")
+            changes["model"] = changes.get("model", self.model).copy()
+            changes["model"].gravity.linear = linear
+        return replace(self, **changes)
+
+    def check_unchanged(self) -> None:
+        """Refuse a `scene.model` that was changed: what follows from it was computed before.
+
+        Raises:
+            SceneError: says what was changed, and how to derive a changed scene.
+        """
+        made_of = self._made_of
+        if made_of is None or self.model == made_of:
+            return
+        what = changed_parts(self.model, made_of)
+        how = "model = scene.model.copy(), change that, scene.with_(model=model)"
+        if what == ["gravity"]:
+            how = f"scene.with_(gravity={self.model.gravity.linear.tolist()})"
+        raise SceneError(
+            f"{self.source}: scene.model was changed ({', '.join(what) or 'its structure'}) after "
+            f"the scene was made, and would mix with what is computed already; make another: {how}"
+        )
+
+    @cached_property
+    def _made_of(self) -> pin.Model | None:
+        """The model as it was; None where it holds NaN and equals nothing (a limit may)."""
+        kept = self.model.copy()
+        return kept if kept == self.model else None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -270,8 +321,8 @@ class Scene:
         return tuple(listed.values())
 
     def loaded_model(self, attached: Iterable[str] | None = None) -> pin.Model:
-        """Return the model with the named payloads; None takes those attached by default."""
-        return self._variant(attached)[0]
+        """Return a model with the named payloads; None takes those attached by default."""
+        return self._variant(attached)[0].copy()
 
     def twin(self, attached: Iterable[str] | None = None) -> Twin:
         """Return the wrench twin with the named payloads; None takes those attached by default."""
@@ -282,6 +333,7 @@ class Scene:
         return {}
 
     def _variant(self, attached: Iterable[str] | None) -> tuple[pin.Model, Twin]:
+        self.check_unchanged()
         default = (name for name, payload in self.payloads.items() if payload.attached)
         names = frozenset(default if attached is None else attached)
         if names not in self._variants:
@@ -296,8 +348,15 @@ class Scene:
         return self._variants[names]
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = {"_variants", "sites", "site_tables", "drives", "linkage"}
-        return {key: value for key, value in self.__dict__.items() if key not in derived}
+        self.check_unchanged()
+        derived = {"_variants", "_made_of", "sites", "site_tables", "drives", "linkage"}
+        kept = {key: value for key, value in self.__dict__.items() if key not in derived}
+        return kept | {"friction": dict(self.friction), "payloads": dict(self.payloads)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for name in ("friction", "payloads"):
+            self.__dict__[name] = MappingProxyType(state[name])
 
     def _check_bodies(self) -> None:
         """Links are merged by fixed joints: of the sums only the mass is asked."""
@@ -403,92 +462,3 @@ class Scene:
             f"{self.source}: actuators: joint {name!r}{follows or ' is not there;'} "
             f"{choose_from(name, names)}"
         )
-
-
-def load_scene(path: str | Path) -> Scene:
-    """Read a scene file (design 3.1), or a bundled scene by its name from any folder.
-
-    Args:
-        path: a YAML file; where there is none, the bundled scene of that name.
-
-    Raises:
-        SceneError: the file or an entry is wrong; RobotError: its URDF is.
-    """
-    file = find_file(path, (".yaml", ".yml"), SceneError)
-    entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError), str(file))
-    robot = _read(entries, file)
-    if entries.actuators is None:
-        mention_reductions(robot, str(file))
-    robot.model.gravity.linear = np.array(entries.robot.gravity)
-    return Scene(
-        model=robot.model,
-        friction=_with_urdf_dynamics(entries, robot, str(file)),
-        actuators=entries.actuators,
-        payloads=entries.robot.payloads,
-        stick_velocity=entries.stick.velocity,
-        robot=robot,
-        simulation=entries.simulation,
-        source=str(file),
-        loops=entries.loops,
-        redundancy_length=entries.redundancy.length,
-    )
-
-
-def bundled_folder() -> Path:
-    """Return the folder of the scenes that ship with pinfric."""
-    installed = Path(__file__).parents[1] / "robots"
-    return installed if installed.is_dir() else Path(__file__).parents[2] / "robots"
-
-
-def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
-    """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
-    path = Path(path)
-    try:
-        if path.exists() and not path.is_dir():  # also a pipe: <(...)
-            return path
-    except (OSError, ValueError) as problem:  # a name too long, or with a NUL
-        raise error(f"{str(path)[:80]!r}: cannot be a file: {problem.args[-1]}") from None
-    folder = bundled_folder()
-    bundled = path.parent in (Path("."), Path("robots"))  # a path to elsewhere means just that
-    for candidate in (path.name, *(path.name + suffix for suffix in suffixes)):
-        if bundled and (folder / candidate).is_file():
-            return folder / candidate
-    there = sorted(p.name for p in folder.iterdir() if p.name[p.name.find(".") :] in suffixes)
-    raise error(f"there is no file {path}, and no bundled one of that name; "
-                f"{choose_from(path.name, there)}")  # fmt: skip
-
-
-def _read(entries: SceneFile, file: Path) -> Robot:
-    try:
-        return read_robot(locate_urdf(entries.robot.urdf, file.parent), entries.robot.locked)
-    except RobotError as problem:
-        raise RobotError(f"{file}: {problem}") from None
-
-
-def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[str, Friction]:
-    """The file's friction, completed from `<dynamics>` where the scene asks for it."""
-    friction = dict(entries.friction)
-    movable = set(tuple(robot.model.names)[1:])
-    given = {n: d for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)}
-    if not given:
-        return friction
-    if entries.robot.urdf_dynamics == "ignore":
-        if "urdf_dynamics" in entries.robot.model_fields_set:
-            return friction  # said on purpose
-        warnings.warn(
-            f"{where}: the URDF's <dynamics> gives friction or damping for {', '.join(given)}; "
-            "ignored (many URDFs carry placeholders); robot.urdf_dynamics: use takes them, ignore "
-            "silences this",
-            PinfricWarning,
-            stacklevel=3,
-        )
-        return friction
-    for name, dynamics in given.items():
-        entry = friction.get(name, Friction())
-        update: dict[str, Any] = {}
-        if entry.coulomb is None and dynamics.friction > 0:
-            update["coulomb"] = Coefficients(static=dynamics.friction, kinetic=dynamics.friction)
-        if "viscous" not in entry.model_fields_set and dynamics.damping > 0:
-            update["viscous"] = dynamics.damping
-        friction[name] = entry.model_copy(update=update)
-    return friction

@@ -15,7 +15,8 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.motion import Motion, load_motion, scene_digests
 from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.errors import StateError, TrajectoryError
-from pinfric.model.scene import Scene, find_file
+from pinfric.model.scene import Scene
+from pinfric.model.scene_file import find_file
 from pinfric.show.files import write_file
 from pinfric.show.frames import RATE, make_frames
 from pinfric.study.scene_run import run_scene

@@ -18,7 +18,8 @@ import numpy as np
 
 from pinfric.study.catalog import Conditions, Gear
 from pinfric.study.demand import DriveCycle, JointDemand, largest
-from pinfric.study.drivetrain import Candidate, MotorCycle, Ratings, overload_window, too_hot
+from pinfric.study.drivetrain import Candidate, MotorCycle, Ratings, too_hot
+from pinfric.study.overload import overload_window
 from pinfric.study.summary import rms
 
 #: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
@@ -195,7 +196,7 @@ def _overload(
 ) -> list[Criterion]:
     """What the mean over the cycle hides: overload for a while, and at a standstill."""
     continuous, derated = ratings.continuous_at(conditions)
-    window, source = overload_window(ratings, conditions)
+    window, source = overload_window(ratings.thermal, conditions)
     figures = None if motor is None else motor.figures
     missing = lacking or "continuous torque"
     still = None if figures is None else figures.overloaded_standstill

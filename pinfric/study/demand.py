@@ -6,16 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.dynamics.inverse import reversals
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.model.scene import Scene
 from pinfric.study.summary import effort_unit, ends_by_magnitude, rms
-
-#: Part of the way travelled, and of the largest velocity, by which a cycle may miss its start.
-_CLOSES = 1e-3
 
 
 @dataclass(frozen=True)
@@ -155,36 +151,6 @@ def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
         if drive.velocity_index >= 0:  # a cylinder moves no column of its own
             limits[drive.velocity_index] = _stick_velocity(scene, i)
     return _lasting((np.abs(v) <= limits).all(axis=1))
-
-
-def unclosed(result: InverseResult) -> tuple[str, ...]:
-    """Return in words what of a cycle does not end as it began; empty where it closes.
-
-    Positions count from 0.1 % of the way travelled on (and 1e-4 rad or m), velocities from 0.1 % of
-    the largest one (and the stick velocity): a log closes no better.
-
-    Args:
-        result: of the whole cycle, with times.
-    """
-    scene, states, found = result.scene, result.states, []
-    assert states.t is not None  # size refuses a motion without times
-    away = pin.difference(scene.model, states.q[0], states.q[-1])
-    for joint, name in zip(list(scene.model.joints)[1:], scene.joint_names, strict=True):
-        part = slice(joint.idx_v, joint.idx_v + joint.nv)
-        slides = joint.shortname().startswith("JointModelP")  # a planar joint: m and rad
-        unit = "m" if slides else "rad"
-        speed = np.linalg.norm(states.v[:, part], axis=1)
-        gap = float(np.linalg.norm(away[part]))
-        jump = float(np.linalg.norm(states.v[-1, part] - states.v[0, part]))
-        if gap > max(_CLOSES * float(np.trapezoid(speed, states.t)), 1e-4):
-            found.append(f"{name} ends {gap:.3g} {unit} from where it began")
-        if jump > max(_CLOSES * float(speed.max()), scene.stick_velocity):
-            found.append(f"{name} ends with a velocity {jump:.3g} {unit}/s from that at its start")
-    if states.attached is not None:
-        for name, first, last in zip(scene.payloads, *states.attached[[0, -1]], strict=True):
-            if first != last:
-                found.append(f"payload {name} is carried at the {'start' if first else 'end'} only")
-    return tuple(found)
 
 
 def _lasting(still: np.ndarray) -> np.ndarray:

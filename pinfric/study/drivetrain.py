@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.model.compiled import kernel
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.model.schema import Transmission
 from pinfric.study.catalog import (
@@ -33,12 +32,13 @@ from pinfric.study.catalog import (
     Thermal,
 )
 from pinfric.study.demand import DriveCycle, largest
-from pinfric.study.overload import longest_above, moving_rms
+from pinfric.study.overload import longest_above, moving_rms, overload_window
 from pinfric.study.summary import ends_by_magnitude, rms
 from pinfric.study.thermal import (
     COPPER,
     WindingCycle,
     mean_winding_temperature,
+    power_figures,
     winding_cycle,
 )
 
@@ -361,7 +361,7 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     )
     power = _electrical(candidate.ratings, cycle.t, worst, speed, current, winding)
     limit, _ = candidate.ratings.continuous_at(conditions)
-    window, _ = overload_window(candidate.ratings, conditions)
+    window, _ = overload_window(candidate.ratings.thermal, conditions)
     figures = MotorFigures(
         peak=largest(worst),
         rms=rms(cycle.t, worst),
@@ -378,15 +378,6 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
             cycle.t, worst, limit, cycle.standing),
     )  # fmt: skip
     return MotorCycle(lower, upper, speed, current, winding, figures)
-
-
-def overload_window(ratings: Ratings, conditions: Conditions) -> tuple[float, str]:
-    """Return the time (s) within which overload counts, and where it comes from, in words."""
-    thermal = ratings.thermal
-    if thermal is not None and thermal.winding_time is not None:
-        text = "maxon, Key information: short-term operation, within the winding's time constant"
-        return thermal.winding_time, text
-    return conditions.thermal_time, "pinfric: conditions.thermal_time for a time constant not known"
 
 
 def _temperatures(
@@ -417,41 +408,7 @@ def _electrical(
     if current is None or ratings.resistance is None:
         return None, None, None, None
     warm = np.empty(0) if winding is None or winding.runaway else winding.winding
-    return _power_figures(t, torque, speed, current, ratings.resistance, warm)
-
-
-@kernel
-def _power_figures(
-    t: np.ndarray,
-    torque: np.ndarray,
-    speed: np.ndarray,
-    current: np.ndarray,
-    resistance: float,
-    winding: np.ndarray,
-) -> tuple[float, float, float, float]:
-    """Return greatest power and energy of P = T_m omega + R(T_w) i^2, each drawn and fed back.
-
-    Energies as `positive_part` has them, P linear between samples. Without `winding` (T,), deg C,
-    the resistance is that at the reference temperature.
-    """
-    most, least, drawn, fed_back, last = 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(t.size):
-        hot = 1.0
-        if winding.size:
-            hot += COPPER * (winding[k] - REFERENCE_TEMPERATURE)
-        power = torque[k] * speed[k] + resistance * hot * current[k] * current[k]
-        most, least = max(most, power), min(least, power)
-        if k > 0:
-            step, high, low = t[k] - t[k - 1], max(last, power), min(last, power)
-            if high > 0.0 and low < 0.0:
-                drawn += step * high * high / (2 * (high - low))
-                fed_back += step * low * low / (2 * (high - low))
-            elif high > 0.0:
-                drawn += step * (high + low) / 2
-            else:
-                fed_back -= step * (high + low) / 2
-        last = power
-    return most, -least, drawn, fed_back
+    return power_figures(t, torque, speed, current, ratings.resistance, warm)
 
 
 def _motor_ratings(motor: Motor) -> Ratings:

@@ -11,6 +11,15 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.model.compiled import kernel
+from pinfric.study.catalog import Conditions, Thermal
+
+
+def overload_window(thermal: Thermal | None, conditions: Conditions) -> tuple[float, str]:
+    """Return the time (s) within which overload counts, and where it comes from, in words."""
+    if thermal is not None and thermal.winding_time is not None:
+        text = "maxon, Key information: short-term operation, within the winding's time constant"
+        return thermal.winding_time, text
+    return conditions.thermal_time, "pinfric: conditions.thermal_time for a time constant not known"
 
 
 def moving_rms(t: np.ndarray, x: np.ndarray, window: float) -> float:

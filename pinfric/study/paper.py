@@ -19,7 +19,8 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.reactions import joint_wrenches
 from pinfric.dynamics.result import InverseResult, StickInterval
-from pinfric.model.scene import Scene, load_scene
+from pinfric.model.scene import Scene
+from pinfric.model.scene_file import load_scene
 from pinfric.study.scene_run import run_scene
 
 #: Samples per second at which the forward motion is handed to inverse dynamics.

@@ -166,7 +166,7 @@ def judge_of(motion: Motion) -> Judge:
 def absolute_judge(scene: Scene) -> Judge | None:
     """Return the paper's own formulation as a judge of its two examples; None for other scenes."""
     from pinfric.dynamics import absolute
-    from pinfric.model.scene import bundled_folder
+    from pinfric.model.scene_file import bundled_folder
 
     assert scene.simulation is not None
     own = {str(bundled_folder() / f"{example.name}.yaml"): example for example in EXAMPLES}

@@ -28,6 +28,7 @@ from pinfric.model.schema import Actuator
 from pinfric.model.urdf import implausible_body
 from pinfric.study.assess import Assessment, assess, nearest_miss
 from pinfric.study.catalog import Catalog, Conditions, load_catalog, parse_conditions
+from pinfric.study.caveats import caveats, unclosed
 from pinfric.study.demand import (
     DriveCycle,
     JointDemand,
@@ -35,15 +36,12 @@ from pinfric.study.demand import (
     drive_cycle,
     hold_samples,
     joint_demand,
-    unclosed,
 )
 from pinfric.study.drivetrain import MotorCycle, motor_cycle
 from pinfric.study.trajectory import Trajectory
 
 #: Passes over all joints before an alternating choice is given up; a serial chain needs two.
 _MOST_PASSES = 10
-#: Gaps of a cycle that a note lists; the others are counted.
-_MOST_GAPS = 4
 #: Drives in the model: (index, mass in kg) of each.
 _Load = tuple[tuple[int, float | None], ...]
 #: Joints nearer to the base than this are base axes for the resonance rule.
@@ -257,7 +255,7 @@ class _Sizing:
             trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
             result_without_masses=without, passes=passes, settled=settled,
-            notes=_notes(self.scene, self.catalog, self.conditions, gaps), unclosed=gaps,
+            notes=caveats(self.scene, self.catalog, self.conditions, gaps), unclosed=gaps,
         )  # fmt: skip
 
     def joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
@@ -452,36 +450,3 @@ def check_names(scene: Scene, conditions: Conditions) -> None:
             if name not in scene.actuator_names:
                 raise CatalogError(f"conditions.{key}: there is no drive {name!r}; "
                                    f"{choose_from(name, scene.actuator_names)}")  # fmt: skip
-
-
-def _notes(
-    scene: Scene, catalog: Catalog | None, conditions: Conditions, gaps: Sequence[str]
-) -> tuple[str, ...]:
-    opening = []
-    if gaps:
-        more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
-        opening = [
-            f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
-            "temperatures, overload and gear life take it as repeated without a pause all the "
-            "same, as if the way back took no time and no torque: complete the trajectory by its "
-            "way back and its pause for figures that hold."
-        ]
-    if catalog is None:
-        return tuple(opening)
-    notes = [
-        *opening,
-        "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
-        "the first joint's stands on the ground.",
-        "Any motor is taken to fit any gear; couplings, housings and brakes have no mass.",
-        "Magnets are taken as cold: the torque constant does not fall with temperature.",
-        "Friction of the scene stays as it is beside the candidates' losses: if it was identified "
-        "through motor currents, it holds the old gear's friction, which then counts twice.",
-    ]  # fmt: skip
-    if not conditions.mass_in_urdf:
-        text = ("The URDF's links are taken to be without drives: if they have some, these count "
-                "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
-                "(`extends: default` keeps the bundled entries).")  # fmt: skip
-        notes.insert(1 + len(opening), text)
-    if any(drive.transmission is not None for drive in scene.drives):
-        notes.append("The scene's transmissions are replaced by the candidates'.")
-    return tuple(notes)

@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pinfric.errors import SceneError, SweepError
-from pinfric.model.scene import find_file
+from pinfric.model.scene_file import find_file
 from pinfric.model.schema import Entry, Number, Positive, parse
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.catalog import Conditions

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import real_numbers
-from pinfric.model.scene import Scene, find_file
+from pinfric.model.scene import Scene
+from pinfric.model.scene_file import find_file
 from pinfric.study.followers import find_followers, follower_problems, follower_warnings
 from pinfric.study.joint_columns import (
     JointColumn,

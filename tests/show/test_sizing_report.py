@@ -43,7 +43,7 @@ def report(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def panda():
-    from pinfric.model.scene import bundled_folder
+    from pinfric.model.scene_file import bundled_folder
 
     scene = pf.load_scene("panda_pick_and_place.yaml")
     file = bundled_folder() / "panda_pick_and_place.csv"

@@ -388,7 +388,7 @@ def panda():
 
 
 def _bundled(name):
-    from pinfric.model.scene import bundled_folder
+    from pinfric.model.scene_file import bundled_folder
 
     return bundled_folder() / name
 

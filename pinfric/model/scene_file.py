@@ -1,0 +1,104 @@
+"""From a scene file and its URDF to a `Scene`; the bundled scenes by name."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
+from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Coefficients, Friction, SceneFile, parse
+from pinfric.model.yamlfile import read_yaml
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file (`schema.SceneFile`), or a bundled scene by its name from any folder.
+
+    Args:
+        path: a YAML file; where there is none, the bundled scene of that name.
+
+    Raises:
+        SceneError: the file or an entry is wrong; RobotError: its URDF is.
+    """
+    file = find_file(path, (".yaml", ".yml"), SceneError)
+    entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError), str(file))
+    robot = _read(entries, file)
+    if entries.actuators is None:
+        mention_reductions(robot, str(file))
+    robot.model.gravity.linear = np.array(entries.robot.gravity)
+    return Scene(
+        model=robot.model,
+        friction=_with_urdf_dynamics(entries, robot, str(file)),
+        actuators=entries.actuators,
+        payloads=entries.robot.payloads,
+        stick_velocity=entries.stick.velocity,
+        robot=robot,
+        simulation=entries.simulation,
+        source=str(file),
+        loops=entries.loops,
+        redundancy_length=entries.redundancy.length,
+    )
+
+
+def bundled_folder() -> Path:
+    """Return the folder of the scenes that ship with pinfric."""
+    installed = Path(__file__).parents[1] / "robots"
+    return installed if installed.is_dir() else Path(__file__).parents[2] / "robots"
+
+
+def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
+    """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
+    path = Path(path)
+    try:
+        if path.exists() and not path.is_dir():  # also a pipe: <(...)
+            return path
+    except (OSError, ValueError) as problem:  # a name too long, or with a NUL
+        raise error(f"{str(path)[:80]!r}: cannot be a file: {problem.args[-1]}") from None
+    folder = bundled_folder()
+    bundled = path.parent in (Path("."), Path("robots"))  # a path to elsewhere means just that
+    for candidate in (path.name, *(path.name + suffix for suffix in suffixes)):
+        if bundled and (folder / candidate).is_file():
+            return folder / candidate
+    there = sorted(p.name for p in folder.iterdir() if p.name[p.name.find(".") :] in suffixes)
+    raise error(f"there is no file {path}, and no bundled one of that name; "
+                f"{choose_from(path.name, there)}")  # fmt: skip
+
+
+def _read(entries: SceneFile, file: Path) -> Robot:
+    try:
+        return read_robot(locate_urdf(entries.robot.urdf, file.parent), entries.robot.locked)
+    except RobotError as problem:
+        raise RobotError(f"{file}: {problem}") from None
+
+
+def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[str, Friction]:
+    """The file's friction, completed from `<dynamics>` where the scene asks for it."""
+    friction = dict(entries.friction)
+    movable = set(tuple(robot.model.names)[1:])
+    given = {n: d for n, d in robot.dynamics.items() if n in movable and (d.friction or d.damping)}
+    if not given:
+        return friction
+    if entries.robot.urdf_dynamics == "ignore":
+        if "urdf_dynamics" in entries.robot.model_fields_set:
+            return friction  # said on purpose
+        warnings.warn(
+            f"{where}: the URDF's <dynamics> gives friction or damping for {', '.join(given)}; "
+            "ignored (many URDFs carry placeholders); robot.urdf_dynamics: use takes them, ignore "
+            "silences this",
+            PinfricWarning,
+            stacklevel=3,
+        )
+        return friction
+    for name, dynamics in given.items():
+        entry = friction.get(name, Friction())
+        update: dict[str, Any] = {}
+        if entry.coulomb is None and dynamics.friction > 0:
+            update["coulomb"] = Coefficients(static=dynamics.friction, kinetic=dynamics.friction)
+        if "viscous" not in entry.model_fields_set and dynamics.damping > 0:
+            update["viscous"] = dynamics.damping
+        friction[name] = entry.model_copy(update=update)
+    return friction

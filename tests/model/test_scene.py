@@ -1,0 +1,133 @@
+"""A scene does not change: a model that does is noticed, changed scenes are made by `with_`."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import block, plane_friction
+
+import pinfric as pf
+from pinfric.errors import SceneError
+
+ZERO = np.zeros((1, 1))
+FRICTION = {"slide": plane_friction(0.5, 0.3)}
+BOX = {"box": {"link": "tray", "mass": 1.0, "com": [0.0, 0.0, 0.1], "attached": False}}
+
+
+def made(**more):
+    model = block()
+    model.addFrame(pin.Frame("tray", 1, pin.SE3.Identity(), pin.FrameType.BODY))
+    return pf.Scene(model=model, friction=FRICTION, payloads=BOX, **more)
+
+
+def upper(scene, **more):
+    return pf.inverse_dynamics(scene, ZERO, ZERO, ZERO, **more).effort_upper[0, 0]
+
+
+USES = {
+    "inverse_dynamics": upper,
+    "inverse_dynamics with a payload": lambda s: upper(s, attached=[[True]]),
+    "forward_dynamics": lambda s: pf.forward_dynamics(s, [0.0], [0.0], [1.0]),
+    "simulate": lambda s: pf.simulate(s, [0.0], [0.0], [1.0], 0.01),
+    "joint_wrenches": lambda s: pf.joint_wrenches(s, ZERO, ZERO, ZERO),
+    "pickle": pickle.dumps,
+    "with_": lambda s: s.with_(stick_velocity=1e-3),
+    "loaded_model": lambda s: s.loaded_model(),
+}
+CHANGES = {
+    "gravity": lambda m: setattr(m.gravity, "linear", np.array([0.0, 0.0, -1.62])),
+    "inertias": lambda m: setattr(m.inertias[1], "mass", 5.0),
+    "jointPlacements": lambda m: setattr(m.jointPlacements[1], "translation", np.ones(3)),
+    "armature": lambda m: m.armature.__setitem__(0, 1.0),
+    "velocityLimit": lambda m: m.velocityLimit.__setitem__(0, 1.0),
+}
+
+
+@pytest.mark.parametrize("use", USES)
+def test_a_model_changed_in_place_is_noticed_at_the_next_use(use):
+    scene = made()
+    USES[use](scene)  # what is computed once is there
+    scene.model.gravity.linear = np.array([0.0, 0.0, -1.62])
+    with pytest.raises(SceneError, match=r"changed \(gravity\).*with_\(gravity=\[0.0, 0.0, -1.62"):
+        USES[use](scene)
+    scene.model.gravity.linear = np.array([0.0, 0.0, -9.81])  # undone, it is the same again
+    USES[use](scene)
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_every_change_of_the_model_is_named(change):
+    scene = made()
+    CHANGES[change](scene.model)
+    with pytest.raises(SceneError, match=rf"scene\.model was changed \({change}\)") as error:
+        upper(scene)
+    assert "\n" not in str(error.value)
+
+
+def test_what_a_result_was_computed_from_is_noticed_by_its_judge():
+    scene = made()
+    result = pf.inverse_dynamics(scene, ZERO, ZERO, ZERO)
+    scene.model.inertias[1].mass = 5.0
+    with pytest.raises(SceneError, match=r"changed \(inertias\)"):
+        result.check()
+
+
+def test_a_loaded_model_is_the_callers_own():
+    scene = made()
+    scene.loaded_model().gravity.linear = np.zeros(3)
+    assert upper(scene) == pytest.approx(0.5 * 2.0 * 9.81)
+
+
+def test_friction_and_payloads_cannot_be_assigned():
+    scene = made()
+    for entries in (scene.friction, scene.payloads):
+        with pytest.raises(TypeError):
+            entries["slide"] = None
+
+
+def test_with_gives_a_changed_scene_and_leaves_the_first():
+    scene = made()
+    moon = scene.with_(gravity=[0, 0, -1.62])
+    assert upper(moon) == pytest.approx(0.5 * 2.0 * 1.62)
+    assert upper(moon, attached=[[True]]) == pytest.approx(0.5 * 3.0 * 1.62)  # no mixed variants
+    assert upper(scene) == pytest.approx(0.5 * 2.0 * 9.81)
+    assert upper(scene.with_(friction={})) == 0.0
+    heavy = scene.with_(payloads={"box": BOX["box"] | {"mass": 4.0, "attached": True}})
+    assert upper(heavy) == pytest.approx(0.5 * 6.0 * 9.81)
+    model = scene.model.copy()
+    model.inertias[1].mass = 10.0
+    assert upper(scene.with_(model=model)) == pytest.approx(0.5 * 10.0 * 9.81)
+    both = scene.with_(model=model, gravity=[0.0, 0.0, -1.0])
+    assert upper(both) == pytest.approx(0.5 * 10.0)
+    assert model.gravity.linear[2] == -9.81
+    geared = scene.with_(actuators=[{"joint": "slide", "transmission": {"ratio": 10.0}}])
+    assert geared.drives[0].transmission.ratio == 10.0
+    assert scene.with_(stick_velocity=0.1).sites[0].law.stick_velocity == 0.1
+
+
+@pytest.mark.parametrize(("change", "says"), [
+    ({"gravity": [0.0, -9.81]}, "gravity: should be three finite numbers"),
+    ({"gravity": [0.0, 0.0, np.nan]}, "gravity: should be three finite numbers"),
+    ({"gravity": [0.0, 0.0, 1j]}, "gravity: .*complex numbers"),
+    ({"fricton": {}}, "with_: there is no 'fricton'; did you mean 'friction'"),
+    ({"friction": {"slid": {}}}, "there is no joint 'slid'"),
+    ({"payloads": {"box": {"link": "tray", "mass": -1.0}}}, "payloads.box"),
+])  # fmt: skip
+def test_with_checks_like_the_first_time(change, says):
+    with pytest.raises(SceneError, match=says):
+        made().with_(**change)
+
+
+def test_copies_are_scenes_like_the_first():
+    scene = made()
+    for again in (pickle.loads(pickle.dumps(scene)), copy.deepcopy(scene), copy.copy(scene)):
+        assert upper(again, attached=[[True]]) == upper(scene, attached=[[True]])
+        again.model.gravity.linear = np.zeros(3)
+        with pytest.raises(SceneError, match="changed"):
+            upper(again)
+        with pytest.raises(TypeError):
+            again.friction["slide"] = None
+        again.model.gravity.linear = np.array([0.0, 0.0, -9.81])
