@@ -128,6 +128,26 @@ def test_console_prints_the_notes(panda):
     assert "count twice. Name their masses in conditions.mass_in_urdf" in text
 
 
+def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):
+    scene = turntable()
+    t = np.linspace(0.0, 1.0, 51)[:, None]
+    motion = pf.Trajectory.from_arrays(scene, t[:, 0], 2 * t, 2 + 0 * t, 0 * t)
+    open_ = pf.size(scene, motion, load_catalog(write_catalog(tmp_path / "catalog.yaml")))
+    text = "table ends 2 rad from where it began"
+    assert sizing_json(open_)["unclosed"] == [text]
+    assert any(text in note for note in sizing_json(open_)["notes"])
+    demand = pf.size(scene, motion)  # without a catalogue, too
+    for report in (open_, demand):
+        console = Console(file=StringIO(), width=80)
+        console.print(*sizing_report(report), sep="\n")
+        printed = " ".join(console.file.getvalue().split())
+        assert "repeated, though it does not close" in printed
+        assert text in printed
+    page = sizing_page(open_)
+    assert "repeated, though it does not close" in page
+    assert f"<b>The cycle does not close.</b> {text}" in page
+
+
 def test_passes_in_words(report):
     assert passes(report).startswith("settled after ")
     assert passes(replace(report, passes=1)) == "settled after 1 pass"

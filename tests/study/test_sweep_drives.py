@@ -5,7 +5,15 @@ import pickle
 
 import numpy as np
 import pytest
-from sizing_cases import GEAR, MOTOR, one_drive, trapezoid, turntable, write_catalog
+from sizing_cases import (
+    GEAR,
+    MOTOR,
+    hour_with_a_stall,
+    one_drive,
+    trapezoid,
+    turntable,
+    write_catalog,
+)
 from sweep_cases import sweep_of, uniform
 
 import pinfric as pf
@@ -95,6 +103,18 @@ def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
         worst = found.figure("peak")[row]
         np.testing.assert_allclose(worst, [j.demand.peak for j in report.joints], rtol=1e-12)
     assert {"gear repeated peak torque", "gear life L10"} <= failing
+
+
+def test_a_stall_within_an_hour_does_not_suffice_either(tmp_path):
+    """The motor of `test_overload`, on trial: the mean over the hour would do."""
+    scene, hour, drive = hour_with_a_stall()
+    conditions = drive.pop("conditions")
+    drive["motor"]["thermal"] = None
+    sweep = table_sweep(tmp_path, **drive, sampling="grid", speed={"choice": {"values": [1.0]}})
+    found = pf.sweep(scene, hour, sweep | {"conditions": conditions}, processes=1)
+    (trial,) = found.trials
+    failed = {name for name, mask in trial.met(found.figures).items() if not mask[0]}
+    assert failed == {"short-term torque", "overloaded standstill"}
 
 
 def test_every_sample_is_judged_as_size_judges_it(tmp_path):
