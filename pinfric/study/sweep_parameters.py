@@ -206,7 +206,8 @@ def _varied(scene: Scene, change: dict[str, Any]) -> Scene:
     varied = copy(scene)  # without what it has derived
     for name, value in change.items():
         object.__setattr__(varied, name, value)
-    kept = [] if change.keys() & {"model", "payloads"} else ["_variants"]
+    kept = [] if "model" in change else ["_made_of"]
+    kept += [] if change.keys() & {"model", "payloads"} else ["_variants"]
     if scene.linkage is None:
         kept += [] if "friction" in change else ["sites", "site_tables"]
         kept += [] if "actuators" in change else ["drives"]

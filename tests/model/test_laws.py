@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pinfric as pf
@@ -95,6 +95,29 @@ def test_no_step_out_of_the_interval_at_the_stick_velocity(friction, load, side)
     assert bounds(friction, 0.0, load)[:2] == (
         -(law.mu_static * load + law.static_positive), law.mu_static * load + law.static_negative,
     )  # fmt: skip
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 1000))
+def test_efforts_of_a_tree_just_above_lie_in_their_intervals_just_below(seed):
+    """The same states with a stick velocity below and above their speeds, gears included."""
+    model = random_tree(seed % 20, joints=4)
+    gear = {"ratio": 50.0, "efficiency": 0.9, "back_efficiency": 0.8, "motor_viscous": 1e-4}
+    actuators = [{"joint": f"joint_{j}", "transmission": gear} for j in range(1, 5)]
+    states = random_states(model, seed, 5)
+    slides, creeps = (
+        pf.inverse_dynamics(pf.Scene(model=model, friction=random_friction(model, seed),
+                                     actuators=actuators, stick_velocity=stick), *states)
+        for stick in (0.0, 100.0)
+    )  # fmt: skip
+    assert creeps.sticking.all()
+    assert not slides.sticking.any()
+    for kind in ("effort", "motor_torque"):
+        lower, upper = getattr(creeps, f"{kind}_lower"), getattr(creeps, f"{kind}_upper")
+        rounding = 1e-12 * np.abs(upper - lower).max()
+        assert (lower <= getattr(slides, f"{kind}_lower") + rounding).all()
+        assert (getattr(slides, f"{kind}_upper") <= upper + rounding).all()
+    assert creeps.check().passed(1e-10)
 
 
 def test_passing_through_rest_encloses_both_standstill_and_sliding():
