@@ -83,7 +83,8 @@ def turning_four_bar(samples=120, cut="B", kind="planar_pin", rate=6.28, acceler
     scene, joints = four_bar(cut, kind, **more)
     angles = 0.01 + np.linspace(0, 2 * np.pi, samples, endpoint=False)
     q, v, a = crank_motion(joints, angles, rate, acceleration)
-    return Case(scene, q, v, a, t=angles / abs(rate), known={"angles": angles})
+    t = angles / abs(rate) if rate else None
+    return Case(scene, q, v, a, t, known={"angles": angles})
 
 
 def resting_four_bar(samples=7, **more):
