@@ -8,7 +8,8 @@ from pathlib import Path
 
 from pinfric.errors import PinfricWarning, RobotError
 from pinfric.model.robot import BUNDLED, Robot, read_robot, urdf_file
-from pinfric.model.scene import Scene, load_scene
+from pinfric.model.scene import Scene
+from pinfric.model.scene_file import load_scene
 from pinfric.study.findings import CheckReport, Finding, Severity
 from pinfric.study.joint_findings import joint_findings
 from pinfric.study.link_findings import link_findings
