@@ -12,16 +12,16 @@ import numpy as np
 from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.result import runs
 from pinfric.show.report import digits, json_safe
+from pinfric.show.tables import Column, Kind, Table, counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from rich.console import RenderableType
-    from rich.table import Table
 
 _LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#222222", "#999999")
 _STICKING, _LIMIT = "#E69F00", "#999999"
-#: More rows than this are cut, with their number.
+#: Of more stick intervals, events or sites than this the first, or the largest, are printed.
 _MOST_ROWS = 12
 
 
@@ -64,24 +64,19 @@ def motion_report(motion: Motion) -> list[RenderableType]:
         rows = [
             (i.site, f"{i.start:.6f}", f"{i.end:.6f}", digits(i.end - i.start)) for i in intervals
         ]
-        items.append(_table("sticks", ("joint", "from s", "to s", "for s"), rows))
+        columns = (
+            Column("joint", Kind.NAME, motion.site_names),
+            *map(Column, ("from s", "to s", "for s")),
+        )
+        items.append(_first("sticks", columns, rows))
     else:
         items.append(Text("no joint sticks"))
     if motion.events:
         rows = [(f"{e.time:.6f}", e.name, e.kind, _way(e.kind, e.direction)) for e in motion.events]
-        items += [Text(), _table("events", ("time s", "joint", "what", "way"), rows)]
-    energy = motion.energy()
-    losses = [
-        (f"heat at {site}", digits(float(loss)))
-        for site, loss in zip(motion.site_names, energy.friction_loss, strict=True)
-    ]
-    balance = [
-        ("work of the drives", digits(energy.work)),
-        ("kinetic and potential", digits(energy.change)),
-        *losses,
-        ("unaccounted", digits(energy.residual)),
-    ]
-    items += [Text(), _table("energy", ("", "J"), balance)]
+        columns = (Column("time s"), Column("joint", Kind.NAME, motion.scene.joint_names),
+                   Column("what", Kind.LABEL), Column("way", Kind.LABEL))  # fmt: skip
+        items += [Text(), _first("events", columns, rows)]
+    items += [Text(), _energy_table(motion)]
     if motion.status != "finished":
         items += [Text(), Text(f"{motion.status}: {motion.message}")]
     return items
@@ -93,31 +88,30 @@ def _way(kind: str, direction: int) -> str:
     return {1: "forward", -1: "backward"}.get(direction, "")
 
 
-def _table(title: str, headings: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    shown = list(rows[:_MOST_ROWS])
+def _first(title: str, columns: Sequence[Column], rows: Sequence[tuple[str, ...]]) -> Table:
     if len(rows) > _MOST_ROWS:
         title += f" (the first {_MOST_ROWS} of {len(rows)})"
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-        pad_edge=False, padding=(0, 2, 0, 0), show_edge=False,
-    )  # fmt: skip
-    numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(headings))]
-    for heading, right in zip(headings, numeric, strict=True):
-        table.add_column(heading, justify="right" if right else "left", no_wrap=True)
-    for row in shown:
-        table.add_row(*row)
-    return table
+    return Table(title, columns, rows[:_MOST_ROWS])
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return text == "n/a"
-    return True
+def _energy_table(motion: Motion) -> Table:
+    """The balance; of many sites those with the most heat, and the rest in one line."""
+    energy = motion.energy()
+    losses = [float(loss) for loss in energy.friction_loss]
+    order = sorted(range(len(losses)), key=lambda s: -abs(losses[s]))
+    few = len(order) <= _MOST_ROWS
+    shown = set(order) if few else {s for s in order[:_MOST_ROWS] if losses[s]}
+    rows = [
+        ("work of the drives", digits(energy.work)),
+        ("kinetic and potential", digits(energy.change)),
+        *((f"heat at {site}", digits(losses[s])) for s, site in enumerate(motion.site_names)
+          if s in shown),
+    ]  # fmt: skip
+    if rest := [s for s in order if s not in shown]:
+        heat = digits(sum(losses[s] for s in rest))
+        rows.append((f"heat at {counted(len(rest), 'further joint')}", heat))
+    rows.append(("unaccounted", digits(energy.residual)))
+    return Table("energy", (Column("", Kind.NAME), Column("J")), rows)
 
 
 def motion_figure(motion: Motion) -> Figure:

@@ -7,7 +7,6 @@ extremes.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ import numpy as np
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.show.files import write_file
+from pinfric.show.names import shortened
 from pinfric.show.report import digits, span
 from pinfric.study.summary import (
     ActuatorSummary,
@@ -386,27 +386,3 @@ def _alone(mask: np.ndarray) -> np.ndarray:
     """True where a mask is True for a single sample."""
     padded = np.concatenate(([False], mask, [False]))
     return mask & ~padded[:-2] & ~padded[2:]
-
-
-def shortened(names: Sequence[str], room: int) -> list[str]:
-    """Cut names longer than `room` letters, around the part in which they differ."""
-    one = len(set(names)) == 1
-    front = 0 if one else _common(names)
-    back = 0 if one else _common([name[::-1] for name in names])
-    return [_cut(name, front, back, room) for name in names]
-
-
-def _common(names: Sequence[str]) -> int:
-    """Number of letters that all names begin with."""
-    columns = zip(*names, strict=False)
-    return sum(1 for _ in itertools.takewhile(lambda letters: len(set(letters)) == 1, columns))
-
-
-def _cut(name: str, front: int, back: int, room: int) -> str:
-    if len(name) <= room:
-        return name
-    middle = (front + len(name) - min(back, len(name) - front)) // 2
-    start = min(max(middle - room // 2, 0), len(name) - room)
-    part = name[start : start + room]
-    part = "…" + part[1:] if start > 0 else part
-    return part[:-1] + "…" if start + room < len(name) else part

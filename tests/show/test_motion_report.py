@@ -39,7 +39,7 @@ def test_the_scenes_own_simulation_runs_by_every_method(capsys, method):
 
 def test_files_and_table(capsys, tmp_path):
     printed = run(capsys, "three_link", "--t-end", 0.6, "--out", tmp_path / "out").out
-    assert "joint_12   0.519107   0.557644" in printed
+    assert "joint_12  0.519107  0.557644" in printed
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "motion.csv", "motion.npz", "motion.png", "summary.json",
     }  # fmt: skip

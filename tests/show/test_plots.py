@@ -8,7 +8,8 @@ import pytest
 
 import pinfric as pf
 from pinfric.errors import PinfricError
-from pinfric.show.plots import effort_figure, save, shortened, thinned
+from pinfric.show.names import shortened
+from pinfric.show.plots import effort_figure, save, thinned
 
 DRY = {"coulomb": {"static": 3.0, "kinetic": 2.0}}
 
