@@ -1,4 +1,4 @@
-"""What a simulated motion says: tables for people, a dictionary for machines, one picture."""
+"""What a simulated motion says: tables for people, a dictionary for machines."""
 
 from __future__ import annotations
 
@@ -7,20 +7,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pinfric.dynamics.motion import Motion
-from pinfric.dynamics.result import runs
 from pinfric.show.report import digits, json_safe
 from pinfric.show.tables import Column, Kind, Table, counted
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
 
-_LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#222222", "#999999")
-_STICKING, _LIMIT = "#E69F00", "#999999"
 #: Of more stick intervals, events or sites than this the first, or the largest, are printed.
 _MOST_ROWS = 12
 
@@ -112,83 +105,3 @@ def _energy_table(motion: Motion) -> Table:
         rows.append((f"heat at {counted(len(rest), 'further joint')}", heat))
     rows.append(("unaccounted", digits(energy.residual)))
     return Table("energy", (Column("", Kind.NAME), Column("J")), rows)
-
-
-def motion_figure(motion: Motion) -> Figure:
-    """Draw a motion: positions, velocities with sticking shaded, friction against its limits."""
-    from matplotlib.figure import Figure
-
-    sites = motion.scene.sites
-    rows = 2 + len(sites)
-    figure = Figure(figsize=(10.0, 1.0 + 2.1 * rows), dpi=150, layout="constrained")
-    axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    name = Path(motion.scene.source).stem
-    figure.suptitle(f"{name} · {motion.method}", x=0.01, ha="left", fontsize=13, fontweight="bold")
-    _positions(axes[0], motion)
-    _velocities(axes[1], motion)
-    for s, one in enumerate(axes[2:]):
-        _friction(one, motion, s)
-    for one in axes:
-        one.axhline(0, color="#BBBBBB", linewidth=0.7, zorder=0)
-        one.spines[["top", "right"]].set_visible(False)
-        one.margins(x=0)
-    axes[-1].set_xlabel("time (s)")
-    return figure
-
-
-def _positions(axes: Axes, motion: Motion) -> None:
-    """One number per degree of freedom: an angle, a length, or what moved since the start."""
-    model = motion.scene.model
-    for i, (name, values) in enumerate(_single_positions(motion)):
-        axes.plot(motion.t, values, color=_LINES[i % len(_LINES)], label=name)
-    many = [n for n, nv in zip(model.names, model.nvs, strict=True) if nv > 1]
-    title = "positions (rad, m)" + (f"; without {', '.join(many)}" if many else "")
-    axes.set_title(title, loc="left", fontsize=10)
-    axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-
-
-def _single_positions(motion: Motion) -> list[tuple[str, np.ndarray]]:
-    model = motion.scene.model
-    found = []
-    for index in range(1, model.njoints):
-        joint = model.joints[index]
-        if joint.nv != 1:
-            continue
-        q = motion.q[:, joint.idx_q]
-        if joint.nq == 2:
-            q = np.unwrap(np.arctan2(motion.q[:, joint.idx_q + 1], q))
-        found.append((model.names[index], q))
-    return found
-
-
-def _velocities(axes: Axes, motion: Motion) -> None:
-    model = motion.scene.model
-    i = 0
-    for index in range(1, model.njoints):
-        joint = model.joints[index]
-        if joint.nv == 1:
-            color = _LINES[i % len(_LINES)]
-            axes.plot(motion.t, motion.v[:, joint.idx_v], color=color, label=model.names[index])
-            i += 1
-    for interval in motion.stick_intervals():
-        axes.axvspan(interval.start, interval.end, color=_STICKING, alpha=0.18, linewidth=0)
-    axes.set_title("velocities (rad/s, m/s); shaded: a joint sticks", loc="left", fontsize=10)
-
-
-def _friction(axes: Axes, motion: Motion, s: int) -> None:
-    site = motion.scene.sites[s]
-    law, load = site.law, motion.normal_load[:, s]
-    forward, backward = (
-        -(law.mu_static * load + law.static_positive),
-        (law.mu_static * load + law.static_negative),
-    )
-    axes.plot(motion.t, forward, color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
-    axes.plot(motion.t, backward, color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
-    axes.plot(motion.t, motion.friction[:, s], color=_LINES[0])
-    for first, last in runs(motion.phase_modes[:, s] == 0):
-        span = motion.phase_t[first], motion.phase_t[last + 1]
-        axes.axvspan(*span, color=_STICKING, alpha=0.18, linewidth=0)
-    unit = "N" if site.sliding else "N m"
-    axes.set_title(
-        f"{site.name}: friction ({unit}); dashed: its static limits", loc="left", fontsize=10
-    )

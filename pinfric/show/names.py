@@ -34,6 +34,12 @@ def without(names: Sequence[str], front: str, back: str) -> list[str]:
     return [name[len(front) : len(name) - len(back)] for name in names]
 
 
+def left_out(front: str, back: str) -> str:
+    """Return the line that says what `without` took away; empty for nothing."""
+    shared = [f"{front}…"] * bool(front) + [f"…{back}"] * bool(back)
+    return f"left out of each name: {' and '.join(shared)}" if shared else ""
+
+
 def shortened(names: Sequence[str], room: int) -> list[str]:
     """Cut names longer than `room` letters in their middle: "hand_ind…tual_1".
 

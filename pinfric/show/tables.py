@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from pinfric.show.names import affixes, least_room, shortened, without
+from pinfric.show.names import affixes, least_room, left_out, shortened, without
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
@@ -122,16 +122,14 @@ def _lay_out(table: Table, width: int) -> _Layout:
             break
         blocks = even
     widths = _grow(table, whole, least, blocks, width)
-    left_out = ""
+    note = ""
     if widths[0] < whole[0] and (front or back):
-        cells[0] = bare
-        shared = " and ".join([f"{front}…"] * bool(front) + [f"…{back}"] * bool(back))
-        left_out = f"left out of each name: {shared}"
+        cells[0], note = bare, left_out(front, back)
         widths[0] = min(widths[0], _widest((table.columns[0].heading, *bare)))
     for c, column in enumerate(table.columns):
         if column.kind is Kind.NAME:
             cells[c] = _cut(cells[c], among[c], widths[c])
-    return _Layout(cells, widths, blocks, left_out)
+    return _Layout(cells, widths, blocks, note)
 
 
 def _widest(texts: Sequence[str]) -> int:

@@ -76,7 +76,7 @@ def cells(lines, title):
         if line.startswith("──"):
             rules, row = rules + 1, 0
         elif rules and not line:
-            rules_before, row = rules, None
+            row = None
             continue
         elif rules and row is not None:
             found = re.split(r" {2,}", line.strip())
