@@ -11,9 +11,10 @@ import numpy as np
 
 from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.result import runs
+from pinfric.model.brief import counted
+from pinfric.model.coordinates import one_number
 from pinfric.show.names import shortened
 from pinfric.show.plots import brief_ticks, thinned
-from pinfric.show.tables import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,9 +102,7 @@ def _rows(motion: Motion) -> list[_Row]:
         joint, name = model.joints[index], model.names[index]
         if joint.nv != 1:
             continue
-        q = motion.q[:, joint.idx_q]
-        if joint.nq == 2:
-            q = np.unwrap(np.arctan2(motion.q[:, joint.idx_q + 1], q))
+        q = one_number(joint, motion.q)
         slides = joint.shortname().startswith("JointModelP")
         velocity = motion.v[:, joint.idx_v]
         s = at.pop(name, -1)

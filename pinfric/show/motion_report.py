@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinfric.dynamics.motion import Motion
+from pinfric.model.brief import counted
 from pinfric.show.report import digits, json_safe
-from pinfric.show.tables import Column, Kind, Table, counted
+from pinfric.show.tables import Column, Kind, Table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.dynamics.result import InverseResult, Status, runs
-from pinfric.show.tables import Column, Kind, Table, counted
+from pinfric.model.brief import counted
+from pinfric.show.tables import Column, Kind, Table
 from pinfric.study.explain import Explanation
 from pinfric.study.summary import (
     ROUNDING,

@@ -87,11 +87,6 @@ class Table:
             yield from console.render(_block(self, layout, block), wide)
 
 
-def counted(count: int, noun: str) -> str:
-    """Return "1 joint", "2 joints"."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
 @dataclass(frozen=True)
 class _Layout:
     """The cells as they are printed, each column's width, the columns of each block."""

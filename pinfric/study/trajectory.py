@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.arrays import real_numbers
+from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
 from pinfric.study.followers import find_followers, follower_problems, follower_warnings
@@ -160,6 +161,21 @@ class Trajectory:
             np.zeros(len(columns)),
         )
         return _from_table(source, scene, columns, columns, table, carried, payloads)
+
+    def __repr__(self) -> str:
+        rate = (self.t.size - 1) / self.duration if self.duration else 0.0
+        title = f"{file_name(self.source)}: {counted(self.t.size, 'sample')}, {self.duration:.4g} s"
+        speeds = [f"{x:.3g}" for x in np.abs(self.v).max(axis=0)]
+        one_each = len(speeds) == len(self.joint_names)
+        carried = [f"{100 * x:.0f} % of samples" for x in self.attached.mean(axis=0)]
+        return screen("Trajectory", f"{title}, {rate:.4g} per s", {
+            "joints": listed(self.joint_names),
+            "speeds": f"{listed(self.joint_names, speeds)} (largest, rad/s or m/s)"
+                      if one_each else "",
+            "holds": counted(len(self.holds()), "hold"),
+            "carried": listed(self.payload_names, carried),
+            "warnings": "; ".join(self.warnings),
+        })  # fmt: skip
 
     @property
     def duration(self) -> float:
