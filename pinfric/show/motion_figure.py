@@ -68,9 +68,10 @@ def motion_figure(motion: Motion) -> Figure:
         figure.set_layout_engine("constrained", rect=(0, 0, 1, 1 - 0.8 / total))
         if drawn:
             panels = figure.subplots(len(drawn), 3, sharex=True, squeeze=False)
-            names = shortened([row.name for row in drawn], _LETTERS)
-            for row, name, axes in zip(drawn, names, panels, strict=True):
-                _draw(axes, motion, row, name)
+            names = [row.name for row in rows]
+            short = dict(zip(names, shortened(names, _LETTERS), strict=True))
+            for row, axes in zip(drawn, panels, strict=True):
+                _draw(axes, motion, row, short[row.name])
             still = 0.5 if len(motion.t) == 1 else 0.0  # an instant has no width
             panels[0, 0].set_xlim(motion.t[0] - still, motion.t[-1] + still)
             for column in panels.T:

@@ -102,7 +102,7 @@ def effort_figure(
     with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
         figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         grid = _Grid(figure, columns, height, total, strips)
-        names, note = _labels([s.name for s in chosen.values()], grid.width)
+        names, note = _labels(result.actuator_names, grid.width)
         for place, (i, summary) in enumerate(chosen.items()):
             row, column = place % rows, place // rows
             axes = grid.panel(row, column)
@@ -110,7 +110,7 @@ def effort_figure(
             _draw_panel(axes, result, i, zero, bottom)
             _mark_phases(axes, phases)
             axes.plot(summary.peak_time, _peak(result, i), zorder=5, gid="peak", **_PEAK)
-            _label(axes, names[place], summary, grid.width, zero)
+            _label(axes, names[i], summary, grid.width, zero)
         if phases:
             for column in range(columns):
                 _draw_phases(grid.strip(column), phases, result.t)
@@ -142,17 +142,27 @@ def _chosen(
                 known = choose_from(name, result.actuator_names)
                 raise StateError(f"a figure: there is no drive {name!r}; {known}")
         return {i: s for i, s in enumerate(summaries) if s.name in drives}, ""
-    largest = {unit: max((s.peak for s in summaries if s.unit == unit), default=0.0)
-               for unit in {s.unit for s in summaries}}  # fmt: skip
-    part = [s.peak / (largest[s.unit] or 1.0) for s in summaries]
-    drawn = set(sorted(range(len(part)), key=lambda i: -part[i])[:_MOST])
-    rest = [s for i, s in enumerate(summaries) if i not in drawn]
+    drawn, left = largest([s.peak for s in summaries], [s.unit for s in summaries], _MOST)
+    return {i: summaries[i] for i in drawn}, left
+
+
+def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[list[int], str]:
+    """Return which drives to draw, in their order, and what to say of the others.
+
+    Args:
+        peaks: (na,) of the drives' efforts; compared with the largest of the same unit.
+        units: (na,) of these.
+        most: how many to draw.
+    """
+    scale = {u: max(p for p, unit in zip(peaks, units, strict=True) if unit == u) for u in units}
+    part = [p / (scale[u] or 1.0) for p, u in zip(peaks, units, strict=True)]
+    drawn = sorted(sorted(range(len(part)), key=lambda i: -part[i])[:most])
+    rest = [i for i in range(len(part)) if i not in set(drawn)]
     below = " and ".join(
-        f"{digits(max(s.peak for s in rest if s.unit == unit))} {unit}"
-        for unit in dict.fromkeys(s.unit for s in rest)
+        f"{digits(max(peaks[i] for i in rest if units[i] == unit))} {unit}"
+        for unit in dict.fromkeys(units[i] for i in rest)
     )
-    left = f"; {len(rest)} more, not drawn, need at most {below}" if rest else ""
-    return {i: s for i, s in enumerate(summaries) if i in drawn}, left
+    return drawn, f"; {len(rest)} more, not drawn, need at most {below}" if rest else ""
 
 
 def save(figure: Figure, path: str | Path) -> Path:

@@ -176,11 +176,14 @@ def _strongest(result: SweepResult, drive: str, strength: np.ndarray) -> tuple[s
     found = [j for j in order[:_NAMED] if abs(strength[j]) > least]
     if not found:
         return "nothing found", ""
-    names = [brief(result.parameter_names[j]) for j in found]
-    names = [
-        f"its {x.removeprefix(f'{drive}.')}" if x.startswith(f"{drive}.") else x for x in names
-    ]
+    names = [own(result.parameter_names[j], drive) for j in found]
     return "\n".join(names), "\n".join(f"{strength[j]:{'+' if signed else ''}.2f}" for j in found)
+
+
+def own(parameter: str, drive: str) -> str:
+    """Return a parameter's brief name, of the drive's own joint "its coulomb"."""
+    name = brief(parameter)
+    return f"its {name.removeprefix(f'{drive}.')}" if name.startswith(f"{drive}.") else name
 
 
 def brief(parameter: str) -> str:
