@@ -122,9 +122,8 @@ def _coupled_table(title: str, runs: Sequence[CoupledRun]) -> Table:
     """Passes to each tolerance, a row per coefficient and solver; error and time at the last."""
     tolerances = sorted({run.tolerance for run in runs}, reverse=True)
     columns = (
-        Column("mu / mu\nat jam"), Column("contrac-\ntion"), Column("\nsolver", Kind.LABEL),
-        *(Column(f"{'' if i else 'passes'}\n{'' if i else 'to '}{_decade(tolerance)}")
-          for i, tolerance in enumerate(tolerances)),
+        Column("mu / mu\nat jam"), Column("contrac-\ntion"), Column("solver", Kind.LABEL),
+        *(Column(f"passes\n{_decade(tolerance)}") for tolerance in tolerances),
         Column("error\nleft"), Column("time\nus"),
     )  # fmt: skip
     rows = []

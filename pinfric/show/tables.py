@@ -1,5 +1,7 @@
 """The one table of all reports: it fits the width it is printed at, and never cuts a number.
 
+    Table("efforts", (Column("joint", Kind.NAME), Column("peak\\nN m")), [("elbow", "5.20")])
+
 Names that do not fit lose what all of them begin and end with (said once above the table), then
 letters in their middle; words are wrapped; columns that still do not fit go into a further block
 below, each with the names again. The width is that of the terminal (of any of the three standard

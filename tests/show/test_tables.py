@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 
 import numpy as np
@@ -15,6 +16,7 @@ from pinfric.show.names import affixes, least_room, shortened
 from pinfric.show.report import digits, inverse_json, inverse_report, span
 from pinfric.show.sizing_report import beside, sizing_json, sizing_report, span_beside
 from pinfric.show.tables import Column, Kind, Table
+from pinfric.terminal import show
 
 WIDTHS = (40, 60, 80, 120)
 #: As a humanoid's hands have them, and longer.
@@ -200,13 +202,18 @@ def test_a_name_cut_in_its_middle_is_one_name_only():
     assert len(shortened(["x" * 50], 10)[0]) == 10
 
 
-def test_width_of_a_pipe_is_eighty_unless_columns_says_else(monkeypatch, capsys):
-    from pinfric.terminal import show
+def test_width_is_the_terminals_of_a_pipe_eighty_and_columns_beats_both(monkeypatch, capsys):
+    def none_of_the_streams_is_a_terminal(stream):
+        raise OSError
 
     monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(os, "get_terminal_size", none_of_the_streams_is_a_terminal)
     wide = Table("", [Column(f"{i}\n" + "x" * 12) for i in range(12)], [["1"] * 12])
     show([wide])
     assert 60 < max(map(len, capsys.readouterr().out.splitlines())) <= 80
+    monkeypatch.setattr(os, "get_terminal_size", lambda stream: os.terminal_size((120, 24)))
+    show([wide])
+    assert 80 < max(map(len, capsys.readouterr().out.splitlines())) <= 120
     monkeypatch.setenv("COLUMNS", "60")
     show([wide])
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 60
