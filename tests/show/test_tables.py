@@ -162,9 +162,12 @@ def test_panda_fits(width):
     assert not any("left out" in line for line in lines)
 
 
-def test_a_table_too_wide_for_any_terminal_loses_no_digit():
+def test_a_table_too_wide_for_any_terminal_loses_no_digit(monkeypatch, capsys):
     table = Table("", [Column("joint", Kind.NAME), Column("effort")], [("elbow", "1234567.891011")])
     assert "1234567.891011" in "\n".join(printed([table], 10))
+    monkeypatch.setenv("COLUMNS", "10")
+    show([table])
+    assert "1234567.891011" in capsys.readouterr().out
 
 
 def test_brackets_in_a_name_are_no_markup():
