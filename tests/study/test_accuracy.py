@@ -127,7 +127,7 @@ def test_a_failure_is_a_row():
     assert "diverges" in runs[2].problem
     study = accuracy_module.Accuracy(scene, "none", runs, float("nan"), (), {}, (), (), (), ())
     table, _, first, last, *_ = accuracy_report(study)
-    assert table.row_count == 3
+    assert len(table.rows) == 3
     assert "it cannot go on" in str(first)
     assert "diverges" in str(last)
     assert [run["error"] for run in accuracy_json(study)["runs"]] == [None, 0.0, None]
