@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,16 +43,6 @@ def named_columns(
         )
         return tuple(columns)
     return named
-
-
-def csv_names(path: Path) -> list[str]:
-    """Return the names in a CSV file's header; none where there is no readable header."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError):
-        return []  # the reader says why
-    header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
-    return [cell.strip() for cell in header.split(",")]
 
 
 def complete_motion(

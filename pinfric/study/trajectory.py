@@ -31,8 +31,11 @@ from pinfric.study.joint_columns import (
     unit_circle_problems,
     velocity_warnings,
 )
-from pinfric.study.loop_motion import complete_motion, csv_names, named_columns
-from pinfric.study.table import TrajectoryTable, complete_derivatives, read_table
+from pinfric.study.log.bags import is_bag
+from pinfric.study.log.reader import read_log
+from pinfric.study.log.reading import Reading, ReadingOptions
+from pinfric.study.loop_motion import complete_motion, named_columns
+from pinfric.study.table import TrajectoryTable, complete_derivatives
 from pinfric.study.waypoints import read_waypoints, sample_waypoints
 
 FloatArray = NDArray[np.float64]
@@ -75,6 +78,8 @@ class Trajectory:
         source: where it came from, for messages.
         joint_nq: entries of q per joint in `joint_names` (2: continuous); default 1 each.
         warnings: what a person should look at (velocity limits exceeded, noisy derivatives).
+        reading: how a file with samples was read: what was dropped, filtered, converted; None for
+            way-points and arrays.
 
     Raises:
         TrajectoryError: no samples, shapes that do not agree, time not increasing, not finite.
@@ -90,6 +95,7 @@ class Trajectory:
     source: str
     joint_nq: tuple[int, ...] = ()
     warnings: tuple[str, ...] = ()
+    reading: Reading | None = None
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a"):
@@ -207,7 +213,7 @@ class Trajectory:
                                   "fast)")  # fmt: skip
         t = self.t[0] + (self.t - self.t[0]) / scale
         return replace(
-            self, t=t, v=self.v * scale, a=self.a * scale**2, warnings=(),
+            self, t=t, v=self.v * scale, a=self.a * scale**2, warnings=(), reading=None,
             source=f"{self.source} at {scale:g} x speed",
         )  # fmt: skip
 
@@ -252,49 +258,66 @@ class Trajectory:
         return Path(path)
 
 
-def load_trajectory(path: str | Path, scene: HasModel) -> Trajectory:
-    """Read a CSV or way-point file (YAML, see `waypoints`) and fit it to a scene.
+def load_trajectory(
+    path: str | Path, scene: HasModel, options: ReadingOptions = ReadingOptions()  # noqa: B008
+) -> Trajectory:
+    """Read a log, a table of samples or a way-point file (YAML, `waypoints`) and fit it to a scene.
 
-    CSV: a header, then `t` (s) and one column per joint (rad, m); optionally `<joint>.v`,
-    `<joint>.a`, and `payload.<name>` with 1 where the payload is carried (default: as the scene
-    says). Lines that start with # are skipped. Missing derivatives come from a quintic
-    interpolating spline over t, per joint; where a joint stands still v = a = 0 exactly
-    (`derivatives`). A missing `.a` beside a given `.v` is the derivative of a spline through v.
+    Samples: CSV, Parquet or a ROS 2 bag; a column of time and one per joint (rad, m), under the
+    names that robots and their tools give them (`log.columns`). In our own dialect `t` (s) and
+    `<joint>`, optionally `<joint>.v`, `<joint>.a`, and `payload.<name>` with 1 where the payload is
+    carried (default: as the scene says). Lines that start with # are skipped. Missing derivatives
+    come from a quintic interpolating spline over t, per joint; where a joint stands still v = a = 0
+    exactly (`derivatives`). A missing `.a` beside a given `.v` is the derivative of a spline through
+    v. Positions with noise beyond rounding are low-passed first (`log.motion`); `reading` tells.
 
     Args:
-        path: the file, .csv, .yaml or .yml; where there is none, the bundled one of that name.
+        path: the file, or a bag's folder; where there is none, the bundled one of that name.
         scene: its model and payloads.
+        options: what a person says about a log's columns, units and cutoff.
 
     Raises:
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
     """
-    path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
+    if not is_bag(Path(path)):
+        path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
+    path = Path(path)
     columns = joint_columns(scene.model, str(path))
     payloads = _defaults(scene)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return _from_waypoints(path, scene, columns, payloads)
     problems: list[str] = []
-    suffix = path.suffix.lower()
-    if suffix in (".yaml", ".yml"):
-        waypoints = read_waypoints(path)
-        given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
-        named = named_columns(scene, columns, given, problems)
-        names = [column.name for column in named]
-        speeds = np.array([column.velocity_limit for column in named])
-        motion = (
-            None if problems else sample_waypoints(waypoints, names, speeds, payloads, problems)
-        )
-        if motion is None:
-            _raise_all(str(path), problems)
-            raise AssertionError  # sample_waypoints says why it returns nothing
-        table = TrajectoryTable(motion.t, motion.position, motion.velocity, motion.acceleration,
-                                {}, np.zeros(len(named)))  # fmt: skip
-        return _from_table(str(path), scene, columns, named, table, motion.attached, payloads)
-    if suffix != ".csv":
-        raise TrajectoryError(f"{path}: a trajectory ends in .csv, .yaml or .yml")
-    named = named_columns(scene, columns, csv_names(path), problems)
-    table = read_table(path, [column.name for column in named], list(payloads), problems)
-    attached = _attached_columns(payloads, table.attached, table.t.size)
-    return _from_table(str(path), scene, columns, named, table, attached, payloads, problems)
+
+    def choose(names: Sequence[str], wrong: list[str]) -> tuple[JointColumn, ...]:
+        return named_columns(scene, columns, names, wrong)
+
+    log = read_log(path, columns, list(payloads), choose, options, problems)
+    if log is None:
+        _raise_all(str(path), problems)
+        raise AssertionError  # read_log says why it returns nothing
+    attached = _attached_columns(payloads, log.table.attached, log.table.t.size)
+    found = _from_table(str(path), scene, columns, log.named, log.table, attached, payloads,
+                        problems)  # fmt: skip
+    return replace(found, reading=log.reading, warnings=(*log.reading.said, *found.warnings))
+
+
+def _from_waypoints(
+    path: Path, scene: HasModel, columns: Sequence[JointColumn], payloads: Mapping[str, bool]
+) -> Trajectory:
+    problems: list[str] = []
+    waypoints = read_waypoints(path)
+    given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
+    named = named_columns(scene, columns, given, problems)
+    names = [column.name for column in named]
+    speeds = np.array([column.velocity_limit for column in named])
+    motion = None if problems else sample_waypoints(waypoints, names, speeds, payloads, problems)
+    if motion is None:
+        _raise_all(str(path), problems)
+        raise AssertionError  # sample_waypoints says why it returns nothing
+    table = TrajectoryTable(motion.t, motion.position, motion.velocity, motion.acceleration,
+                            {}, np.zeros(len(named)))  # fmt: skip
+    return _from_table(str(path), scene, columns, named, table, motion.attached, payloads)
 
 
 def _from_table(

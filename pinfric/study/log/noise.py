@@ -1,0 +1,132 @@
+"""Noise of logged positions: how much there is, where the signal ends, and the low pass between.
+
+White noise of standard deviation sigma has differences of order k with RMS sigma sqrt(C(2k, k)); a
+motion that is smooth over a few samples has hardly any of order six. So sigma comes from the
+positions alone, and the frequency above which there is only noise from the power spectral density
+of their second difference, which for white noise is 2 sigma^2 dt |2 sin(pi f dt)|^4 (one-sided).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_ORDER = 6
+#: rad or m. Encoders end at 27 bits (1e-8 rad); noise below is rounding, or a filter was there before.
+_LEAST_NOISE = 1e-8
+#: Noise that a spline turns into less than this share of a joint's peak acceleration stays.
+_HARMLESS_SHARE = 0.01
+#: Differences of order eight show this share of the noise that those of order six do, or more, if it
+#: is noise: for a motion of 0.3 periods a sample it is 0.66, for slower ones far less.
+_WHITE_SHARE = 0.7
+#: Moving samples below which nothing can be said about noise.
+_FEWEST = 20
+#: Gain of the quintic spline's second derivative for white noise, times the step squared.
+_SPLINE_GAIN = 4.8
+_SEGMENT = 512
+_BUTTERWORTH = 4
+
+
+def noise_level(position: FloatArray) -> float:
+    """Return sigma = rms(diff^6 q) / sqrt(924) over the samples around which a joint moves.
+
+    Args:
+        position: (T,) rad or m at regular times.
+    """
+    differences = _differences(position, _ORDER)
+    if differences.size == 0:
+        return 0.0
+    return float(np.sqrt(np.mean(differences**2) / math.comb(2 * _ORDER, _ORDER)))
+
+
+def is_noisy(position: FloatArray, step: float) -> bool:
+    """Whether positions carry noise that would spoil accelerations, and not rounding or a kink.
+
+    Medians pass over the few samples at which a planned acceleration jumps.
+
+    Args:
+        position: (T,) rad or m at regular times.
+        step: s between samples.
+    """
+    if position.size < _FEWEST:
+        return False
+    six, eight = (_typical_noise(position, order) for order in (_ORDER, _ORDER + 2))
+    if six <= _LEAST_NOISE or eight < _WHITE_SHARE * six:
+        return False
+    peak = float(np.abs(np.diff(position, 2)).max()) / step**2
+    return _SPLINE_GAIN * six / step**2 > _HARMLESS_SHARE * peak
+
+
+def _differences(position: FloatArray, order: int) -> FloatArray:
+    """Differences of an order, where the samples they take are not all the same."""
+    changes = np.diff(position) != 0.0
+    if changes.size < order:
+        return np.empty(0)
+    count = np.concatenate(([0], np.cumsum(changes)))
+    return np.diff(position, order)[count[order:] > count[:-order]]
+
+
+def _typical_noise(position: FloatArray, order: int) -> float:
+    """Sigma from the median of differences: for Gaussian ones it is 0.6745 of their RMS."""
+    differences = _differences(position, order)
+    if differences.size < _FEWEST:
+        return 0.0
+    return float(np.median(np.abs(differences))) / 0.6745 / math.sqrt(math.comb(2 * order, order))
+
+
+def signal_cutoff(position: FloatArray, step: float) -> float | None:
+    """Return the first frequency (Hz) above which the motion drowns in its noise; None: there is none.
+
+    Where Welch's estimate of the power spectral density of the second difference is below twice that
+    of white noise.
+
+    Args:
+        position: (T,) rad or m at regular times.
+        step: s between samples.
+    """
+    from scipy.signal import welch
+
+    level = float(np.sqrt(np.mean(np.diff(position, _ORDER) ** 2) / math.comb(2 * _ORDER, _ORDER)))
+    curvature = np.diff(position, 2)
+    frequency, density = welch(curvature, 1.0 / step, nperseg=min(_SEGMENT, curvature.size),
+                               detrend=False)  # fmt: skip
+    white = 2.0 * level**2 * step * np.abs(2.0 * np.sin(np.pi * frequency * step)) ** 4
+    buried = np.flatnonzero((density < 2.0 * white) & (frequency > 0.0))
+    found = float(frequency[buried[0]]) if buried.size else np.inf
+    return found if found < 0.4 / step else None
+
+
+def low_pass(position: FloatArray, step: float, cutoff: float) -> FloatArray:
+    """Return positions after a Butterworth low pass of order four, forward and backward.
+
+    Its gain is 1 / (1 + (f / cutoff)^8), without a shift in time.
+
+    Args:
+        position: (T,) rad or m at regular times.
+        step: s between samples.
+        cutoff: Hz.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(_BUTTERWORTH, cutoff, fs=1.0 / step, output="sos")
+    settling = min(position.size - 1, math.ceil(3.0 / (cutoff * step)))
+    return np.asarray(sosfiltfilt(sections, position, padlen=settling))
+
+
+def noise_gain(step: float, cutoff: float, order: int) -> float:
+    """Return the standard deviation of a derivative of low-passed white noise of sigma 1.
+
+    sqrt(2 dt int (2 pi f)^(2 order) / (1 + (f / cutoff)^8)^2 df) up to half the sampling rate.
+
+    Args:
+        step: s between samples.
+        cutoff: Hz.
+        order: of the derivative.
+    """
+    frequency = np.linspace(0.0, 0.5 / step, 4001)
+    gain = (2.0 * np.pi * frequency) ** order / (1.0 + (frequency / cutoff) ** 8)
+    return float(np.sqrt(2.0 * step * np.trapezoid(gain**2, frequency)))

@@ -1,0 +1,189 @@
+"""When a logged joint stands still, found in noisy positions before any filter smears them.
+
+A hold is where the slope over a window is no more than noise makes of it, the positions have no trend
+and no bend over the whole of it, and it lasts several windows. Such a run ends some samples late: a
+motion starts with the square or the cube of time, which noise hides at first. So its ends come from
+the motion: c (t - t0)^2 (acceleration jumps at t0) and c (t - t0)^3 (1 + b (t - t0)) (jerk jumps) are
+fitted to where the joint has left its level, and t0 is the end of the hold. Joints that may well have
+started at one instant get the one that fits all of them best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+#: Standard deviations beyond which a slope, a trend or a bend is no longer noise.
+_SIGNIFICANT = 5.0
+#: s; samples of the window that slopes are taken over: as long, but neither few nor very many.
+_WINDOW = 0.05
+_FEWEST, _MOST = 12, 100
+#: Windows that a hold lasts at least.
+_SHORTEST = 2
+#: The onset is fitted from the hold to where the joint is this many sigma away, but no farther than
+#: this share of its travel: about there a planned motion stops speeding up.
+_FAR, _FAR_SHARE = 300.0, 0.03
+_LONGEST = 400
+#: Sum of squares (in sigma^2) that one more coefficient, or one instant fewer, must be worth.
+_WORTH = 9.0
+#: Samples within which the joints of an arm may start together.
+_NEAR = 25.0
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """An end of a hold: the joint's way off its level, in sigma, over sample numbers.
+
+    `direction` is 1 where a hold ends and -1 where it begins (time runs backward).
+    """
+
+    direction: int
+    place: FloatArray
+    away: FloatArray
+    coarse: float
+
+    def cost(self, onset: float) -> float:
+        """Least sum of squares (sigma^2) of the motions that start at a sample number."""
+        x = np.maximum(self.direction * (self.place - onset), 0.0)
+        x /= max(float(x.max()), 1.0)
+        square, cube = x * x, x * x * x
+        jump = _rest(self.away, np.column_stack((square, np.ones_like(x))))
+        smooth = _rest(self.away, np.column_stack((cube, cube * x, np.ones_like(x))))
+        return min(jump, smooth + _WORTH)
+
+    def best(self, candidates: FloatArray) -> float:
+        """The onset of least cost among candidates."""
+        return float(candidates[int(np.argmin([self.cost(x) for x in candidates]))])
+
+    def onset(self) -> float:
+        """The onset of least cost, on ever finer grids: the last one is finer than noise tells."""
+        low, high = float(self.place.min()), float(self.place.max())
+        step = (high - low) / 40.0
+        found = self.best(np.arange(low, high, step))
+        while step > 0.02:
+            found = self.best(found + step * np.linspace(-1.0, 1.0, 11))
+            step /= 5.0
+        return found
+
+
+def _rest(y: FloatArray, basis: FloatArray) -> float:
+    normal = basis.T @ basis
+    normal[np.diag_indices_from(normal)] *= 1.0 + 1e-12
+    part = np.linalg.lstsq(normal, basis.T @ y, rcond=None)[0]
+    rest = y - basis @ part
+    return float(rest @ rest)
+
+
+def find_noisy_holds(
+    position: FloatArray, step: float, noise: Sequence[float]
+) -> list[list[tuple[int, int]]]:
+    """Return for each joint the runs of samples in which it stands still, (first, last) inclusive.
+
+    Args:
+        position: (T, nj) rad or m at regular times.
+        step: s between samples.
+        noise: (nj,) standard deviations of the positions; 0: the joint has no noise and no holds here.
+    """
+    count, joints = position.shape
+    width = int(np.clip(round(_WINDOW / step), _FEWEST, _MOST))
+    rough = [
+        [] if noise[j] == 0.0 or count < _SHORTEST * width
+        else list(_levels(position[:, j], width, noise[j]))
+        for j in range(joints)
+    ]  # fmt: skip
+    edges: dict[tuple[int, int, int], _Edge] = {}
+    for j, runs in enumerate(rough):
+        for i, (first, last) in enumerate(runs):
+            if first > 0:
+                edges[j, i, 0] = _edge(position[:, j], last, first, noise[j])
+            if last < count - 1:
+                edges[j, i, 1] = _edge(position[:, j], first, last, noise[j])
+    onsets = _together(edges)
+    holds: list[list[tuple[int, int]]] = []
+    for j, runs in enumerate(rough):
+        found: list[tuple[int, int]] = []
+        for i, (first, last) in enumerate(runs):
+            begin = int(np.ceil(onsets.get((j, i, 0), first)))
+            end = int(np.floor(onsets.get((j, i, 1), last)))
+            if end - begin >= width // 2 and (not found or begin > found[-1][1]):
+                found.append((begin, end))
+        holds.append(found)
+    return holds
+
+
+def _levels(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]]:
+    """Yield the runs that stay on one level; a motion's start may still be within their ends."""
+    margin = width // 2
+    for first, last in _flat_runs(q, width, noise):
+        inner = q[first + (margin if first else 0) : last + 1 - (margin if last < q.size - 1 else 0)]
+        if inner.size >= width and _is_level(inner, noise):
+            yield first, last
+
+
+def _flat_runs(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]]:
+    """Yield the runs of windows whose least-squares slope is noise: first and last sample."""
+    place = np.arange(width) - 0.5 * (width - 1)
+    slope = np.convolve(q - q[0], place[::-1], mode="valid") / float(place @ place)
+    flat = np.abs(slope) <= _SIGNIFICANT * noise / np.sqrt(float(place @ place))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flat, [False])).astype(np.int8)))
+    for first, stop in edges.reshape(-1, 2).tolist():
+        if stop - first >= width // 2:
+            yield first, stop - 1 + width - 1
+
+
+def _is_level(q: FloatArray, noise: float) -> bool:
+    """Whether neither a trend nor a bend over the run is more than noise makes of them."""
+    x = np.linspace(-1.0, 1.0, q.size)
+    for shape in (x, 1.5 * x**2 - 0.5):  # Legendre: orthogonal, at most 1
+        shape = shape - shape.mean()
+        share = float(q @ shape) / float(shape @ shape)
+        if abs(share) > max(_SIGNIFICANT / np.sqrt(float(shape @ shape)), 1.0) * noise:
+            return False
+    return True
+
+
+def _edge(q: FloatArray, inside: int, border: int, noise: float) -> _Edge:
+    """Cut out the samples about the border of a hold, and what they say.
+
+    An encoder that shows the same count several times says most where the count changes: there the
+    joint is half-way between the two.
+    """
+    direction = 1 if border > inside else -1
+    level = float(np.mean(q[min(inside, border) : max(inside, border) + 1]))
+    ahead = q[border::direction][:_LONGEST]
+    far = max(min(_FAR * noise, _FAR_SHARE * float(np.ptp(q))), 20.0 * noise)
+    away = np.abs(ahead - level) > far
+    reach = max(int(np.argmax(away)) if away.any() else ahead.size, 8)
+    back = min(abs(border - inside), reach + 20)
+    ends = sorted((border - direction * back, border + direction * reach))
+    low, high = max(ends[0], 0), min(ends[1], q.size - 1)
+    part, place = q[low : high + 1], np.arange(low, high + 1, dtype=np.float64)
+    changes = np.flatnonzero(np.diff(part))
+    if changes.size >= 6 and changes.size < 0.9 * (part.size - 1):
+        part = 0.5 * (part[changes] + part[changes + 1])
+        place = place[changes] + 0.5
+        place, part = np.append(place, border - direction * back), np.append(part, level)
+    return _Edge(direction, place, (part - level) / noise, float(border))
+
+
+def _together(edges: dict[tuple[int, int, int], _Edge]) -> dict[tuple[int, int, int], float]:
+    """Return the onsets of all edges; one for those that one instant fits about as well as several."""
+    own = {key: edge.onset() for key, edge in edges.items()}
+    found = dict(own)
+    for direction in (1, -1):
+        left = sorted((key for key in edges if edges[key].direction == direction), key=own.__getitem__)
+        while left:
+            near = [key for key in left if own[key] - own[left[0]] <= _NEAR]
+            left = [key for key in left if key not in near]
+            costs = {key: edges[key].cost(own[key]) for key in near}
+            candidates = np.arange(own[near[0]] - 0.5, own[near[-1]] + 0.6, 0.1)
+            sums = [[edges[key].cost(x) - costs[key] for key in near] for x in candidates]
+            best = int(np.argmin(np.sum(sums, axis=1)))
+            if max(sums[best]) <= _WORTH:
+                found.update(dict.fromkeys(near, float(candidates[best])))
+    return found
