@@ -200,7 +200,7 @@ def _numbered_names(header: Sequence[str], first: Sequence[str]) -> dict[str, st
     """Number -> joint, from columns `name_0` or `name[0]` that hold the joints' names."""
     found = {}
     for column, cell in zip(header, first, strict=False):
-        match = _NUMBERED.match(column)
+        match = _NUMBERED.match(column[:_LONGEST_NAME])
         if match and match[2].lower() == "name":
             found[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
     return found

@@ -27,10 +27,13 @@ from pinfric.study.table import TrajectoryTable
 
 FloatArray = NDArray[np.float64]
 
+#: rad; an angle that steps by more than half of it was wrapped.
 _TURN = 2.0 * np.pi
 #: Gains of the quintic spline's derivatives for white noise, times step and step squared: the
 #: 2-norms of the cardinal spline's derivatives.
 _SPLINE_V, _SPLINE_A = 1.38, 4.8
+#: rad; a limited joint goes no farther than this in the step in which its angle is wrapped.
+_STEP = 0.25 * np.pi
 #: The low pass of comparison, whose difference shows what a low pass takes away.
 _LOWER = 1.0 / np.sqrt(2.0)
 
@@ -70,6 +73,8 @@ def unwrapped(
             continue  # no wrapped angle; the limits judge it
         straight = np.unwrap(q)
         if np.isfinite(column.lower) and np.isfinite(column.upper):
+            if (np.abs(np.diff(straight)) > _STEP)[np.abs(jumps) > 0.5 * _TURN].any():
+                continue  # a leap, but not by a turn
             middle = 0.5 * (float(straight.min()) + float(straight.max()))
             straight -= _TURN * np.rint((middle - 0.5 * (column.lower + column.upper)) / _TURN)
         result = result.copy() if result is position else result

@@ -121,7 +121,7 @@ def _read(
     found.time_unit = options.time_unit or found.time_unit or log.units.get(found.time)
     t = _seconds(cells, found, _speeds(named, position), problems, said)
     check_times(t, cells.lines, problems)
-    kept = np.arange(t.size) if problems else ordered_rows(t, cells.lines, problems, said)
+    kept = ordered_rows(t, cells.lines, problems, said)
     position = unwrapped(named, position[kept], said)
     rates = [_quantity(cells, part, named, factors)[kept]
              for part in (found.velocity, found.acceleration)]  # fmt: skip

@@ -91,6 +91,8 @@ def ordered_rows(
         said: else what was left out.
     """
     every = np.arange(t.size)
+    if not np.isfinite(t).all():  # refused already
+        return every
     latest = np.maximum.accumulate(t)
     wrong = np.flatnonzero(t[1:] <= latest[:-1]) + 1
     if wrong.size == 0 or _is_regular(t):
