@@ -22,8 +22,11 @@ _SHORTEST_STEP = 1e-9
 _LONGEST_TIME = 1e10
 #: Samples below which rows are not judged: a table that somebody wrote.
 _FEWEST = 20
-#: Share of a step by which stamps may miss regular time, RMS and at most.
-_JITTER, _FARTHEST = 0.5, 1.0
+#: Share of a step by which stamps may miss regular time, RMS.
+_JITTER = 0.5
+#: Where steps vary by a larger share than this (median), a lost or doubled row cannot be told from
+#: jitter, and rows count as taken one step after another.
+_PRECISE = 0.1
 #: Share of a step below which jitter is rounding.
 _REGULAR = 1e-3
 #: Share of the changes that come at one and the same number of rows, where a slower rate is held.
@@ -95,7 +98,7 @@ def ordered_rows(
         return every
     latest = np.maximum.accumulate(t)
     wrong = np.flatnonzero(t[1:] <= latest[:-1]) + 1
-    if wrong.size == 0 or _is_regular(t):
+    if wrong.size == 0 or _only_jitters(t):
         return every
     if t.size < _FEWEST or wrong.size > BAD_SHARE * t.size:
         where = listing(f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong)
@@ -106,13 +109,15 @@ def ordered_rows(
     return np.setdiff1d(every, wrong)
 
 
-def _is_regular(t: FloatArray) -> bool:
-    """Whether rows were taken at regular times, by their number alone."""
+def _only_jitters(t: FloatArray) -> bool:
+    """Whether rows were taken at regular times one after another, and only their stamps vary."""
+    steps = np.diff(t)
+    middle = float(np.median(steps))
+    if t.size < _FEWEST or np.median(np.abs(steps - middle)) <= _PRECISE * middle:
+        return False
     number = np.arange(t.size)
     step, start = np.polyfit(number, t, 1)
-    off = np.abs(t - start - step * number)
-    return bool(t.size >= _FEWEST and step > 0.0 and off.max() <= _FARTHEST * step
-                and np.sqrt(np.mean(off**2)) <= _JITTER * step)  # fmt: skip
+    return bool(step > 0.0 and np.std(t - start - step * number) <= _JITTER * step)
 
 
 def regular_time(t: FloatArray) -> Timing | None:
@@ -126,7 +131,7 @@ def regular_time(t: FloatArray) -> Timing | None:
     """
     if t.size < _FEWEST:
         return None
-    if _is_regular(t):
+    if _only_jitters(t):
         number = np.arange(t.size)
     else:
         steps = np.diff(t)
