@@ -21,12 +21,14 @@ from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.terminal import (
     as_text,
     load,
+    load_motion_of,
     notice,
     noticed,
     print_line,
     progress,
     say,
     show,
+    takes_logs,
     warnings_as_notices,
     working,
     write,
@@ -44,7 +46,7 @@ app = typer.Typer(
 # What commands share.
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Scene file or bundled scene.")]
 TrajectoryName = Annotated[
-    str, typer.Argument(metavar="TRAJECTORY", help="CSV or way-points (YAML), file or bundled.")
+    str, typer.Argument(metavar="TRAJECTORY", help="Log, CSV or way-points; file or bundled.")
 ]
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Write the results there, too.")
@@ -67,35 +69,40 @@ def _options(
 
 
 @app.command()
+@takes_logs
 def inverse(
+    *,
     scene_name: SceneName,
     trajectory_name: TrajectoryName,
     out: OutFolder = None,
     as_json: AsJson = False,
     threads: Threads = None,
+    log: Any,
 ) -> None:
     """Give the efforts that a motion takes.
 
     One value while a joint slides, an interval while it sticks. --out writes efforts.csv,
     efforts.png and summary.json.
     """
-    scene, trajectory = load(scene_name, trajectory_name, out)
+    scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.dynamics.inverse import inverse_dynamics
     from pinfric.show.report import inverse_json, inverse_report
+    from pinfric.study.log.judged import judge_log
 
     name = Path(trajectory.source).name
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
         result = inverse_dynamics(scene, trajectory, threads=threads)
-    summary = inverse_json(result, trajectory.source, noticed)
+    judged = None if trajectory.reading is None else judge_log(result, trajectory.reading)
+    summary = inverse_json(result, trajectory.source, noticed, judged)
     if out is not None:
         from pinfric.show.plots import effort_figure
 
         write(out, {
             "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
-            "efforts.png": lambda path: effort_figure(result, name).savefig(path),
+            "efforts.png": lambda path: effort_figure(result, name, log=judged).savefig(path),
             "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
         })  # fmt: skip
-    show(summary if as_json else inverse_report(result, name))
+    show(summary if as_json else inverse_report(result, name, judged))
 
 
 @app.command()
@@ -181,7 +188,9 @@ def paper(
 
 
 @app.command()
+@takes_logs
 def size(
+    *,
     scene_name: SceneName,
     trajectory_name: TrajectoryName,
     catalog: Annotated[
@@ -190,13 +199,14 @@ def size(
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
+    log: Any,
 ) -> None:
     """Size the drives for a cycle that repeats.
 
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
     meets it. --out writes sizing.json and report.html.
     """
-    scene, trajectory = load(scene_name, trajectory_name, out)
+    scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.sizing_report import sizing_json, sizing_report
     from pinfric.study.sizing import size as size_drives
 
@@ -216,7 +226,9 @@ def size(
 
 
 @app.command()
+@takes_logs
 def sweep(
+    *,
     scene_name: SceneName,
     trajectory_name: TrajectoryName,
     sweep_name: Annotated[
@@ -232,6 +244,7 @@ def sweep(
     ] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
+    log: Any,
 ) -> None:
     """Vary friction, payload, speed and mounting of a cycle.
 
@@ -239,7 +252,7 @@ def sweep(
     parameter decides. --out writes samples.parquet, sweep.png and summary.json; a sweep that was
     stopped goes on from the samples in that folder.
     """
-    scene, trajectory = load(scene_name, trajectory_name, out)
+    scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.sweep_report import sweep_json, sweep_report
     from pinfric.study.sweep import sweep as run_sweep
 
@@ -261,7 +274,9 @@ def sweep(
 
 
 @app.command()
+@takes_logs
 def replay(
+    *,
     scene_name: SceneName,
     motion_name: Annotated[
         str | None,
@@ -280,6 +295,7 @@ def replay(
         bool, typer.Option("--live", help="Show the simulation while it computes, too.")
     ] = False,
     as_json: AsJson = False,
+    log: Any,
 ) -> None:
     """Show a motion in 3D: what slides, what sticks, and when.
 
@@ -304,7 +320,7 @@ def replay(
         motion = simulate_live(scene, say, open_browser=open_browser)
     else:
         with working("computing the motion"):
-            motion = motion_to_replay(scene, motion_name, notice)
+            motion = motion_to_replay(scene, motion_name, notice, log)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
         shown = make_replay(scene, motion, html=html, title=title)
@@ -358,7 +374,9 @@ def check(
 
 
 @app.command()
+@takes_logs
 def accuracy(
+    *,
     scene_name: SceneName,
     trajectory_name: Annotated[
         str | None,
@@ -369,6 +387,7 @@ def accuracy(
     ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
+    log: Any,
 ) -> None:
     """Show what accuracy costs in time: of simulation, of sampling, of models of friction.
 
@@ -378,12 +397,11 @@ def accuracy(
     from pinfric.show.accuracy_report import accuracy_frame, accuracy_json, accuracy_report
     from pinfric.show.files import check_writable
     from pinfric.study.accuracy import accuracy as study
-    from pinfric.study.trajectory import load_trajectory
 
     if out is not None:
         check_writable(out)
     scene = load_scene(scene_name)
-    trajectory = None if trajectory_name is None else load_trajectory(trajectory_name, scene)
+    trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     with working("measuring, for half a minute or more; minutes where loops close"):
         found = study(scene, trajectory, peers=peers)
     summary = accuracy_json(found, noticed)
@@ -400,22 +418,24 @@ def accuracy(
 
 
 @app.command()
+@takes_logs
 def explain(
+    *,
     scene_name: SceneName,
     trajectory_name: Annotated[
         str | None,
-        typer.Argument(metavar="[TRAJECTORY]", help="CSV or way-points; else random states."),
+        typer.Argument(metavar="[TRAJECTORY]", help="Log, CSV or way-points; else random states."),
     ] = None,
     as_json: AsJson = False,
+    log: Any,
 ) -> None:
     """Say which effects a scene calls for, why, and what each costs and changes."""
     from pinfric.model.scene_file import load_scene
     from pinfric.show.report import explain_json, explain_report
     from pinfric.study.explain import explain as measure
-    from pinfric.study.trajectory import load_trajectory
 
     scene = load_scene(scene_name)
-    trajectory = None if trajectory_name is None else load_trajectory(trajectory_name, scene)
+    trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     with working("measuring"):
         explanation = measure(scene, trajectory)
     if as_json:

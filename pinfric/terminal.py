@@ -5,6 +5,7 @@ What is heavy is imported inside functions: `pinfric --help` needs neither NumPy
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import sys
@@ -12,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     from pinfric.model.scene import Scene
     from pinfric.show.files import Writer
+    from pinfric.study.log.reading import ReadingOptions
     from pinfric.study.trajectory import Trajectory
 
 #: Exit code where the reader of our output left.
@@ -32,21 +34,65 @@ NO_READER = 141
 noticed: list[str] = []
 
 
+#: The options of every command that reads a trajectory: name, annotation.
+_LOG_OPTIONS = {
+    "columns": Annotated[
+        Path | None,
+        typer.Option("--columns", metavar="FILE", help="Which column of a log is what (YAML)."),
+    ],
+    "unit": Annotated[
+        str | None, typer.Option("--unit", metavar="rad|deg", help="Of a log's angles.")
+    ],
+    "time_unit": Annotated[
+        str | None, typer.Option("--time-unit", metavar="s|ms|us|ns", help="Of a log's time.")
+    ],
+    "cutoff": Annotated[
+        str | None,
+        typer.Option("--cutoff", metavar="HZ|none", help="Low pass on a log's positions."),
+    ],
+}
+
+
+def takes_logs(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options that say how a log is read, as its argument `log`."""
+
+    def with_options(**arguments: Any) -> None:
+        from pinfric.study.log.reading import ReadingOptions
+
+        given = {name: arguments.pop(name) for name in _LOG_OPTIONS}
+        command(**arguments, log=ReadingOptions(**given))
+
+    signature = inspect.signature(command, eval_str=True)
+    own = [p for p in signature.parameters.values() if p.name != "log"]
+    added = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+             for name, kind in _LOG_OPTIONS.items()]  # fmt: skip
+    with_options.__name__, with_options.__doc__ = command.__name__, command.__doc__
+    with_options.__signature__ = signature.replace(parameters=[*own, *added])  # type: ignore[attr-defined]
+    with_options.__annotations__ = {p.name: p.annotation for p in (*own, *added)}
+    return with_options
+
+
 def load(
-    scene_name: str, trajectory_name: str, out: Path | None = None
+    scene_name: str, trajectory_name: str, log: ReadingOptions, out: Path | None = None
 ) -> tuple[Scene, Trajectory]:
     """Read a scene and a trajectory; refuse a folder that could not be written before any work."""
     from pinfric.model.scene_file import load_scene
     from pinfric.show.files import check_writable
-    from pinfric.study.trajectory import load_trajectory
 
     if out is not None:
         check_writable(out)
     scene = load_scene(scene_name)
-    trajectory = load_trajectory(trajectory_name, scene)
+    return scene, load_motion_of(scene, trajectory_name, log)
+
+
+def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> Trajectory:
+    """Read a trajectory of a scene and say what a person should know of it."""
+    from pinfric.study.trajectory import load_trajectory
+
+    trajectory = load_trajectory(trajectory_name, scene, log)
     for text in trajectory.warnings:
         notice(f"{trajectory.source}: {text}")
-    return scene, trajectory
+    return trajectory
 
 
 def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:

@@ -17,7 +17,8 @@ from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
 from pinfric.show.files import write_file
 from pinfric.show.names import affixes, left_out, shortened, without
-from pinfric.show.report import digits, span
+from pinfric.show.report import digits, log_lines, span
+from pinfric.study.log.judged import JudgedLog
 from pinfric.study.summary import (
     ActuatorSummary,
     ends_by_magnitude,
@@ -65,7 +66,10 @@ _WIDTH, _LEFT, _RIGHT, _HEADER, _FOOT, _STRIP, _LABEL = 11.0, 0.75, 0.25, 0.92, 
 
 
 def effort_figure(
-    result: InverseResult, trajectory: str = "", drives: Sequence[str] | None = None
+    result: InverseResult,
+    trajectory: str = "",
+    drives: Sequence[str] | None = None,
+    log: JudgedLog | None = None,
 ) -> Figure:
     """Draw every drive's effort over time: a line while it slides, a band while it sticks.
 
@@ -78,6 +82,8 @@ def effort_figure(
         trajectory: its name, for the title.
         drives: names of those to draw; by default all, of more than 30 those with the largest
             peaks of their unit: what is left out is counted.
+        log: how the trajectory was read, if it came from samples; how well efforts are known is
+            said below the title.
 
     Raises:
         StateError: the result has no times, or no drive of a name.
@@ -118,7 +124,8 @@ def effort_figure(
         text = f"effort of each drive at its joint, in {units}"
         if always:
             text += f"; carries {', '.join(always)} all the way"
-        _head(figure, total, result, trajectory, text + left + note)
+        known = "; ".join(["", *log_lines(log, {s.name: s.unit for s in chosen.values()})])
+        _head(figure, total, result, trajectory, text + left + note + known)
     return figure
 
 

@@ -16,10 +16,10 @@ from pinfric.dynamics.motion import Motion, load_motion, scene_digests
 from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.errors import StateError, TrajectoryError
 from pinfric.model.scene import Scene
-from pinfric.model.scene_file import find_file
 from pinfric.show.files import write_file
 from pinfric.show.frames import RATE, make_frames
 from pinfric.study.scene_run import run_scene
+from pinfric.study.log.reading import ReadingOptions
 from pinfric.study.trajectory import load_trajectory
 
 
@@ -110,15 +110,19 @@ def replay(
 
 
 def motion_to_replay(
-    scene: Scene, name: str | None = None, notice: Callable[[str], object] = lambda _: None
+    scene: Scene,
+    name: str | None = None,
+    notice: Callable[[str], object] = lambda _: None,
+    log: ReadingOptions = ReadingOptions(),  # noqa: B008
 ) -> InverseResult | Motion:
     """Return what `pinfric replay SCENE [NAME]` shows.
 
     Args:
         scene: the robot.
-        name: a saved motion (.npz), a trajectory (CSV, way-points; a file or a bundled one), whose
-            inverse dynamics are computed, or None: the scene's own simulation.
+        name: a saved motion (.npz), a trajectory (log, CSV, way-points; a file or a bundled one),
+            whose inverse dynamics are computed, or None: the scene's own simulation.
         notice: called with each of the trajectory's warnings.
+        log: how a log is to be read.
 
     Raises:
         PinfricError: the file cannot be read or is of another scene; there is no simulation.
@@ -129,8 +133,7 @@ def motion_to_replay(
         if not Path(name).is_file():
             raise TrajectoryError(f"there is no file {name}; `Motion.save` writes such files")
         return load_motion(name, scene)
-    suffixes = (".csv", ".waypoints.yaml", ".yaml", ".yml")
-    trajectory = load_trajectory(find_file(name, suffixes, TrajectoryError), scene)
+    trajectory = load_trajectory(name, scene, log)
     for text in trajectory.warnings:
         notice(f"{trajectory.source}: {text}")
     return inverse_dynamics(scene, trajectory)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from pinfric.dynamics.result import InverseResult, Status, runs
 from pinfric.model.brief import counted
 from pinfric.show.tables import Column, Kind, Table
 from pinfric.study.explain import Explanation
+from pinfric.study.log.judged import JudgedLog, MeasuredEffort
 from pinfric.study.summary import (
     ROUNDING,
     ActuatorSummary,
@@ -25,9 +26,15 @@ from pinfric.study.summary import (
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+#: A peak that is known to no better than this share of itself is printed with its uncertainty.
+_UNCERTAIN_SHARE = 0.1
+
 
 def inverse_json(
-    result: InverseResult, trajectory: str, warnings: Sequence[str] = ()
+    result: InverseResult,
+    trajectory: str,
+    warnings: Sequence[str] = (),
+    log: JudgedLog | None = None,
 ) -> dict[str, Any]:
     """Return everything `pinfric inverse --json` prints; SI units, None for what is not a number.
 
@@ -35,6 +42,7 @@ def inverse_json(
         result: with times.
         trajectory: its name or path.
         warnings: what was noticed on the way.
+        log: how the trajectory was read, if it came from samples.
 
     Raises:
         StateError: the result has no times.
@@ -62,7 +70,24 @@ def inverse_json(
                      for name, spans in payload_phases(result).items()},
         "status": {status.name.lower(): (result.status == status).sum() for status in Status},
         "warnings": list(warnings),
+        "input": None if log is None else _input_json(log),
     })  # fmt: skip
+
+
+def _input_json(log: JudgedLog) -> dict[str, Any]:
+    """How a log was read: Hz, s, rad or m by joint; N m or N by drive."""
+    reading = log.reading
+    return {
+        "samples": reading.samples,
+        "dropped": reading.dropped,
+        "resampled": reading.resampled,
+        "jitter": reading.jitter,
+        "noise": dict(reading.noise),
+        "cutoff": dict(reading.cutoff),
+        "peak_uncertainty": dict(log.peak_uncertainty),
+        "measured": {name: asdict(found) for name, found in log.measured.items()},
+        "said": list(reading.said),
+    }
 
 
 def json_safe(value: Any) -> Any:
@@ -78,12 +103,15 @@ def json_safe(value: Any) -> Any:
     return value
 
 
-def inverse_report(result: InverseResult, trajectory: str) -> list[RenderableType]:
+def inverse_report(
+    result: InverseResult, trajectory: str, log: JudgedLog | None = None
+) -> list[RenderableType]:
     """Return the tables and lines that `pinfric inverse` prints, for a rich console.
 
     Args:
         result: with times.
         trajectory: its name, for the title.
+        log: how the trajectory was read, if it came from samples.
 
     Raises:
         StateError: the result has no times.
@@ -91,16 +119,40 @@ def inverse_report(result: InverseResult, trajectory: str) -> list[RenderableTyp
     from rich.text import Text
 
     summaries = summarize(result)
-    tables: list[RenderableType] = [_effort_table(result, summaries, trajectory)]
+    tables: list[RenderableType] = [_effort_table(result, summaries, trajectory, log)]
     geared = [s for s, drive in zip(summaries, result.scene.drives, strict=True)
               if drive.transmission is not None]  # fmt: skip
     if geared:
         tables += [Text(), _motor_table(geared)]
-    return [*tables, Text(), *(Text(line) for line in _footer(result))]
+    lines = [*_footer(result), *log_lines(log, {s.name: s.unit for s in summaries})]
+    if log is not None and log.measured:
+        lines.append("off log: RMS of (logged effort - computed) / RMS of the logged effort")
+    return [*tables, Text(), *(Text(line) for line in lines)]
+
+
+def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
+    """Return "filtered at 11 Hz, noise 1.0e-05 rad, peak efforts known to ±0.4 N m", or nothing.
+
+    Args:
+        log: None where the motion is no log's.
+        units: drive -> N m or N.
+    """
+    if log is None:
+        return []
+    if not log.reading.noise_line:
+        return []
+    known = ""
+    if log.peak_uncertainty:
+        name = max(log.peak_uncertainty, key=log.peak_uncertainty.__getitem__)
+        known = f", peak efforts known to ±{log.peak_uncertainty[name]:.2g} {units[name]}"
+    return [f"{log.reading.noise_line}{known}"]
 
 
 def _effort_table(
-    result: InverseResult, summaries: Sequence[ActuatorSummary], trajectory: str
+    result: InverseResult,
+    summaries: Sequence[ActuatorSummary],
+    trajectory: str,
+    log: JudgedLog | None,
 ) -> Table:
     assert result.t is not None
     units = {s.unit for s in summaries}
@@ -116,17 +168,34 @@ def _effort_table(
         ("friction\nshare", ""), ("sticks", "s"), ("widest\ninterval", unit),
     )  # fmt: skip
     figures = [Column(heading + (f"\n{unit}" if unit else "")) for heading, unit in headings]
+    measured = {} if log is None else log.measured
+    if measured:
+        figures.append(Column("off\nlog"))
     zero = rounding(result)
     rows = [
         (
             s.name, *([] if unit else [s.unit]),
-            digits(s.peak, zero), span(s.rms_least, s.rms, zero),
+            _peak(s, zero, log), span(s.rms_least, s.rms, zero),
             f"{digits(s.peak_frictionless, zero)}, {digits(s.rms_frictionless, zero)}",
             f"{100 * s.friction_share:.0f} %", digits(s.stick_time), digits(s.max_interval, zero),
+            *([_off(measured.get(s.name))] if measured else []),
         )
         for s in summaries
     ]  # fmt: skip
     return Table(title, [*key, *figures], rows, keys=len(key))
+
+
+def _off(measured: MeasuredEffort | None) -> str:
+    return "" if measured is None else f"{100 * measured.relative_error:.0f} %"
+
+
+def _peak(summary: ActuatorSummary, zero: float, log: JudgedLog | None) -> str:
+    """The peak effort; beside it how far it is known, where that is more than a tenth of it."""
+    text = digits(summary.peak, zero)
+    uncertain = 0.0 if log is None else log.peak_uncertainty.get(summary.name, 0.0)
+    if uncertain <= max(_UNCERTAIN_SHARE * summary.peak, zero):
+        return text
+    return f"{text} ±{uncertain:.2g}"
 
 
 def _motor_table(geared: Sequence[ActuatorSummary]) -> Table:

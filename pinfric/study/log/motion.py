@@ -19,6 +19,7 @@ from pinfric.study.log.noise import (
     noise_gain,
     noise_level,
     signal_cutoff,
+    typical_noise,
 )
 from pinfric.study.log.reading import DerivativeNoise, Reading, ReadingOptions
 from pinfric.study.log.rows import Timing, counted, gap_problems, held_rate, regular_time
@@ -109,15 +110,18 @@ def settle(
     plain = Settled(_rows_of(plan, rows), rows.astype(np.float64), reading)
     given = np.isfinite(plan.acceleration).all() and np.isfinite(plan.velocity).all()
     timing = regular_time(plain.table.t)
-    if timing is None or given or options.cutoff == "none":
+    if timing is None or given:
         if (np.diff(plain.table.t) <= 0.0).any():
             problems.append("time must increase, and is not regular enough to be mended")
         return plain
     even = _on_regular_time(plain, timing)
     noisy = [is_noisy(q, timing.step) for q in even.table.position.T]
-    if not any(noisy) and options.cutoff is None:
+    if not any(noisy) and not isinstance(options.cutoff, float):
         mended = timing.irregular and np.array_equal(even.rows, plain.rows)
-        return even if mended else plain
+        levels = {column.name: typical_noise(q)
+                  for column, q in zip(columns, even.table.position.T, strict=True)}  # fmt: skip
+        chosen = even if mended else plain
+        return replace(chosen, reading=replace(chosen.reading, noise=levels))
     problems += gap_problems(plain.table.t)
     return plain if problems else _filtered(columns, even, noisy, timing.step, options)
 
@@ -197,7 +201,7 @@ def _filtered(
         cutoff = None
         if moves and isinstance(options.cutoff, float):
             cutoff = options.cutoff
-        elif moves and noisy[i]:
+        elif moves and noisy[i] and options.cutoff is None:
             cutoff = signal_cutoff(q, step)
         joints.append(_low_passed(t, q, holds, step, cutoff, noise[i]))
     position, velocity, acceleration, shift, moving = (
@@ -211,8 +215,8 @@ def _filtered(
         cutoff={name: joint.cutoff for name, joint in zip(names, joints, strict=True)},
         uncertain=DerivativeNoise(moving, *np.array([joint.spread for joint in joints]).T, shift),
     )
-    units = " or ".join(dict.fromkeys(column.unit for column in columns))
-    reading = replace(reading, said=(*reading.said, filter_line(reading, units)))
+    line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
+    reading = replace(reading, said=(*reading.said, line), noise_line=line)
     table = replace(even.table, position=position, velocity=velocity, acceleration=acceleration)
     return Settled(table, even.rows, reading)
 
@@ -254,13 +258,15 @@ def _low_passed(
                      moving, cutoff, spread)  # fmt: skip
 
 
-def filter_line(reading: Reading, unit: str) -> str:
-    """Return "filtered at 11 Hz, noise 1.0e-05 rad", with ranges over the joints."""
+def _noise_line(reading: Reading, unit: str) -> str:
+    """Say "filtered at 11 Hz, noise 1.0e-05 rad", with ranges over the joints."""
     cutoffs = sorted(x for x in reading.cutoff.values() if x is not None)
     noise = sorted(x for x in reading.noise.values() if x > 0.0)
-    parts = [f"filtered at {_span(cutoffs, '.3g')} Hz" if cutoffs else "not filtered"]
-    if noise:
-        parts.append(f"noise {_span(noise, '.1e')} {unit}")
+    done = f"filtered at {_span(cutoffs, '.3g')} Hz" if cutoffs else "not filtered"
+    parts = [done, *([f"noise {_span(noise, '.1e')} {unit}"] if noise else [])]
+    if reading.uncertain is not None and not cutoffs:
+        parts.append(f"which leaves {reading.uncertain.acceleration.max():.2g} {unit}/s^2 in "
+                     "accelerations")  # fmt: skip
     return ", ".join(parts)
 
 

@@ -54,7 +54,7 @@ def is_noisy(position: FloatArray, step: float) -> bool:
     """
     if position.size < _FEWEST:
         return False
-    six, eight = (_typical_noise(position, order) for order in (_ORDER, _ORDER + 2))
+    six, eight = (typical_noise(position, order) for order in (_ORDER, _ORDER + 2))
     if six <= _LEAST_NOISE or eight < _WHITE_SHARE * six:
         return False
     peak = float(np.abs(np.diff(position, 2)).max()) / step**2
@@ -70,8 +70,13 @@ def _differences(position: FloatArray, order: int) -> FloatArray:
     return np.diff(position, order)[count[order:] > count[:-order]]
 
 
-def _typical_noise(position: FloatArray, order: int) -> float:
-    """Sigma from the median of differences: for Gaussian ones it is 0.6745 of their RMS."""
+def typical_noise(position: FloatArray, order: int = _ORDER) -> float:
+    """Return sigma from the median of differences: the few samples at a kink do not count.
+
+    Args:
+        position: (T,) rad or m at regular times.
+        order: of the differences; the median of Gaussian ones is 0.6745 of their RMS.
+    """
     differences = _differences(position, order)
     if differences.size < _FEWEST:
         return 0.0

@@ -137,6 +137,7 @@ def _read(
     settled = settle(named, plan, options, problems)
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
         said.append("velocities in the file are not used: they come from the filtered positions")
+    said += _smoothed_already(settled.reading) if log.recorded else []
     at, rows = settled.rows, np.arange(kept.size)
     efforts = {column.name: np.interp(at, rows, effort[:, i])
                for i, column in enumerate(named) if column.name in found.effort}  # fmt: skip
@@ -144,6 +145,14 @@ def _read(
     reading = replace(settled.reading, dropped=dropped, effort=efforts,
                       said=(*said, *settled.reading.said))  # fmt: skip
     return LoggedMotion(named, settled.table, reading)
+
+
+def _smoothed_already(reading: Reading) -> list[str]:
+    """Say that a recording has no noise: something has filtered it before."""
+    if reading.noise_line:
+        return []
+    largest = max(reading.noise.values(), default=0.0)
+    return [f"positions have no noise to speak of ({largest:.1e}): smoothed before, not filtered here"]
 
 
 def _quantity(

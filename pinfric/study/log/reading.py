@@ -84,6 +84,7 @@ class Reading:
         noise: joint -> standard deviation of its positions' noise, rad or m; 0: rounding.
         cutoff: joint -> Hz; None: not filtered.
         said: a line for everything that was guessed, repaired or filtered.
+        noise_line: the one of them that says what noise there is and what was done about it.
         effort: joint -> (T,) the effort that the log itself has, N m or N.
         uncertain: what stays uncertain in the derivatives; None where nothing was filtered.
     """
@@ -95,6 +96,7 @@ class Reading:
     noise: Mapping[str, float] = field(default_factory=dict)
     cutoff: Mapping[str, float | None] = field(default_factory=dict)
     said: tuple[str, ...] = ()
+    noise_line: str = ""
     effort: Mapping[str, FloatArray] = field(default_factory=dict)
     uncertain: DerivativeNoise | None = None
 
