@@ -108,7 +108,9 @@ def signal_cutoff(position: FloatArray, step: float) -> float | None:
 def low_pass(position: FloatArray, step: float, cutoff: float) -> FloatArray:
     """Return positions after a Butterworth low pass of order four, forward and backward.
 
-    Its gain is 1 / (1 + (f / cutoff)^8), without a shift in time.
+    Its gain is 1 / (1 + (f / cutoff)^8), without a shift in time. Beyond both ends the motion goes on
+    as the cubic through its last two periods of the cutoff does, with the noise mirrored: a
+    reflection would set velocity or acceleration to zero there.
 
     Args:
         position: (T,) rad or m at regular times.
@@ -118,8 +120,20 @@ def low_pass(position: FloatArray, step: float, cutoff: float) -> FloatArray:
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(_BUTTERWORTH, cutoff, fs=1.0 / step, output="sos")
-    settling = min(position.size - 1, math.ceil(3.0 / (cutoff * step)))
-    return np.asarray(sosfiltfilt(sections, position, padlen=settling))
+    span = min(position.size, max(math.ceil(2.0 / (cutoff * step)), 8))
+    before = _continued(position[::-1], span)[::-1]
+    longer = np.concatenate((before, position, _continued(position, span)))
+    smooth = sosfiltfilt(sections, longer, padlen=min(longer.size - 1, span))
+    return np.asarray(smooth[before.size : before.size + position.size])
+
+
+def _continued(position: FloatArray, span: int) -> FloatArray:
+    """Return `span` samples after the last one: a cubic of the last `span`, residuals mirrored."""
+    last = position[-span:]
+    place = np.arange(1 - span, 1, dtype=np.float64) / span
+    cubic = np.polynomial.Polynomial.fit(place, last, 3 if span > 8 else 1)
+    ahead = np.arange(1, span, dtype=np.float64) / span
+    return np.asarray(cubic(ahead) + (last - cubic(place))[::-1][1:])
 
 
 def noise_gain(step: float, cutoff: float, order: int) -> float:
