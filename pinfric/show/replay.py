@@ -18,8 +18,8 @@ from pinfric.errors import StateError, TrajectoryError
 from pinfric.model.scene import Scene
 from pinfric.show.files import write_file
 from pinfric.show.frames import RATE, make_frames
-from pinfric.study.scene_run import run_scene
 from pinfric.study.log.reading import ReadingOptions
+from pinfric.study.scene_run import run_scene
 from pinfric.study.trajectory import load_trajectory
 
 

@@ -259,7 +259,9 @@ class Trajectory:
 
 
 def load_trajectory(
-    path: str | Path, scene: HasModel, options: ReadingOptions = ReadingOptions()  # noqa: B008
+    path: str | Path,
+    scene: HasModel,
+    options: ReadingOptions = ReadingOptions(),  # noqa: B008
 ) -> Trajectory:
     """Read a log, a table of samples or a way-point file (YAML, `waypoints`) and fit it to a scene.
 
@@ -268,8 +270,9 @@ def load_trajectory(
     `<joint>`, optionally `<joint>.v`, `<joint>.a`, and `payload.<name>` with 1 where the payload is
     carried (default: as the scene says). Lines that start with # are skipped. Missing derivatives
     come from a quintic interpolating spline over t, per joint; where a joint stands still v = a = 0
-    exactly (`derivatives`). A missing `.a` beside a given `.v` is the derivative of a spline through
-    v. Positions with noise beyond rounding are low-passed first (`log.motion`); `reading` tells.
+    exactly (`derivatives`). A missing `.a` beside a given `.v` is the derivative of a spline
+    through v. Positions with noise beyond rounding are low-passed first (`log.motion`), as
+    `reading` tells.
 
     Args:
         path: the file, or a bag's folder; where there is none, the bundled one of that name.

@@ -49,28 +49,27 @@ def refused(folder, text, **options):
 
 NAMES = ("base_turn", "arm_lift")
 PLAIN = table(("t", *NAMES), T, Q)
+JUGGLED = [f"/joint_states/{n}/{k}" for k in ("position", "velocity") for n in NAMES]
+WANTED = [f"desired/{name}/position" for name in NAMES]
+PAIRS = list(zip(T.tolist(), *Q.T.tolist(), strict=True))
 DIALECTS = {
     "semicolons": table(("time", *NAMES), T, Q, mark=";"),
     "tabs": table(("timestamp", *NAMES), T, Q, mark="\t"),
     "decimal commas": table(("t", *NAMES), T, Q, mark=";").replace(".", ","),
-    "plotjuggler": table(("__time", *(f"/joint_states/{n}/{k}" for k in ("position", "velocity")
-                                      for n in NAMES)), T, Q, V),  # fmt: skip
+    "plotjuggler": table(("__time", *JUGGLED), T, Q, V),
     "dots": table(("Time", *(f"joint_states.{n}.pos" for n in NAMES)), T, Q),
     "brackets": table(("time [s]", *(f"{n} [rad]" for n in NAMES)), T, Q),
     "prefix": table(("t", *(f"q_{n}" for n in NAMES)), T, Q),
     "degrees by name": table(("t", *(f"{n} [deg]" for n in NAMES)), T, np.degrees(Q)),
     "milliseconds by name": table(("t_ms", *NAMES), 1e3 * T, Q),
-    "a desired one beside": table(("t", *NAMES, *(f"desired/{n}/position" for n in NAMES)), T, Q, -Q),
-    "numbered": "time,name_0,name_1,position_0,position_1\n" + "".join(
-        f"{t!r},arm_lift,base_turn,{b!r},{a!r}\n" for t, (a, b) in zip(
-            T.tolist(), Q.tolist(), strict=True)),
-    "ros header": "header.stamp.secs,header.stamp.nsecs,base_turn,arm_lift\n" + "".join(
-        f"{1700000000 + int(t)},{round(t % 1 * 1e9)},{a!r},{b!r}\n" for t, (a, b) in zip(
-            T.tolist(), Q.tolist(), strict=True)),
-    "ns since 1970": "timestamp,base_turn,arm_lift\n" + "".join(
-        f"{1700000000123456789 + round(t * 1e9)},{a!r},{b!r}\n" for t, (a, b) in zip(
-            T.tolist(), Q.tolist(), strict=True)),
-}  # fmt: skip
+    "a desired one beside": table(("t", *NAMES, *WANTED), T, Q, -Q),
+    "numbered": "time,name_0,name_1,position_0,position_1\n"
+    + "".join(f"{t!r},arm_lift,base_turn,{b!r},{a!r}\n" for t, a, b in PAIRS),
+    "ros header": "header.stamp.secs,header.stamp.nsecs,base_turn,arm_lift\n"
+    + "".join(f"{1700000000 + int(t)},{round(t % 1 * 1e9)},{a!r},{b!r}\n" for t, a, b in PAIRS),
+    "ns since 1970": "timestamp,base_turn,arm_lift\n"
+    + "".join(f"{1700000000123456789 + round(t * 1e9)},{a!r},{b!r}\n" for t, a, b in PAIRS),
+}
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -108,7 +107,9 @@ def test_parquet(tmp_path):
 
 
 def test_a_mapping_says_what_names_do_not(tmp_path):
-    text = table(("stamp_us", "J1", "J2", "I2"), 1e6 * T, -np.degrees(Q[:, 0]) + 10.0, Q[:, 1], 2 * V)
+    text = table(
+        ("stamp_us", "J1", "J2", "I2"), 1e6 * T, -np.degrees(Q[:, 0]) + 10.0, Q[:, 1], 2 * V
+    )
     (tmp_path / "log.csv").write_text(text.replace("I2\n", "I1,I2\n", 1))
     (tmp_path / "log.columns.yaml").write_text("""
 time: {column: stamp_us, unit: us}
@@ -139,8 +140,9 @@ def test_degrees_are_recognised_by_the_limits(tmp_path):
 
 def test_mixed_angles_are_refused_with_the_choice(tmp_path):
     text = table(("t", *NAMES), T, np.degrees(Q[:, 0]), Q[:, 1])
-    assert "angles look like degrees (base_turn 45.84), but may be radians (arm_lift 0.5)" in refused(
-        tmp_path, text
+    assert (
+        "angles look like degrees (base_turn 45.84), but may be radians (arm_lift 0.5)"
+        in refused(tmp_path, text)
     )
     assert "--unit deg" in refused(tmp_path, text)
     assert np.abs(load(tmp_path, text, unit="deg").q[:, 1]).max() < 0.01
@@ -179,7 +181,9 @@ def test_few_torn_rows_and_stamps_are_left_out_and_said(tmp_path):
     motion = load(tmp_path, "\n".join([head, *rows]))
     assert motion.reading.dropped == 3
     assert motion.reading.samples == len(motion.t) == 398
-    assert "left out 2 rows of 401: the header has 3 columns; rows with another" in motion.warnings[0]
+    assert (
+        "left out 2 rows of 401: the header has 3 columns; rows with another" in motion.warnings[0]
+    )
     assert "left out 1 row with doubled or backward stamps, the first in line" in motion.warnings[1]
     np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=1e-3)
 
@@ -193,7 +197,9 @@ def test_many_torn_rows_are_an_error_that_names_them(tmp_path):
     rows = rows_of(PLAIN)[1]
     for i in range(10, 60, 10):
         rows[i] = rows[i - 1]
-    assert "time must increase; it does not at line 12" in refused(tmp_path, "\n".join([head, *rows]))
+    assert "time must increase; it does not at line 12" in refused(
+        tmp_path, "\n".join([head, *rows])
+    )
 
 
 def test_a_log_cut_off_while_it_was_written(tmp_path):
@@ -313,7 +319,11 @@ def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
     (tmp_path / "ur10.yaml").write_text(f'pinfric: 1\nrobot: {{urdf: "{urdf}"}}\n')
     scene = pf.load_scene(tmp_path / "ur10.yaml")
     motion = pf.load_trajectory(SHARED / "ur10_exciting_trajectory.db3", scene)
-    assert (motion.reading.samples, motion.reading.dropped, motion.reading.resampled) == (3441, 0, 0)
+    assert (motion.reading.samples, motion.reading.dropped, motion.reading.resampled) == (
+        3441,
+        0,
+        0,
+    )
     assert max(motion.reading.noise.values()) < 1e-11
     assert not motion.reading.filtered
     measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
@@ -353,5 +363,5 @@ def test_what_cannot_be_known_is_refused_in_one_line(header, columns, parts, tmp
 @pytest.mark.parametrize("options", [{"unit": "grad"}, {"time_unit": "min"}, {"cutoff": "0"},
                                      {"cutoff": "fast"}])  # fmt: skip
 def test_options_that_say_nothing_are_refused(options):
-    with pytest.raises(TrajectoryError, match="^--"):
+    with pytest.raises(TrajectoryError, match=r"^--"):
         ReadingOptions(**options)

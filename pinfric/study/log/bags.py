@@ -57,12 +57,14 @@ def open_bag(path: Path, joint_names: Sequence[str]) -> Log:
 def _messages(
     path: Path, joint_names: Sequence[str]
 ) -> tuple[str, list[tuple[int, Any]], list[str]]:
-    """Return the topic of the joint states, its messages (received at ns, message), other topics."""
+    """Return the topic of the joint states, its messages (received at ns), the other topics."""
     try:
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise TrajectoryError(f"{path}: ROS bags need rosbags: pip install 'pinfric[logs]'") from None
+        raise TrajectoryError(
+            f"{path}: ROS bags need rosbags: pip install 'pinfric[logs]'"
+        ) from None
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             states = [c for c in reader.connections if c.msgtype == JOINT_STATE and c.msgcount]
@@ -86,9 +88,7 @@ def _messages(
     return topic, found[topic], [c for c in topics if not c.startswith(f"{topic} (")]
 
 
-def _chosen(
-    path: Path, found: dict[str, list[tuple[int, Any]]], joint_names: Sequence[str]
-) -> str:
+def _chosen(path: Path, found: dict[str, list[tuple[int, Any]]], joint_names: Sequence[str]) -> str:
     """The one topic whose messages name the most of the joints that are looked for."""
     named = {
         topic: len({name for _, m in messages[:100] for name in m.name} & set(joint_names))
@@ -97,8 +97,8 @@ def _chosen(
     best = [topic for topic, count in named.items() if count == max(named.values())]
     if len(best) > 1:
         raise TrajectoryError(
-            f"{path}: topics {listing(best)} all have joint states of this robot; keep one of them: "
-            "ros2 bag convert, or a CSV file"
+            f"{path}: topics {listing(best)} all have joint states of this robot; keep one of "
+            "them: ros2 bag convert, or a CSV file"
         )
     return best[0]
 

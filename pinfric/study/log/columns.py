@@ -1,7 +1,7 @@
 """Which column of a log is what: time, a joint's position, velocity, effort, a payload.
 
 Names as robots and their tools write them are recognised: the joint's own name, alone or with a
-quantity before or after it (`elbow_joint`, `/joint_states/elbow_joint/position`, `pos_elbow_joint`),
+quantity before or after it (`elbow_joint`, `/joint_states/elbow_joint/position`, `q_elbow_joint`),
 and numbered columns beside columns of names (`position_0`, `name_0`). A mapping file says the rest.
 """
 
@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
+
+from pydantic import Field
 
 from pinfric.errors import SceneError, TrajectoryError, choose_from
 from pinfric.model.schema import Entry, Number, parse
@@ -69,7 +71,7 @@ class ColumnsFile(Entry):
 
     time: str | TimeMapping | None = None
     unit: Literal["rad", "deg"] | None = None
-    joints: dict[str, str | JointMapping] = {}
+    joints: dict[str, str | JointMapping] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ class Columns:
 
 
 def read_mapping(path: Path, given: Path | None) -> ColumnsFile | None:
-    """Read the mapping file that was given, or LOG.columns.yaml beside the log; None: there is none.
+    """Read the mapping file that was given, or LOG.columns.yaml beside the log; None: no such file.
 
     Raises:
         TrajectoryError: unreadable, unknown keys, values that cannot be.
@@ -167,9 +169,7 @@ def find_columns(
     return found
 
 
-def _meaning(
-    column: str, names: Sequence[str], numbered: dict[str, str]
-) -> tuple[str, str] | None:
+def _meaning(column: str, names: Sequence[str], numbered: dict[str, str]) -> tuple[str, str] | None:
     """The joint and the quantity that a column's name says."""
     if len(column) > _LONGEST_NAME:
         return None
@@ -179,8 +179,8 @@ def _meaning(
     match = _NUMBERED.match(column)
     if match and numbered:
         number = next(x for x in match.groups()[2:] if x is not None)
-        quantity = _QUANTITY.get(match[2].lower())
-        return (numbered[number], quantity) if quantity and numbered.get(number) in names else None
+        kind = _QUANTITY.get(match[2].lower())
+        return (numbered[number], kind) if kind and numbered.get(number) in names else None
     for name in sorted(names, key=len, reverse=True):
         at = re.search(rf"(?:^|[/.:\s\[_-]){re.escape(name)}(?:$|[/.:\s\](_-])", column)
         if at is None:
@@ -206,9 +206,7 @@ def _numbered_names(header: Sequence[str], first: Sequence[str]) -> dict[str, st
     return found
 
 
-def _payload(
-    column: str, payloads: Sequence[str], found: Columns, problems: list[str]
-) -> None:
+def _payload(column: str, payloads: Sequence[str], found: Columns, problems: list[str]) -> None:
     short = column.removeprefix(PAYLOAD)
     if short in payloads:
         found.payloads.append(short)
@@ -242,7 +240,7 @@ def _find_time(
     else:
         problems.append(
             f"there is no column t (time, s), nor time, timestamp or __time; there are: "
-            f"{listing(cut(name, 80) for name in header)}; name it by --columns FILE, a YAML file with `time: NAME`"
+            f"{_shown(header)}; name it by --columns FILE, a YAML file with `time: NAME`"
         )
 
 
@@ -280,15 +278,13 @@ def _apply(
                 found.ignored.remove(column)
 
 
-def _settle(
-    claims: dict[tuple[str, str], list[str]], found: Columns, problems: list[str]
-) -> None:
+def _settle(claims: dict[tuple[str, str], list[str]], found: Columns, problems: list[str]) -> None:
     for (joint, quantity), columns in claims.items():
         exact = [c for c in columns if c in (joint, f"{joint}.v", f"{joint}.a")]
         chosen = exact or columns
         if len(chosen) > 1:
-            problems.append(f"columns {listing(map(repr, chosen))} may all be the {quantity} of joint "
-                            f"{joint}; say which by --columns FILE")  # fmt: skip
+            problems.append(f"columns {listing(map(repr, chosen))} may all be the {quantity} of "
+                            f"joint {joint}; say which by --columns FILE")  # fmt: skip
         found.ignored += [c for c in columns if c not in chosen[:1]]
         if quantity == "current":
             found.ignored.append(chosen[0])  # a current is an effort only with a gain
@@ -316,5 +312,9 @@ def _check_joints(
                         "positions there is no motion to compute with")  # fmt: skip
         return
     problems.append(f"no column is a joint of the scene ({listing(names)}); there are: "
-                    f"{listing(cut(name, 80) for name in header)}; map them by --columns FILE, a YAML file with "
+                    f"{_shown(header)}; map them by --columns FILE, a YAML file with "
                     f"`joints: {{{names[0]}: COLUMN}}`")  # fmt: skip
+
+
+def _shown(header: Sequence[str]) -> str:
+    return listing(cut(name, 80) for name in header)

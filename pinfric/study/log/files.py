@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ class Cells:
         lines: (rows,) where each row stands in the file, for messages.
         resolution: (n,) the last digit printed; 0: not rounded.
         origin: column -> whole number subtracted from it, so that the rest is exact.
-        dropped: one text per row left out: where, and why.
+        dropped, why: how many rows were left out, and which.
         absent: rows without a cell in any of the columns but the first.
     """
 
@@ -50,7 +51,8 @@ class Cells:
     lines: Sequence[int]
     resolution: FloatArray
     origin: dict[str, int]
-    dropped: tuple[str, ...] = ()
+    dropped: int = 0
+    why: str = ""
     absent: int = 0
 
     def column(self, name: str) -> FloatArray:
@@ -81,7 +83,7 @@ class Log:
 
 @dataclass(frozen=True)
 class _Text:
-    """A CSV file as text: the lines below the header, with their numbers and what separates cells."""
+    """A CSV file as text: the lines below the header, their numbers, and what separates cells."""
 
     path: Path
     header: list[str]
@@ -110,14 +112,16 @@ def open_parquet(path: Path) -> Log:
     try:
         import pyarrow.parquet as parquet
     except ImportError:
-        raise TrajectoryError(f"{path}: Parquet needs pyarrow: pip install 'pinfric[logs]'") from None
+        raise TrajectoryError(
+            f"{path}: Parquet needs pyarrow: pip install 'pinfric[logs]'"
+        ) from None
     try:
         frame = parquet.read_table(path).to_pandas()
     except (OSError, ValueError, KeyError) as problem:  # pyarrow's errors are ValueErrors, OSErrors
         reason = " ".join(str(problem).split())[:200]
         raise TrajectoryError(f"{path}: is no Parquet file that can be read: {reason}") from None
     frame = frame.reset_index() if frame.index.name else frame
-    columns: dict[str, NDArray[np.int64] | FloatArray] = {}
+    columns: dict[str, NDArray[Any]] = {}
     units = {}
     for name in frame.columns:
         values = frame[name]
@@ -130,7 +134,7 @@ def open_parquet(path: Path) -> Log:
 
 
 def arrays_log(
-    columns: dict[str, NDArray[np.int64] | FloatArray],
+    columns: Mapping[str, NDArray[Any]],
     units: Mapping[str, str],
     said: tuple[str, ...] = (),
     recorded: bool = False,
@@ -146,9 +150,8 @@ def arrays_log(
                 values = values - values[0]
             parts.append(np.asarray(values, dtype=np.float64))
         rows = np.array(parts).reshape(len(names), -1).T
-        lines = range(1, len(rows) + 1)
-        return _sifted(names, rows, lines, np.zeros(rows.shape, dtype=bool),
-                       np.zeros(len(names)), origin, [], problems, "row")  # fmt: skip
+        found = _Rows(rows, list(range(1, len(rows) + 1)), np.isnan(rows))
+        return _sifted(names, found, np.zeros(len(names)), origin, problems)
 
     return Log(list(columns), read, recorded=recorded, said=said, units=units)
 
@@ -209,32 +212,73 @@ def _check_cells(path: Path, rows: Sequence[tuple[int, str]], separator: str) ->
                               "and names need no quotes")  # fmt: skip
 
 
+@dataclass(frozen=True)
+class _Rows:
+    """Rows as they were read: numbers, NaN where there was none; what stood there, and torn rows.
+
+    Args:
+        values: (rows, n).
+        lines: (rows,) where each stands in the file.
+        unreadable: (rows, n) there was no number.
+        torn: where rows with another number of cells stand, and how many they have.
+        cut: the only torn row is the last one: the log was cut off while it was written.
+        cell: what stood at row, column.
+    """
+
+    values: FloatArray
+    lines: list[int]
+    unreadable: NDArray[np.bool_]
+    torn: Sequence[str] = ()
+    cut: bool = False
+    cell: Callable[[int, int], str] = lambda row, column: ""
+
+
 def _read_text(text: _Text, names: Sequence[str], problems: list[str]) -> Cells:
     """Parse the columns at once; only where that fails look at each cell, to say which ones."""
     places = [text.header.index(name) for name in names]
-    whole = all(line.count(text.separator) == len(text.header) - 1 for line in text.rows)
-    if whole and not any('"' in line for line in text.rows):
-        try:
-            values = np.loadtxt(text.rows, delimiter=text.separator, comments=None, ndmin=2,
-                                usecols=places)  # fmt: skip
-        except ValueError:
-            pass
+    rows = _parsed_at_once(text, places) or _parsed_one_by_one(text, places)
+    origin = {}
+    for i, name in enumerate(names):
+        column = rows.values[:, i]
+        if np.max(np.abs(column), where=np.isfinite(column), initial=0.0) > _EXACT:
+            texts = [rows.cell(k, i) for k in range(len(column))]
+            if all(re.fullmatch(r"[-+]?\d+", x) for x in texts):
+                origin[name] = int(texts[0])
+                column[:] = [float(int(x) - origin[name]) for x in texts]
+    resolution = np.array([_resolution(text, place, rows.values[:, i])
+                           for i, place in enumerate(places)])  # fmt: skip
+    return _sifted(names, rows, resolution, origin, problems, len(text.header))
+
+
+def _parsed_at_once(text: _Text, places: Sequence[int]) -> _Rows | None:
+    mark = text.separator
+    if any(line.count(mark) != len(text.header) - 1 or '"' in line for line in text.rows):
+        return None
+    try:
+        values = np.loadtxt(text.rows, delimiter=mark, comments=None, ndmin=2, usecols=places)
+    except ValueError:
+        return None
+    return _Rows(values, text.lines, np.zeros(values.shape, dtype=bool),
+                 cell=lambda row, i: text.rows[row].split(mark)[places[i]].strip())  # fmt: skip
+
+
+def _parsed_one_by_one(text: _Text, places: Sequence[int]) -> _Rows:
+    cells: list[list[str]] = []
+    lines, torn, last = [], [], -1
+    for index, row in enumerate(csv.reader(text.rows, delimiter=text.separator)):
+        if len(row) == len(text.header):
+            cells.append([row[place].strip() for place in places])
+            lines.append(text.lines[index])
         else:
-            rows = list(range(len(text.rows)))
-            return _finish(text, names, values, rows, np.zeros(values.shape, dtype=bool), [],
-                           problems)  # fmt: skip
-    parsed, kept, missing, torn = [], [], [], []
-    for index, cells in enumerate(csv.reader(text.rows, delimiter=text.separator)):
-        if len(cells) != len(text.header):
-            torn.append((index, f"line {text.lines[index]} ({len(cells)})"))
-            continue
-        row = [_number(cells[place]) for place in places]
-        parsed.append([math.nan if x is None else x for x in row])
-        missing.append([x is None for x in row])
-        kept.append(index)
-    shape = (len(parsed), len(names))
-    return _finish(text, names, np.array(parsed, dtype=np.float64).reshape(shape), kept,
-                   np.array(missing, dtype=bool).reshape(shape), torn, problems)  # fmt: skip
+            torn.append(f"line {text.lines[index]} ({len(row)})")
+            last = index
+    numbers = [[_number(cell) for cell in row] for row in cells]
+    values = np.array([[math.nan if x is None else x for x in row] for row in numbers], dtype=float)
+    unreadable = np.array([[x is None for x in row] for row in numbers], dtype=bool)
+    shape = (len(cells), len(places))
+    cut = len(torn) == 1 and last == len(text.rows) - 1
+    return _Rows(values.reshape(shape), lines, unreadable.reshape(shape), torn, cut,
+                 lambda row, i: cells[row][i])  # fmt: skip
 
 
 def _number(cell: str) -> float | None:
@@ -244,98 +288,57 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _finish(
-    text: _Text,
-    names: Sequence[str],
-    values: FloatArray,
-    kept: list[int],
-    unreadable: NDArray[np.bool_],
-    torn: list[tuple[int, str]],
-    problems: list[str],
-) -> Cells:
-    """Make long whole numbers exact, see how many digits there are, and sift the rows."""
-    origin = {}
-    for i, name in enumerate(names):
-        place = text.header.index(name)
-        if np.nanmax(np.abs(values[:, i]), initial=0.0) > _EXACT:
-            texts = [text.rows[k].split(text.separator)[place].strip() for k in kept]
-            if all(re.fullmatch(r"[-+]?\d+", x) for x in texts):
-                origin[name] = int(texts[0])
-                values[:, i] = [float(int(x) - origin[name]) for x in texts]
-    resolution = np.array([_resolution(text, text.header.index(name), values[:, i])
-                           for i, name in enumerate(names)])  # fmt: skip
-    texts_of = [text.rows[k] for k in kept]
-    said = [f"the header has {len(text.header)} columns; rows with another number of cells: "
-            f"{listing(where for _, where in torn)}"] if torn else []  # fmt: skip
-    last = bool(torn) and len(torn) == 1 and torn[0][0] == len(text.rows) - 1
-    wrong = [
-        f"line {text.lines[kept[i]]}, column {names[j]}: "
-        f"{brief(_cell(texts_of[i], text, names[j]))}"
-        for i, j in np.argwhere(unreadable).tolist()
-        if _cell(texts_of[i], text, names[j])
-    ]
-    empty = [
-        f"line {text.lines[kept[i]]}, column {names[j]}: ''"
-        for i, j in np.argwhere(unreadable & ~unreadable[:, 1:].all(axis=1)[:, None]).tolist()
-        if not _cell(texts_of[i], text, names[j])
-    ]
-    if wrong or empty:
-        said.append(f"not a number: {listing(wrong + empty)}")
-    lines = [text.lines[k] for k in kept]
-    return _sifted(names, values, lines, unreadable, resolution, origin, said, problems, "line",
-                   torn=len(torn), last_torn=last)  # fmt: skip
-
-
-def _cell(line: str, text: _Text, name: str) -> str:
-    cells = next(csv.reader([line], delimiter=text.separator))
-    return cells[text.header.index(name)].strip()
-
-
 def _sifted(
     names: Sequence[str],
-    values: FloatArray,
-    lines: Sequence[int],
-    unreadable: NDArray[np.bool_],
+    rows: _Rows,
     resolution: FloatArray,
     origin: dict[str, int],
-    said: list[str],
     problems: list[str],
-    word: str,
-    torn: int = 0,
-    last_torn: bool = False,
+    width: int = 0,
 ) -> Cells:
     """Leave out the rows that cannot be used: few of them are dropped, many are problems.
 
-    Rows that have no number but in the first column belong to another, slower source.
+    Rows that have no number but in the first column belong to another source in the same file.
     """
-    absent = np.isnan(values[:, 1:]).all(axis=1) if len(names) > 1 else np.zeros(len(values), bool)
-    if not unreadable.any() and word == "line":
-        absent[:] = False  # nan was written there
+    finite = np.isfinite(rows.values)
+    absent = np.zeros(len(finite), dtype=bool)
+    for i in np.flatnonzero(rows.unreadable[:, 1:].all(axis=1)).tolist():
+        absent[i] = not any(rows.cell(i, j) for j in range(1, len(names)))
     if absent.all():
         absent[:] = False
-    finite = np.isfinite(values)
     bad = ~finite.all(axis=1) & ~absent
-    count = len(values) + torn
-    few = count >= _FEWEST and (int(bad.sum()) + torn <= BAD_SHARE * count
-                                or (last_torn and not bad.any()))  # fmt: skip
-    dropped: list[str] = []
-    if few:
-        where = [str(lines[i]) for i in np.flatnonzero(bad)[:1]]
-        dropped = said or [f"{word} {x} is not finite" for x in where]
-        dropped = [*dropped[:1], *[""] * (int(bad.sum()) + torn - len(dropped[:1]))]
-        dropped = dropped if bad.any() or torn else []
-    else:
-        problems += said
-        for i, name in enumerate(names):
-            wrong = np.flatnonzero(~finite[:, i] & ~unreadable[:, i] & ~absent)
-            if wrong.size:
-                places = listing(f"{values[k, i]:g} at sample {k} ({word} {lines[k]})"
-                                 for k in wrong)  # fmt: skip
-                problems.append(f"column {name}: {places}; every value must be finite")
+    wrong = _bad_cells(names, rows, absent, width)
+    count, lost = len(bad) + len(rows.torn), int(bad.sum()) + len(rows.torn)
+    few = count >= _FEWEST and (lost <= BAD_SHARE * count or (rows.cut and lost == 1))
+    if not few:
+        problems += wrong
     keep = ~absent & ~bad if few else ~absent
-    chosen = np.flatnonzero(keep)
-    return Cells(tuple(names), values[keep], [lines[i] for i in chosen] if not keep.all() else lines,
-                 resolution, origin, tuple(dropped), int(absent.sum()))  # fmt: skip
+    lines = [line for line, kept in zip(rows.lines, keep.tolist(), strict=True) if kept]
+    dropped = "; ".join(wrong) if few else ""
+    return Cells(tuple(names), rows.values[keep], lines, resolution, origin,
+                 lost if few else 0, dropped, int(absent.sum()))  # fmt: skip
+
+
+def _bad_cells(
+    names: Sequence[str], rows: _Rows, absent: NDArray[np.bool_], width: int
+) -> list[str]:
+    """Say what is torn, what is no number, and what is not finite."""
+    said = []
+    if rows.torn:
+        said.append(f"the header has {width} columns; rows with another number of cells: "
+                    f"{listing(rows.torn)}")  # fmt: skip
+    words = np.argwhere(rows.unreadable & ~absent[:, None]).tolist()
+    if words:
+        where = listing(f"line {rows.lines[i]}, column {names[j]}: {brief(rows.cell(i, j))}"
+                        for i, j in words)  # fmt: skip
+        said.append(f"not a number: {where}")
+    for j, name in enumerate(names):
+        column = rows.values[:, j]
+        wrong = np.flatnonzero(~np.isfinite(column) & ~rows.unreadable[:, j]).tolist()
+        if wrong:
+            where = listing(f"{column[i]:g} at sample {i} (line {rows.lines[i]})" for i in wrong)
+            said.append(f"column {name}: {where}; every value must be finite")
+    return said
 
 
 def _resolution(text: _Text, place: int, values: FloatArray) -> float:

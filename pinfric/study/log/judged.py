@@ -1,4 +1,4 @@
-"""What a log's noise leaves uncertain in the efforts, and how they compare with those it has itself."""
+"""What a log's noise leaves uncertain in the efforts, and how they compare with its own."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PLACES = 300
 
 @dataclass(frozen=True)
 class MeasuredEffort:
-    """A measured effort beside the computed one, which is the nearest possible where a joint sticks.
+    """A measured effort beside the computed one, the nearest possible where a joint sticks.
 
     RMS are over time, in N m or N; `relative_error` is rms_error / rms.
     """
@@ -56,8 +56,8 @@ class JudgedLog:
 def judge_log(result: InverseResult, reading: Reading) -> JudgedLog:
     """Return how far the efforts of a log are known and how they fit the log's own.
 
-    An effort u depends on noise and low pass by du = sum_k du/da_k da_k + du/dv_k dv_k, with du/da_k
-    and du/dv_k from inverse dynamics of disturbed motions. It may be off by three standard deviations
+    Noise and low pass change an effort by du = sum_k du/da_k da_k + du/dv_k dv_k, with du/da_k and
+    du/dv_k from inverse dynamics of disturbed motions. It may be off by three standard deviations
     of the noise's part, and by what a cutoff lower by 1/sqrt(2) would change.
 
     Args:

@@ -54,9 +54,7 @@ class Settled:
     reading: Reading
 
 
-def unwrapped(
-    columns: Sequence[JointColumn], position: FloatArray, said: list[str]
-) -> FloatArray:
+def unwrapped(columns: Sequence[JointColumn], position: FloatArray, said: list[str]) -> FloatArray:
     """Return angles without jumps of a whole turn, a limited joint's within its limits.
 
     Args:
@@ -80,8 +78,8 @@ def unwrapped(
             straight -= _TURN * np.rint((middle - 0.5 * (column.lower + column.upper)) / _TURN)
         result = result.copy() if result is position else result
         result[:, i] = straight
-        said.append(f"joint {column.name}: {counted(int((np.abs(jumps) > 0.5 * _TURN).sum()), 'jump')}"
-                    " of a whole turn taken out")  # fmt: skip
+        wraps = counted(int((np.abs(jumps) > 0.5 * _TURN).sum()), "jump")
+        said.append(f"joint {column.name}: {wraps} of a whole turn taken out")
     return result
 
 
@@ -102,8 +100,8 @@ def settle(
     held = None if np.isfinite(plan.acceleration).any() else held_rate(plan.position)
     rows = np.arange(plan.t.size)[held or slice(None)]
     said = () if held is None else (
-        f"positions change in every {held.step}th row only: the {plan.t.size - rows.size} rows between "
-        "are left out",)  # fmt: skip
+        f"positions change in every {held.step}th row only: the {plan.t.size - rows.size} rows "
+        "between are left out",)  # fmt: skip
     names = [column.name for column in columns]
     reading = Reading(rows.size, plan.t.size - rows.size, noise=dict.fromkeys(names, 0.0),
                       cutoff=dict.fromkeys(names), said=said)  # fmt: skip
@@ -209,11 +207,12 @@ def _filtered(
         for name in ("position", "velocity", "acceleration", "shift", "moving")
     )
     names = [column.name for column in columns]
+    spread = np.array([joint.spread for joint in joints])
     reading = replace(
         even.reading,
         noise=dict(zip(names, noise, strict=True)),
         cutoff={name: joint.cutoff for name, joint in zip(names, joints, strict=True)},
-        uncertain=DerivativeNoise(moving, *np.array([joint.spread for joint in joints]).T, shift),
+        uncertain=DerivativeNoise(moving, spread[:, 0], spread[:, 1], shift),
     )
     line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
     reading = replace(reading, said=(*reading.said, line), noise_line=line)

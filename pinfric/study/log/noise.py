@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 _ORDER = 6
-#: rad or m. Encoders end at 27 bits (1e-8 rad); noise below is rounding, or a filter was there before.
+#: rad or m. Encoders end at 27 bits (1e-8 rad); less noise is rounding, or what a filter left.
 _LEAST_NOISE = 1e-8
 #: Noise that a spline turns into less than this share of a joint's peak acceleration stays.
 _HARMLESS_SHARE = 0.01
-#: Differences of order eight show this share of the noise that those of order six do, or more, if it
-#: is noise: for a motion of 0.3 periods a sample it is 0.66, for slower ones far less.
+#: Differences of order eight show this share of the noise that those of order six do, or more, if
+#: it is noise: for a motion of 0.3 periods a sample it is 0.66, for slower ones far less.
 _WHITE_SHARE = 0.7
 #: Moving samples below which nothing can be said about noise.
 _FEWEST = 20
@@ -84,10 +84,10 @@ def typical_noise(position: FloatArray, order: int = _ORDER) -> float:
 
 
 def signal_cutoff(position: FloatArray, step: float) -> float | None:
-    """Return the first frequency (Hz) above which the motion drowns in its noise; None: there is none.
+    """Return the frequency (Hz) above which a motion drowns in its noise; None: there is none.
 
-    Where Welch's estimate of the power spectral density of the second difference is below twice that
-    of white noise.
+    The first one at which Welch's estimate of the power spectral density of the second difference
+    is below twice that of white noise.
 
     Args:
         position: (T,) rad or m at regular times.
@@ -108,8 +108,8 @@ def signal_cutoff(position: FloatArray, step: float) -> float | None:
 def low_pass(position: FloatArray, step: float, cutoff: float) -> FloatArray:
     """Return positions after a Butterworth low pass of order four, forward and backward.
 
-    Its gain is 1 / (1 + (f / cutoff)^8), without a shift in time. Beyond both ends the motion goes on
-    as the cubic through its last two periods of the cutoff does, with the noise mirrored: a
+    Its gain is 1 / (1 + (f / cutoff)^8), without a shift in time. Beyond both ends the motion goes
+    on as the cubic through its last two periods of the cutoff does, with the noise mirrored: a
     reflection would set velocity or acceleration to zero there.
 
     Args:

@@ -96,8 +96,8 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> Log:
 
 def _say_dropped(cells: Cells, said: list[str]) -> None:
     if cells.dropped:
-        said.append(f"left out {counted(len(cells.dropped), 'row')} of "
-                    f"{len(cells.values) + len(cells.dropped)}: {cells.dropped[0]}")  # fmt: skip
+        said.append(f"left out {counted(cells.dropped, 'row')} of "
+                    f"{len(cells.values) + cells.dropped}: {cells.why}")  # fmt: skip
     if cells.absent:
         said.append(f"{counted(cells.absent, 'row')} without positions passed over")
 
@@ -123,10 +123,13 @@ def _read(
     check_times(t, cells.lines, problems)
     kept = ordered_rows(t, cells.lines, problems, said)
     position = unwrapped(named, position[kept], said)
-    rates = [_quantity(cells, part, named, factors)[kept]
-             for part in (found.velocity, found.acceleration)]  # fmt: skip
+    velocity, acceleration = (
+        _quantity(cells, part, named, factors)[kept]
+        for part in (found.velocity, found.acceleration)
+    )
     attached = {name: _phase(cells, name, problems)[kept] for name in found.payloads}
-    plan = TrajectoryTable(t[kept], position, *rates, attached, resolution * np.abs(factors))
+    plan = TrajectoryTable(t[kept], position, velocity, acceleration, attached,
+                           resolution * np.abs(factors))  # fmt: skip
     if problems:
         return LoggedMotion(named, plan, Reading(kept.size))
     if log.recorded or not found.planned:
@@ -141,7 +144,7 @@ def _read(
     at, rows = settled.rows, np.arange(kept.size)
     efforts = {column.name: np.interp(at, rows, effort[:, i])
                for i, column in enumerate(named) if column.name in found.effort}  # fmt: skip
-    dropped = settled.reading.dropped + len(cells.dropped) + len(cells.values) - kept.size
+    dropped = settled.reading.dropped + cells.dropped + len(cells.values) - kept.size
     reading = replace(settled.reading, dropped=dropped, effort=efforts,
                       said=(*said, *settled.reading.said))  # fmt: skip
     return LoggedMotion(named, settled.table, reading)
@@ -152,7 +155,9 @@ def _smoothed_already(reading: Reading) -> list[str]:
     if reading.noise_line:
         return []
     largest = max(reading.noise.values(), default=0.0)
-    return [f"positions have no noise to speak of ({largest:.1e}): smoothed before, not filtered here"]
+    return [
+        f"positions have no noise to speak of ({largest:.1e}): smoothed before, not filtered here"
+    ]
 
 
 def _quantity(
@@ -204,7 +209,7 @@ def _phase(cells: Cells, name: str, problems: list[str]) -> NDArray[np.bool_]:
     values = cells.column(PAYLOAD + name)
     wrong = np.flatnonzero(np.isfinite(values) & (values != 0.0) & (values != 1.0))
     if wrong.size:
-        where = listing(f"{values[i]:g} at line {cells.lines[i]}" for i in wrong)
+        where = listing(f"{values[i]:g} at line {cells.lines[i]}" for i in wrong.tolist())
         problems.append(f"column {PAYLOAD}{name}: 1 (carried) or 0, found {where}")
     return values == 1.0
 

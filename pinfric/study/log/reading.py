@@ -23,7 +23,7 @@ class ReadingOptions:
     """What a person says about a log; None is found out from the log itself, or refused.
 
     Args:
-        columns: file that maps joints to columns (`columns`); None takes LOG.columns.yaml beside it.
+        columns: file that maps joints to columns; None takes LOG.columns.yaml beside the log.
         unit: of angles, "rad" or "deg".
         time_unit: "s", "ms", "us" or "ns".
         cutoff: Hz of the low pass on every joint, or "none": positions are taken as they are.
@@ -61,8 +61,8 @@ class DerivativeNoise:
         moving: (T, nj) bool, where a joint is not held; only there is anything uncertain.
         velocity: (nj,) standard deviation, rad/s or m/s.
         acceleration: (nj,) the same, rad/s^2 or m/s^2.
-        acceleration_shift: (T, nj) by how much a cutoff lower by 1/sqrt(2) changes the acceleration:
-            the size of what the low pass itself may have taken away.
+        acceleration_shift: (T, nj) how a cutoff lower by 1/sqrt(2) changes the acceleration: the
+            size of what the low pass itself may have taken away.
     """
 
     moving: NDArray[np.bool_]

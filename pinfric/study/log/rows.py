@@ -51,7 +51,7 @@ class Timing:
     @property
     def time(self) -> FloatArray:
         """The regular times, lost rows among them, s."""
-        return self.start + self.step * np.arange(int(self.number[-1]) + 1)
+        return self.start + self.step * np.arange(int(self.number[-1]) + 1, dtype=np.float64)
 
     @property
     def irregular(self) -> bool:
@@ -69,14 +69,14 @@ def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> Non
     """
     far = np.flatnonzero(np.isfinite(t) & (np.abs(t) > _LONGEST_TIME))
     if far.size:
-        where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far)
+        where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far.tolist())
         problems.append(f"times beyond {_LONGEST_TIME:g} s cannot be meant, t is in seconds: "
                         f"{where}")  # fmt: skip
         return
     steps = np.diff(t)
     tiny = np.flatnonzero((steps > 0.0) & (steps < _SHORTEST_STEP))
     if tiny.size:
-        where = listing(f"line {lines[i + 1]} ({steps[i]:.3g} s)" for i in tiny)
+        where = listing(f"line {lines[i + 1]} ({steps[i]:.3g} s)" for i in tiny.tolist())
         problems.append(f"time steps below {_SHORTEST_STEP:g} s cannot be meant: {where}")
 
 
@@ -101,11 +101,13 @@ def ordered_rows(
     if wrong.size == 0 or _only_jitters(t):
         return every
     if t.size < _FEWEST or wrong.size > BAD_SHARE * t.size:
-        where = listing(f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong)
+        where = listing(
+            f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong.tolist()
+        )
         problems.append(f"time must increase; it does not at {where}")
         return every
     said.append(f"left out {counted(wrong.size, 'row')} with doubled or backward stamps, the first "
-                f"in line {lines[wrong[0]]}")  # fmt: skip
+                f"in line {lines[int(wrong[0])]}")  # fmt: skip
     return np.setdiff1d(every, wrong)
 
 
@@ -183,8 +185,8 @@ def gap_problems(t: FloatArray) -> list[str]:
     if far.size == 0:
         return []
     where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in far)
-    return [f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; what the joints did there is "
-            "not in the file: cut the log there, or give the missing rows"]  # fmt: skip
+    return [f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; what the joints did there "
+            "is not in the file: cut the log there, or give the missing rows"]  # fmt: skip
 
 
 def counted(count: int, noun: str) -> str:

@@ -1,11 +1,11 @@
 """When a logged joint stands still, found in noisy positions before any filter smears them.
 
-A hold is where the slope over a window is no more than noise makes of it, the positions have no trend
-and no bend over the whole of it, and it lasts several windows. Such a run ends some samples late: a
-motion starts with the square or the cube of time, which noise hides at first. So its ends come from
-the motion: c (t - t0)^2 (acceleration jumps at t0) and c (t - t0)^3 (1 + b (t - t0)) (jerk jumps) are
-fitted to where the joint has left its level, and t0 is the end of the hold. Joints that may well have
-started at one instant get the one that fits all of them best.
+A hold is where the slope over a window is no more than noise makes of it, the positions have no
+trend and no bend over the whole of it, and it lasts several windows. Such a run ends some samples
+late: a motion starts with the square or the cube of time, which noise hides at first. So its ends
+come from the motion: c (t - t0)^2 (acceleration jumps at t0) and c (t - t0)^3 (1 + b (t - t0))
+(jerk jumps) are fitted to where the joint has left its level, and t0 is the end of the hold. Joints
+that may well have started at one instant get the one that fits all of them best.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def find_noisy_holds(
     Args:
         position: (T, nj) rad or m at regular times.
         step: s between samples.
-        noise: (nj,) standard deviations of the positions; 0: the joint has no noise and no holds here.
+        noise: (nj,) standard deviations of the positions; 0: no holds of this joint are sought.
     """
     count, joints = position.shape
     width = int(np.clip(round(_WINDOW / step), _FEWEST, _MOST))
@@ -120,7 +120,9 @@ def _levels(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, int]
     """Yield the runs that stay on one level; a motion's start may still be within their ends."""
     margin = width // 2
     for first, last in _flat_runs(q, width, noise):
-        inner = q[first + (margin if first else 0) : last + 1 - (margin if last < q.size - 1 else 0)]
+        inner = q[
+            first + (margin if first else 0) : last + 1 - (margin if last < q.size - 1 else 0)
+        ]
         if inner.size >= width and _is_level(inner, noise):
             yield first, last
 
@@ -172,11 +174,13 @@ def _edge(q: FloatArray, inside: int, border: int, noise: float) -> _Edge:
 
 
 def _together(edges: dict[tuple[int, int, int], _Edge]) -> dict[tuple[int, int, int], float]:
-    """Return the onsets of all edges; one for those that one instant fits about as well as several."""
+    """Return the onsets of all edges; one for those that one instant fits as well as several."""
     own = {key: edge.onset() for key, edge in edges.items()}
     found = dict(own)
     for direction in (1, -1):
-        left = sorted((key for key in edges if edges[key].direction == direction), key=own.__getitem__)
+        left = sorted(
+            (key for key in edges if edges[key].direction == direction), key=own.__getitem__
+        )
         while left:
             near = [key for key in left if own[key] - own[left[0]] <= _NEAR]
             left = [key for key in left if key not in near]

@@ -20,7 +20,7 @@ _FEWEST = 20
 _TWO_TURNS = 4.0 * np.pi
 #: rad: an angle below this says nothing about its unit.
 _SMALL = 0.02
-#: Times its velocity limit, no joint moves; nor at this speed (rad/s or m/s), where it has no limit.
+#: Times its velocity limit, no joint moves; nor at this speed (rad/s or m/s) without a limit.
 _TOO_FAST, _FASTEST_JOINT = 3.0, 30.0
 #: rad/s or m/s: no recording has no joint faster than this.
 _CREEP = 0.01
