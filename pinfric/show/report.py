@@ -144,7 +144,7 @@ def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
     known = ""
     if log.peak_uncertainty:
         name = max(log.peak_uncertainty, key=log.peak_uncertainty.__getitem__)
-        known = f", peak efforts known to ±{log.peak_uncertainty[name]:.2g} {units[name]}"
+        known = f", peak efforts known to ±{_rough(log.peak_uncertainty[name])} {units[name]}"
     return [f"{log.reading.noise_line}{known}"]
 
 
@@ -195,7 +195,7 @@ def _peak(summary: ActuatorSummary, zero: float, log: JudgedLog | None) -> str:
     uncertain = 0.0 if log is None else log.peak_uncertainty.get(summary.name, 0.0)
     if uncertain <= max(_UNCERTAIN_SHARE * summary.peak, zero):
         return text
-    return f"{text} ±{uncertain:.2g}"
+    return f"{text} ±{_rough(uncertain)}"
 
 
 def _motor_table(geared: Sequence[ActuatorSummary]) -> Table:
@@ -247,6 +247,11 @@ def digits(x: float, zero: float = 0.0) -> str:
         return f"{x:.{max(2 - size, 0)}f}"
     mantissa, exponent = f"{x:.2e}".split("e")
     return f"{mantissa}e{int(exponent)}"
+
+
+def _rough(x: float) -> str:
+    """Return x with two significant digits: an uncertainty is known no better."""
+    return f"{float(f'{x:.1e}'):g}"
 
 
 def span(least: float, worst: float, zero: float = 0.0) -> str:

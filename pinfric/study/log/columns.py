@@ -229,8 +229,10 @@ def _find_time(
     candidates = [name for name in dict.fromkeys(header) if _TIME.match(name)]
     stamps = {m[1][0].lower(): name for name in header if (m := _STAMP.search(name))}
     if len(candidates) > 1:
-        problems.append(f"columns {listing(map(repr, candidates))} may all be the time; say which: "
-                        f"a YAML file with `time: {candidates[0]}`, given by --columns")  # fmt: skip
+        problems.append(
+            f"columns {listing(map(repr, candidates))} may all be the time; say which: a YAML file "
+            f"with `time: {candidates[0]}`, given by --columns"
+        )
     elif candidates:
         found.time = candidates[0]
         unit = (_TIME.match(candidates[0]) or [None, None])[1]
