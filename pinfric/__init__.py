@@ -29,6 +29,7 @@ _PUBLIC = {
     "run_scene": "pinfric.study.scene_run",
     "Trajectory": "pinfric.study.trajectory",
     "load_trajectory": "pinfric.study.trajectory",
+    "ReadingOptions": "pinfric.study.log.reading",
     "size": "pinfric.study.sizing",
     "SizingReport": "pinfric.study.sizing",
     "load_catalog": "pinfric.study.catalog",
@@ -67,6 +68,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.show.views import summary as summary
     from pinfric.study.catalog import load_catalog as load_catalog
     from pinfric.study.findings import CheckReport as CheckReport
+    from pinfric.study.log.reading import ReadingOptions as ReadingOptions
     from pinfric.study.plausibility import check as check
     from pinfric.study.scene_run import run_scene as run_scene
     from pinfric.study.sizing import SizingReport as SizingReport

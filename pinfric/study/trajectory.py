@@ -283,9 +283,9 @@ def load_trajectory(
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
     """
-    if not is_bag(Path(path)):
-        path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
     path = Path(path)
+    if not (path.is_dir() and is_bag(path)):
+        path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
     columns = joint_columns(scene.model, str(path))
     payloads = _defaults(scene)
     if path.suffix.lower() in (".yaml", ".yml"):
@@ -301,7 +301,7 @@ def load_trajectory(
         raise AssertionError  # read_log says why it returns nothing
     attached = _attached_columns(payloads, log.table.attached, log.table.t.size)
     found = _from_table(str(path), scene, columns, log.named, log.table, attached, payloads,
-                        problems)  # fmt: skip
+                        problems, log.reading.filtered)  # fmt: skip
     return replace(found, reading=log.reading, warnings=(*log.reading.said, *found.warnings))
 
 
@@ -332,8 +332,12 @@ def _from_table(
     attached: NDArray[np.bool_],
     payloads: Mapping[str, bool],
     problems: Sequence[str] = (),
+    filtered: bool = False,
 ) -> Trajectory:
-    """Check limits, complete derivatives and make Pinocchio's q; raise with all that is wrong."""
+    """Check limits, complete derivatives and make Pinocchio's q; raise with all that is wrong.
+
+    `filtered` derivatives come from each joint by itself, as those of splines do.
+    """
     followers = find_followers(scene, columns)
     wrong = [*problems, *limit_problems(named, table.t, table.position)]
     if len(named) == len(columns):
@@ -343,7 +347,9 @@ def _from_table(
     v, a = complete_derivatives(named, table, wrong, warnings)
     _raise_all(source, wrong)
     if isinstance(scene, Scene) and scene.loops:
-        derived = bool(np.isnan(table.velocity).any() or np.isnan(table.acceleration).any())
+        derived = filtered or bool(
+            np.isnan(table.velocity).any() or np.isnan(table.acceleration).any()
+        )
         q, v, a = complete_motion(scene, source, columns, named, table.position, v, a, derived)
         moved = single_positions(q, [column.nq for column in columns])
         wrong += limit_problems(columns, table.t, moved)

@@ -209,6 +209,19 @@ def test_noise_level_and_gain_are_those_of_white_noise():
         )
 
 
+def test_an_encoder_that_flickers_by_one_count_does_not_accelerate(tmp_path):
+    count, t = 2 * np.pi / 2**16, np.arange(0, 2, 0.002)
+    q = np.full((t.size, 1), 0.3)
+    q[400] += count  # one row
+    q[700:] += count  # and from here on
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "a")
+    model.appendBodyToJoint(1, pin.Inertia(1.0, np.array([0.3, 0, 0]), 0.01 * np.eye(3)),
+                            pin.SE3.Identity())  # fmt: skip
+    path = write_csv(tmp_path / "a.csv", t, ["a"], q, "%.17g")
+    assert np.abs(pf.load_trajectory(path, pf.Scene(model=model)).a).max() < 0.5  # 24 by a spline
+
+
 # --- holds ----------------------------------------------------------------------------------------
 
 

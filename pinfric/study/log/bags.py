@@ -20,8 +20,9 @@ _FIELDS = (("", "position"), ("/velocity", "velocity"), ("/effort", "effort"))
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag's file or folder."""
-    return path.suffix.lower() in (".db3", ".mcap") or (path / "metadata.yaml").is_file()
+    """Whether a path is a bag's file or folder, and there."""
+    is_file = path.suffix.lower() in (".db3", ".mcap") and path.is_file()
+    return is_file or (path / "metadata.yaml").is_file()
 
 
 def open_bag(path: Path, joint_names: Sequence[str]) -> Log:
@@ -59,7 +60,7 @@ def _messages(
 ) -> tuple[str, list[tuple[int, Any]], list[str]]:
     """Return the topic of the joint states, its messages (received at ns), the other topics."""
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise TrajectoryError(
@@ -73,8 +74,6 @@ def _messages(
                      for c in states}  # fmt: skip
             topics = [f"{c.topic} ({c.msgtype})" for c in reader.connections]
     except Exception as problem:  # SQLite's, struct's, zstd's, ...: whatever a cut file ends in
-        if not isinstance(problem, AnyReaderError | Exception):
-            raise
         reason = " ".join(f"{problem}".split())[:200] or type(problem).__name__
         raise TrajectoryError(
             f"{path}: the bag is damaged or cut off ({reason}); record it anew, or save what is "

@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 _ORDER = 6
 #: rad or m. Encoders end at 27 bits (1e-8 rad); less noise is rounding, or what a filter left.
 _LEAST_NOISE = 1e-8
+#: rad or m. No encoder has larger counts (12 bit); a larger step is a motion.
+_LARGEST_COUNT = 2e-3
 #: Noise that a spline turns into less than this share of a joint's peak acceleration stays.
 _HARMLESS_SHARE = 0.01
 #: Differences of order eight show this share of the noise that those of order six do, or more, if
@@ -54,11 +56,23 @@ def is_noisy(position: FloatArray, step: float) -> bool:
     """
     if position.size < _FEWEST:
         return False
+    if _flickers(position):
+        return True
     six, eight = (typical_noise(position, order) for order in (_ORDER, _ORDER + 2))
     if six <= _LEAST_NOISE or eight < _WHITE_SHARE * six:
         return False
     peak = float(np.abs(np.diff(position, 2)).max()) / step**2
     return _SPLINE_GAIN * six / step**2 > _HARMLESS_SHARE * peak
+
+
+def _flickers(position: FloatArray) -> bool:
+    """Whether all that happens is that an encoder goes one count up or down now and then."""
+    steps = np.diff(position)
+    places = np.flatnonzero(steps)
+    if places.size == 0 or float(np.ptp(np.abs(steps[places]))) > 0.01 * float(np.ptp(position)):
+        return False
+    count = float(np.abs(steps[places]).max())
+    return bool(np.ptp(position) < 3.0 * count and _LEAST_NOISE < count < _LARGEST_COUNT)
 
 
 def _differences(position: FloatArray, order: int) -> FloatArray:
