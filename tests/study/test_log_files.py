@@ -251,6 +251,25 @@ def test_wrapped_angles_take_no_effort(joint, tmp_path):
     assert motion.warnings[0] == "joint wheel: 1 jump of a whole turn taken out"
 
 
+def test_short_logs_are_judged_too(tmp_path):
+    motion = load(tmp_path, table(("t", *NAMES), T[:25], noisy(T)[:25]))
+    assert "filtered at" in motion.warnings[0]
+    assert np.abs(motion.a).max() < 6.0  # 19 by a spline; 1.8 is true
+
+
+def test_a_log_in_which_nothing_moves_is_a_hold(tmp_path):
+    rows = 0.5 + 1e-5 * np.random.default_rng(0).normal(size=Q.shape)
+    motion = load(tmp_path, table(("t", *NAMES), T, rows))
+    assert motion.warnings == ("every joint stands still, noise 1.0e-05 to 1.1e-05 rad",)
+    assert [(hold.first, hold.last) for hold in motion.holds()] == [(0, 399)]
+
+
+@pytest.mark.parametrize("cutoff", ["100", "0.5"])
+def test_cutoffs_that_cannot_be(cutoff, tmp_path):
+    message = refused(tmp_path, table(("t", *NAMES), T, noisy(T)), cutoff=cutoff)
+    assert f"--cutoff {cutoff}: this log can be filtered from 1 to 100 Hz" in message
+
+
 # --- bags -----------------------------------------------------------------------------------------
 
 
@@ -290,6 +309,11 @@ def test_bags_as_folder_and_as_file(storage, tmp_path):
         np.testing.assert_array_equal(motion.q, Q)
         np.testing.assert_array_equal(motion.reading.effort["base_turn"], 2.0)
         assert "columns not used: 'gripper', 'gripper/effort'" in motion.warnings
+    renamed = {"arm_lift": "base_turn", "base_turn": "arm_lift"}
+    (tmp_path / "names.yaml").write_text(f"joints: {renamed}")
+    other = pf.load_trajectory(folder, arm(), ReadingOptions(columns=tmp_path / "names.yaml"))
+    np.testing.assert_array_equal(other.q, Q[:, ::-1])
+    np.testing.assert_array_equal(other.reading.effort["arm_lift"], 2.0)
     cut = tmp_path / f"cut{file.suffix}"
     cut.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     with pytest.raises(TrajectoryError, match="the bag is damaged or cut off") as caught:
@@ -329,6 +353,23 @@ def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
     measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
     for joint, plain in (("shoulder_lift_joint", 0.33), ("elbow_joint", 0.51)):
         assert measured[joint].relative_error == pytest.approx(plain, abs=0.02)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="real logs are not in the repository")
+def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
+    """Under the names of another release; sampled at 30 Hz with glitches of up to 5e-3 rad."""
+    names = {f"panda_joint{i}": f"fer_joint{i}" for i in range(1, 8)}
+    (tmp_path / "names.yaml").write_text(f"joints: {names}")
+    scene = pf.load_scene("panda_pick_and_place")
+    bag, off = SHARED / "panda_exciting_trajectory.db3", {}
+    for cutoff in (None, "none"):
+        options = ReadingOptions(columns=tmp_path / "names.yaml", cutoff=cutoff)
+        motion = pf.load_trajectory(bag, scene, options)
+        measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
+        off[cutoff] = [measured[joint].relative_error for joint in motion.joint_names]
+    assert all(here < plain for here, plain in zip(off[None], off["none"], strict=True))
+    assert off[None][1] < 0.11
+    assert off["none"][1] > 0.2
 
 
 # --- bad input ------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import pytest
 
 import pinfric as pf
 from pinfric.study.log.judged import judge_log
-from pinfric.study.log.noise import is_noisy, low_pass, noise_gain, noise_level
+from pinfric.study.log.noise import low_pass, noise_gain, noise_level, noisy_joints
 from pinfric.study.log.reading import ReadingOptions
 from pinfric.study.log.still import find_noisy_holds
 
@@ -186,14 +186,14 @@ def test_bundled_files_pass_through_bit_for_bit(name, tmp_path):
 def test_planned_positions_are_not_noisy(smooth, jerky, profile, rate):
     plan = (smooth if profile == "quintic" else jerky).plans[1000]
     q = plan.q[:: 1000 // rate]
-    assert not any(is_noisy(x, 1.0 / rate) for x in q.T)
+    assert not any(noisy_joints(q, 1.0 / rate))
     noisy = q + 2e-5 * np.random.default_rng(1).normal(size=q.shape)
-    assert all(is_noisy(x, 1.0 / rate) for x in noisy[:, LOADED].T)
+    assert all(noisy_joints(noisy, 1.0 / rate))
 
 
 def test_fast_sines_sampled_coarsely_are_not_noise():
     t = np.arange(2000) / 100
-    assert not is_noisy(np.sin(2 * np.pi * 12 * t), 0.01)
+    assert noisy_joints(np.sin(2 * np.pi * 12 * t)[:, None], 0.01) == [False]
 
 
 def test_noise_level_and_gain_are_those_of_white_noise():

@@ -111,14 +111,14 @@ class Columns:
         return list(dict.fromkeys([*names, *(PAYLOAD + name for name in self.payloads)]))
 
 
-def read_mapping(path: Path, given: Path | None) -> ColumnsFile | None:
+def read_mapping(path: Path, given: Path | str | None) -> ColumnsFile | None:
     """Read the mapping file that was given, or LOG.columns.yaml beside the log; None: no such file.
 
     Raises:
         TrajectoryError: unreadable, unknown keys, values that cannot be.
     """
     beside = path.with_name(f"{path.stem}.columns.yaml")
-    file = given or (beside if beside.is_file() else None)
+    file = Path(given) if given else beside if beside.is_file() else None
     if file is None:
         return None
     try:
@@ -260,7 +260,7 @@ def _apply(
             problems.append(f"columns: joints: there is no joint {joint!r}; "
                             f"{choose_from(joint, names)}")  # fmt: skip
             continue
-        to = JointMapping(position=entry) if isinstance(entry, str) else entry
+        to = _renamed(entry, header) if isinstance(entry, str) else entry
         turn, turn_effort = to.sign * to.scale, to.sign * to.effort_scale
         unit = to.unit or mapping.unit
         for quantity, column, use in (
@@ -278,6 +278,13 @@ def _apply(
             getattr(found, quantity)[joint] = use
             if column in found.ignored:
                 found.ignored.remove(column)
+
+
+def _renamed(column: str, header: Sequence[str]) -> JointMapping:
+    """A joint under another name: what stands beside its position there is its own, too."""
+    velocity, effort = (f"{column}/{x}" if f"{column}/{x}" in header else None
+                        for x in ("velocity", "effort"))  # fmt: skip
+    return JointMapping(position=column, velocity=velocity, effort=effort)
 
 
 def _settle(claims: dict[tuple[str, str], list[str]], found: Columns, problems: list[str]) -> None:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from pinfric.study.derivatives import find_holds, position_derivatives
 from pinfric.study.joint_columns import JointColumn
 from pinfric.study.log.noise import (
-    is_noisy,
     low_pass,
     noise_gain,
     noise_level,
+    noisy_joints,
     signal_cutoff,
     typical_noise,
 )
@@ -113,7 +113,7 @@ def settle(
             problems.append("time must increase, and is not regular enough to be mended")
         return plain
     even = _on_regular_time(plain, timing)
-    noisy = [is_noisy(q, timing.step) for q in even.table.position.T]
+    noisy = noisy_joints(even.table.position, timing.step)
     if not any(noisy) and not isinstance(options.cutoff, float):
         mended = timing.irregular and np.array_equal(even.rows, plain.rows)
         levels = {column.name: typical_noise(q)
@@ -121,6 +121,8 @@ def settle(
         chosen = even if mended else plain
         return replace(chosen, reading=replace(chosen.reading, noise=levels))
     problems += gap_problems(plain.table.t)
+    if isinstance(options.cutoff, float):
+        problems += _cutoff_problems(options.cutoff, timing)
     return plain if problems else _filtered(columns, even, noisy, timing.step, options)
 
 
@@ -165,6 +167,14 @@ def _on_regular_time(plain: Settled, timing: Timing) -> Settled:
                       said=(*reading.said, *words))  # fmt: skip
     rows = np.interp(order, np.arange(number.size), plain.rows)
     return Settled(regular, rows, reading)
+
+
+def _cutoff_problems(cutoff: float, timing: Timing) -> list[str]:
+    """Refuse a cutoff of less than two periods over the whole log, or of half its rate and more."""
+    least, most = 2.0 / float(timing.time[-1] - timing.time[0]), 0.5 / timing.step
+    if least <= cutoff < most:
+        return []
+    return [f"--cutoff {cutoff:g}: this log can be filtered from {least:.3g} to {most:.6g} Hz"]
 
 
 def _between(x: FloatArray, position: FloatArray, at: FloatArray) -> FloatArray:
@@ -261,9 +271,11 @@ def _noise_line(reading: Reading, unit: str) -> str:
     """Say "filtered at 11 Hz, noise 1.0e-05 rad", with ranges over the joints."""
     cutoffs = sorted(x for x in reading.cutoff.values() if x is not None)
     noise = sorted(x for x in reading.noise.values() if x > 0.0)
-    done = f"filtered at {_span(cutoffs, '.3g')} Hz" if cutoffs else "not filtered"
+    still = reading.uncertain is not None and not reading.uncertain.moving.any()
+    done = "every joint stands still" if still else "not filtered"
+    done = f"filtered at {_span(cutoffs, '.3g')} Hz" if cutoffs else done
     parts = [done, *([f"noise {_span(noise, '.1e')} {unit}"] if noise else [])]
-    if reading.uncertain is not None and not cutoffs:
+    if reading.uncertain is not None and not cutoffs and not still:
         parts.append(f"which leaves {reading.uncertain.acceleration.max():.2g} {unit}/s^2 in "
                      "accelerations")  # fmt: skip
     return ", ".join(parts)

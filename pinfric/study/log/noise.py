@@ -25,8 +25,8 @@ _HARMLESS_SHARE = 0.01
 #: Differences of order eight show this share of the noise that those of order six do, or more, if
 #: it is noise: for a motion of 0.3 periods a sample it is 0.66, for slower ones far less.
 _WHITE_SHARE = 0.7
-#: Moving samples below which nothing can be said about noise.
-_FEWEST = 20
+#: Differences below which nothing can be said about noise.
+_FEWEST = 10
 #: Gain of the quintic spline's second derivative for white noise, times the step squared.
 _SPLINE_GAIN = 4.8
 _SEGMENT = 512
@@ -45,24 +45,33 @@ def noise_level(position: FloatArray) -> float:
     return float(np.sqrt(np.mean(differences**2) / math.comb(2 * _ORDER, _ORDER)))
 
 
-def is_noisy(position: FloatArray, step: float) -> bool:
-    """Whether positions carry noise that would spoil accelerations, and not rounding or a kink.
+def noisy_joints(position: FloatArray, step: float) -> list[bool]:
+    """Return which joints carry noise, if any of it would spoil accelerations; else none.
 
-    Medians pass over the few samples at which a planned acceleration jumps.
+    What makes a log is noise, not rounding, that a spline turns into more than 1 % of a joint's
+    acceleration. In a log every noisy joint is filtered: each one's acceleration moves the others.
 
     Args:
-        position: (T,) rad or m at regular times.
+        position: (T, nj) rad or m at regular times.
         step: s between samples.
     """
-    if position.size < _FEWEST:
-        return False
-    if _flickers(position):
-        return True
+    noisy = [_is_noisy(q) for q in position.T]
+    spoils = [_flickers(q) or (is_so and _spoils(q, step))
+              for q, is_so in zip(position.T, noisy, strict=True)]  # fmt: skip
+    return noisy if any(spoils) else [False] * len(noisy)
+
+
+def _is_noisy(position: FloatArray) -> bool:
+    """Whether there is white noise beyond rounding; medians pass over a planned motion's kinks."""
     six, eight = (typical_noise(position, order) for order in (_ORDER, _ORDER + 2))
-    if six <= _LEAST_NOISE or eight < _WHITE_SHARE * six:
-        return False
-    peak = float(np.abs(np.diff(position, 2)).max()) / step**2
-    return _SPLINE_GAIN * six / step**2 > _HARMLESS_SHARE * peak
+    return _flickers(position) or (six > _LEAST_NOISE and eight > _WHITE_SHARE * six)
+
+
+def _spoils(position: FloatArray, step: float) -> bool:
+    """Whether a spline makes more of the noise than a small share of the joint's acceleration."""
+    curvature = np.abs(np.diff(position, 2)) / step**2
+    large = float(np.quantile(curvature[curvature > 0.0], 0.9))  # a glitch would be the peak
+    return _SPLINE_GAIN * typical_noise(position) / step**2 > _HARMLESS_SHARE * large
 
 
 def _flickers(position: FloatArray) -> bool:

@@ -32,7 +32,7 @@ class ReadingOptions:
         TrajectoryError: a unit that there is not, a cutoff that is not positive.
     """
 
-    columns: Path | None = None
+    columns: Path | str | None = None
     unit: str | None = None
     time_unit: str | None = None
     cutoff: float | str | None = None
