@@ -32,6 +32,7 @@ points:
   - {q: [0.7796, -1.2357, 1.9542, -2.2893, -1.5708, 0.7796], duration: 0.6, hold: 0.4}
   - {q: [0.0024, -1.893, 1.7908, -1.4686, -1.5708, 0.0024], duration: 1.2, hold: 0.2}
 """
+NO_DIGITS = np.zeros(6)
 #: Drives whose efforts are more than rounding beside the others'.
 LOADED = slice(0, 4)
 
@@ -181,19 +182,28 @@ def test_bundled_files_pass_through_bit_for_bit(name, tmp_path):
         np.testing.assert_array_equal(getattr(plan, array), cells[:, columns])
 
 
+def test_a_plan_printed_with_few_digits_stays_a_plan(jerky, tmp_path):
+    plan = jerky.plans[500]
+    path = write_csv(tmp_path / "a.csv", plan.t[::2], plan.joint_names, plan.q[::2], "%.7g")
+    motion = pf.load_trajectory(path, jerky.scene)
+    assert not motion.reading.filtered
+    off = np.abs(peaks(pf.inverse_dynamics(jerky.scene, motion)) - jerky.peak)[LOADED]
+    assert (off < 0.05 * jerky.peak[LOADED]).all()
+
+
 @pytest.mark.parametrize("rate", [100, 1000])
 @pytest.mark.parametrize("profile", ["quintic", "trapezoidal"])
 def test_planned_positions_are_not_noisy(smooth, jerky, profile, rate):
     plan = (smooth if profile == "quintic" else jerky).plans[1000]
     q = plan.q[:: 1000 // rate]
-    assert not any(noisy_joints(q, 1.0 / rate))
+    assert not any(noisy_joints(q, 1.0 / rate, NO_DIGITS))
     noisy = q + 2e-5 * np.random.default_rng(1).normal(size=q.shape)
-    assert all(noisy_joints(noisy, 1.0 / rate))
+    assert all(noisy_joints(noisy, 1.0 / rate, NO_DIGITS))
 
 
 def test_fast_sines_sampled_coarsely_are_not_noise():
     t = np.arange(2000) / 100
-    assert noisy_joints(np.sin(2 * np.pi * 12 * t)[:, None], 0.01) == [False]
+    assert noisy_joints(np.sin(2 * np.pi * 12 * t)[:, None], 0.01, np.zeros(1)) == [False]
 
 
 def test_noise_level_and_gain_are_those_of_white_noise():

@@ -113,7 +113,7 @@ def settle(
             problems.append("time must increase, and is not regular enough to be mended")
         return plain
     even = _on_regular_time(plain, timing)
-    noisy = noisy_joints(even.table.position, timing.step)
+    noisy = noisy_joints(even.table.position, timing.step, even.table.resolution)
     if not any(noisy) and not isinstance(options.cutoff, float):
         mended = timing.irregular and np.array_equal(even.rows, plain.rows)
         levels = {column.name: typical_noise(q)

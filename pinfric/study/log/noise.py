@@ -20,8 +20,9 @@ _ORDER = 6
 _LEAST_NOISE = 1e-8
 #: rad or m. No encoder has larger counts (12 bit); a larger step is a motion.
 _LARGEST_COUNT = 2e-3
-#: Noise that a spline turns into less than this share of a joint's peak acceleration stays.
-_HARMLESS_SHARE = 0.01
+#: Noise that a spline turns into less than this share of a joint's acceleration stays; where the
+#: file's digits explain it, the second.
+_HARMLESS_SHARE, _ROUNDED_SHARE = 0.01, 0.05
 #: Differences of order eight show this share of the noise that those of order six do, or more, if
 #: it is noise: for a motion of 0.3 periods a sample it is 0.66, for slower ones far less.
 _WHITE_SHARE = 0.7
@@ -45,19 +46,21 @@ def noise_level(position: FloatArray) -> float:
     return float(np.sqrt(np.mean(differences**2) / math.comb(2 * _ORDER, _ORDER)))
 
 
-def noisy_joints(position: FloatArray, step: float) -> list[bool]:
+def noisy_joints(position: FloatArray, step: float, resolution: FloatArray) -> list[bool]:
     """Return which joints carry noise, if any of it would spoil accelerations; else none.
 
-    What makes a log is noise, not rounding, that a spline turns into more than 1 % of a joint's
-    acceleration. In a log every noisy joint is filtered: each one's acceleration moves the others.
+    What makes a log is noise that a spline turns into more than 1 % of a joint's acceleration; 5 %
+    where a file's digits explain it, as a planned motion may be printed with few. In a log every noisy
+    joint is filtered: each one's acceleration moves the others.
 
     Args:
         position: (T, nj) rad or m at regular times.
         step: s between samples.
+        resolution: (nj,) the last digit printed, rad or m.
     """
     noisy = [_is_noisy(q) for q in position.T]
-    spoils = [_flickers(q) or (is_so and _spoils(q, step))
-              for q, is_so in zip(position.T, noisy, strict=True)]  # fmt: skip
+    spoils = [_flickers(q) or (is_so and _spoils(q, step, float(last)))
+              for q, is_so, last in zip(position.T, noisy, resolution, strict=True)]  # fmt: skip
     return noisy if any(spoils) else [False] * len(noisy)
 
 
@@ -67,11 +70,13 @@ def _is_noisy(position: FloatArray) -> bool:
     return _flickers(position) or (six > _LEAST_NOISE and eight > _WHITE_SHARE * six)
 
 
-def _spoils(position: FloatArray, step: float) -> bool:
+def _spoils(position: FloatArray, step: float, resolution: float) -> bool:
     """Whether a spline makes more of the noise than a small share of the joint's acceleration."""
     curvature = np.abs(np.diff(position, 2)) / step**2
     large = float(np.quantile(curvature[curvature > 0.0], 0.9))  # a glitch would be the peak
-    return _SPLINE_GAIN * typical_noise(position) / step**2 > _HARMLESS_SHARE * large
+    noise = typical_noise(position)
+    harmless = _ROUNDED_SHARE if noise < 0.5 * resolution else _HARMLESS_SHARE
+    return _SPLINE_GAIN * noise / step**2 > harmless * large
 
 
 def _flickers(position: FloatArray) -> bool:
