@@ -50,8 +50,8 @@ def noisy_joints(position: FloatArray, step: float, resolution: FloatArray) -> l
     """Return which joints carry noise, if any of it would spoil accelerations; else none.
 
     What makes a log is noise that a spline turns into more than 1 % of a joint's acceleration; 5 %
-    where a file's digits explain it, as a planned motion may be printed with few. In a log every noisy
-    joint is filtered: each one's acceleration moves the others.
+    where a file's digits explain it, as a planned motion may be printed with few. In a log every
+    noisy joint is filtered: each one's acceleration moves the others.
 
     Args:
         position: (T, nj) rad or m at regular times.
