@@ -124,7 +124,7 @@ def effort_figure(
         text = f"effort of each drive at its joint, in {units}"
         if always:
             text += f"; carries {', '.join(always)} all the way"
-        known = "; ".join(["", *log_lines(log, {s.name: s.unit for s in chosen.values()})])
+        known = "; ".join(["", *log_lines(log, {s.name: s.unit for s in summarize(result)})])
         _head(figure, total, result, trajectory, text + left + note + known)
     return figure
 

@@ -84,6 +84,6 @@ def test_the_figure_says_how_far_efforts_are_known(log):
     scene = pf.load_scene("ur10.yaml")
     motion = pf.load_trajectory(log, scene)
     result = pf.inverse_dynamics(scene, motion)
-    figure = effort_figure(result, log, judge_log(result, motion.reading))
+    figure = effort_figure(result, log, log=judge_log(result, motion.reading))
     texts = [text.get_text() for text in figure.texts]
     assert any("filtered at" in text and "peak efforts known to ±" in text for text in texts)
