@@ -455,7 +455,7 @@ def _run(arguments: list[str] | None) -> int:
         message, code = _unexpected(problem)
     if message:
         kind = "internal error" if code == INTERNAL_ERROR else "error"
-        print(f"pinfric: {kind}: {message}", file=sys.stderr)
+        say(f"{kind}: {message}")
     return int(code)
 
 

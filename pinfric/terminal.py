@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import typer
 
-from pinfric.errors import PinfricWarning
+from pinfric.errors import PinfricWarning, one_line
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -68,7 +68,7 @@ def write(folder: Path, writers: Mapping[str, Writer]) -> None:
 
     with working(f"writing {folder}"):
         files = write_folder(folder, writers)
-    print(f"pinfric: wrote {', '.join(map(str, files))}", file=sys.stderr)
+    say(f"wrote {', '.join(map(str, files))}")
 
 
 @contextmanager
@@ -113,15 +113,15 @@ def print_line(text: str) -> None:
 
 
 def say(text: str) -> None:
-    """Tell what goes on, beside the results."""
-    print(f"pinfric: {text}", file=sys.stderr)
+    """Tell in one line what goes on, beside the results."""
+    print(f"pinfric: {one_line(text)}", file=sys.stderr)
 
 
 def notice(text: str) -> None:
     """Show a warning as one line on stderr, each text once."""
     if text not in noticed:
         noticed.append(text)
-        print(f"pinfric: warning: {text}", file=sys.stderr)
+        say(f"warning: {text}")
 
 
 @contextmanager

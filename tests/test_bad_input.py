@@ -236,6 +236,7 @@ def test_all_that_is_beyond_limits_is_listed(tmp_path, monkeypatch, capsys):
     changes = {"motion.csv": MOTION.replace("0.3,0.3,0.16", "0.3,4.3,0.96")}
     code, error = run(tmp_path, monkeypatch, capsys, changes, "motion.csv")
     assert code == cli.BAD_INPUT
+    assert len(error.splitlines()) == 1
     assert "shoulder" in error
     assert "4.3" in error
     assert "extension" in error
@@ -246,6 +247,7 @@ def test_several_problems_stand_in_one_message(tmp_path, monkeypatch, capsys):
     changes = {"motion.csv": "t,shoulder,extensoin\n0,0,0\n0,0,0\n"}
     code, error = run(tmp_path, monkeypatch, capsys, changes, "motion.csv")
     assert code == cli.BAD_INPUT
+    assert len(error.splitlines()) == 1
     assert error.startswith("pinfric: error: motion.csv: 3 problems:")
     for word in ("'extensoin'", "'extension'", "time must increase"):
         assert word in error

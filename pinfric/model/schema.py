@@ -20,7 +20,7 @@ from pydantic import (
     model_validator,
 )
 
-from pinfric.errors import PinfricWarning, SceneError, choose_from
+from pinfric.errors import PinfricWarning, SceneError, choose_from, listed
 from pinfric.model.yamlfile import brief
 
 
@@ -321,8 +321,8 @@ def parse(entry: type[BaseModel], content: Any, where: str) -> Any:
     try:
         return entry.model_validate(content)
     except ValidationError as error:
-        lines = [_problem(entry, problem) for problem in error.errors()]
-    raise SceneError(f"{where}: " + "; ".join(dict.fromkeys(lines)))
+        problems = [_problem(entry, problem) for problem in error.errors()]
+    raise SceneError(listed(where, problems))
 
 
 def _problem(entry: type[BaseModel], problem: Any) -> str:

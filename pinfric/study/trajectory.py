@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from pinfric.errors import TrajectoryError, choose_from
+from pinfric.errors import TrajectoryError, choose_from, listed
 from pinfric.model.arrays import real_numbers
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
@@ -397,8 +397,5 @@ def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]
 
 
 def _raise_all(source: str, problems: Sequence[str]) -> None:
-    if len(problems) == 1:
-        raise TrajectoryError(f"{source}: {problems[0]}")
     if problems:
-        lines = "".join(f"\n  {i}. {problem}" for i, problem in enumerate(problems, 1))
-        raise TrajectoryError(f"{source}: {len(problems)} problems:{lines}")
+        raise TrajectoryError(listed(source, problems))
