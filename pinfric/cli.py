@@ -115,8 +115,8 @@ def simulate(
     Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png and
     summary.json.
     """
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.files import check_writable
     from pinfric.show.motion_report import motion_figure, motion_json, motion_report
     from pinfric.study.scene_run import run_scene
 
@@ -149,7 +149,7 @@ def paper(
 
     --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
     """
-    from pinfric.show.files import check_writable
+    from pinfric.model.files import check_writable
     from pinfric.show.paper_figures import paper_figures
     from pinfric.show.paper_report import literal_report, paper_report
     from pinfric.study.paper import EXAMPLES, paper_json, read_literally, reproduce
@@ -283,8 +283,8 @@ def replay(
 
     The page is one file that plays without a network.
     """
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.files import check_writable
     from pinfric.show.live import simulate_live
     from pinfric.show.replay import motion_to_replay, replay_json, replay_lines
     from pinfric.show.replay import replay as make_replay
@@ -372,9 +372,9 @@ def accuracy(
 
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
     from pinfric.show.accuracy_report import accuracy_frame, accuracy_json, accuracy_report
-    from pinfric.show.files import check_writable
     from pinfric.study.accuracy import accuracy as study
     from pinfric.study.trajectory import load_trajectory
 

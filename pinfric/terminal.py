@@ -21,8 +21,8 @@ from pinfric.errors import PinfricWarning, one_line
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from pinfric.model.files import Writer
     from pinfric.model.scene import Scene
-    from pinfric.show.files import Writer
     from pinfric.study.trajectory import Trajectory
 
 #: Exit code where the reader of our output left.
@@ -36,8 +36,8 @@ def load(
     scene_name: str, trajectory_name: str, out: Path | None = None
 ) -> tuple[Scene, Trajectory]:
     """Read a scene and a trajectory; refuse a folder that could not be written before any work."""
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.files import check_writable
     from pinfric.study.trajectory import load_trajectory
 
     if out is not None:
@@ -64,7 +64,7 @@ def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
 
 def write(folder: Path, writers: Mapping[str, Writer]) -> None:
     """Write the results, all or none, and say where they are."""
-    from pinfric.show.files import write_folder
+    from pinfric.model.files import write_folder
 
     with working(f"writing {folder}"):
         files = write_folder(folder, writers)

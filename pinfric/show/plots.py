@@ -16,7 +16,7 @@ import numpy as np
 
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
-from pinfric.show.files import write_file
+from pinfric.model.files import write_file
 from pinfric.show.report import digits, span
 from pinfric.study.summary import (
     ActuatorSummary,

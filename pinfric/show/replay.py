@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.motion import Motion, load_motion, scene_digests
+from pinfric.dynamics.motion import Motion, scene_digests
+from pinfric.dynamics.motion_file import load_motion
 from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.errors import StateError, TrajectoryError
+from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
-from pinfric.show.files import write_file
 from pinfric.show.frames import RATE, make_frames
 from pinfric.study.scene_run import run_scene
 from pinfric.study.trajectory import load_trajectory

@@ -12,6 +12,7 @@ import json
 import os
 import pickle
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,11 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import SweepError
+from pinfric.model.files import only_one
+from pinfric.model.yamlfile import brief
 from pinfric.study.sweep_cycle import FIGURES, Block, Study
 
-SAMPLES, BATCHES = "samples.parquet", "batches"
+SAMPLES, BATCHES, LOCK = "samples.parquet", "batches", ".sweep.lock"
 _KEY = b"pinfric_sweep"
 
 
@@ -65,24 +68,36 @@ class Store:
     parameters: tuple[str, ...]
     actuators: tuple[str, ...]
 
-    def prepare(self) -> None:
-        """Make the folder, and remove what an interrupted write left there.
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Make the folder, keep other sweeps out of it, and remove what a killed one left there.
 
         Raises:
-            SweepError: pyarrow is missing, or the folder cannot be written.
+            SweepError: pyarrow is missing, another sweep is writing into the folder, or it cannot
+                be written.
         """
         try:
             import pyarrow  # noqa: F401
         except ImportError:
             raise SweepError("samples are written as Parquet, which needs pyarrow: "
                              'pip install "pinfric[cluster]"') from None  # fmt: skip
-        try:
-            (self.folder / BATCHES).mkdir(parents=True, exist_ok=True)
-            for rest in (*self.folder.glob(".*.parquet.part"),
-                         *(self.folder / BATCHES).glob(".*.parquet.part")):  # fmt: skip
-                rest.unlink()
-        except OSError as problem:
-            raise self._unwritable(problem) from None
+        with ExitStack() as stack:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                alone = stack.enter_context(only_one(self.folder / LOCK))
+                if alone:
+                    (self.folder / BATCHES).mkdir(exist_ok=True)
+                    for rest in (*self.folder.glob(".*.parquet.part"),
+                                 *(self.folder / BATCHES).glob(".*.parquet.part")):  # fmt: skip
+                        rest.unlink()
+            except OSError as problem:
+                raise self._unwritable(problem) from None
+            if not alone:
+                raise SweepError(
+                    f"{self.folder}: another sweep is writing into this folder (it holds "
+                    f"{self.folder / LOCK}); wait for it, or name another folder"
+                )
+            yield
 
     @property
     def complete(self) -> bool:
@@ -136,7 +151,7 @@ class Store:
         table = table.replace_schema_metadata({_KEY: json.dumps(dict(self.identity)).encode()})
         part = path.with_name(f".{path.name}.part")
         try:
-            pq.write_table(table, part)
+            pq.write_table(table, part, write_page_checksum=True)
             os.replace(part, path)
         except OSError as problem:
             part.unlink(missing_ok=True)
@@ -147,11 +162,12 @@ class Store:
         import pyarrow.parquet as pq
 
         try:
-            table = pq.read_table(file)
-        except (OSError, pa.ArrowInvalid) as problem:
-            raise SweepError(f"{file}: cannot be read: {problem}; remove it to compute its samples "
-                             "again") from None  # fmt: skip
-        found = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
+            table = pq.read_table(file, page_checksum_verification=True)
+            found = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
+        except (OSError, ValueError, pa.ArrowException) as problem:
+            reason = brief(" ".join(str(problem).split()))
+            raise SweepError(f"{file}: cannot be read or is damaged: {reason}; remove it to "
+                             "compute its samples again") from None  # fmt: skip
         if found != dict(self.identity):
             other = [name for name, value in self.identity.items() if found.get(name) != value]
             raise SweepError(

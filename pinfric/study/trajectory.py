@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from pinfric.errors import TrajectoryError, choose_from, listed
+from pinfric.errors import PinfricError, TrajectoryError, choose_from, listed
 from pinfric.model.arrays import real_numbers
+from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
 from pinfric.study.followers import find_followers, follower_problems, follower_warnings
@@ -229,11 +230,14 @@ class Trajectory:
         numbers = np.column_stack((self.t, self.joint_positions(), self.v, self.a)) + 0.0
         formats = [f"%.{digits}g"] * numbers.shape[1] + ["%d"] * len(self.payload_names)
         rows = np.column_stack((numbers, self.attached.astype(np.float64)))
+
+        def write(file: Path) -> None:
+            np.savetxt(file, rows, fmt=formats, delimiter=",", header=",".join(header), comments="")
+
         try:
-            np.savetxt(path, rows, fmt=formats, delimiter=",", header=",".join(header), comments="")
-        except OSError as problem:
-            raise TrajectoryError(f"{path}: cannot be written: {problem.strerror}") from None
-        return Path(path)
+            return write_file(path, write)
+        except PinfricError as problem:
+            raise TrajectoryError(str(problem)) from None
 
 
 def load_trajectory(path: str | Path, scene: HasModel) -> Trajectory:

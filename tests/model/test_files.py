@@ -7,7 +7,7 @@ import os
 import pytest
 
 from pinfric.errors import PinfricError
-from pinfric.show.files import check_writable, write_folder
+from pinfric.model.files import check_writable, write_folder
 
 
 def texts(folder):
