@@ -73,7 +73,8 @@ def sweep(
 
     Raises:
         SweepError: the sweep names what is not there or values that cannot be, the folder holds
-            another sweep or one is writing into it, the scheduler cannot be reached, or no sample could be computed.
+            another sweep or one is writing into it, the scheduler cannot be reached, or no sample
+            could be computed.
 
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
