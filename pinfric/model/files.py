@@ -15,7 +15,7 @@ from pinfric.model.yamlfile import brief_path
 
 #: Writes a whole file to the path it is given.
 Writer = Callable[[Path], object]
-_UNFINISHED = ".unfinished-"
+_UNFINISHED, _ALIVE = ".unfinished-", ".alive"
 
 
 def write_file(path: str | Path, write: Writer) -> Path:
@@ -65,40 +65,38 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
 def _unfinished(folder: Path) -> Iterator[Path]:
     """A folder in `folder` to write in; those of killed runs are removed, those of others stay.
 
-    Each run holds a lock on its own, which the kernel gives back however the run ends. The lock on
-    `folder` keeps others from taking ours for a dead one between making it and locking it.
+    Each run holds the lock of a file in its own, which the kernel gives back however the run ends.
+    The lock on `folder` keeps others from taking ours for a dead one before it is locked.
     """
     with ExitStack() as stack:
-        with _locked(folder, wait=True):
+        with _locked(folder, os.O_RDONLY, wait=True):
             for left in folder.glob(f"{_UNFINISHED}*"):
-                with _locked(left) as ours:
-                    if ours:
+                with _locked(left / _ALIVE) as dead:
+                    if dead:
                         shutil.rmtree(left, ignore_errors=True)
-            made = stack.enter_context(tempfile.TemporaryDirectory(dir=folder, prefix=_UNFINISHED))
-            stack.enter_context(_locked(Path(made)))
+            made = stack.enter_context(tempfile.TemporaryDirectory(
+                dir=folder, prefix=_UNFINISHED, ignore_cleanup_errors=True)))
+            stack.enter_context(_locked(Path(made) / _ALIVE))
         yield Path(made)
 
 
 @contextmanager
-def _locked(path: Path, wait: bool = False) -> Iterator[bool]:
-    """Hold the lock on a folder; yields False where another process does, or none can be had."""
+def _locked(path: Path, flags: int = os.O_RDWR | os.O_CREAT, wait: bool = False) -> Iterator[bool]:
+    """Hold a lock; yields False where another holds it, or none can be had (some networks)."""
     try:
-        descriptor = os.open(path, os.O_RDONLY)
-    except OSError:  # it has gone
+        descriptor = os.open(path, flags | os.O_CLOEXEC, 0o644)
+    except OSError:
         yield False
         return
     try:
-        yield _lock(descriptor, wait)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        held = True
+    except OSError:
+        held = False
+    try:
+        yield held
     finally:
         os.close(descriptor)
-
-
-def _lock(descriptor: int, wait: bool = False) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except OSError:  # another's; or a file system without locks
-        return False
-    return True
 
 
 @contextmanager

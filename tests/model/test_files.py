@@ -76,7 +76,7 @@ def test_what_killed_runs_left_is_removed_and_what_others_write_stays(tmp_path):
     def inner(path):
         """Another run begins and ends while this one is writing."""
         write_folder(tmp_path, {"b.txt": lambda other: other.write_text("b")})
-        path.write_text("a")
+        write_file(path, lambda whole: whole.write_text("a"))  # and within the folder it writes in
 
     write_folder(tmp_path, {"a.txt": inner})
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt", "b.txt"]
