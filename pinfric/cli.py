@@ -283,6 +283,7 @@ def replay(
 
     The page is one file that plays without a network.
     """
+    from pinfric.dynamics.motion import Motion
     from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
     from pinfric.show.live import simulate_live
@@ -309,9 +310,11 @@ def replay(
     opened = shown.open() if open_browser and not live else None
     if as_json:
         show(replay_json(shown, noticed))
-        return
-    for line in replay_lines(shown, opened):
-        print_line(line)
+    else:
+        for line in replay_lines(shown, opened):
+            print_line(line)
+    if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
+        raise typer.Exit(INTERRUPTED)
 
 
 @app.command()

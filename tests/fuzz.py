@@ -382,7 +382,8 @@ class Maker:
         trees = {f"{name}.yaml": scene, "way.yaml": way, "sweep.yaml": SWEEP,
                  "catalog.yaml": CATALOG}  # fmt: skip
         file = {"scene": f"{name}.yaml", "trajectory": motion, "urdf": f"{name}.urdf",
-                "sweep": "sweep.yaml", "catalog": "catalog.yaml", "mesh": "part.stl"}.get(what)  # fmt: skip
+                "sweep": "sweep.yaml", "catalog": "catalog.yaml",
+                "mesh": "part.stl"}.get(what)  # fmt: skip
         if file is not None and file.endswith(".yaml"):
             if chance.random() < 0.25:
                 texts[file] = mutate.text(texts[file])
@@ -498,7 +499,9 @@ def _numbers(case, out):
 def _names_a_place(case, line):
     places = [*case.files, *case.arguments[1:], "--"]
     places += [word for name in case.files for word in (Path(name).stem,)]
-    return any(len(place) > 1 and place[:40] in line for place in places) or re.search(
+    from pinfric.errors import one_line
+
+    return any(len(p) > 1 and one_line(p)[:40] in line for p in places) or re.search(
         r"joint|loop|site|sample|friction\.|motion|t = |robot\.|trajectory|actuators|gear"
         r"|^pinfric: error: (method|rtol|atol|dt|t_end) ",
         line,

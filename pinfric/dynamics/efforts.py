@@ -12,6 +12,7 @@ import numpy as np
 
 from pinfric.errors import SimulationError, StateError, choose_from
 from pinfric.model.arrays import real_numbers
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
 
@@ -55,8 +56,8 @@ def make_effort(
         StateError: not real numbers.
     """
     own = real_numbers("breakpoints", [] if breakpoints is None else breakpoints).ravel()
-    if not np.isfinite(own).all():
-        raise SimulationError("breakpoints: hold NaN or Inf; give times in s")
+    if impossible(own).any():
+        raise SimulationError("breakpoints: hold NaN, Inf or more than a time; give times in s")
     if effort is None:
         if scene.simulation is None:
             raise SimulationError(
@@ -187,6 +188,6 @@ def _numbers(where: str, given: Any) -> np.ndarray:
         raise StateError(
             f"{problem}, (times, values), a mapping by drive or a function of (t, q, v)"
         ) from None
-    if not np.isfinite(array).all():
-        raise SimulationError(f"{where}: holds NaN or Inf")
+    if impossible(array).any():
+        raise SimulationError(f"{where}: holds NaN, Inf or more than {LARGEST_OF_A_MOTION:g}")
     return array

@@ -74,8 +74,11 @@ def _unfinished(folder: Path) -> Iterator[Path]:
                 with _locked(left / _ALIVE) as dead:
                     if dead:
                         shutil.rmtree(left, ignore_errors=True)
-            made = stack.enter_context(tempfile.TemporaryDirectory(
-                dir=folder, prefix=_UNFINISHED, ignore_cleanup_errors=True)))
+            made = stack.enter_context(
+                tempfile.TemporaryDirectory(
+                    dir=folder, prefix=_UNFINISHED, ignore_cleanup_errors=True
+                )
+            )
             stack.enter_context(_locked(Path(made) / _ALIVE))
         yield Path(made)
 

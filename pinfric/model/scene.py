@@ -18,6 +18,7 @@ from pinfric.model.closure import check_drives, close, velocity_indices
 from pinfric.model.drives import Drive
 from pinfric.model.laws import FrictionLaw, friction_law, law_table
 from pinfric.model.loops import Linkage, check_loop_friction, make_linkage
+from pinfric.model.magnitudes import LARGEST
 from pinfric.model.robot import (
     Robot,
     changed_parts,
@@ -361,7 +362,7 @@ class Scene:
     def _check_bodies(self) -> None:
         """Links are merged by fixed joints: of the sums only the mass is asked."""
         for name, inertia in zip(self.joint_names, tuple(self.model.inertias)[1:], strict=True):
-            if not inertia.mass >= 0:
+            if not 0 <= inertia.mass <= LARGEST:
                 raise SceneError(
                     f"{self.source}: joint {name!r} moves a mass of {inertia.mass:g} kg"
                 )

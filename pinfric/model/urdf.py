@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.model.magnitudes import LARGEST
 from pinfric.model.urdf_file import NAMELESS
+from pinfric.model.yamlfile import brief
 
 #: Triangle-inequality slack relative to the largest principal moment: URDFs print few digits.
 _INERTIA_SLACK = 1e-3
@@ -141,9 +143,12 @@ def _check_numbers(element: ElementTree.Element, where: str) -> None:
             values = [_number(word) for word in text.split()]
             # no limit is often written as an infinite one
             finite = part.tag == "limit" or all(math.isfinite(v) for v in values if v is not None)
+            shown = f"{where}: <{part.tag} {attribute}={brief(text)}>"
             if len(values) != count or None in values or not finite:
                 wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-                raise RobotError(f"{where}: <{part.tag} {attribute}={text!r}> should be {wanted}")
+                raise RobotError(f"{shown} should be {wanted}")
+            if part.tag != "limit" and any(abs(v) > LARGEST for v in values if v is not None):
+                raise RobotError(f"{shown} should be at most {LARGEST:g} in magnitude")
 
 
 def _number(word: str) -> float | None:

@@ -6,6 +6,7 @@ refuses all visuals then, and meshcat's own reader of Collada files fails on som
 
 from __future__ import annotations
 
+import logging
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.robot import Robot
 from pinfric.model.urdf import mesh_file, read_mesh_scene
 from pinfric.model.urdf_file import read_xml
@@ -92,7 +94,13 @@ def read_mesh(path: Path) -> Mesh:
     """
     import trimesh
 
-    scene, unit = read_mesh_scene(path)
+    with np.errstate(all="ignore"):  # of corners beyond numbers, which are refused below
+        return _triangles(*read_mesh_scene(path))
+
+
+def _triangles(scene: Any, unit: float) -> Mesh:
+    import trimesh
+
     parts = []
     for node in scene.graph.nodes_geometry:
         turn, name = scene.graph[node]
@@ -101,6 +109,8 @@ def read_mesh(path: Path) -> Mesh:
             parts.append(_part(part, np.asarray(turn)))
     if not parts:
         raise ValueError("no triangles")
+    if any(impossible(part.vertices, LARGEST).any() for part in parts):
+        raise ValueError("corners that are nowhere (not finite, or beyond any machine)")
     first = np.cumsum([0, *(len(part.vertices) for part in parts)])
     return Mesh(
         vertices=unit * np.concatenate([part.vertices for part in parts]),

@@ -289,10 +289,7 @@ def _await_workers(cluster: Any, workers: subprocess.Popen[bytes], count: int, l
 
 
 def _end(workers: subprocess.Popen[bytes]) -> None:
-    """End the nannies, which end their workers."""
-    workers.terminate()
-    try:
-        workers.wait(timeout=10)
-    except subprocess.TimeoutExpired:
+    """End nannies and workers at once: what they still compute is not wanted any more."""
+    with suppress(ProcessLookupError):
         os.killpg(workers.pid, signal.SIGKILL)  # the session is theirs alone
-        workers.wait(timeout=10)
+    workers.wait(timeout=10)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pinfric.errors import PinfricError, TrajectoryError, choose_from, listed
 from pinfric.model.arrays import real_numbers
 from pinfric.model.files import write_file
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
 from pinfric.study.followers import find_followers, follower_problems, follower_warnings
@@ -297,13 +298,14 @@ def _from_table(
 ) -> Trajectory:
     """Check limits, complete derivatives and make Pinocchio's q; raise with all that is wrong."""
     followers = find_followers(scene, columns)
-    wrong = [*problems, *limit_problems(named, table.t, table.position)]
+    wrong = [*problems, *_size_problems(table), *limit_problems(named, table.t, table.position)]
     if len(named) == len(columns):
         wrong += follower_problems(followers, columns, table.t, table.position)
     _raise_all(source, wrong)
     warnings: list[str] = []
-    v, a = complete_derivatives(named, table, wrong, warnings)
-    _raise_all(source, wrong)
+    with np.errstate(all="ignore"):  # what overflows is found below, by what it comes to
+        v, a = complete_derivatives(named, table, wrong, warnings)
+    _raise_all(source, wrong or _value_problems(table.t, (("v", v), ("a", a))))
     if isinstance(scene, Scene) and scene.loops:
         derived = bool(np.isnan(table.velocity).any() or np.isnan(table.acceleration).any())
         q, v, a = complete_motion(scene, source, columns, named, table.position, v, a, derived)
@@ -391,13 +393,26 @@ def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]
         return ["there are no samples"]
     problems = []
     for name, array in (("t", t), *arrays):
-        if array is not None and not np.isfinite(array).all():
-            samples = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
-            problems.append(f"{name} is not finite at samples {listing(samples)}")
+        if array is not None and (wrong := impossible(np.asarray(array))).any():
+            samples = np.unique(np.argwhere(wrong)[:, 0])
+            finite = np.isfinite(array).all()
+            what = f"beyond {LARGEST_OF_A_MOTION:g}" if finite else "not finite"
+            problems.append(f"{name} is {what} at samples {listing(samples)}")
     back = np.flatnonzero(np.diff(t) <= 0)
     if back.size:
         problems.append(f"time must increase; it does not after samples {listing(back)}")
     return problems
+
+
+def _size_problems(table: TrajectoryTable) -> list[str]:
+    """Numbers that a file gives (none where derivatives are to come) beyond any motion's."""
+    given = ("t", table.t), ("position", table.position), ("velocity", table.velocity), (
+        "acceleration", table.acceleration)  # fmt: skip
+    return [
+        f"{name}: {array.flat[int(np.argmax(large))]:g} is beyond {LARGEST_OF_A_MOTION:g}"
+        for name, array in given
+        if (large := np.isfinite(array) & impossible(array)).any()
+    ]
 
 
 def _raise_all(source: str, problems: Sequence[str]) -> None:
