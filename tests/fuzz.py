@@ -218,7 +218,10 @@ class Mutator:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         kind = chance.randrange(10)
         if number and kind < 7:
-            node[key] = chance.choice((value * self.factor(), -value, chance.choice(NASTY[:19])))
+            factor = self.factor()
+            if key in ("hold", "duration", "t_end", "sample_rate"):
+                factor = min(factor, 10.0)  # a long motion is honest work
+            node[key] = chance.choice((value * factor, -value, chance.choice(NASTY[:19])))
         elif kind < 7:
             node[key] = chance.choice(NASTY)
         elif kind == 7:
@@ -437,7 +440,8 @@ class Maker:
 
     @staticmethod
     def _options(chance, scene, arguments):
-        value = chance.choice([*NUMBERS[:13], "x", "5000", "1e-9"])
+        # not so long a motion or so short a step that it is honest work
+        value = chance.choice([*NUMBERS[:12], "x", "0.02", "0.001"])
         option = chance.choice(("--t-end", "--rtol", "--dt", "name", "threads", "method"))
         long = chance.choice(("y" * 5000, "a/" * 3000, "nul\x00l", "no\nfile", "é\udcff", ""))
         if option == "name":
@@ -448,7 +452,6 @@ class Maker:
         method = chance.choice(("event", "timestepping", "regularized", long))
         run = ["simulate", scene, "--method", method]
         short = [] if option == "--t-end" else ["--t-end", "0.01"]
-        # a step or an end so small or large that it is honest work is no hang
         return [*run, *short] if option == "method" else [*run, *short, f"{option}={value}"]
 
 

@@ -22,8 +22,8 @@ from pinfric.model.magnitudes import LARGEST
 from pinfric.model.robot import (
     Robot,
     changed_parts,
+    inertia_matrix,
     link_frame,
-    payload_inertia,
     with_payloads,
 )
 from pinfric.model.schema import (
@@ -374,8 +374,7 @@ class Scene:
                 link_frame(self.model, payload.link)
             except RobotError as problem:
                 raise SceneError(f"{where}.link: {problem}") from None
-            body = payload_inertia(payload)
-            if problem_text := implausible_body(body.mass, body.inertia):
+            if problem_text := implausible_body(payload.mass, inertia_matrix(payload)):
                 raise SceneError(f"{where}: {problem_text}")
 
     def _site(self, name: str, row: int, twin: Twin) -> Site:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
+import os
 import warnings
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
@@ -45,13 +47,16 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
     _release_followers(root, urdf)
     import yourdfpy  # 1.2 s: only where a URDF is read
 
+    logging.getLogger("yourdfpy").addHandler(logging.NullHandler())  # it prints what it raises
     try:
-        document = yourdfpy.URDF.load(
-            io.BytesIO(ElementTree.tostring(root)),
-            build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
-        ).robot  # fmt: skip
+        with np.errstate(all="ignore"):  # of visuals, which only pictures look at
+            document = yourdfpy.URDF.load(
+                io.BytesIO(ElementTree.tostring(root)), build_scene_graph=False, load_meshes=False,
+                build_collision_scene_graph=False,
+            ).robot  # fmt: skip
     except Exception as problem:  # yourdfpy lets ValueError, TypeError, AttributeError through
-        raise RobotError(f"{urdf}: is not a valid URDF: {problem}") from None
+        reason = " ".join(f"{type(problem).__name__}: {problem}".split())
+        raise RobotError(f"{urdf}: is not a valid URDF: {brief(reason)}") from None
     _check_tree(document, urdf)
     _check_joints(document, urdf)
     _check_mimics(document, urdf)
@@ -363,7 +368,7 @@ def mesh_file(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | Non
         candidates = [Path(rest)]
     else:
         candidates = [folder / rest.lstrip("/") for folder in package_dirs]
-    return next((path for path in candidates if path.is_file()), None)
+    return next((path for path in candidates if os.path.isfile(path)), None)
 
 
 def read_mesh_scene(path: Path) -> tuple[Any, float]:
@@ -376,6 +381,7 @@ def read_mesh_scene(path: Path) -> tuple[Any, float]:
     """
     import trimesh  # 0.4 s: only where a mesh is there
 
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints its doubts
     scene: Any = trimesh.load(str(path), force="scene", process=False)
     named = path.suffix.lower() == ".dae" and scene.units
     return scene, trimesh.units.unit_conversion(scene.units, "meters") if named else 1.0

@@ -80,9 +80,13 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Visual], dict[str
             material = visual.find("material")
             color = None if material is None else _rgba(material) or named.get(material.get("name"))
             mesh = _geometry(visual.find("geometry"), robot, loaded, missing)
-            if mesh is not None:
-                placement = frame.placement * _origin(visual.find("origin"))
-                found.append(Visual(int(frame.parentJoint), placement, _painted(mesh, color)))
+            if mesh is None:
+                continue
+            placement = frame.placement * _origin(visual.find("origin"))
+            if impossible(mesh.vertices, LARGEST).any() or impossible(placement.np, LARGEST).any():
+                missing[f"a <visual> of {name}"] = "its sizes or places are no numbers of a machine"
+                continue
+            found.append(Visual(int(frame.parentJoint), placement, _painted(mesh, color)))
     return found, missing
 
 

@@ -127,7 +127,7 @@ def motion_to_replay(
     if name is None:
         return run_scene(scene)
     if Path(name).suffix.lower() == ".npz":
-        if not Path(name).is_file():
+        if not os.path.isfile(name):
             raise TrajectoryError(f"there is no file {name}; `Motion.save` writes such files")
         return load_motion(name, scene)
     suffixes = (".csv", ".waypoints.yaml", ".yaml", ".yml")
