@@ -494,6 +494,11 @@ def _numbers(case, out):
         for path, number in numbers_in(content):
             if not math.isfinite(number):
                 return "a number that is none", f"{path} = {number}"
+        status = content.get("status") if case.arguments[0] == "inverse" else None
+        if status and not any(n for name, n in status.items() if name != "converged"):
+            for joint in content["joints"]:  # null only where a sample has no solution, and says so
+                if joint["peak"] is None or joint["rms"] is None:
+                    return "null without a reason", joint["name"]
         return "exit 0", ""
     found = re.search(r"(?<![\w.])-?(nan|inf)(?!\w)", out)
     return ("a number that is none", found.group()) if found else ("exit 0", "")

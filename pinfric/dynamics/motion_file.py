@@ -12,6 +12,7 @@ from pydantic import Field, FiniteFloat
 
 from pinfric.dynamics.motion import ARRAYS, FORMAT, Event, Motion, scene_digests
 from pinfric.errors import SceneError, SimulationError, listed
+from pinfric.model.magnitudes import impossible
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Entry, parse
 from pinfric.model.yamlfile import brief, brief_path
@@ -114,8 +115,8 @@ def _problems(scene: Scene, about: _About, arrays: dict[str, Any]) -> list[str]:
         return problems
     if samples == 0 or phases == 0:
         return ["it has no samples"]
-    problems += [f"{name} is not finite"
-                 for name, array in arrays.items() if not np.isfinite(array).all()]  # fmt: skip
+    problems += [f"{name} is not finite, or beyond any machine"
+                 for name, array in arrays.items() if impossible(array).any()]  # fmt: skip
     problems += [f"{name} holds other modes than -1, 0, 1" for name in ("modes", "phase_modes")
                  if not np.isin(arrays[name], (-1, 0, 1)).all()]  # fmt: skip
     if (np.diff(arrays["t"]) <= 0).any() or (np.diff(arrays["phase_t"]) < 0).any():

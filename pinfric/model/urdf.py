@@ -338,7 +338,7 @@ def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
 def missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Path]) -> list[str]:
     """Return the mesh names of a URDF whose files are not there, sorted."""
     missing = {
-        geometry.mesh.filename
+        geometry.mesh.filename or "(a <mesh> without a filename)"
         for link in document.links
         for shape in (*link.visuals, *link.collisions)
         if (geometry := shape.geometry) is not None and geometry.mesh is not None
@@ -359,8 +359,10 @@ def warn_of_missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Pat
         )
 
 
-def mesh_file(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
+def mesh_file(name: str | None, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
     """Return the file of a URDF's mesh name (package://, file:// or a path), or None."""
+    if not name:
+        return None
     scheme, _, rest = name.partition("://")
     if not rest:
         candidates = [urdf.parent / name]

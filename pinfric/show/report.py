@@ -123,7 +123,8 @@ def _effort_table(
             s.name, *([] if one_unit else [s.unit]),
             digits(s.peak, zero), span(s.rms_least, s.rms, zero),
             f"{digits(s.peak_frictionless, zero)}, {digits(s.rms_frictionless, zero)}",
-            f"{100 * s.friction_share:.0f} %", digits(s.stick_time), digits(s.max_interval, zero),
+            "n/a" if math.isnan(s.friction_share) else f"{100 * s.friction_share:.0f} %",
+            digits(s.stick_time), digits(s.max_interval, zero),
         )  # fmt: skip
     return table
 
