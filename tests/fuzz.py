@@ -155,7 +155,7 @@ class Mutator:
     def factor(self):
         """By how much a number is changed: often so little that it may be meant."""
         chance = self.chance
-        if chance.random() < 0.5:
+        if chance.random() < 0.7:
             return chance.choice((0.01, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 100.0))
         return 10.0 ** chance.choice((-300, -150, -30, -9, -3, 3, 6, 9, 30, 150, 300))
 
@@ -165,7 +165,7 @@ class Mutator:
             changed = repr(float(word) * self.factor())
         except ValueError:
             changed = "1"
-        return self.chance.choice((changed, self.chance.choice(NUMBERS)))
+        return self.chance.choices((changed, self.chance.choice(NUMBERS)), (2, 1))[0]
 
     def text(self, text):
         """A text with one to three small wounds."""
@@ -174,7 +174,7 @@ class Mutator:
             lines = text.splitlines(keepends=True) or [""]
             row, place = chance.randrange(len(lines)), chance.randrange(len(text) + 1)
             numbers = list(re.finditer(r"-?\d+\.?\d*(e-?\d+)?", text))
-            kind = chance.randrange(8)
+            kind = chance.randrange(12)
             if kind == 0:
                 del lines[row]
                 text = "".join(lines)
@@ -221,7 +221,8 @@ class Mutator:
             factor = self.factor()
             if key in ("hold", "duration", "t_end", "sample_rate"):
                 factor = min(factor, 10.0)  # a long motion is honest work
-            node[key] = chance.choice((value * factor, -value, chance.choice(NASTY[:19])))
+            others = value * factor, -value, chance.choice(NASTY[:19])
+            (node[key],) = chance.choices(others, (6, 1, 2))
         elif kind < 7:
             node[key] = chance.choice(NASTY)
         elif kind == 7:
