@@ -1,4 +1,4 @@
-"""The fuzzer's short run, and that it would see what it looks for (`python tests/fuzz.py`: long)."""
+"""The fuzzer's short run, and that it sees what it looks for (`python tests/fuzz.py`: long)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def test_a_short_run_finds_nothing():
     findings, counts = fuzz.fuzz(150, seed=0)
     assert findings == []
     assert set(counts) == fuzz.FOUND
-    assert min(counts.values()) >= 30  # both are tried
+    assert min(counts.values()) >= 20  # both are tried
 
 
 @pytest.mark.parametrize(
@@ -45,13 +45,13 @@ def test_what_is_a_finding(code, out, err, found):
 
 
 def test_a_death_and_a_hang_are_told_by_their_case(monkeypatch):
-    monkeypatch.setattr(fuzz, "LIMIT", 0.3)
     worker = fuzz.Worker()
     script = (
         "import os, sys, time\nfor line in sys.stdin: os.abort() if '7' in line else time.sleep(9)"
     )
     monkeypatch.setattr(worker, "_start", lambda: _begin(worker, script))
     assert worker.run(7)[:2] == [7, "the interpreter died (-6)"]
+    monkeypatch.setattr(fuzz, "LIMIT", 0.3)
     assert worker.run(1)[:2] == [1, "no end in 0.3 s"]
     assert worker.process is None
 
