@@ -274,3 +274,22 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
     changes = {"arm.urdf": URDF.replace('<link name="ram">', mesh)}
     code, _ = run(tmp_path, monkeypatch, capsys, changes, "motion.csv")
     assert code == 0
+
+
+@pytest.mark.parametrize("corner", ["nan 0 0", "inf 0 0", "1e308 1e308 0", "0.1 0"])
+def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monkeypatch, capsys):
+    solid = "solid part\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\n"
+    (tmp_path / "part.stl").write_text(
+        f"{solid}vertex {corner}\nendloop\nendfacet\nendsolid part\n"
+    )
+    mesh = '<link name="ram"><visual><geometry><mesh filename="part.stl"/></geometry></visual>'
+    (tmp_path / "arm.urdf").write_text(URDF.replace('<link name="ram">', mesh))
+    (tmp_path / "arm.yaml").write_text(SCENE)
+    (tmp_path / "motion.csv").write_text(MOTION)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["replay", "arm.yaml", "motion.csv", "--html", "page.html"])
+    assert ended.value.code == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("pinfric: warning: ")
+    assert "part.stl" in line
