@@ -69,8 +69,8 @@ def _unfinished(folder: Path) -> Iterator[Path]:
     The lock on `folder` keeps others from taking ours for a dead one before it is locked.
     """
     with ExitStack() as stack:
-        with _locked(folder, os.O_RDONLY, wait=True):
-            for left in folder.glob(f"{_UNFINISHED}*"):
+        with _locked(folder, os.O_RDONLY, wait=True) as guarded:
+            for left in folder.glob(f"{_UNFINISHED}*") if guarded else ():
                 with _locked(left / _ALIVE) as dead:
                     if dead:
                         shutil.rmtree(left, ignore_errors=True)
