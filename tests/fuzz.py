@@ -418,12 +418,14 @@ class Maker:
             "simulate": ["simulate", scene, "--t-end", "0.03", "--method",
                          chance.choice(("event", "timestepping", "regularized"))],
             "new": ["new", f"{name}.urdf", "--out", "new"],
+            "check": ["check", chance.choice((scene, f"{name}.urdf"))],
         }  # fmt: skip
         if what == "catalog" or chance.random() < 0.5:
             commands["size"] += ["--catalog", "catalog.yaml"]
         weights = {"inverse": 8, "explain": 2, "size": 3, "replay": 2,
                    "simulate": 6 if simulated else 0, "sweep": 2 if name == "arm" else 0,
-                   "new": 4 if what == "urdf" else 0}  # fmt: skip
+                   "new": 4 if what == "urdf" else 0,
+                   "check": 3 if what in ("urdf", "scene") else 0}  # fmt: skip
         if what == "trajectory":
             weights["simulate"] = 0
         only = {"motion": "replay", "sweep": "sweep", "catalog": "size", "mesh": "replay"}.get(what)

@@ -6,7 +6,6 @@ refuses all visuals then, and meshcat's own reader of Collada files fails on som
 
 from __future__ import annotations
 
-import logging
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -96,7 +95,6 @@ def read_mesh(path: Path) -> Mesh:
     Raises:
         Exception: whatever its reader raises; ValueError where there are no triangles.
     """
-    import trimesh
 
     with np.errstate(all="ignore"):  # of corners beyond numbers, which are refused below
         return _triangles(*read_mesh_scene(path))
