@@ -23,7 +23,7 @@ from pinfric.dynamics.system import Settings, System
 from pinfric.dynamics.timestepping import step_through
 from pinfric.dynamics.workspace import make_workspace
 from pinfric.errors import AccelerationError, SimulationError, StateError
-from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, impossible
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
 from pinfric.model.scene import Scene
 
 #: A run that takes longer than this (s) shows its progress, where somebody watches.
@@ -160,6 +160,8 @@ def _settings(
         good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
         if not good or not np.isfinite(value) or value <= 0:
             raise SimulationError(f"{name} = {value!r}: should be a positive number")
+        if name in ("t_end", "dt", "sample_step", "max_step") and value < SMALLEST:
+            raise SimulationError(f"{name} = {value:g} s: should be at least {SMALLEST:g} s")
     if max_events != int(max_events):
         raise SimulationError(f"max_events = {max_events!r}: should be a whole number")
     if not _FINEST <= rtol <= 1 or atol > 1:
