@@ -21,7 +21,7 @@ from pinfric.dynamics.reactions import joint_wrenches
 from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
-from pinfric.study.scene_run import run_scene, run_whole
+from pinfric.study.scene_run import run_whole
 
 #: Samples per second at which the forward motion is handed to inverse dynamics.
 SAMPLE_RATE = 2000
