@@ -34,6 +34,8 @@ _PUBLIC = {
     "load_catalog": "pinfric.study.catalog",
     "check": "pinfric.study.plausibility",
     "CheckReport": "pinfric.study.findings",
+    "plot": "pinfric.show.views",
+    "summary": "pinfric.show.views",
     "sweep": "pinfric.study.sweep",
     "SweepResult": "pinfric.study.sweep_result",
     "replay": "pinfric.show.replay",
@@ -61,6 +63,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.model.scene_file import load_scene as load_scene
     from pinfric.show.live import LiveReplay as LiveReplay
     from pinfric.show.replay import replay as replay
+    from pinfric.show.views import plot as plot
+    from pinfric.show.views import summary as summary
     from pinfric.study.catalog import load_catalog as load_catalog
     from pinfric.study.findings import CheckReport as CheckReport
     from pinfric.study.plausibility import check as check

@@ -117,7 +117,7 @@ def simulate(
     """
     from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.motion_report import motion_figure, motion_json, motion_report
+    from pinfric.show.motion_report import motion_json, motion_report
     from pinfric.study.scene_run import run_scene
 
     if out is not None:
@@ -126,6 +126,8 @@ def simulate(
     motion = run_scene(scene, t_end=t_end, method=method, rtol=rtol, atol=1e-2 * rtol, dt=dt)
     summary = motion_json(motion, noticed)
     if out is not None:
+        from pinfric.show.motion_figure import motion_figure
+
         write(out, {
             "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
             "motion.npz": motion.save,

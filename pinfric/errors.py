@@ -195,7 +195,7 @@ def cut(text: str, letters: int) -> str:
     return f"{text[: letters * 2 // 3]} ... {text[len(text) - letters // 3 :]}"
 
 
-def listed(where: str, problems: Sequence[str]) -> str:
+def problems_line(where: str, problems: Sequence[str]) -> str:
     """Return one line for all that is wrong: how many, the first few, the rest counted.
 
     Args:

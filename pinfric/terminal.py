@@ -58,8 +58,9 @@ def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
 
     console = Console(highlight=False)
     with console.capture() as captured:
-        console.print(*answer, sep="\n")
-    print_line(captured.get().rstrip())
+        console.print(*answer, sep="\n", crop=False)
+    lines = captured.get().rstrip().split("\n")
+    print_line("\n".join(line.rstrip() for line in lines))
 
 
 def write(folder: Path, writers: Mapping[str, Writer]) -> None:

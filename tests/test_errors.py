@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pinfric import cli
-from pinfric.errors import PinfricError, SceneError, choose_from, listed, one_line
+from pinfric.errors import PinfricError, SceneError, choose_from, one_line, problems_line
 
 HOSTILE = "a\nb\r\x1b[2Kc\x00\x85\u2028\ud800"
 
@@ -21,9 +21,9 @@ def test_a_message_has_no_letter_that_a_terminal_obeys():
 
 
 def test_problems_are_counted_and_cut():
-    assert listed("m.csv", ["one"]) == "m.csv: one"
-    assert listed("m.csv", ["one", "two", "one"]) == "m.csv: 2 problems: one; two"
-    many = listed("m.csv", [f"no {i}" for i in range(1000)])
+    assert problems_line("m.csv", ["one"]) == "m.csv: one"
+    assert problems_line("m.csv", ["one", "two", "one"]) == "m.csv: 2 problems: one; two"
+    many = problems_line("m.csv", [f"no {i}" for i in range(1000)])
     assert many == "m.csv: 1000 problems: no 0; no 1; no 2; no 3; no 4; and 995 more"
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import ModuleType
 from typing import Any
 
@@ -21,10 +21,10 @@ def kernel_calling(
     """Return the decorator `compiled.kernel` for functions that call kernels of these modules.
 
     Args:
-        modules: every module whose kernels are reached, directly or through others.
+        modules: whose kernels are called; those that they call in turn are found by themselves.
         compiled: that decorator, or `compiled.parallel_kernel`.
     """
-    source = "".join(inspect.getsource(module) for module in modules)
+    source = "".join(inspect.getsource(module) for module in _reached(modules))
     digest = hashlib.sha256(source.encode()).hexdigest()[:12]
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -32,3 +32,13 @@ def kernel_calling(
         return compiled(function)
 
     return decorate
+
+
+def _reached(modules: Iterable[ModuleType]) -> list[ModuleType]:
+    """Modules, and those of this package that they name to call their kernels, each once."""
+    found = list(modules)
+    for module in found:  # grows while it is walked
+        for named in vars(module).values():
+            if isinstance(named, ModuleType) and named.__name__.startswith("pinfric."):
+                found += [named] if named not in found else []
+    return found

@@ -20,6 +20,7 @@ from pinfric.dynamics.states import States
 from pinfric.dynamics.workspace import Workspace, workspace
 from pinfric.errors import StateError
 from pinfric.model.arrays import real_numbers
+from pinfric.model.brief import counted, screen
 from pinfric.model.scene import Scene
 
 
@@ -50,6 +51,18 @@ class Instant(NamedTuple):
     contraction: float
     status: Status
     iterations: int
+
+    def __repr__(self) -> str:
+        def some(x: np.ndarray) -> str:
+            return np.array2string(x, precision=4, threshold=10, edgeitems=4, max_line_width=10**6)
+
+        title = f"{self.status.name.lower()}, {counted(self.iterations, 'pass', 'passes')}"
+        return screen("Instant", title, {
+            "a": some(self.a), "modes": some(self.modes), "friction": some(self.friction),
+            "normal_load": some(self.normal_load),
+            "multipliers": some(self.multipliers) if self.multipliers.size else "",
+            "wrench": f"{self.wrench.shape} array", "contraction": f"{self.contraction:.4g}",
+        })  # fmt: skip
 
 
 def forward_dynamics(

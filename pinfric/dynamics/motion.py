@@ -17,7 +17,9 @@ from pinfric.dynamics.closure import working_rates
 from pinfric.dynamics.result import StickInterval, runs
 from pinfric.errors import PinfricError, SimulationError, StateError
 from pinfric.model.arrays import real_numbers
+from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.closure import velocity_names
+from pinfric.model.coordinates import motion_columns
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 
@@ -67,7 +69,7 @@ class Energy:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Shown):
     """A motion as `simulate` returns it; samples first, SI units.
 
     At an instant where modes change there is one sample, with what holds after the change.
@@ -107,6 +109,23 @@ class Motion:
     evaluations: int
     carried: tuple[str, ...] | None = None
     dense: Dense | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        title = (f"of {file_name(self.scene.source)} by {self.method}: "
+                 f"{counted(len(self.t), 'sample')}, {self.t[-1] - self.t[0]:.4g} s")  # fmt: skip
+        kinds = [event.kind for event in self.events]
+        happened = [counted(kinds.count(kind), kind) for kind in dict.fromkeys(kinds)]
+        intervals = self.stick_intervals()
+        sticks = [f"{i.start:.4g}-{i.end:.4g} s" for i in intervals]
+        speeds = [f"{x:.3g}" for x in np.abs(self.v).max(axis=0, initial=0.0)]
+        return screen("Motion", title, {
+            "speeds": f"{listed(velocity_names(self.scene.model), speeds)} (largest, rad/s or m/s)",
+            "sticks": listed([i.site for i in intervals], sticks) or "none",
+            "events": ", ".join(happened) or "none",
+            "status": f"{self.status}; {counted(self.evaluations, 'right-hand side')}"
+                      + (f"; {self.message}" if self.status != FINISHED else ""),
+            "more": ".summary() .plot() .to_dataframe() .stick_intervals() .energy() .sample(t)",
+        })  # fmt: skip
 
     @property
     def site_names(self) -> tuple[str, ...]:
@@ -181,15 +200,12 @@ class Motion:
         return Energy(float(work), change, loss, float(work - change - loss.sum()))
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return all columns with names: t, positions, then `<name>.<quantity>`."""
+        """Return all columns with names: t, `<joint>.q` (one number), then `<name>.<quantity>`."""
         import pandas as pd
 
         columns: dict[str, np.ndarray] = {"t": self.t}
-        for i in range(self.q.shape[1]):
-            columns[f"q{i}"] = self.q[:, i]
-        moving = velocity_names(self.scene.model)
-        for quantity, names in (("v", moving), ("a", moving),
-                                ("effort", self.actuator_names), ("modes", self.site_names),
+        columns |= motion_columns(self.scene.model, self.q, self.v, self.a)
+        for quantity, names in (("effort", self.actuator_names), ("modes", self.site_names),
                                 ("friction", self.site_names),
                                 ("normal_load", self.site_names)):  # fmt: skip
             for i, name in enumerate(names):

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from pinfric.dynamics.motion import ARRAYS, FORMAT, Event, Motion, scene_digests
-from pinfric.errors import SceneError, SimulationError, listed
+from pinfric.errors import SceneError, SimulationError, problems_line
 from pinfric.model.magnitudes import impossible
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Entry, parse
@@ -64,7 +64,7 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
         )
     problems = _problems(scene, about, arrays)
     if problems:
-        raise SimulationError(listed(f"{where}: is not a motion of this scene", problems))
+        raise SimulationError(problems_line(f"{where}: is not a motion of this scene", problems))
     return Motion(
         scene=scene,
         method=about.method,

@@ -11,6 +11,8 @@ import numpy as np
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.dynamics.states import States
 from pinfric.errors import StateError
+from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.coordinates import motion_columns
 from pinfric.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -67,7 +69,7 @@ class StickInterval:
 
 
 @dataclass(frozen=True)
-class InverseResult:
+class InverseResult(Shown):
     """Efforts, friction and reactions along a motion; samples first, SI units.
 
     The ends of the intervals of different drives are each attained, but not all at one instant.
@@ -133,6 +135,24 @@ class InverseResult:
         if self.actuator_velocity is None:
             object.__setattr__(self, "actuator_velocity", self.states.v)
             object.__setattr__(self, "actuator_acceleration", self.states.a)
+
+    def __repr__(self) -> str:
+        samples = counted(len(self.status), "sample")
+        span = "" if self.t is None else f", {self.t[-1] - self.t[0]:.4g} s"
+        sticks = [len(runs(self.sticking[:, s])) for s in range(len(self.site_names))]
+        friction = f"{np.count_nonzero(sticks)} of {counted(len(sticks), 'joint')} stick, "
+        friction += f"in {counted(sum(sticks), 'interval')}; "
+        friction += f"{counted(int(self.reversal.sum()), 'reversal')} between samples"
+        worst = np.fmax(np.abs(self.effort_lower), np.abs(self.effort_upper))
+        peaks = [f"{x:.3g}" for x in np.fmax.reduce(worst, axis=0, initial=0.0)]
+        ended = [(status.name.lower(), int((self.status == status).sum())) for status in Status]
+        return screen("InverseResult", f"of {file_name(self.scene.source)}: {samples}{span}", {
+            "drives": listed(self.actuator_names),
+            "peaks": f"{listed(self.actuator_names, peaks)} (N m or N)",
+            "friction": friction if sticks else "none",
+            "status": ", ".join(f"{count} {name}" for name, count in ended if count),
+            "more": ".summary() .plot() .to_dataframe() .stick_intervals() .check()",
+        })  # fmt: skip
 
     @property
     def critical_mu(self) -> np.ndarray:
@@ -219,10 +239,20 @@ class InverseResult:
         return check(self)
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Return all columns with names: `t`, then `<actuator>.<quantity>`, `<site>.<quantity>`."""
+        """Return all columns with names: `t`, the motion, then what was found.
+
+        The motion is `<joint>.q` (one number: an angle or a length), `.v`, `.a`, and
+        `payload.<name>` where the trajectory said so: a CSV of it is a trajectory again. Then come
+        `<actuator>.<quantity>` and `<site>.<quantity>`.
+        """
         import pandas as pd
 
+        states = self.states
         columns: dict[str, np.ndarray] = {} if self.t is None else {"t": self.t}
+        columns |= motion_columns(self.scene.model, states.q, states.v, states.a)
+        if states.attached is not None:
+            columns |= {f"payload.{name}": states.attached[:, p].astype(np.int8)
+                        for p, name in enumerate(self.scene.payloads)}  # fmt: skip
         for quantity in ("effort_lower", "effort_upper", "effort_frictionless",
                          "motor_torque_lower", "motor_torque_upper"):  # fmt: skip
             for i, name in enumerate(self.actuator_names):

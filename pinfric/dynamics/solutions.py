@@ -22,8 +22,8 @@ from pinfric.dynamics.coupling import (
     newton,
     reduce_contacts,
     slip_law,
-    spectral_radius_bound,
 )
+from pinfric.dynamics.dense import spectral_radius_bound
 from pinfric.dynamics.reactions import Batch
 from pinfric.dynamics.result import Solution
 from pinfric.model.loops import Linkage

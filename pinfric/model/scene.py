@@ -14,6 +14,7 @@ import pinocchio as pin
 from pinfric.errors import RobotError, SceneError, choose_from
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import LoadWeights, load_weights, weight_table
+from pinfric.model.brief import scene_screen
 from pinfric.model.closure import check_drives, close, velocity_indices
 from pinfric.model.drives import Drive
 from pinfric.model.laws import FrictionLaw, friction_law, law_table
@@ -194,6 +195,9 @@ class Scene:
         """The model as it was; None where it holds NaN and equals nothing (a limit may)."""
         kept = self.model.copy()
         return kept if kept == self.model else None
+
+    def __repr__(self) -> str:
+        return scene_screen(self)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from pydantic import (
     model_validator,
 )
 
-from pinfric.errors import PinfricWarning, SceneError, choose_from, listed
+from pinfric.errors import PinfricWarning, SceneError, choose_from, problems_line
 from pinfric.model.magnitudes import LARGEST, SMALLEST
 from pinfric.model.yamlfile import brief
 
@@ -334,7 +334,7 @@ def parse(entry: type[BaseModel], content: Any, where: str) -> Any:
         return entry.model_validate(content)
     except ValidationError as error:
         problems = [_problem(entry, problem) for problem in error.errors()]
-    raise SceneError(listed(where, problems))
+    raise SceneError(problems_line(where, problems))
 
 
 def _problem(entry: type[BaseModel], problem: Any) -> str:

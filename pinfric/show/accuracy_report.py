@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.report import digits, json_safe
+from pinfric.show.tables import Column, Kind, Table
 from pinfric.study.accuracy import Accuracy
 from pinfric.study.coupled import CoupledRun
 from pinfric.study.ladder import Rung
@@ -19,7 +20,6 @@ from pinfric.study.sampling import Sampled
 if TYPE_CHECKING:
     import pandas as pd
     from rich.console import RenderableType
-    from rich.table import Table
 
 
 def accuracy_json(found: Accuracy, warnings: Sequence[str] = ()) -> dict[str, Any]:
@@ -83,21 +83,21 @@ def accuracy_report(found: Accuracy) -> list[RenderableType]:
 
 
 def _runs_table(title: str, runs: Sequence[Run]) -> Table:
-    table = _table(title, "method", "setting")
-    for heading in ("error\nof q", "at the\nend", "of stick\ns", "time\nms", "evalua-\ntions"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for i, run in enumerate(runs):
-        if i and run.method != runs[i - 1].method:
-            table.add_section()
+    headings = ("error\nof q", "at the\nend", "of stick\ns", "time\nms", "evalua-\ntions")
+    columns = (Column("method", Kind.LABEL), Column("setting", Kind.WORDS), *map(Column, headings))
+    rows: list[tuple[str, ...]] = []
+    for run in runs:
         if run.problem:
-            table.add_row(run.method, run.setting, "fails")
+            rows.append((run.method, run.setting, "fails", "", "", "", ""))
             continue
         stick = f"misses {run.missed}" if run.missed else _power(run.stick_error)
-        table.add_row(
+        rows.append((
             run.method, run.setting, _power(run.error), _power(run.end_error), stick,
             digits(1e3 * run.wall_s), str(run.rhs),
-        )  # fmt: skip
-    return table
+        ))  # fmt: skip
+    methods = [run.method for run in runs]
+    changes = frozenset(i for i in range(1, len(runs)) if methods[i] != methods[i - 1])
+    return Table(title, columns, rows, keys=2, sections=changes)
 
 
 def _failures(runs: Sequence[Run]) -> list[RenderableType]:
@@ -108,37 +108,33 @@ def _failures(runs: Sequence[Run]) -> list[RenderableType]:
 
 
 def _sampling_table(title: str, rows: Sequence[Sampled]) -> Table:
-    table = _table(title, "given")
-    for heading in ("samples\nper s", "samples", "stick missed\ns", "of\ns", "error of\npeaks, %"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in rows:
-        figures = ("fails",) if row.problem else (
+    headings = ("samples\nper s", "samples", "stick missed\ns", "of\ns", "error of\npeaks, %")
+    cells = [
+        (row.given, digits(row.rate), str(row.samples), *(("fails", "", "") if row.problem else (
             digits(row.missed_stick, 1e-9), digits(row.stick), digits(100 * row.peak_error, 1e-6)
-        )  # fmt: skip
-        table.add_row(row.given, digits(row.rate), str(row.samples), *figures)
-    return table
+        )))
+        for row in rows
+    ]  # fmt: skip
+    return Table(title, (Column("given", Kind.WORDS), *map(Column, headings)), cells)
 
 
 def _coupled_table(title: str, runs: Sequence[CoupledRun]) -> Table:
     """Passes to each tolerance, a row per coefficient and solver; error and time at the last."""
     tolerances = sorted({run.tolerance for run in runs}, reverse=True)
-    table = _table(title)
-    for heading in ("mu / mu\nat jam", "contrac-\ntion"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("\nsolver", no_wrap=True)
-    for i, tolerance in enumerate(tolerances):
-        heading = f"{'' if i else 'passes'}\n{'' if i else 'to '}{_decade(tolerance)}"
-        table.add_column(heading, justify="right", no_wrap=True)
-    for heading in ("error\nleft", "time\nus"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    columns = (
+        Column("mu / mu\nat jam"), Column("contrac-\ntion"), Column("solver", Kind.LABEL),
+        *(Column(f"passes\n{_decade(tolerance)}") for tolerance in tolerances),
+        Column("error\nleft"), Column("time\nus"),
+    )  # fmt: skip
+    rows = []
     for share in dict.fromkeys(run.share for run in runs):
         for n, solver in enumerate(dict.fromkeys(run.solver for run in runs)):
             own = [run for run in runs if (run.share, run.solver) == (share, solver)]
             last = own[-1]
             passes = ["fails" if run.problem else str(run.iterations) for run in own]
             first = ("", "") if n else (f"{share:g}", f"{last.contraction:.4f}")
-            table.add_row(*first, solver, *passes, _power(last.error), digits(1e6 * last.wall_s))
-    return table
+            rows.append((*first, solver, *passes, _power(last.error), digits(1e6 * last.wall_s)))
+    return Table(title, columns, rows, keys=3)
 
 
 def _coupled_lines(runs: Sequence[CoupledRun]) -> list[str]:
@@ -152,20 +148,19 @@ def _coupled_lines(runs: Sequence[CoupledRun]) -> list[str]:
 
 
 def _ladder_table(title: str, rungs: Sequence[Rung]) -> Table:
-    table = _table(title, "model")
-    for heading in ("time\nus", "peak\nchange", "RMS\nchange", "missing\n%"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("of", overflow="fold", vertical="bottom")
+    headings = ("time\nus", "peak\nchange", "RMS\nchange", "missing\n%")
+    rows: list[tuple[str, ...]] = []
     for rung in rungs:
         if rung.problem:
-            table.add_row(rung.name, *("fails", "", "", ""), rung.problem)
+            rows.append((rung.name, "fails", "", "", "", rung.problem))
         elif rung.on:
-            table.add_row(
+            rows.append((
                 rung.name, digits(rung.us), _signed(rung.peak_change), _signed(rung.rms_change),
                 digits(100 * rung.distance, 1e-6),
                 f"{rung.drive}{' (motor)' if rung.motor_side else ''}",
-            )  # fmt: skip
-    return table
+            ))  # fmt: skip
+    columns = (Column("model", Kind.LABEL), *map(Column, headings), Column("of", Kind.WORDS))
+    return Table(title, columns, rows)
 
 
 def _ladder_lines(rungs: Sequence[Rung]) -> list[str]:
@@ -201,16 +196,3 @@ def _signed(x: float) -> str:
     if not np.isfinite(x):
         return ""
     return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x), 1e-12)}"
-
-
-def _table(title: str, *names: str) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-        pad_edge=False, padding=(0, 1, 0, 0), show_edge=False,
-    )  # fmt: skip
-    for name in names:
-        table.add_column(name, overflow="fold", vertical="bottom")
-    return table

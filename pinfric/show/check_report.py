@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinfric.show.report import counted, json_safe
+from pinfric.model.brief import counted
+from pinfric.show.report import json_safe
 from pinfric.study.findings import CheckReport, Finding, Severity
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""What a simulated motion says: tables for people, a dictionary for machines, one picture."""
+"""What a simulated motion says: tables for people, a dictionary for machines."""
 
 from __future__ import annotations
 
@@ -7,21 +7,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pinfric.dynamics.motion import Motion
-from pinfric.dynamics.result import runs
+from pinfric.model.brief import counted
 from pinfric.show.report import digits, json_safe
+from pinfric.show.tables import Column, Kind, Table
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from rich.console import RenderableType
-    from rich.table import Table
 
-_LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#222222", "#999999")
-_STICKING, _LIMIT = "#E69F00", "#999999"
-#: More rows than this are cut, with their number.
+#: Of more stick intervals, events or sites than this the first, or the largest, are printed.
 _MOST_ROWS = 12
 
 
@@ -64,24 +58,19 @@ def motion_report(motion: Motion) -> list[RenderableType]:
         rows = [
             (i.site, f"{i.start:.6f}", f"{i.end:.6f}", digits(i.end - i.start)) for i in intervals
         ]
-        items.append(_table("sticks", ("joint", "from s", "to s", "for s"), rows))
+        columns = (
+            Column("joint", Kind.NAME, motion.site_names),
+            *map(Column, ("from s", "to s", "for s")),
+        )
+        items.append(_first("sticks", columns, rows))
     else:
         items.append(Text("no joint sticks"))
     if motion.events:
         rows = [(f"{e.time:.6f}", e.name, e.kind, _way(e.kind, e.direction)) for e in motion.events]
-        items += [Text(), _table("events", ("time s", "joint", "what", "way"), rows)]
-    energy = motion.energy()
-    losses = [
-        (f"heat at {site}", digits(float(loss)))
-        for site, loss in zip(motion.site_names, energy.friction_loss, strict=True)
-    ]
-    balance = [
-        ("work of the drives", digits(energy.work)),
-        ("kinetic and potential", digits(energy.change)),
-        *losses,
-        ("unaccounted", digits(energy.residual)),
-    ]
-    items += [Text(), _table("energy", ("", "J"), balance)]
+        columns = (Column("time s"), Column("joint", Kind.NAME, motion.scene.joint_names),
+                   Column("what", Kind.LABEL), Column("way", Kind.LABEL))  # fmt: skip
+        items += [Text(), _first("events", columns, rows)]
+    items += [Text(), _energy_table(motion)]
     if motion.status != "finished":
         items += [Text(), Text(f"{motion.status}: {motion.message}")]
     return items
@@ -93,108 +82,27 @@ def _way(kind: str, direction: int) -> str:
     return {1: "forward", -1: "backward"}.get(direction, "")
 
 
-def _table(title: str, headings: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    shown = list(rows[:_MOST_ROWS])
+def _first(title: str, columns: Sequence[Column], rows: Sequence[tuple[str, ...]]) -> Table:
     if len(rows) > _MOST_ROWS:
         title += f" (the first {_MOST_ROWS} of {len(rows)})"
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-        pad_edge=False, padding=(0, 2, 0, 0), show_edge=False,
-    )  # fmt: skip
-    numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(headings))]
-    for heading, right in zip(headings, numeric, strict=True):
-        table.add_column(heading, justify="right" if right else "left", no_wrap=True)
-    for row in shown:
-        table.add_row(*row)
-    return table
+    return Table(title, columns, rows[:_MOST_ROWS])
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return text == "n/a"
-    return True
-
-
-def motion_figure(motion: Motion) -> Figure:
-    """Draw a motion: positions, velocities with sticking shaded, friction against its limits."""
-    from matplotlib.figure import Figure
-
-    sites = motion.scene.sites
-    rows = 2 + len(sites)
-    figure = Figure(figsize=(10.0, 1.0 + 2.1 * rows), dpi=150, layout="constrained")
-    axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    name = Path(motion.scene.source).stem
-    figure.suptitle(f"{name} · {motion.method}", x=0.01, ha="left", fontsize=13, fontweight="bold")
-    _positions(axes[0], motion)
-    _velocities(axes[1], motion)
-    for s, one in enumerate(axes[2:]):
-        _friction(one, motion, s)
-    for one in axes:
-        one.axhline(0, color="#BBBBBB", linewidth=0.7, zorder=0)
-        one.spines[["top", "right"]].set_visible(False)
-        one.margins(x=0)
-    axes[-1].set_xlabel("time (s)")
-    return figure
-
-
-def _positions(axes: Axes, motion: Motion) -> None:
-    """One number per degree of freedom: an angle, a length, or what moved since the start."""
-    model = motion.scene.model
-    for i, (name, values) in enumerate(_single_positions(motion)):
-        axes.plot(motion.t, values, color=_LINES[i % len(_LINES)], label=name)
-    many = [n for n, nv in zip(model.names, model.nvs, strict=True) if nv > 1]
-    title = "positions (rad, m)" + (f"; without {', '.join(many)}" if many else "")
-    axes.set_title(title, loc="left", fontsize=10)
-    axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-
-
-def _single_positions(motion: Motion) -> list[tuple[str, np.ndarray]]:
-    model = motion.scene.model
-    found = []
-    for index in range(1, model.njoints):
-        joint = model.joints[index]
-        if joint.nv != 1:
-            continue
-        q = motion.q[:, joint.idx_q]
-        if joint.nq == 2:
-            q = np.unwrap(np.arctan2(motion.q[:, joint.idx_q + 1], q))
-        found.append((model.names[index], q))
-    return found
-
-
-def _velocities(axes: Axes, motion: Motion) -> None:
-    model = motion.scene.model
-    i = 0
-    for index in range(1, model.njoints):
-        joint = model.joints[index]
-        if joint.nv == 1:
-            color = _LINES[i % len(_LINES)]
-            axes.plot(motion.t, motion.v[:, joint.idx_v], color=color, label=model.names[index])
-            i += 1
-    for interval in motion.stick_intervals():
-        axes.axvspan(interval.start, interval.end, color=_STICKING, alpha=0.18, linewidth=0)
-    axes.set_title("velocities (rad/s, m/s); shaded: a joint sticks", loc="left", fontsize=10)
-
-
-def _friction(axes: Axes, motion: Motion, s: int) -> None:
-    site = motion.scene.sites[s]
-    law, load = site.law, motion.normal_load[:, s]
-    forward, backward = (
-        -(law.mu_static * load + law.static_positive),
-        (law.mu_static * load + law.static_negative),
-    )
-    axes.plot(motion.t, forward, color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
-    axes.plot(motion.t, backward, color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
-    axes.plot(motion.t, motion.friction[:, s], color=_LINES[0])
-    for first, last in runs(motion.phase_modes[:, s] == 0):
-        span = motion.phase_t[first], motion.phase_t[last + 1]
-        axes.axvspan(*span, color=_STICKING, alpha=0.18, linewidth=0)
-    unit = "N" if site.sliding else "N m"
-    axes.set_title(
-        f"{site.name}: friction ({unit}); dashed: its static limits", loc="left", fontsize=10
-    )
+def _energy_table(motion: Motion) -> Table:
+    """The balance; of many sites those with the most heat, and the rest in one line."""
+    energy = motion.energy()
+    losses = [float(loss) for loss in energy.friction_loss]
+    order = sorted(range(len(losses)), key=lambda s: -abs(losses[s]))
+    few = len(order) <= _MOST_ROWS
+    shown = set(order) if few else {s for s in order[:_MOST_ROWS] if losses[s]}
+    rows = [
+        ("work of the drives", digits(energy.work)),
+        ("kinetic and potential", digits(energy.change)),
+        *((f"heat at {site}", digits(losses[s])) for s, site in enumerate(motion.site_names)
+          if s in shown),
+    ]  # fmt: skip
+    if rest := [s for s in order if s not in shown]:
+        heat = digits(sum(losses[s] for s in rest))
+        rows.append((f"heat at {counted(len(rest), 'further joint')}", heat))
+    rows.append(("unaccounted", digits(energy.residual)))
+    return Table("energy", (Column("", Kind.NAME), Column("J")), rows)

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from pinfric.show.tables import Column, Kind, Table
 from pinfric.study.paper import READINGS, LiteralReading, Reproduction
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
 
 def paper_report(found: Sequence[Reproduction]) -> list[RenderableType]:
     """Return what `pinfric paper` prints: the paper's claims, one row each, ours beside its."""
     from rich.text import Text
 
-    table = _table("Park, Yoo, Hwang, Bae: both examples", [r.example.name for r in found])
     rows = {
         "sticks, printed": [_span(r.example.printed, 3) for r in found],
         "sticks, reduced formulation": [_span(r.stick, 6) for r in found],
@@ -34,8 +33,8 @@ def paper_report(found: Sequence[Reproduction]) -> list[RenderableType]:
             f"{r.max_formulation_difference:.1e}" for r in found
         ],
     }
-    for name, cells in rows.items():
-        table.add_row(name, *cells)
+    names = [r.example.name for r in found]
+    table = _table("Park, Yoo, Hwang, Bae: both examples", names, rows)
     readings = [Text(f"- {reading}") for reading in READINGS]
     return [
         table,
@@ -50,11 +49,14 @@ def literal_report(found: Sequence[LiteralReading]) -> list[RenderableType]:
     """Return what `pinfric paper --reading literal` prints."""
     from rich.text import Text
 
-    table = _table("the data as printed", [r.example.name for r in found])
-    table.add_row("sticks, printed", *(_span(r.example.printed, 3) for r in found))
-    table.add_row("first stick", *(_span(r.stick, 4) for r in found))
-    stops = ["never" if r.stops_at is None else f"{r.stops_at:.4f} s" for r in found]
-    table.add_row("neither stick nor slip is consistent at", *stops)
+    rows = {
+        "sticks, printed": [_span(r.example.printed, 3) for r in found],
+        "first stick": [_span(r.stick, 4) for r in found],
+        "neither stick nor slip is consistent at": [
+            "never" if r.stops_at is None else f"{r.stops_at:.4f} s" for r in found
+        ],
+    }
+    table = _table("the data as printed", [r.example.name for r in found], rows)
     return [
         table,
         Text(),
@@ -66,18 +68,9 @@ def literal_report(found: Sequence[LiteralReading]) -> list[RenderableType]:
     ]
 
 
-def _table(title: str, names: Sequence[str]) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-        pad_edge=False, padding=(0, 2, 0, 0), show_edge=False,
-    )  # fmt: skip
-    table.add_column("")
-    for name in names:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
+def _table(title: str, names: Sequence[str], rows: dict[str, list[str]]) -> Table:
+    columns = (Column("", Kind.WORDS), *map(Column, names))
+    return Table(title, columns, [(claim, *cells) for claim, cells in rows.items()])
 
 
 def _span(span: tuple[float, float], decimals: int) -> str:

@@ -7,16 +7,16 @@ extremes.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pinfric.dynamics.result import InverseResult, runs
-from pinfric.errors import StateError
+from pinfric.errors import StateError, choose_from
 from pinfric.model.files import write_file
+from pinfric.show.names import affixes, left_out, shortened, without
 from pinfric.show.report import digits, span
 from pinfric.study.summary import (
     ActuatorSummary,
@@ -54,6 +54,8 @@ _PEAK: dict[str, Any] = {
 _PIECES = 2000
 #: A stick of this part of the whole time is a line, not a band: three pixels wide.
 _INSTANT = 1 / 500
+#: Drives drawn: three columns of ten.
+_MOST = 30
 #: Up to this many samples each one gets a dot.
 _FEW = 80
 #: Inches a letter takes in a panel's label, on average.
@@ -62,7 +64,9 @@ _LETTER, _BOLD_LETTER = 0.068, 0.088
 _WIDTH, _LEFT, _RIGHT, _HEADER, _FOOT, _STRIP, _LABEL = 11.0, 0.75, 0.25, 0.92, 0.55, 0.2, 0.38
 
 
-def effort_figure(result: InverseResult, trajectory: str = "") -> Figure:
+def effort_figure(
+    result: InverseResult, trajectory: str = "", drives: Sequence[str] | None = None
+) -> Figure:
     """Draw every drive's effort over time: a line while it slides, a band while it sticks.
 
     The thin line behind is the effort without friction; times at rest are shaded; a tick below
@@ -72,17 +76,19 @@ def effort_figure(result: InverseResult, trajectory: str = "") -> Figure:
     Args:
         result: with times.
         trajectory: its name, for the title.
+        drives: names of those to draw; by default all, of more than 30 those with the largest
+            peaks of their unit: what is left out is counted.
 
     Raises:
-        StateError: the result has no times.
+        StateError: the result has no times, or no drive of a name.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     if result.t is None:
         raise StateError("a figure over time needs times: give `t` to inverse_dynamics")
-    summaries = summarize(result)
-    count = len(summaries)
+    chosen, left = _chosen(result, summarize(result), drives)
+    count = len(chosen)
     columns = 1 if count <= 8 else 2 if count <= 16 else 3
     rows = -(-count // columns)
     height = {1: 3.2, 2: 2.0, 3: 1.5}.get(rows, 1.15 if columns == 1 else 0.95)
@@ -96,11 +102,11 @@ def effort_figure(result: InverseResult, trajectory: str = "") -> Figure:
     with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
         figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         grid = _Grid(figure, columns, height, total, strips)
-        names = shortened([s.name for s in summaries], int((grid.width - 1.0) / _BOLD_LETTER))
-        for i, summary in enumerate(summaries):
-            row, column = i % rows, i // rows
+        names, note = _labels(result.actuator_names, grid.width)
+        for place, (i, summary) in enumerate(chosen.items()):
+            row, column = place % rows, place // rows
             axes = grid.panel(row, column)
-            bottom = row == rows - 1 or i == count - 1
+            bottom = row == rows - 1 or place == count - 1
             _draw_panel(axes, result, i, zero, bottom)
             _mark_phases(axes, phases)
             axes.plot(summary.peak_time, _peak(result, i), zorder=5, gid="peak", **_PEAK)
@@ -108,8 +114,55 @@ def effort_figure(result: InverseResult, trajectory: str = "") -> Figure:
         if phases:
             for column in range(columns):
                 _draw_phases(grid.strip(column), phases, result.t)
-        _head(figure, total, result, trajectory, always, dict.fromkeys(s.unit for s in summaries))
+        units = " and ".join(dict.fromkeys(s.unit for s in chosen.values()))
+        text = f"effort of each drive at its joint, in {units}"
+        if always:
+            text += f"; carries {', '.join(always)} all the way"
+        _head(figure, total, result, trajectory, text + left + note)
     return figure
+
+
+def _labels(names: Sequence[str], width: float) -> tuple[list[str], str]:
+    """Names as a panel of `width` inches has room for, and what to say of how they were cut."""
+    room = int((width - 1.0) / _BOLD_LETTER)
+    if max(map(len, names)) <= room:
+        return list(names), ""
+    front, back = affixes(names)
+    note = left_out(front, back)
+    return shortened(without(names, front, back), room), f"; {note}" if note else ""
+
+
+def _chosen(
+    result: InverseResult, summaries: Sequence[ActuatorSummary], drives: Sequence[str] | None
+) -> tuple[dict[int, ActuatorSummary], str]:
+    """What is drawn, by column, and what to say of the rest."""
+    if drives is not None:
+        for name in drives:
+            if name not in result.actuator_names:
+                known = choose_from(name, result.actuator_names)
+                raise StateError(f"a figure: there is no drive {name!r}; {known}")
+        return {i: s for i, s in enumerate(summaries) if s.name in drives}, ""
+    drawn, left = largest([s.peak for s in summaries], [s.unit for s in summaries], _MOST)
+    return {i: summaries[i] for i in drawn}, left
+
+
+def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[list[int], str]:
+    """Return which drives to draw, in their order, and what to say of the others.
+
+    Args:
+        peaks: (na,) of the drives' efforts; compared with the largest of the same unit.
+        units: (na,) of these.
+        most: how many to draw.
+    """
+    scale = {u: max(p for p, unit in zip(peaks, units, strict=True) if unit == u) for u in units}
+    part = [p / (scale[u] or 1.0) for p, u in zip(peaks, units, strict=True)]
+    drawn = sorted(sorted(range(len(part)), key=lambda i: -part[i])[:most])
+    rest = [i for i in range(len(part)) if i not in set(drawn)]
+    below = " and ".join(
+        f"{digits(max(peaks[i] for i in rest if units[i] == unit))} {unit}"
+        for unit in dict.fromkeys(units[i] for i in rest)
+    )
+    return drawn, f"; {len(rest)} more, not drawn, need at most {below}" if rest else ""
 
 
 def save(figure: Figure, path: str | Path) -> Path:
@@ -140,6 +193,16 @@ def thinned(series: Sequence[np.ndarray], pieces: int = _PIECES) -> np.ndarray:
         for extreme in (filled.argmin(axis=1), filled.argmax(axis=1)):
             kept.append(np.minimum(starts + extreme, count - 1))
     return np.unique(np.concatenate(kept))
+
+
+def brief_ticks(value: float, _position: float = 0.0) -> str:
+    """Return a tick's label: 0.0005 takes as much room as a panel has, 5e-4 does not."""
+    if value == 0 or 1e-3 <= abs(value) < 1e5:
+        text = f"{value:g}"
+    else:
+        mantissa, exponent = f"{value:.3e}".split("e")
+        text = f"{float(mantissa):g}e{int(exponent)}"
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 class _Grid:
@@ -273,6 +336,7 @@ def _dress(
     still = 0.5 if len(t) == 1 else 0.0  # a single instant has no width
     axes.set_xlim(t[0] - still, t[-1] + still)
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    axes.yaxis.set_major_formatter(brief_ticks)
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -330,17 +394,13 @@ def _head(
     total: float,
     result: InverseResult,
     trajectory: str,
-    always: Sequence[str],
-    units: Iterable[str],
+    text: str,
 ) -> None:
     """Title, what is shown, and the key; the key names only what the figure has."""
     left = _LEFT / _WIDTH
     title = " · ".join(name for name in (Path(result.scene.source).stem, trajectory) if name)
     title = shortened([title], 90)[0]
     figure.text(left, 1 - 0.2 / total, title, fontsize=13, fontweight="bold", color=_INK, va="top")
-    text = f"effort of each drive at its joint, in {' and '.join(units)}"
-    if always:
-        text += f"; carries {', '.join(always)} all the way"
     figure.text(left, 1 - 0.46 / total, text, fontsize=9, color=_QUIET, va="top")
     figure.legend(
         handles=_key(result), loc="upper left", ncols=6, frameon=False, fontsize=8.5,
@@ -386,27 +446,3 @@ def _alone(mask: np.ndarray) -> np.ndarray:
     """True where a mask is True for a single sample."""
     padded = np.concatenate(([False], mask, [False]))
     return mask & ~padded[:-2] & ~padded[2:]
-
-
-def shortened(names: Sequence[str], room: int) -> list[str]:
-    """Cut names longer than `room` letters, around the part in which they differ."""
-    one = len(set(names)) == 1
-    front = 0 if one else _common(names)
-    back = 0 if one else _common([name[::-1] for name in names])
-    return [_cut(name, front, back, room) for name in names]
-
-
-def _common(names: Sequence[str]) -> int:
-    """Number of letters that all names begin with."""
-    columns = zip(*names, strict=False)
-    return sum(1 for _ in itertools.takewhile(lambda letters: len(set(letters)) == 1, columns))
-
-
-def _cut(name: str, front: int, back: int, room: int) -> str:
-    if len(name) <= room:
-        return name
-    middle = (front + len(name) - min(back, len(name) - front)) // 2
-    start = min(max(middle - room // 2, 0), len(name) - room)
-    part = name[start : start + room]
-    part = "…" + part[1:] if start > 0 else part
-    return part[:-1] + "…" if start + room < len(name) else part

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.dynamics.result import InverseResult, Status, runs
+from pinfric.model.brief import counted
+from pinfric.show.tables import Column, Kind, Table
 from pinfric.study.explain import Explanation
 from pinfric.study.summary import (
     ROUNDING,
@@ -22,7 +24,6 @@ from pinfric.study.summary import (
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
 
 def inverse_json(
@@ -103,53 +104,40 @@ def _effort_table(
 ) -> Table:
     assert result.t is not None
     units = {s.unit for s in summaries}
-    one_unit = units.pop() if len(units) == 1 else ""
+    unit = units.pop() if len(units) == 1 else ""
     title = (
         f"{Path(result.scene.source).stem} · {trajectory}" if trajectory else result.scene.source
     )
     title += f": {len(result.t)} samples, {digits(result.t[-1] - result.t[0])} s"
-    table = _table(title)
-    if not one_unit:
-        table.add_column("unit", no_wrap=True, vertical="bottom")
-    for heading, unit in (
-        ("peak", one_unit), ("RMS\nleast–worst", one_unit),  # noqa: RUF001 - a range
-        ("frictionless\npeak, RMS", one_unit),
-        ("friction\nshare", ""), ("sticks", "s"), ("widest\ninterval", one_unit),
-    ):  # fmt: skip
-        table.add_column(heading + (f"\n{unit}" if unit else ""), justify="right", no_wrap=True)
+    key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
+    headings = (
+        ("peak", unit), ("RMS\nleast–worst", unit),  # noqa: RUF001 - a range
+        ("frictionless\npeak, RMS", unit),
+        ("friction\nshare", ""), ("sticks", "s"), ("widest\ninterval", unit),
+    )  # fmt: skip
+    figures = [Column(heading + (f"\n{unit}" if unit else "")) for heading, unit in headings]
     zero = rounding(result)
-    for s in summaries:
-        table.add_row(
-            s.name, *([] if one_unit else [s.unit]),
+    rows = [
+        (
+            s.name, *([] if unit else [s.unit]),
             digits(s.peak, zero), span(s.rms_least, s.rms, zero),
             f"{digits(s.peak_frictionless, zero)}, {digits(s.rms_frictionless, zero)}",
             "n/a" if math.isnan(s.friction_share) else f"{100 * s.friction_share:.0f} %",
             digits(s.stick_time), digits(s.max_interval, zero),
-        )  # fmt: skip
-    return table
+        )
+        for s in summaries
+    ]  # fmt: skip
+    return Table(title, [*key, *figures], rows, keys=len(key))
 
 
 def _motor_table(geared: Sequence[ActuatorSummary]) -> Table:
-    table = _table("at the motors' shafts")
-    for heading in ("peak\nN m", "RMS\nN m"):
-        table.add_column(heading, justify="right", no_wrap=True)
     zero = ROUNDING * max(s.motor_peak for s in geared)
-    for s in geared:
-        rms = span(s.motor_rms_least, s.motor_rms, zero)
-        table.add_row(s.name, digits(s.motor_peak, zero), rms)
-    return table
-
-
-def _table(title: str) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-        pad_edge=False, padding=(0, 1, 0, 0), show_edge=False,
-    )  # fmt: skip
-    table.add_column("joint", overflow="fold", vertical="bottom")
-    return table
+    rows = [
+        (s.name, digits(s.motor_peak, zero), span(s.motor_rms_least, s.motor_rms, zero))
+        for s in geared
+    ]
+    columns = (Column("joint", Kind.NAME), Column("peak\nN m"), Column("RMS\nN m"))
+    return Table("at the motors' shafts", columns, rows)
 
 
 def _footer(result: InverseResult) -> list[str]:
@@ -173,11 +161,6 @@ def _footer(result: InverseResult) -> list[str]:
     if sites:
         lines.append("share: RMS of friction / (RMS of friction + frictionless RMS)")
     return lines
-
-
-def counted(count: int, noun: str) -> str:
-    """Return "1 joint", "2 joints"."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def digits(x: float, zero: float = 0.0) -> str:
@@ -222,23 +205,20 @@ def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]
     from rich.text import Text
 
     name = Path(scene).stem
-    called = _table(f"{name}: the effects it calls for")
-    called.columns[0].header, called.columns[0].vertical = "effect", "top"
-    called.add_column("", no_wrap=True)
-    called.add_column("why", overflow="fold")
-    measured = _table(f"{name}: what they cost and change")
-    measured.columns[0].header = "effect"
-    for heading in ("cost\nus", "peak\nchange", "RMS\nchange"):
-        measured.add_column(heading, justify="right", no_wrap=True)
-    measured.add_column("of", overflow="fold", vertical="bottom")
-    for row in explanation.effects:
-        style = "" if row.on else "dim"
-        called.add_row(*(Text(x, style) for x in (row.name, "on" if row.on else "off", row.why)))
-        if math.isfinite(row.cost_us):
-            measured.add_row(
-                row.name, f"{row.cost_us:.2f}", _signed(row.peak_change), _signed(row.rms_change),
-                f"{row.drive}{' (motor)' if row.motor_side else ''}",
-            )  # fmt: skip
+    called = Table(
+        f"{name}: the effects it calls for",
+        (Column("effect", Kind.LABEL), Column("", Kind.LABEL), Column("why", Kind.WORDS)),
+        [(row.name, "on" if row.on else "off", row.why) for row in explanation.effects],
+        faint=frozenset(i for i, row in enumerate(explanation.effects) if not row.on),
+    )
+    measured = Table(
+        f"{name}: what they cost and change",
+        (Column("effect", Kind.LABEL), Column("cost\nus"), Column("peak\nchange"),
+         Column("RMS\nchange"), Column("of", Kind.NAME)),
+        [(row.name, f"{row.cost_us:.2f}", _signed(row.peak_change), _signed(row.rms_change),
+          f"{row.drive}{' (motor)' if row.motor_side else ''}")
+         for row in explanation.effects if math.isfinite(row.cost_us)],
+    )  # fmt: skip
     lines = [
         f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
         f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.report import digits, json_safe, span
+from pinfric.show.tables import Column, Kind, Table
 from pinfric.study.assess import Assessment
 from pinfric.study.criteria import Criterion, load_factor, optimum_ratio
 from pinfric.study.sizing import JointSizing, SizingReport
@@ -17,14 +18,11 @@ from pinfric.study.summary import ends_by_magnitude
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
 #: Efforts below (N m, N) are rounding.
 ROUNDING = 1e-9
 #: Efforts below this part of the joint's peak print as 0, not as 3.2e-6 beside 0.249.
 _VISIBLE = 1e-4
-#: Longer names of joints are folded.
-_WIDEST_NAME = 13
 
 
 def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str, Any]:
@@ -147,6 +145,9 @@ def sizing_report(report: SizingReport) -> list[RenderableType]:
     parts: list[RenderableType] = [_demand_table(report)]
     if report.catalog is not None:
         parts += [Text(), _choice_table(report), Text()]
+        parts += [Text(f"{digits(report.drive_mass)} kg of drives; {passes(report)}")]
+        if heavier := _heavier(report):
+            parts += [Text(), heavier, Text()]
         parts += [Text(line) for line in _changes(report)]
         parts += [Text(f"! {line}", style="bold red") for line in report.misses]
     if report.notes:
@@ -165,43 +166,50 @@ def _demand_table(report: SizingReport) -> Table:
     units = {joint.demand.unit for joint in report.joints}
     unit = units.pop() if len(units) == 1 else ""
     title = f"{Path(report.given.source).stem} · {Path(report.trajectory).name}"
-    table = _table(report, f"{title}: {digits(t[-1] - t[0])} s, {repetition(report)}")
+    key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
     headings = ("peak", "RMS", "frictionless\npeak, RMS", "holding", "break-\naway")
-    for heading in headings:
-        table.add_column(heading + (f"\n{unit}" if unit else ""), justify="right", no_wrap=True)
-    table.add_column("speed\nrad/s" if unit == "N m" else "speed", justify="right", no_wrap=True)
-    for joint in report.joints:
-        d = joint.demand
-        table.add_row(
-            d.name, digits(d.peak), span_beside(d.rms_least, d.rms, d.peak),
+    figures = [Column(heading + (f"\n{unit}" if unit else "")) for heading in headings]
+    speed = {"N m": "\nrad/s", "N": "\nm/s"}.get(unit, "\nrad/s, m/s")
+    rows = [
+        (
+            d.name, *([] if unit else [d.unit]),
+            digits(d.peak), span_beside(d.rms_least, d.rms, d.peak),
             f"{beside(d.peak_frictionless, d.peak)}, {beside(d.rms_frictionless, d.peak)}",
             "-" if d.holding is None else span_beside(*d.holding, d.peak),
             "-" if d.breakaway is None else beside(d.breakaway, d.peak),
             digits(d.speed),
-        )  # fmt: skip
-    return table
+        )
+        for d in (joint.demand for joint in report.joints)
+    ]  # fmt: skip
+    return Table(
+        f"{title}: {digits(t[-1] - t[0])} s, {repetition(report)}",
+        [*key, *figures, Column(f"speed{speed}")], rows, keys=len(key),
+    )  # fmt: skip
 
 
 def _choice_table(report: SizingReport) -> Table:
     source = report.catalog.source if report.catalog is not None else ""
-    table = _table(report, f"drives from {source}, {digits(report.conditions.bus_voltage)} V")
-    table.add_column("lightest that fits", overflow="fold")
-    for heading in ("mass\nkg", "least\nmargin", "not\nchecked", "fit"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    columns = (
+        Column("joint", Kind.NAME), Column("lightest that fits", Kind.WORDS), Column("mass\nkg"),
+        Column("least\nmargin"), Column("tightest\ncriterion", Kind.WORDS), Column("not\nchecked"),
+        Column("fit"),
+    )  # fmt: skip
+    rows = []
     for joint in report.joints:
         fits = sum(a.fits for a in joint.assessments)
         count = f"{fits} of {len(joint.assessments)}"
         if joint.choice is None:
             name = "none" if joint.nearest is None else f"none; nearest {_name(joint.nearest)}"
-            table.add_row(joint.name, name, "", "", "", count)
+            rows.append((joint.name, name, "", "", "", "", count))
             continue
         tight = tightest(joint.choice)
-        table.add_row(
+        rows.append((
             joint.name, joint.choice.candidate.name, digits(joint.choice.candidate.mass or 0.0),
-            f"{100 * joint.choice.margin:.0f} %\n{tight.name if tight else ''}",
+            f"{100 * joint.choice.margin:.0f} %", tight.name if tight else "",
             str(len(joint.choice.not_checked)), count,
-        )  # fmt: skip
-    return table
+        ))  # fmt: skip
+    title = f"drives from {source}, {digits(report.conditions.bus_voltage)} V"
+    return Table(title, columns, rows)
 
 
 def tightest(assessment: Assessment) -> Criterion | None:
@@ -218,14 +226,21 @@ def passes(report: SizingReport) -> str:
     )
 
 
+def _heavier(report: SizingReport) -> Table | None:
+    """What the drives' own mass changed, where it is more than a twentieth."""
+    rows = [
+        (j.name, digits(j.demand_without_masses.rms), digits(j.demand.rms), j.demand.unit)
+        for j in report.joints if j.demand.rms > 1.05 * j.demand_without_masses.rms
+    ]  # fmt: skip
+    columns = (Column("joint", Kind.NAME), Column("RMS\nwithout"), Column("with"),
+               Column("", Kind.LABEL))  # fmt: skip
+    return Table("what the drives' own mass adds", columns, rows) if rows else None
+
+
 def _changes(report: SizingReport) -> list[str]:
-    """What the drives' own mass changed, and what neglecting friction would have bought."""
-    lines = [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"]
+    """What neglecting the drives' own mass, or friction, would have bought."""
+    lines = []
     for joint in report.joints:
-        d, before = joint.demand, joint.demand_without_masses
-        if d.rms > 1.05 * before.rms:
-            lines.append(f"{joint.name}: RMS {digits(before.rms)} -> {digits(d.rms)} {d.unit} with "
-                         "the drives' mass")  # fmt: skip
         for other, text in ((joint.choice_without_masses, "without the drives' mass"),
                             (joint.choice_frictionless, "without friction")):  # fmt: skip
             if _name(other) != _name(joint.choice):
@@ -235,19 +250,6 @@ def _changes(report: SizingReport) -> list[str]:
         lines.append(f"{unchecked} criteria of the chosen drives are not checked: no figure "
                      "(--json and the report name them)")  # fmt: skip
     return lines
-
-
-def _table(report: SizingReport, title: str) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD,
-        pad_edge=False, padding=(0, 1, 0, 0), show_edge=False,
-    )  # fmt: skip
-    longest = max(len(joint.name) for joint in report.joints)
-    table.add_column("joint", overflow="fold", min_width=min(longest, _WIDEST_NAME))
-    return table
 
 
 def beside(x: float, scale: float) -> str:

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pinfric.show.names import least_room, shortened
+from pinfric.show.plots import largest
 from pinfric.show.report import digits
 from pinfric.show.sweep_report import (
-    brief,
+    own,
     percent,
     shaft_figures,
     shaft_units,
@@ -27,6 +29,8 @@ _BLUE, _BEYOND, _RATING = "#5FA8D3", "#E69F00", "#B23A00"
 _UP, _DOWN, _NOISE = "#0072B2", "#D55E00", "#EDEDED"
 _INK, _QUIET = "#222222", "#6B6B6B"
 _BINS = 40
+#: Drives drawn, and letters of their names.
+_MOST, _LETTERS = 16, 24
 #: Parameters drawn per drive.
 _DRAWN = 3
 #: Inches: of one drive, and of what stands above and below all of them.
@@ -38,6 +42,7 @@ _FARTHEST = 1.2
 def sweep_figure(result: SweepResult) -> Figure:
     """Draw a row for every drive: its peak's and RMS's distributions, and what drives them.
 
+    Of more than 16 drives those with the largest median peaks of their unit; the rest is counted.
     Ticks below a histogram are the percentiles; what lies beyond a motor's rating is orange. The
     bars on the right are rank correlations with the RMS (of Sobol's design: shares of its
     variance); what is shorter than the grey band is not told from chance.
@@ -52,19 +57,22 @@ def sweep_figure(result: SweepResult) -> Figure:
     names, where = shaft_figures(result)
     units = shaft_units(result)
     same = f", {units[0]}" if len(set(units)) == 1 else ""
-    count = len(result.actuator_names)
+    peaks = np.median(result.figure(names[0])[result.solved], axis=0)
+    drawn, left = largest(peaks.tolist(), units, _MOST)
+    labels = shortened(result.actuator_names, _LETTERS)
+    count = len(drawn)
     with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
         figure = Figure(figsize=(11.0, _ROW * count + _REST), dpi=150, facecolor="white",
                         layout=ConstrainedLayoutEngine(h_pad=0.06, wspace=0.03))  # fmt: skip
-        figure.suptitle(_title(result), x=0.01, ha="left", fontsize=12, color=_INK)
+        figure.suptitle(_title(result) + left, x=0.01, ha="left", fontsize=12, color=_INK)
         panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
         measure, strength = strengths(result, names[1])
-        for i, row in enumerate(panels):
+        for i, row in zip(drawn, panels, strict=True):
             for axes, name in zip(row[:2], names, strict=True):
                 _spread(axes, result, i, name)
-            _drivers(row[2], result, strength[:, i], bottom=i == count - 1)
-            label = result.actuator_names[i] + ("" if same else f"\n{units[i]}")
-            row[0].set_ylabel(label, rotation=0, ha="right", va="center",
+            _drivers(row[2], result, i, strength[:, i], bottom=i == drawn[-1])
+            text = labels[i] + ("" if same else f"\n{units[i]}")
+            row[0].set_ylabel(text, rotation=0, ha="right", va="center",
                               fontweight="bold", color=_INK, labelpad=8)  # fmt: skip
         titles = f"peak{where}{same}", f"RMS{where}{same}", f"RMS: {measure}"
         for axes, text in zip(panels[0], titles, strict=True):
@@ -148,7 +156,7 @@ def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> No
             last = x
 
 
-def _drivers(axes: Axes, result: SweepResult, strength: np.ndarray, bottom: bool) -> None:
+def _drivers(axes: Axes, result: SweepResult, i: int, strength: np.ndarray, bottom: bool) -> None:
     """Bars of the parameters that matter most, the strongest on top."""
     order = np.argsort(-np.nan_to_num(np.abs(strength), nan=-1.0), kind="stable")[:_DRAWN]
     signed = not result.has_shares
@@ -159,7 +167,9 @@ def _drivers(axes: Axes, result: SweepResult, strength: np.ndarray, bottom: bool
         axes.barh(-k, abs(x), height=0.62, color=_UP if x >= 0 else _DOWN, zorder=2)
         label: dict[str, Any] = {"va": "center", "fontsize": 8, "color": _INK, "zorder": 3}
         axes.text(abs(x) + 0.02, -k, f"{x:{'+' if signed else ''}.2f}", **label)
-    axes.set_yticks(-np.arange(len(order)), [brief(result.parameter_names[j]) for j in order])
+    names = [own(parameter, result.actuator_names[i]) for parameter in result.parameter_names]
+    short = shortened(names, max(_LETTERS, least_room(names)))
+    axes.set_yticks(-np.arange(len(order)), [short[j] for j in order])
     axes.set_xlim(0, 1.18)
     axes.set_ylim(-_DRAWN + 0.4, 0.6)
     axes.set_xticks((0, 0.5, 1), ("0", "0.5", "1") if bottom else ("", "", ""))

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.report import digits, json_safe
+from pinfric.show.tables import Column, Kind, Table
 from pinfric.study.sweep_cycle import DEMANDS
 from pinfric.study.sweep_motors import Trial
 from pinfric.study.sweep_result import Probability, SweepResult
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
 #: Parameters named per drive and figure, and the least share of the variance that is.
 _NAMED, _LEAST_SHARE = 2, 0.01
@@ -104,43 +104,44 @@ def sweep_report(result: SweepResult) -> list[RenderableType]:
     title += f"{result.samples} {_DESIGNS[result.sampling]}"
     parts.append(Text(title, style="bold"))
     if result.solved.any():
-        parts += _percentile_table(result, _AT_JOINT, result.units, "at the joints")
+        parts += [Text(), _percentile_table(result, _AT_JOINT, result.units, "at the joints")]
         names, where = shaft_figures(result)
         if names == _AT_MOTOR:
-            parts += _percentile_table(result, names, shaft_units(result), where[1:])
-        parts += _driver_table(result, names, where)
+            shafts = _percentile_table(result, names, shaft_units(result), where[1:])
+            parts += [Text(), shafts]
+        parts += [Text(), _driver_table(result, names, where)]
     if result.trials:
-        parts += _motor_table(result)
+        parts += [Text(), _motor_table(result)]
     return [*parts, Text(), *(Text(line) for line in _footer(result))]
 
 
 def _percentile_table(
     result: SweepResult, names: Sequence[str], units: Sequence[str], title: str
-) -> list[RenderableType]:
+) -> Table:
     same = len(set(units)) == 1
-    table = _table()
-    for name in names:
-        for k, p in enumerate(result.percentiles):
-            heading = "" if k else _HEADINGS[name]
-            table.add_column(f"{heading}\n{p:g} %", justify="right", no_wrap=True)
+    key = [Column("joint", Kind.NAME)] + ([] if same else [Column("unit", Kind.LABEL)])
+    figures = [Column(f"{_HEADINGS[name]}\n{p:g} %") for name in names for p in result.percentiles]
     quantiles = np.concatenate([result.quantiles(name) for name in names])
-    for i, drive in enumerate(result.actuator_names):
-        label = drive if same else f"{drive} ({units[i]})"
-        table.add_row(label, *(digits(x) for x in quantiles[:, i]))
-    return _titled(f"{title}, {units[0]}" if same else title, table)
+    rows = [
+        (drive, *([] if same else [units[i]]), *(digits(x) for x in quantiles[:, i]))
+        for i, drive in enumerate(result.actuator_names)
+    ]
+    title = f"{title}, {units[0]}" if same else title
+    return Table(title, [*key, *figures], rows, keys=len(key))
 
 
-def _driver_table(result: SweepResult, names: Sequence[str], where: str) -> list[RenderableType]:
+def _driver_table(result: SweepResult, names: Sequence[str], where: str) -> Table:
     """Which parameters decide a drive's peak and RMS."""
     measure, _ = strengths(result, names[0])
-    table = _table()
-    found = []
+    columns = [Column("joint", Kind.NAME)]
+    rows = [[drive] for drive in result.actuator_names]
     for name in names:
-        table.add_column(_HEADINGS[name], overflow="fold")
-        found.append(strengths(result, name)[1])
-    for i, drive in enumerate(result.actuator_names):
-        table.add_row(drive, *(_strongest(result, strength[:, i]) for strength in found))
-    return _titled(f"what drives it{where}: {measure}", table)
+        parameters = [brief(parameter) for parameter in result.parameter_names]
+        columns += [Column(_HEADINGS[name], Kind.NAME, parameters), Column("")]
+        strength = strengths(result, name)[1]
+        for i, row in enumerate(rows):
+            row += _strongest(result, row[0], strength[:, i])
+    return Table(f"what drives it{where}: {measure}", columns, rows)
 
 
 def shaft_figures(result: SweepResult) -> tuple[tuple[str, str], str]:
@@ -167,17 +168,22 @@ def strengths(result: SweepResult, name: str) -> tuple[str, np.ndarray]:
     return "share of the variance, interactions included", total
 
 
-def _strongest(result: SweepResult, strength: np.ndarray) -> str:
+def _strongest(result: SweepResult, drive: str, strength: np.ndarray) -> tuple[str, str]:
     """The parameters that matter most, and how much; those within the noise are left out."""
     signed = not result.has_shares
     least = result.correlation_noise if signed else _LEAST_SHARE
     order = np.argsort(-np.nan_to_num(np.abs(strength), nan=-1.0), kind="stable")
-    named = [
-        f"{brief(result.parameter_names[j])} {strength[j]:{'+' if signed else ''}.2f}"
-        for j in order[:_NAMED]
-        if abs(strength[j]) > least
-    ]
-    return "\n".join(named) or "nothing found"
+    found = [j for j in order[:_NAMED] if abs(strength[j]) > least]
+    if not found:
+        return "nothing found", ""
+    names = [own(result.parameter_names[j], drive) for j in found]
+    return "\n".join(names), "\n".join(f"{strength[j]:{'+' if signed else ''}.2f}" for j in found)
+
+
+def own(parameter: str, drive: str) -> str:
+    """Return a parameter's brief name, of the drive's own joint "its coulomb"."""
+    name = brief(parameter)
+    return f"its {name.removeprefix(f'{drive}.')}" if name.startswith(f"{drive}.") else name
 
 
 def brief(parameter: str) -> str:
@@ -185,15 +191,17 @@ def brief(parameter: str) -> str:
     return parameter.split(".", 1)[-1]
 
 
-def _motor_table(result: SweepResult) -> list[RenderableType]:
-    table = _table()
-    table.add_column("motor", overflow="fold")
-    table.add_column("suffices", justify="right", no_wrap=True)
-    table.add_column("fails", overflow="fold")
-    for trial in result.trials:
-        suffices = percent(result.probability(result.sufficing(trial)), interval=True)
-        table.add_row(trial.drive, trial.name or "as given", suffices, _failures(result, trial))
-    return _titled("motors on trial: in how many samples they suffice, and what fails", table)
+def _motor_table(result: SweepResult) -> Table:
+    columns = (Column("joint", Kind.NAME), Column("motor", Kind.WORDS), Column("suffices"),
+               Column("fails", Kind.WORDS))  # fmt: skip
+    rows = [
+        (trial.drive, trial.name or "as given",
+         percent(result.probability(result.sufficing(trial)), interval=True),
+         _failures(result, trial))
+        for trial in result.trials
+    ]  # fmt: skip
+    title = "motors on trial: in how many samples they suffice, and what fails"
+    return Table(title, columns, rows)
 
 
 def _failures(result: SweepResult, trial: Trial) -> str:
@@ -210,22 +218,6 @@ def percent(probability: Probability, interval: bool = False) -> str:
     if interval and probability.low is not None and probability.high is not None:
         text += f" ({100 * probability.low:.1f}–{100 * probability.high:.1f})"  # noqa: RUF001
     return text
-
-
-def _titled(title: str, table: Table) -> list[RenderableType]:
-    """A table below its title: rich's own would be folded to the width of a narrow table."""
-    from rich.text import Text
-
-    return [Text(), Text(title, style="bold"), table]
-
-
-def _table() -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column("joint", overflow="fold")
-    return table
 
 
 def _footer(result: SweepResult) -> list[str]:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.coordinates import unwrapped_angle
 
 FloatArray = NDArray[np.float64]
 
@@ -160,7 +161,7 @@ def single_positions(q: FloatArray, joint_nq: Sequence[int]) -> FloatArray:
     for index, (start, nq) in enumerate(zip(starts, joint_nq, strict=False)):
         position[:, index] = q[:, start]
         if nq == 2:
-            position[:, index] = np.unwrap(np.arctan2(q[:, start + 1], q[:, start]))
+            position[:, index] = unwrapped_angle(q[:, start], q[:, start + 1])
     return position
 
 

@@ -23,6 +23,7 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
+from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator
 from pinfric.model.urdf import implausible_body
@@ -104,7 +105,7 @@ class JointSizing:
 
 
 @dataclass(frozen=True)
-class SizingReport:
+class SizingReport(Shown):
     """What a cycle demands of every drive, and the drives chosen for it.
 
     Attributes:
@@ -131,6 +132,27 @@ class SizingReport:
     settled: bool
     notes: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        t = self.result.t
+        assert t is not None  # size refuses a motion without times
+        names = [joint.name for joint in self.joints]
+        peaks = [f"{joint.demand.peak:.3g} {joint.demand.unit}" for joint in self.joints]
+        chosen = [(j.name, j.choice.candidate.name) for j in self.joints if j.choice is not None]
+        settled = "settled" if self.settled else "not settled"
+        facts = {"peaks": listed(names, peaks)}
+        if self.catalog is not None:
+            facts |= {
+                "catalog": file_name(self.catalog.source),
+                "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
+                "misses": listed([joint.name for joint in self.joints if joint.miss]),
+                "mass": f"{self.drive_mass:.3g} kg of drives; {settled} after "
+                        + counted(self.passes, "pass", "passes"),
+            }  # fmt: skip
+        title = (
+            f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {t[-1] - t[0]:.4g} s"
+        )
+        return screen("SizingReport", title, {**facts, "more": ".summary() .plot() .joint(name)"})
 
     @property
     def drive_mass(self) -> float:

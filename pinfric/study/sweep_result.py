@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.errors import SweepError, choose_from
+from pinfric.model.brief import Shown, file_name, listed, screen
 from pinfric.study.sweep_cycle import DEMANDS, FIGURES
 from pinfric.study.sweep_motors import Trial
 from pinfric.study.sweep_parameters import seeded
@@ -57,7 +58,7 @@ class SobolIndices:
 
 
 @dataclass(frozen=True)
-class SweepResult:
+class SweepResult(Shown):
     """All samples of a sweep; SI units.
 
     The figures of each drive (`figure`) are those of `pinfric inverse`: `peak`, `rms` of the worst
@@ -97,6 +98,25 @@ class SweepResult:
     processes: int = 1
     resumed: int = 0
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        solved = int(self.solved.sum())
+        facts = {
+            "solved": "all" if solved == self.samples else f"{solved} of {self.samples}",
+            "parameters": listed(self.parameter_names),
+            "drives": listed(self.actuator_names),
+        }
+        if solved:
+            middle = np.median(self.figure("peak")[self.solved], axis=0)
+            peaks = [f"{x:.3g} {unit}" for x, unit in zip(middle, self.units, strict=True)]
+            facts["peaks"] = f"{listed(self.actuator_names, peaks)} (median)"
+        suffices = [f"{100 * np.mean(self.sufficing(trial)):.1f} %" for trial in self.trials]
+        facts["suffice"] = listed([trial.drive for trial in self.trials], suffices)
+        title = (f"{file_name(self.scene)} · {file_name(self.trajectory)}: "
+                 f"{self.samples} samples, {self.sampling}")  # fmt: skip
+        return screen("SweepResult", title, {
+            **facts, "more": ".summary() .plot() .to_dataframe() .quantiles(figure)",
+        })  # fmt: skip
 
     @property
     def samples(self) -> int:

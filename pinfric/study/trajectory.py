@@ -15,8 +15,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from pinfric.errors import PinfricError, TrajectoryError, choose_from, listed
+from pinfric.errors import PinfricError, TrajectoryError, choose_from, problems_line
 from pinfric.model.arrays import real_numbers
+from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.files import write_file
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
@@ -162,6 +163,21 @@ class Trajectory:
             np.zeros(len(columns)),
         )
         return _from_table(source, scene, columns, columns, table, carried, payloads)
+
+    def __repr__(self) -> str:
+        rate = (self.t.size - 1) / self.duration if self.duration else 0.0
+        title = f"{file_name(self.source)}: {counted(self.t.size, 'sample')}, {self.duration:.4g} s"
+        speeds = [f"{x:.3g}" for x in np.abs(self.v).max(axis=0)]
+        one_each = len(speeds) == len(self.joint_names)
+        carried = [f"{100 * x:.0f} % of samples" for x in self.attached.mean(axis=0)]
+        return screen("Trajectory", f"{title}, {rate:.4g} per s", {
+            "joints": listed(self.joint_names),
+            "speeds": f"{listed(self.joint_names, speeds)} (largest, rad/s or m/s)"
+                      if one_each else "",
+            "holds": counted(len(self.holds()), "hold"),
+            "carried": listed(self.payload_names, carried),
+            "warnings": "; ".join(self.warnings),
+        })  # fmt: skip
 
     @property
     def duration(self) -> float:
@@ -417,4 +433,4 @@ def _size_problems(table: TrajectoryTable) -> list[str]:
 
 def _raise_all(source: str, problems: Sequence[str]) -> None:
     if problems:
-        raise TrajectoryError(listed(source, problems))
+        raise TrajectoryError(problems_line(source, problems))

@@ -296,7 +296,7 @@ def test_a_motion_goes_to_a_file_and_back(method, tmp_path):
         back.sample([0.5])
     assert back.energy().work == pytest.approx(motion.energy().work, rel=1e-3)
     frame = back.to_dataframe()
-    assert list(frame.columns[:2]) == ["t", "q0"]
+    assert list(frame.columns[:4]) == ["t", "slide.q", "slide.v", "slide.a"]
     assert "slide.friction" in frame
 
 

@@ -8,7 +8,10 @@ import pytest
 
 import pinfric as pf
 from pinfric.errors import PinfricError
-from pinfric.show.plots import effort_figure, save, shortened, thinned
+from pinfric.show.names import shortened
+from pinfric.show.plots import brief_ticks, effort_figure, save, thinned
+from pinfric.show.report import digits
+from pinfric.study.summary import summarize
 
 DRY = {"coulomb": {"static": 3.0, "kinetic": 2.0}}
 
@@ -205,3 +208,23 @@ def test_long_names_are_cut_around_what_tells_them_apart():
     assert all(f"_{i}_" in name for i, name in enumerate(cut))
     assert shortened(["short", "names"], 16) == ["short", "names"]
     assert len(shortened(["x" * 50], 10)[0]) == 10
+
+
+def test_of_more_than_30_drives_those_with_the_largest_efforts_are_drawn():
+    many = result(40, 20)
+    figure = effort_figure(many)
+    assert len(panels(figure)) == 30
+    assert figure.get_size_inches()[1] * figure.dpi < 2500
+    peaks = sorted(summary.peak for summary in summarize(many))
+    (line,) = [text for text in texts(figure) if "not drawn" in text]
+    assert f"10 more, not drawn, need at most {digits(peaks[9])} N m" in line
+    assert len(panels(effort_figure(many, drives=[many.actuator_names[7]]))) == 1
+    with pytest.raises(PinfricError, match="there is no drive 'elbow'"):
+        effort_figure(many, drives=["elbow"])
+
+
+def test_ticks_take_little_room():
+    assert [brief_ticks(x) for x in (0.0, 0.25, -5.0, 2.5e-4, -1.25e-5, 1e6)] == [
+        text.replace("-", "\N{MINUS SIGN}")
+        for text in ("0", "0.25", "-5", "2.5e-4", "-1.25e-5", "1e6")
+    ]

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from sweep_cases import BOX, pushed_block, steady, steps, sweep_of, uniform
 
@@ -37,7 +38,7 @@ def test_tables_fit_in_80_columns_and_name_every_joint(panda, capsys, monkeypatc
     # three tables have a row for every joint, the motors' one for those on trial
     assert [line.split()[0] for line in tables[:3]] == ["panda_joint2"] * 3
     assert tables[0].split()[1] == digits(panda.quantiles("peak")[0, 1])
-    assert "box.mass +1.00" in tables[2]  # it alone moves joint 2
+    assert tables[2].split()[1:3] == ["box.mass", "+1.00"]  # it alone moves joint 2
     share = panda.probability(panda.sufficing()).value
     assert f"{100 * share:.1f} %" in next(line for line in lines if "all motors suffice" in line)
     assert any("panda_joint2: speed not checked" in line for line in lines)
@@ -123,3 +124,24 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     content = json.loads(as_text(sweep_json(result)))["motors"]
     assert content[0]["criteria"]["gear repeated peak torque"]["value"] == met.mean()
     assert [entry["criteria_of_size"] for entry in content] == [True, False]
+
+
+def test_figure_of_many_drives_has_the_largest_and_counts_the_rest():
+    model = pin.Model()
+    for i in range(20):
+        model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), f"slide_{i}")
+        body = pin.Inertia(1.0 + i, np.zeros(3), 0.1 * np.eye(3))
+        model.appendBodyToJoint(i + 1, body, pin.SE3.Identity())
+    friction = {"coulomb": {"static": 1.0, "kinetic": 1.0}}
+    scene = pf.Scene(model=model, friction={name: friction for name in list(model.names)[1:]})
+    t = np.linspace(0.0, 1.0, 11)
+    ones = np.ones((11, 20))
+    motion = pf.Trajectory.from_arrays(scene, t, t[:, None] * ones, ones, ones)
+    each = uniform(0.9, 1.1, each=True)
+    found = pf.sweep(scene, motion, sweep_of(30, friction__all__coulomb=each), processes=1)
+    figure = sweep_figure(found)
+    labels = [axes.get_ylabel().split("\n")[0] for axes in figure.axes if axes.get_ylabel()]
+    assert labels == [f"slide_{i}" for i in range(4, 20)]
+    assert "4 more, not drawn, need at most" in figure.get_suptitle()
+    drivers = [[text.get_text() for text in axes.get_yticklabels()] for axes in figure.axes[2::3]]
+    assert [names[0] for names in drivers] == ["its coulomb"] * 16

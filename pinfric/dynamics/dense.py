@@ -1,0 +1,83 @@
+"""Linear algebra of a few unknowns for kernels: an elimination, a spectral radius, a norm."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.model.compiled import kernel
+
+
+@kernel
+def solve_dense(A: np.ndarray, B: np.ndarray) -> bool:
+    """Overwrite B (n, m) with A^-1 B by elimination with row pivots; A is lost; False: singular."""
+    n, m = B.shape
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[pivot, k]):
+                pivot = i
+        if not abs(A[pivot, k]) > 0.0:
+            return False
+        if pivot != k:
+            for j in range(n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            for j in range(m):
+                B[k, j], B[pivot, j] = B[pivot, j], B[k, j]
+        for i in range(k + 1, n):
+            factor = A[i, k] / A[k, k]
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    A[i, j] -= factor * A[k, j]
+                for j in range(m):
+                    B[i, j] -= factor * B[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(m):
+            total = B[k, j]
+            for i in range(k + 1, n):
+                total -= A[k, i] * B[i, j]
+            B[k, j] = total / A[k, k]
+    return True
+
+
+@kernel
+def spectral_radius_bound(A: np.ndarray, vector: np.ndarray) -> float:
+    """Upper bound of the spectral radius of a non-negative A (Collatz and Wielandt).
+
+    max_i (A y)_i / y_i bounds it for every positive y; power iteration makes y nearly the Perron
+    vector and the bound nearly tight.
+
+    Args:
+        A: (n, n), no entry negative.
+        vector: (n,), overwritten with y.
+    """
+    n = A.shape[0]
+    if n == 0:
+        return 0.0
+    image = np.empty(n)
+    best = np.inf
+    for j in range(n):
+        vector[j] = 1.0
+    for _ in range(30):
+        upper, lower, largest = 0.0, np.inf, 0.0
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += A[i, j] * vector[j]
+            image[i] = total
+            upper, lower = max(upper, total / vector[i]), min(lower, total / vector[i])
+            largest = max(largest, total)
+        best = min(best, upper)
+        if largest == 0.0 or best - lower <= 1e-2 * best:
+            break
+        for i in range(n):  # half a step keeps y positive where A is reducible or cyclic
+            vector[i] = 0.5 * (vector[i] + image[i] / largest) + 1e-9
+    return best
+
+
+@kernel
+def largest(values: np.ndarray) -> float:
+    """Return the largest magnitude in (n,)."""
+    most = 0.0
+    for value in values:
+        most = max(most, abs(value))
+    return most

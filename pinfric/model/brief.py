@@ -1,0 +1,100 @@
+"""What an object says of itself: one screen, no arrays; and where its table and picture come from.
+
+Results know nothing of the layers above that draw them. `Shown` therefore goes by pinfric's public
+functions, as a user would: `result.plot()` is `pf.plot(result)`.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from pinfric.model.scene import Scene
+
+#: Letters a line, and lines a fact may take.
+_WIDTH, _LINES = 100, 2
+#: Letters of a name from a file.
+_NAME = 60
+
+
+class Shown:
+    """Results with a table and a picture."""
+
+    def plot(self, **options: Any) -> Figure:
+        """Return the figure that `--out` writes, a `matplotlib.figure.Figure`: `pf.plot`."""
+        import pinfric
+
+        return pinfric.plot(self, **options)
+
+    def summary(self) -> pd.DataFrame:
+        """Return the figures of each drive, a row a drive, SI units: `pf.summary`."""
+        import pinfric
+
+        return pinfric.summary(self)
+
+
+def screen(kind: str, title: str, facts: Mapping[str, str]) -> str:
+    """Return a title and a line or two per fact, in 100 columns; what is empty is left out."""
+    shown = {name: text for name, text in facts.items() if text}
+    width = max(map(len, shown), default=0)
+    lines = textwrap.wrap(f"{kind} {title}", _WIDTH, max_lines=_LINES, placeholder=" …")
+    for name, text in shown.items():
+        lines += textwrap.wrap(
+            text, _WIDTH, max_lines=_LINES, placeholder=" …",
+            initial_indent=f"  {name:<{width}}  ", subsequent_indent=" " * (width + 4),
+        )  # fmt: skip
+    return "\n".join(lines)
+
+
+def file_name(source: str) -> str:
+    """Return a file's name without its folder, cut where it is very long."""
+    name = Path(source).name or source
+    return name if len(name) <= _NAME else f"{name[: _NAME - 1]}…"
+
+
+def listed(names: Sequence[str], values: Iterable[str] = (), room: int = 150) -> str:
+    """Return "7: a, b, …, g", with `values` "2: a 1.5, b 2"; a long list keeps its last name."""
+    values = list(values)
+    items = [f"{n} {v}" for n, v in zip(names, values, strict=True)] if values else list(names)
+    items = [item if len(item) <= 70 else f"{item[:69]}…" for item in items]
+    if not items:
+        return ""
+    kept = list(items)
+    while len(kept) > 1 and len(", ".join([*kept, "…, ", items[-1]])) > room:
+        kept.pop()
+    if len(kept) < len(items):
+        kept = [*kept, "…", items[-1]]
+    return f"{len(items)}: {', '.join(kept)}"
+
+
+def counted(count: int, noun: str, several: str = "") -> str:
+    """Return "1 joint", "2 joints"; `several` is the plural where an s is not enough."""
+    return f"{count} {noun if count == 1 else several or f'{noun}s'}"
+
+
+def scene_screen(scene: Scene) -> str:
+    """Return what a scene says of itself."""
+    model, joints = scene.model, scene.joint_names
+    mass = sum(inertia.mass for inertia in model.inertias)
+    title = f"{file_name(scene.source)}: {counted(len(joints), 'joint')}, {mass:.4g} kg that move"
+    geared = sum(drive.transmission is not None for drive in scene.drives)
+
+    def among(names: Sequence[str]) -> str:
+        return "at every joint" if tuple(names) == joints else listed(names)
+
+    return screen("Scene", title, {
+        "joints": listed(joints),
+        "friction": among(scene.site_names) or "none",
+        "drives": among(scene.actuator_names) + f"; {geared} with a transmission" * bool(geared),
+        "payloads": listed(list(scene.payloads),
+                           [f"{payload.mass:.4g} kg" for payload in scene.payloads.values()]),
+        "loops": listed([loop.name for loop in scene.loops]),
+        "gravity": ", ".join(f"{x:.4g}" for x in model.gravity.linear) + " m/s^2",
+        "stick": f"{scene.stick_velocity:g} rad/s or m/s",
+    })  # fmt: skip

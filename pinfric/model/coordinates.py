@@ -1,0 +1,58 @@
+"""Coordinates as a person reads them: a name and one number for each joint with one axis."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+
+def one_number(joint: Any, q: np.ndarray) -> np.ndarray:
+    """Return (T,) the angle (unwrapped) or length of a joint with one degree of freedom.
+
+    Args:
+        joint: of the model; a continuous one has cos and sin in q.
+        q: (T, nq).
+    """
+    first = q[:, joint.idx_q]
+    return first if joint.nq == 1 else unwrapped_angle(first, q[:, joint.idx_q + 1])
+
+
+def unwrapped_angle(cosine: np.ndarray, sine: np.ndarray) -> np.ndarray:
+    """Return (T,) the angle without jumps, the first within +-pi."""
+    return np.asarray(np.unwrap(np.arctan2(sine, cosine)))
+
+
+def motion_columns(
+    model: pin.Model, q: np.ndarray, v: np.ndarray, a: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return `<joint>.q`, then all `.v`, then all `.a`; what `load_trajectory` reads.
+
+    A joint with several degrees of freedom has a column for each entry, `<joint>.q[0]` and so on;
+    a mimic follower has none, its leader's column moves both.
+
+    Args:
+        model: the robot.
+        q, v, a: (T, nq), (T, nv), (T, nv).
+    """
+    columns: dict[str, np.ndarray] = {}
+    moving = [
+        (name, joint)
+        for name, joint in list(zip(model.names, model.joints, strict=True))[1:]  # not the ground
+        if joint.nv and joint.shortname() != "JointModelMimic"
+    ]
+    for name, joint in moving:
+        if joint.nv == 1:
+            columns[f"{name}.q"] = one_number(joint, q)
+        else:
+            columns |= {f"{name}.q[{i}]": q[:, joint.idx_q + i] for i in range(joint.nq)}
+    for letter, rates in (("v", v), ("a", a)):
+        for name, joint in moving:
+            if joint.nv == 1:
+                columns[f"{name}.{letter}"] = rates[:, joint.idx_v]
+            else:
+                columns |= {
+                    f"{name}.{letter}[{i}]": rates[:, joint.idx_v + i] for i in range(joint.nv)
+                }
+    return columns

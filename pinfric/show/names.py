@@ -1,0 +1,103 @@
+"""Names that are too long for their place: cut so that each still stands for one name only."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+#: Common beginnings and ends shorter than this are not worth a line of their own.
+_WORTH = 3
+
+
+def affixes(names: Sequence[str]) -> tuple[str, str]:
+    """Return the beginning and the end that all names share, up to a separator: _ . / - or blank.
+
+    Empty where there is none worth naming, or where nothing would be left of a name.
+    """
+    unique = list(dict.fromkeys(names))
+    if len(unique) < 2:
+        return "", ""
+    front = re.sub(r"[^_./\- ]*$", "", unique[0][: _common(unique)])
+    front = front if len(front) >= _WORTH else ""
+    backward = [name[len(front) :][::-1] for name in unique]
+    back = re.sub(r"^[^_./\- ]*", "", backward[0][: _common(backward)][::-1])
+    back = back if len(back) >= _WORTH else ""
+    if min(map(len, unique)) <= len(front) + len(back):
+        return "", ""
+    return front, back
+
+
+def without(names: Sequence[str], front: str, back: str) -> list[str]:
+    """Return the names without what they begin and end with."""
+    return [name[len(front) : len(name) - len(back)] for name in names]
+
+
+def left_out(front: str, back: str) -> str:
+    """Return the line that says what `without` took away; empty for nothing."""
+    shared = [f"{front}…"] * bool(front) + [f"…{back}"] * bool(back)
+    return f"left out of each name: {' and '.join(shared)}" if shared else ""
+
+
+def shortened(names: Sequence[str], room: int) -> list[str]:
+    """Cut names longer than `room` letters in their middle: "hand_ind…tual_1".
+
+    Where the ends do not tell them apart they are cut around the part in which they differ.
+    """
+    cut = _cut_in_the_middle(names, room)
+    if cut is not None:
+        return cut
+    one = len(set(names)) == 1
+    front = 0 if one else _common(names)
+    back = 0 if one else _common([name[::-1] for name in names])
+    return [_cut_around(name, front, back, room) for name in names]
+
+
+def least_room(names: Sequence[str]) -> int:
+    """Return the letters that names need so that, cut in the middle, each is one name only."""
+    longest = max(map(len, names), default=0)
+    return next((r for r in range(3, longest) if _cut_in_the_middle(names, r)), longest)
+
+
+def _cut_in_the_middle(names: Sequence[str], room: int) -> list[str] | None:
+    """Names with their ends kept, as evenly as tells them apart; None where nothing does."""
+    unique = set(names)
+    kept = room - 1
+    if kept < 2:
+        return None if any(len(name) > room for name in unique) else list(names)
+    heads = sorted(range(1, kept), key=lambda head: abs(2 * head - kept))
+    matching: dict[int, Counter[tuple[str, str]]] = {}
+    cut: dict[str, str] = {}
+    for name in unique:
+        if len(name) <= room:
+            cut[name] = name
+            continue
+        for head in heads:
+            if head not in matching:
+                tail = kept - head
+                ends = ((n[:head], n[-tail:]) for n in unique if len(n) >= kept)
+                matching[head] = Counter(ends)
+            ends_of_this = name[:head], name[head - kept :]
+            if matching[head][ends_of_this] == 1:
+                cut[name] = "…".join(ends_of_this)
+                break
+        else:
+            return None
+    return [cut[name] for name in names]
+
+
+def _common(names: Sequence[str]) -> int:
+    """Number of letters that all names begin with."""
+    columns = zip(*names, strict=False)
+    return sum(1 for _ in itertools.takewhile(lambda letters: len(set(letters)) == 1, columns))
+
+
+def _cut_around(name: str, front: int, back: int, room: int) -> str:
+    if len(name) <= room:
+        return name
+    middle = (front + len(name) - min(back, len(name) - front)) // 2
+    start = min(max(middle - room // 2, 0), len(name) - room)
+    part = name[start : start + room]
+    part = "…" + part[1:] if start > 0 else part
+    return part[:-1] + "…" if start + room < len(name) else part

@@ -1,0 +1,192 @@
+"""What an object says of itself is one screen; `plot` and `summary` hold what `--out` writes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import block, plane_friction
+from dynamics.test_forward import mimic_scene
+from matplotlib.figure import Figure
+from sweep_cases import pushed_block, steady, sweep_of, uniform
+
+import pinfric as pf
+from pinfric.errors import StateError
+from pinfric.model.brief import screen
+from pinfric.show.report import inverse_json
+from pinfric.show.sweep_report import sweep_json
+
+LONG = "a_very_long_name_of_a_joint_that_some_exporter_made_up_from_the_path_of_its_part"
+
+
+@pytest.fixture(scope="module")
+def panda():
+    scene = pf.load_scene("panda_pick_and_place")
+    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    return scene, motion, pf.inverse_dynamics(scene, motion)
+
+
+def crowd(count=150):
+    """More joints than a screen has lines, with names wider than it."""
+    model = pin.Model()
+    for i in range(count):
+        model.addJoint(i, pin.JointModelRZ(), pin.SE3.Identity(), f"{LONG}_{i}")
+        model.appendBodyToJoint(i + 1, pin.Inertia.Random(), pin.SE3.Identity())
+    friction = {f"{LONG}_{i}": {"coulomb": {"static": 2.0, "kinetic": 1.0}} for i in range(count)}
+    return pf.Scene(model=model, friction=friction, source=f"/a/long/folder/{LONG * 3}.yaml")
+
+
+def everything(panda):
+    scene, motion, result = panda
+    yield from (scene, motion, result)
+    slope = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    yield pf.forward_dynamics(slope, [0.0], [1.0], [0.0])
+    yield pf.simulate(slope, [0.0], [1.0], np.zeros(1), 1.0)
+    yield pf.size(scene, motion)
+    pushed = pushed_block()
+    yield pf.sweep(pushed, steady(pushed), sweep_of(4, speed=uniform(0.9, 1.1)), processes=1)
+    many = crowd()
+    yield many
+    still = np.zeros((11, 150))
+    moved = pf.Trajectory.from_arrays(many, np.linspace(0, 1, 11), still, still, still)
+    yield moved
+    found = pf.inverse_dynamics(many, moved)
+    assert found.stick_intervals()
+    yield found
+    yield pf.forward_dynamics(many, still[0], still[0], still[0])
+    yield pf.load_scene("four_bar")
+
+
+def test_every_repr_is_one_screen_without_arrays(panda):
+    for thing in everything(panda):
+        text = repr(thing)
+        lines = text.splitlines()
+        assert lines[0].startswith(type(thing).__name__)
+        assert len(lines) <= 24
+        assert max(map(len, lines)) <= 100
+        assert "array(" not in text
+
+
+def test_repr_names_robot_samples_peaks_and_sticks(panda):
+    text = " ".join(repr(panda[2]).split())
+    assert "panda_pick_and_place.yaml: 1976 samples, 7.9 s" in text
+    assert "panda_joint2 55.8" in text
+    assert "7 of 7 joints stick, in 31 intervals" in text
+    assert "1976 converged" in text
+
+
+def test_repr_of_a_result_without_solution_or_times_says_so():
+    slope = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    instants = pf.inverse_dynamics(slope, [[0.0]], [[1.0]], [[0.0]])
+    assert "1 sample\n" in repr(instants)
+    lost = np.full_like(instants.effort_lower, np.nan)
+    broken = pf.InverseResult(**{**instants.__dict__, "effort_lower": lost, "effort_upper": lost,
+                                 "status": np.array([1])})  # fmt: skip
+    assert "1 jammed" in repr(broken)
+    bare = pf.Scene(model=block())
+    assert "friction  none" in repr(bare)
+
+
+def test_a_screen_keeps_its_width_whatever_it_is_told():
+    text = screen("Thing", "word " * 100, {"fact": "x" * 500, "none": "", "many": "a b " * 300})
+    assert max(map(len, text.splitlines())) <= 100
+    assert len(text.splitlines()) <= 6
+    assert "none" not in text
+
+
+def test_summary_has_the_figures_of_the_json(panda):
+    scene, motion, result = panda
+    table = result.summary()
+    joints = inverse_json(result, "")["joints"]
+    assert list(table.index) == list(scene.actuator_names)
+    for joint in joints:
+        assert table.loc[joint["name"]].to_dict() == {k: v for k, v in joint.items() if k != "name"}
+    sized = pf.size(scene, motion, "default", on_miss="ignore")
+    rows = sized.summary()
+    for joint in sized.joints:
+        row = rows.loc[joint.name]
+        assert row["peak"] == joint.demand.peak
+        assert row["choice"] == joint.choice.candidate.name
+        assert (row["holding_least"], row["holding_worst"]) == joint.demand.holding
+
+
+def test_summary_of_a_motion_is_the_slides_closed_form():
+    """A 2 kg block, mu 0.3, starts at 1 m/s without a drive: 1 J of heat, at rest at v / (mu g)."""
+    slope = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    motion = pf.simulate(slope, [0.0], [1.0], np.zeros(1), 1.0)
+    row = motion.summary().loc["slide"]
+    assert row["heat"] == pytest.approx(1.0, rel=1e-9)
+    assert row["stick_time"] == pytest.approx(1.0 - 1.0 / (0.3 * 9.81), rel=1e-9)
+    assert (row["peak"], row["rms"], row["work"], row["unit"]) == (0.0, 0.0, 0.0, "N")
+
+
+def test_summary_of_a_sweep_has_its_percentiles():
+    scene = pushed_block()
+    trials = {"slide": {"continuous_torque": 4.0, "peak_torque": 9.0}}
+    found = pf.sweep(scene, steady(scene), sweep_of(
+        20, motors=trials, friction__slide__mu=uniform(0.5, 1.5)), processes=1)  # fmt: skip
+    (joint,) = sweep_json(found)["joints"]
+    row = found.summary().loc["slide"]
+    assert row["peak_95"] == joint["peak"]["percentiles"]["95"]
+    assert row["suffices"] == sweep_json(found)["motors"][0]["suffices"]["value"]
+
+
+def test_plot_is_a_matplotlib_figure(panda):
+    scene, motion, result = panda
+    figure = result.plot(trajectory="pick.csv", drives=["panda_joint2", "panda_joint4"])
+    assert isinstance(figure, Figure)
+    assert any("pick.csv" in text.get_text() for text in figure.texts)
+    for other in (pf.size(scene, motion), pf.run_scene(scene=pf.load_scene("pendulum"))):
+        assert isinstance(other.plot(), Figure)
+        assert isinstance(pf.plot(other), Figure)
+    with pytest.raises(StateError, match="a Scene has no picture"):
+        pf.plot(scene)
+    with pytest.raises(StateError, match="a Trajectory has no table"):
+        pf.summary(motion)
+
+
+def test_dataframe_begins_with_the_motion_in_one_number_a_joint():
+    model = pin.Model()
+    for i, joint in enumerate(
+        (pin.JointModelRUBZ(), pin.JointModelPX(), pin.JointModelSpherical())
+    ):
+        model.addJoint(i, joint, pin.SE3.Identity(), ("wheel", "slide", "ball")[i])
+        model.appendBodyToJoint(i + 1, pin.Inertia.Random(), pin.SE3.Identity())
+    scene = pf.Scene(model=model)
+    t = np.linspace(0.0, 2.0, 21)
+    angle = 5.0 * t  # beyond pi: the column goes on where cosine and sine turn round
+    q = np.zeros((21, model.nq))
+    q[:, 0], q[:, 1], q[:, 2], q[:, 6] = np.cos(angle), np.sin(angle), 0.1 * t, 1.0
+    v = np.tile([5.0, 0.1, 0.0, 0.0, 0.0], (21, 1))
+    frame = pf.inverse_dynamics(scene, q, v, 0 * v, t=t).to_dataframe()
+    names = ["wheel", "slide", *(f"ball.q[{i}]" for i in range(4))]
+    assert list(frame.columns[:8]) == ["t", "wheel.q", "slide.q", *names[2:], "wheel.v"]
+    np.testing.assert_allclose(frame["wheel.q"], angle, atol=1e-12)
+    np.testing.assert_array_equal(frame["slide.q"], 0.1 * t)
+    assert frame["ball.a[2]"].tolist() == [0.0] * 21
+    np.testing.assert_array_equal(frame["wheel.v"], v[:, 0])
+
+
+def test_a_follower_has_no_column_and_its_leader_one():
+    scene = mimic_scene()
+    motion = pf.simulate(scene, [0.2], [0.5], np.zeros(1), 0.1)
+    leader, follower = scene.joint_names
+    frame = pf.inverse_dynamics(scene, motion).to_dataframe()
+    assert [name for name in frame if name.endswith((".q", ".v", ".a"))] == [
+        f"{leader}.q", f"{leader}.v", f"{leader}.a",
+    ]  # fmt: skip
+    assert {f"{leader}.sticking", f"{follower}.sticking"} <= set(frame)
+    rows = np.reshape(motion.plot().axes, (-1, 3))
+    said = [[text.get_text() for text in row[0].texts] for row in rows]
+    assert said == [[leader], ["follows another joint", follower]]
+    np.testing.assert_allclose(rows[1][1].lines[0].get_ydata(), -0.7 * motion.v[:, 0])
+
+
+def test_efforts_csv_holds_the_motion_that_was_given(panda):
+    _, motion, result = panda
+    frame = result.to_dataframe()
+    for i, name in enumerate(motion.joint_names):
+        np.testing.assert_array_equal(frame[f"{name}.q"], motion.joint_positions()[:, i])
+        np.testing.assert_array_equal(frame[f"{name}.v"], motion.v[:, i])
+        np.testing.assert_array_equal(frame[f"{name}.a"], motion.a[:, i])
+    np.testing.assert_array_equal(frame["payload.box"], motion.attached[:, 0])
