@@ -25,7 +25,7 @@ _PUBLIC = {
     "Instant": "pinfric.dynamics.forward",
     "simulate": "pinfric.dynamics.simulate",
     "Motion": "pinfric.dynamics.motion",
-    "load_motion": "pinfric.dynamics.motion",
+    "load_motion": "pinfric.dynamics.motion_file",
     "run_scene": "pinfric.study.scene_run",
     "Trajectory": "pinfric.study.trajectory",
     "load_trajectory": "pinfric.study.trajectory",
@@ -53,7 +53,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.forward import forward_dynamics as forward_dynamics
     from pinfric.dynamics.inverse import inverse_dynamics as inverse_dynamics
     from pinfric.dynamics.motion import Motion as Motion
-    from pinfric.dynamics.motion import load_motion as load_motion
+    from pinfric.dynamics.motion_file import load_motion as load_motion
     from pinfric.dynamics.reactions import joint_wrenches as joint_wrenches
     from pinfric.dynamics.result import InverseResult as InverseResult
     from pinfric.dynamics.result import StickInterval as StickInterval

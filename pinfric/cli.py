@@ -122,8 +122,8 @@ def simulate(
     Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png and
     summary.json.
     """
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.files import check_writable
     from pinfric.show.motion_report import motion_json, motion_report
     from pinfric.study.scene_run import run_scene
 
@@ -158,7 +158,7 @@ def paper(
 
     --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
     """
-    from pinfric.show.files import check_writable
+    from pinfric.model.files import check_writable
     from pinfric.show.paper_figures import paper_figures
     from pinfric.show.paper_report import literal_report, paper_report
     from pinfric.study.paper import EXAMPLES, paper_json, read_literally, reproduce
@@ -301,8 +301,9 @@ def replay(
 
     The page is one file that plays without a network.
     """
+    from pinfric.dynamics.motion import Motion
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.files import check_writable
     from pinfric.show.live import simulate_live
     from pinfric.show.replay import motion_to_replay, replay_json, replay_lines
     from pinfric.show.replay import replay as make_replay
@@ -327,9 +328,11 @@ def replay(
     opened = shown.open() if open_browser and not live else None
     if as_json:
         show(replay_json(shown, noticed))
-        return
-    for line in replay_lines(shown, opened):
-        print_line(line)
+    else:
+        for line in replay_lines(shown, opened):
+            print_line(line)
+    if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
+        raise typer.Exit(INTERRUPTED)
 
 
 @app.command()
@@ -393,9 +396,9 @@ def accuracy(
 
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
     from pinfric.show.accuracy_report import accuracy_frame, accuracy_json, accuracy_report
-    from pinfric.show.files import check_writable
     from pinfric.study.accuracy import accuracy as study
 
     if out is not None:
@@ -477,7 +480,7 @@ def _run(arguments: list[str] | None) -> int:
         message, code = _unexpected(problem)
     if message:
         kind = "internal error" if code == INTERNAL_ERROR else "error"
-        print(f"pinfric: {kind}: {message}", file=sys.stderr)
+        say(f"{kind}: {message}")
     return int(code)
 
 

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 #: Longer lists are cut: a message should be read.
-_MOST_NAMES = 40
+_MOST_NAMES, _MOST_PROBLEMS = 40, 5
+#: Letters of a whole message: more than any path, less than what scrolls away.
+_MOST_LETTERS = 6000
 
 
 class PinfricError(Exception):
-    """The root of all errors of pinfric: a message for the person who made the input."""
+    """The root of all errors of pinfric: one line for the person who made the input."""
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class SceneError(PinfricError):
@@ -167,6 +172,41 @@ class SweepError(PinfricError):
 
 class PinfricWarning(UserWarning):
     """Something that can be computed but that the person who made the input should look at."""
+
+
+def one_line(text: str) -> str:
+    """Return a text that a terminal shows as one line, whatever the names in it hold.
+
+    Line ends, control characters and halves of surrogate pairs are written as escapes; the middle
+    of a very long text is left out.
+    """
+    if not text.isprintable():
+        text = "".join(
+            letter if letter.isprintable() else letter.encode("unicode_escape").decode()
+            for letter in text
+        )
+    return cut(text, _MOST_LETTERS)
+
+
+def cut(text: str, letters: int) -> str:
+    """Return the text, or its begin and its end where it has more letters."""
+    if len(text) <= letters:
+        return text
+    return f"{text[: letters * 2 // 3]} ... {text[len(text) - letters // 3 :]}"
+
+
+def problems_line(where: str, problems: Sequence[str]) -> str:
+    """Return one line for all that is wrong: how many, the first few, the rest counted.
+
+    Args:
+        where: the file or section.
+        problems: one at least; the same one is said once.
+    """
+    problems = list(dict.fromkeys(problems))
+    count = f"{len(problems)} problems: " if len(problems) > 1 else ""
+    rest = len(problems) - _MOST_PROBLEMS
+    more = f"; and {rest} more" if rest > 0 else ""
+    return f"{where}: {count}{'; '.join(problems[:_MOST_PROBLEMS])}{more}"
 
 
 def choose_from(name: object, allowed: Iterable[str]) -> str:

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
-from pinfric.errors import PinfricWarning
+from pinfric.errors import PinfricWarning, one_line
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from pinfric.model.files import Writer
     from pinfric.model.scene import Scene
-    from pinfric.show.files import Writer
     from pinfric.study.log.reading import ReadingOptions
     from pinfric.study.trajectory import Trajectory
 
@@ -76,8 +76,8 @@ def load(
     scene_name: str, trajectory_name: str, log: ReadingOptions, out: Path | None = None
 ) -> tuple[Scene, Trajectory]:
     """Read a scene and a trajectory; refuse a folder that could not be written before any work."""
+    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.files import check_writable
 
     if out is not None:
         check_writable(out)
@@ -111,11 +111,11 @@ def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
 
 def write(folder: Path, writers: Mapping[str, Writer]) -> None:
     """Write the results, all or none, and say where they are."""
-    from pinfric.show.files import write_folder
+    from pinfric.model.files import write_folder
 
     with working(f"writing {folder}"):
         files = write_folder(folder, writers)
-    print(f"pinfric: wrote {', '.join(map(str, files))}", file=sys.stderr)
+    say(f"wrote {', '.join(map(str, files))}")
 
 
 @contextmanager
@@ -160,15 +160,15 @@ def print_line(text: str) -> None:
 
 
 def say(text: str) -> None:
-    """Tell what goes on, beside the results."""
-    print(f"pinfric: {text}", file=sys.stderr)
+    """Tell in one line what goes on, beside the results."""
+    print(f"pinfric: {one_line(text)}", file=sys.stderr)
 
 
 def notice(text: str) -> None:
     """Show a warning as one line on stderr, each text once."""
     if text not in noticed:
         noticed.append(text)
-        print(f"pinfric: warning: {text}", file=sys.stderr)
+        say(f"warning: {text}")
 
 
 @contextmanager

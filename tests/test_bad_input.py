@@ -119,6 +119,18 @@ SCENE_CASES = [
     case("weightless payload", "arm.yaml", "mass: 1.0", "mass: 0.0", "payloads.box.mass"),
     case("unphysical payload", "arm.yaml", "com: [0, 0, 0]",
          "com: [0, 0, 0], inertia: [1, 0, 0, 1, 0, 9]", "payloads.box", "triangle"),
+    case("negative moment", "arm.yaml", "com: [0, 0, 0]",
+         "com: [0, 0, 0], inertia: [-1, 0, 0, 1, 0, 1]", "payloads.box", "negative"),
+    case("payload of no machine", "arm.yaml", "mass: 1.0", "mass: 1.0e+304",
+         "payloads.box.mass", "at most 1e+12"),
+    case("ratio of no machine", "arm.yaml", "ratio: 100", "ratio: 9.0e+300",
+         "actuators.0.transmission.ratio", "at most 1e+12"),
+    case("vanishing ratio", "arm.yaml", "ratio: 100", "ratio: 1.0e-300",
+         "actuators.0.transmission", "at least 1e-12"),
+    case("an integer of 400 digits", "arm.yaml", "0.05", "9" * 400, "shoulder.bearing.radius",
+         "at most 1e+12"),
+    case("path of 5000 letters", "arm.yaml", "arm.urdf", "a" * 5000, "arm.yaml", "robot.urdf"),
+    case("path of 2000 folders", "arm.yaml", "arm.urdf", "a/" * 2500, "arm.yaml", "robot.urdf"),
     case("vector of two", "arm.yaml", "com: [0, 0, 0]", "com: [0, 0]", "payloads.box.com"),
     case("missing URDF", "arm.yaml", "arm.urdf", "leg.urdf", "arm.yaml", "robot.urdf", "leg.urdf"),
     case("unknown example robot", "arm.yaml", "arm.urdf",
@@ -140,11 +152,15 @@ URDF_CASES = [
          "negative kinetic energy"),
     case("zero axis", "arm.urdf", 'axis xyz="0 1 0"', 'axis xyz="0 0 0"', "arm.urdf", "'shoulder'",
          "axis"),
+    case("mass of no machine", "arm.urdf", '<mass value="2"/>', '<mass value="1e304"/>',
+         "arm.urdf", "'upper_arm'", "at most 1e+12"),
     case("two parents", "arm.urdf", '<parent link="upper_arm"/><child link="ram"/>',
          '<parent link="ram"/><child link="upper_arm"/>', "arm.urdf", "upper_arm"),
 ]  # fmt: skip
 
 MOTION_CASES = [
+    case("speed of no machine", "motion.csv", "0.2,0.2,0.14", "0.2,1e300,0.14", "motion.csv",
+         "1e+300"),
     case("missing", "motion.csv", None, None, "motion.csv", "no file"),
     case("empty", "motion.csv", None, "", "motion.csv", "empty"),
     case("no samples", "motion.csv", None, "t,shoulder,extension\n", "motion.csv", "no samples"),
@@ -235,6 +251,7 @@ def test_all_that_is_beyond_limits_is_listed(tmp_path, monkeypatch, capsys):
     changes = {"motion.csv": MOTION.replace("0.3,0.3,0.16", "0.3,4.3,0.96")}
     code, error = run(tmp_path, monkeypatch, capsys, changes, "motion.csv")
     assert code == cli.BAD_INPUT
+    assert len(error.splitlines()) == 1
     assert "shoulder" in error
     assert "4.3" in error
     assert "extension" in error
@@ -245,6 +262,7 @@ def test_several_problems_stand_in_one_message(tmp_path, monkeypatch, capsys):
     changes = {"motion.csv": "t,shoulder,extensoin\n0,0,0\n0,0,0\n"}
     code, error = run(tmp_path, monkeypatch, capsys, changes, "motion.csv")
     assert code == cli.BAD_INPUT
+    assert len(error.splitlines()) == 1
     assert error.startswith("pinfric: error: motion.csv: 2 problems:")
     for word in ("'extensoin'", "without a column: extension", "time must increase"):
         assert word in error
@@ -255,3 +273,22 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
     changes = {"arm.urdf": URDF.replace('<link name="ram">', mesh)}
     code, _ = run(tmp_path, monkeypatch, capsys, changes, "motion.csv")
     assert code == 0
+
+
+@pytest.mark.parametrize("corner", ["nan 0 0", "inf 0 0", "1e308 1e308 0", "0.1 0"])
+def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monkeypatch, capsys):
+    solid = "solid part\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\n"
+    (tmp_path / "part.stl").write_text(
+        f"{solid}vertex {corner}\nendloop\nendfacet\nendsolid part\n"
+    )
+    mesh = '<link name="ram"><visual><geometry><mesh filename="part.stl"/></geometry></visual>'
+    (tmp_path / "arm.urdf").write_text(URDF.replace('<link name="ram">', mesh))
+    (tmp_path / "arm.yaml").write_text(SCENE)
+    (tmp_path / "motion.csv").write_text(MOTION)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["replay", "arm.yaml", "motion.csv", "--html", "page.html"])
+    assert ended.value.code == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("pinfric: warning: ")
+    assert "part.stl" in line

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "pinfric"
-LAYERS = ["errors", "model", "dynamics", "study", "show", "terminal", "cli"]
+LAYERS = ["errors", "model", "dynamics", "study", "show", "terminal", "cli", "__main__"]
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 

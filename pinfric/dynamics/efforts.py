@@ -12,8 +12,10 @@ import numpy as np
 
 from pinfric.errors import SimulationError, StateError, choose_from
 from pinfric.model.arrays import real_numbers
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
+from pinfric.model.yamlfile import brief, brief_path
 
 EffortFunction = Callable[[float, np.ndarray, np.ndarray], Any]
 
@@ -55,8 +57,8 @@ def make_effort(
         StateError: not real numbers.
     """
     own = real_numbers("breakpoints", [] if breakpoints is None else breakpoints).ravel()
-    if not np.isfinite(own).all():
-        raise SimulationError("breakpoints: hold NaN or Inf; give times in s")
+    if impossible(own).any():
+        raise SimulationError("breakpoints: hold NaN, Inf or more than a time; give times in s")
     if effort is None:
         if scene.simulation is None:
             raise SimulationError(
@@ -91,7 +93,11 @@ def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
     finest: float | None = np.inf
     for name, entry in entries.items():
         if name not in names:
-            raise SimulationError(f"effort: there is no drive {name!r}; {choose_from(name, names)}")
+            own = scene.simulation is not None and entries is scene.simulation.effort
+            where = f"{scene.source}: simulation.effort" if own else "effort"
+            raise SimulationError(
+                f"{where}: there is no drive {name!r}; {choose_from(name, names)}"
+            )
         i = names.index(name)
         if isinstance(entry, TableEffort):
             part = _csv_column(scene, entry.table, name)
@@ -160,12 +166,13 @@ def _table(where: str, times: Any, values: Any, width: int) -> Effort:
 def _csv_column(scene: Scene, table: str, name: str) -> Effort:
     """A column of a CSV file with a header `t, <drive>, ...`, as the scene file names it."""
     path = Path(scene.source).parent / table
-    where = f"{scene.source}: simulation.effort.{name}.table: {path}"
+    where = f"{scene.source}: simulation.effort.{name}.table: {brief_path(path)}"
     try:
         with path.open(newline="") as file:
             rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
-    except (OSError, UnicodeDecodeError) as problem:
-        raise SimulationError(f"{where}: cannot be read: {problem}") from None
+    except (OSError, ValueError, csv.Error) as problem:  # also a name that no file system takes
+        reason = getattr(problem, "strerror", None) or brief(str(problem))
+        raise SimulationError(f"{where}: cannot be read: {reason}") from None
     header = [column.strip() for column in rows[0]] if rows else []
     for column in ("t", name):
         if column not in header:
@@ -187,6 +194,6 @@ def _numbers(where: str, given: Any) -> np.ndarray:
         raise StateError(
             f"{problem}, (times, values), a mapping by drive or a function of (t, q, v)"
         ) from None
-    if not np.isfinite(array).all():
-        raise SimulationError(f"{where}: holds NaN or Inf")
+    if impossible(array).any():
+        raise SimulationError(f"{where}: holds NaN, Inf or more than {LARGEST_OF_A_MOTION:g}")
     return array

@@ -161,6 +161,8 @@ def _solve(
             efforts_in_parts(parts, *ends)
     _check_finite(scene, lower + upper, whole.start)
     motor_lower, motor_upper = _motor_torques(scene, states, whole, lower, upper)
+    if motor_lower is not lower:  # behind a gear
+        _check_finite(scene, motor_lower + motor_upper, whole.start)
     return InverseResult(
         scene=scene,
         states=states.part(whole),

@@ -15,21 +15,22 @@ import pinocchio as pin
 
 from pinfric.dynamics.closure import working_rates
 from pinfric.dynamics.result import StickInterval, runs
-from pinfric.errors import SimulationError, StateError
+from pinfric.errors import PinfricError, SimulationError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.closure import velocity_names
 from pinfric.model.coordinates import motion_columns
+from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 
 if TYPE_CHECKING:
     import pandas as pd
 
 FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
-_FORMAT = 1
+FORMAT = 1
 #: Arrays of a motion that go into its file as they are.
-_ARRAYS = ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load", "phase_t",
-           "phase_modes")  # fmt: skip
+ARRAYS = ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load", "phase_t",
+          "phase_modes")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -215,57 +216,22 @@ class Motion(Shown):
         """Write an npz file that `load_motion` reads back, with a digest of the scene's parts."""
         path = Path(path).with_suffix(".npz")
         about = {
-            "format": _FORMAT, "method": self.method, "status": self.status,
+            "format": FORMAT, "method": self.method, "status": self.status,
             "message": self.message, "evaluations": self.evaluations,
             "scene": scene_digests(self.scene), "source": self.scene.source,
             "carried": self.carried,
             "events": [[e.time, e.name, e.kind, e.direction] for e in self.events],
         }  # fmt: skip
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+
+        def write(file: Path) -> None:
+            np.savez_compressed(file, allow_pickle=False, about=np.array(json.dumps(about)),
+                                **arrays)  # fmt: skip
+
         try:
-            np.savez_compressed(path, allow_pickle=False, about=np.array(json.dumps(about)),
-                                **{name: getattr(self, name) for name in _ARRAYS})  # fmt: skip
-        except OSError as problem:
-            raise SimulationError(f"{path}: cannot be written: {problem.strerror}") from None
-        return path
-
-
-def load_motion(path: str | Path, scene: Scene) -> Motion:
-    """Read a motion that `Motion.save` wrote; `sample` needs a motion that was just simulated.
-
-    Args:
-        path: the npz file.
-        scene: the scene it was simulated with.
-
-    Raises:
-        SimulationError: the file cannot be read, or was simulated with another scene (it says
-            which parts differ).
-    """
-    path = Path(path)
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            about = json.loads(str(file["about"]))
-            arrays = {name: file[name] for name in _ARRAYS}
-    except (OSError, ValueError, KeyError) as problem:
-        raise SimulationError(f"{path}: is not a motion that pinfric saved: {problem}") from None
-    if about.get("format") != _FORMAT:
-        raise SimulationError(f"{path}: format {about.get('format')}; this pinfric reads {_FORMAT}")
-    now = scene_digests(scene)
-    differ = [part for part, digest in now.items() if about["scene"].get(part) != digest]
-    if differ:
-        raise SimulationError(
-            f"{path}: was simulated with another scene ({about['source']}); {scene.source} differs "
-            f"in {', '.join(differ)}"
-        )
-    return Motion(
-        scene=scene,
-        method=about["method"],
-        events=tuple(Event(*entry) for entry in about["events"]),
-        status=about["status"],
-        message=about["message"],
-        evaluations=about["evaluations"],
-        carried=None if about["carried"] is None else tuple(about["carried"]),
-        **arrays,
-    )
+            return write_file(path, write)
+        except PinfricError as problem:
+            raise SimulationError(str(problem)) from None
 
 
 def mechanical_energy(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> float:
@@ -334,7 +300,7 @@ class Dense:
         """See `Motion.sample`."""
         columns = [np.array(column) for column in zip(*self.rows(motion, times), strict=True)]
         fields = dict(motion.__dict__)
-        fields.update(zip(_ARRAYS[:8], columns, strict=True))
+        fields.update(zip(ARRAYS[:8], columns, strict=True))
         return Motion(**fields)
 
     def integrate(self, motion: Motion) -> tuple[float, np.ndarray]:

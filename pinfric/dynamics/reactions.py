@@ -13,6 +13,7 @@ from pinfric.dynamics.states import States
 from pinfric.dynamics.threaded import embed_in_parts, team
 from pinfric.errors import SceneError, StateError, choose_from
 from pinfric.model.arrays import real_numbers, whole_number
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin, embed, project, transmit
 
@@ -151,8 +152,9 @@ def applied_wrenches(
                 f"external[{name!r}]: shape {wrench.shape}; should be (6,) or ({samples}, 6), "
                 "force then moment on the frame, in its axes"
             )
-        if not np.isfinite(wrench).all():
-            raise StateError(f"external[{name!r}]: holds NaN or Inf")
+        if impossible(wrench).any():
+            raise StateError(f"external[{name!r}]: holds NaN, Inf or more than "
+                             f"{LARGEST_OF_A_MOTION:g}")  # fmt: skip
         frame = _frame(scene, name)
         in_joint = wrench @ frame.placement.toDualActionMatrix().T
         in_joint = np.ascontiguousarray(np.broadcast_to(in_joint, (samples, 6)))

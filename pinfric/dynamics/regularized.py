@@ -71,7 +71,8 @@ class RegularizedIntegration:
         s, nv, chart = self.settings, self.ws.nv, self.chart
         solver = Radau(self.rhs, t, y, end, rtol=s.rtol, atol=s.atol, max_step=s.max_step)
         while solver.status == "running":
-            message = solver.step()
+            with np.errstate(over="ignore", invalid="ignore"):  # `rhs` refuses what overflows
+                message = solver.step()
             if solver.status == "failed":
                 raise SimulationError(f"at t = {solver.t:.9g} s the integration fails: {message}")
             polynomial = solver.dense_output()

@@ -23,10 +23,15 @@ from pinfric.dynamics.system import Settings, System
 from pinfric.dynamics.timestepping import step_through
 from pinfric.dynamics.workspace import make_workspace
 from pinfric.errors import AccelerationError, SimulationError, StateError
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
 from pinfric.model.scene import Scene
 
 #: A run that takes longer than this (s) shows its progress, where somebody watches.
 _PATIENCE = 2.0
+#: The finest relative tolerance that an integrator can keep: a hundred times rounding.
+_FINEST = 100 * np.finfo(float).eps
+#: More steps would take days and more memory than there is.
+_MOST_STEPS = 1e9
 
 METHODS = ("event", "timestepping", "regularized")
 
@@ -155,8 +160,20 @@ def _settings(
         good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
         if not good or not np.isfinite(value) or value <= 0:
             raise SimulationError(f"{name} = {value!r}: should be a positive number")
+        if name in ("t_end", "dt", "sample_step", "max_step") and value < SMALLEST:
+            raise SimulationError(f"{name} = {value:g} s: should be at least {SMALLEST:g} s")
     if max_events != int(max_events):
         raise SimulationError(f"max_events = {max_events!r}: should be a whole number")
+    if not _FINEST <= rtol <= 1 or atol > 1:
+        raise SimulationError(f"rtol = {rtol:g}, atol = {atol:g}: should be at most 1, rtol at "
+                              f"least {_FINEST:g} (rounding)")  # fmt: skip
+    steps = {"sample_step": sample_step, "dt": dt if method == "timestepping" else None}
+    for name, step in steps.items():
+        if step is not None and t_end / step > _MOST_STEPS:
+            raise SimulationError(f"t_end = {t_end:g} s at {name} = {step:g} s: {t_end / step:.3g} "
+                                  f"steps; at most {_MOST_STEPS:g} are possible")  # fmt: skip
+    if t_end > LONGEST_TIME:
+        raise SimulationError(f"t_end = {t_end:g} s: should be at most {LONGEST_TIME:g} s")
     t_end = float(t_end)
     return Settings(
         t_end=t_end,
@@ -174,9 +191,10 @@ def _settings(
 def _start(scene: Scene, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
     q, v = vector("q0", q0, scene.model.nq, "nq"), vector("v0", v0, scene.model.nv, "nv")
     for name, array in (("q0", q), ("v0", v)):
-        if not np.isfinite(array).all():
-            i = int(np.flatnonzero(~np.isfinite(array))[0])
-            raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
+        if (wrong := impossible(array)).any():
+            i = int(np.argmax(wrong))
+            raise StateError(f"{name}: column {i} is {array[i]}; should be finite and at most "
+                             f"{LARGEST_OF_A_MOTION:g}")  # fmt: skip
     states = States.of(scene, q, v, np.zeros(scene.model.nv))
     q, v = states.q[0], states.v[0]
     if scene.linkage is not None:

@@ -31,8 +31,9 @@ from pinfric.model.loops import Linkage
 if TYPE_CHECKING:
     from pinfric.dynamics.result import InverseResult
 
-#: Starts of the wide search, and how far apart solutions are (relative).
-_STARTS, _DISTINCT = 200, 1e-6
+#: Starts of the wide search; how far apart solutions are at a site, relative to its friction; what
+#: rounding of the largest friction leaves in the smallest.
+_STARTS, _DISTINCT, _ROUNDING = 200, 1e-6, 1e-12
 #: What `coupling.newton` must reach to count as a solution (it stops at rounding).
 _RESIDUAL = 1e-12
 
@@ -129,10 +130,17 @@ def _search(solver: Solver) -> np.ndarray:
 
 
 def _distinct(found: np.ndarray) -> list[np.ndarray]:
+    """Those that differ at a site by more than rounding: each site by its own friction's scale.
+
+    By the largest friction of all, a small pin's two limits beside a large one's would be one.
+    """
     kept: list[np.ndarray] = []
     for phi in found:
-        size = float(np.abs(phi).max(initial=0.0))
-        if all(np.abs(phi - other).max(initial=0.0) > _DISTINCT * size for other in kept):
+        floor = _ROUNDING * float(np.abs(phi).max(initial=0.0))
+        if all(
+            (np.abs(phi - other) > _DISTINCT * np.maximum(np.abs(phi), np.abs(other)) + floor).any()
+            for other in kept
+        ):
             kept.append(phi)
     return kept
 

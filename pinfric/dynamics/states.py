@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, StateError
 from pinfric.model.arrays import flags, real_numbers
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 
 
@@ -70,7 +71,7 @@ class States:
             raise StateError(f"q, v, a have {len(q)}, {len(v)}, {len(a)} samples; should be equal")
         if t is not None:
             t = real_numbers("t", t)
-            if t.shape != (len(q),) or not np.isfinite(t).all():
+            if t.shape != (len(q),) or impossible(t).any():
                 raise StateError(f"t: shape {t.shape}; should be ({len(q)},) finite times in s")
             if (np.diff(t) <= 0).any():
                 i = int(np.argmax(np.diff(t) <= 0)) + 1
@@ -138,9 +139,10 @@ def _samples(name: str, given: Any, width: int) -> np.ndarray:
         )
     if len(array) == 0:
         raise StateError(f"{name}: no samples")
-    if not np.isfinite(array).all():
-        i, j = np.argwhere(~np.isfinite(array))[0]
-        raise StateError(f"{name}: sample {i}, column {j} is {array[i, j]}; should be finite")
+    if (wrong := impossible(array)).any():
+        i, j = np.argwhere(wrong)[0]
+        raise StateError(f"{name}: sample {i}, column {j} is {array[i, j]}; should be finite and "
+                         f"at most {LARGEST_OF_A_MOTION:g}")  # fmt: skip
     return array
 
 

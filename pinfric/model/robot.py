@@ -19,6 +19,7 @@ from pinfric.errors import PinfricWarning, RobotError, choose_from
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import read_document, reductions, warn_of_missing_meshes
 from pinfric.model.urdf_file import read_xml
+from pinfric.model.yamlfile import brief, brief_path
 
 #: An eigenvalue of the mass matrix below zero by this part of the largest is rounding.
 _ROUNDING = 1e-12
@@ -66,14 +67,14 @@ def locate_urdf(locator: str, relative_to: Path) -> Path:
         rest = locator.removeprefix(BUNDLED)
         folder = example_robot_data()
         path = folder / rest
-        if not path.is_file():
+        if not os.path.isfile(path):
             there = sorted(str(p.relative_to(folder)) for p in folder.rglob("*.urdf"))
             near = choose_from(rest, there)
-            raise RobotError(f"robot.urdf: example-robot-data has no {rest!r}; {near}")
+            raise RobotError(f"robot.urdf: example-robot-data has no {brief(rest)}; {near}")
         return path
-    path = (relative_to / locator).resolve()
-    if not path.is_file():
-        raise RobotError(f"robot.urdf: there is no file {path}")
+    path = Path(os.path.abspath(relative_to / locator))
+    if not os.path.isfile(path):
+        raise RobotError(f"robot.urdf: there is no file {brief_path(path)}")
     return path
 
 
@@ -85,7 +86,7 @@ def urdf_file(name: str | Path) -> Path:
     """
     if str(name).startswith(BUNDLED):
         return locate_urdf(str(name), Path())
-    if not Path(name).is_file():
+    if not os.path.isfile(name):
         raise RobotError(f"there is no file {name}")
     return Path(name)
 
@@ -263,9 +264,13 @@ class _silent_stderr:  # noqa: N801 - used like a function
 
 def payload_inertia(payload: Payload) -> pin.Inertia:
     """Return a payload as Pinocchio's inertia: mass, com, and inertia about the com, link axes."""
+    return pin.Inertia(payload.mass, np.array(payload.com), inertia_matrix(payload))
+
+
+def inertia_matrix(payload: Payload) -> np.ndarray:
+    """Return a payload's (3, 3) inertia about its centre of mass, kg m^2, in the link's axes."""
     ixx, ixy, ixz, iyy, iyz, izz = payload.inertia
-    about_com = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    return pin.Inertia(payload.mass, np.array(payload.com), about_com)
+    return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
 
 
 def link_frame(model: pin.Model, link: str) -> int:

@@ -19,11 +19,12 @@ from pinfric.model.closure import check_drives, close, velocity_indices
 from pinfric.model.drives import Drive
 from pinfric.model.laws import FrictionLaw, friction_law, law_table
 from pinfric.model.loops import Linkage, check_loop_friction, make_linkage
+from pinfric.model.magnitudes import LARGEST
 from pinfric.model.robot import (
     Robot,
     changed_parts,
+    inertia_matrix,
     link_frame,
-    payload_inertia,
     with_payloads,
 )
 from pinfric.model.schema import (
@@ -365,7 +366,7 @@ class Scene:
     def _check_bodies(self) -> None:
         """Links are merged by fixed joints: of the sums only the mass is asked."""
         for name, inertia in zip(self.joint_names, tuple(self.model.inertias)[1:], strict=True):
-            if not inertia.mass >= 0:
+            if not 0 <= inertia.mass <= LARGEST:
                 raise SceneError(
                     f"{self.source}: joint {name!r} moves a mass of {inertia.mass:g} kg"
                 )
@@ -377,8 +378,7 @@ class Scene:
                 link_frame(self.model, payload.link)
             except RobotError as problem:
                 raise SceneError(f"{where}.link: {problem}") from None
-            body = payload_inertia(payload)
-            if problem_text := implausible_body(body.mass, body.inertia):
+            if problem_text := implausible_body(payload.mass, inertia_matrix(payload)):
                 raise SceneError(f"{where}: {problem_text}")
 
     def _site(self, name: str, row: int, twin: Twin) -> Site:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -61,7 +62,7 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
     folder = bundled_folder()
     bundled = path.parent in (Path("."), Path("robots"))  # a path to elsewhere means just that
     for candidate in (path.name, *(path.name + suffix for suffix in suffixes)):
-        if bundled and (folder / candidate).is_file():
+        if bundled and os.path.isfile(folder / candidate):
             return folder / candidate
     there = sorted(p.name for p in folder.iterdir() if p.name[p.name.find(".") :] in suffixes)
     raise error(f"there is no file {path}, and no bundled one of that name; "

@@ -6,10 +6,12 @@ kind) live in `scene.py`; what a single entry can get wrong by itself is refused
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -20,20 +22,29 @@ from pydantic import (
     model_validator,
 )
 
-from pinfric.errors import PinfricWarning, SceneError, choose_from
+from pinfric.errors import PinfricWarning, SceneError, choose_from, problems_line
+from pinfric.model.magnitudes import LARGEST, SMALLEST
 from pinfric.model.yamlfile import brief
 
 
 def _strict_number(value: Any) -> Any:
-    """Refuse what pydantic would silently turn into a number: `true` and quoted digits."""
+    """Refuse what pydantic would silently turn into a number, and what no machine has."""
     if isinstance(value, bool | str):
         raise ValueError(f"should be a number, found {brief(value)}")
+    if isinstance(value, int | float) and LARGEST < abs(value) < math.inf:
+        raise ValueError(f"should be at most {LARGEST:g} in magnitude, found {brief(value)}")
+    return value
+
+
+def _not_vanishing(value: float) -> float:
+    if 0 < value < SMALLEST:
+        raise ValueError(f"should be at least {SMALLEST:g}, found {value:g}")
     return value
 
 
 Number = Annotated[FiniteFloat, BeforeValidator(_strict_number)]
 NonNegative = Annotated[Number, Field(ge=0)]
-Positive = Annotated[Number, Field(gt=0)]
+Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]
 Vector3 = tuple[Number, Number, Number]
 
 
@@ -182,6 +193,7 @@ class Transmission(Entry):
     def _plausible(self) -> Transmission:
         if self.ratio == 0:
             raise ValueError("ratio 0 connects nothing; give motor turns per joint turn")
+        _not_vanishing(abs(self.ratio))
         if self.efficiency < 1 and self.back_efficiency is None:
             raise ValueError(
                 "`efficiency` below 1 needs `back_efficiency`, which catalogues rarely print; "
@@ -321,8 +333,8 @@ def parse(entry: type[BaseModel], content: Any, where: str) -> Any:
     try:
         return entry.model_validate(content)
     except ValidationError as error:
-        lines = [_problem(entry, problem) for problem in error.errors()]
-    raise SceneError(f"{where}: " + "; ".join(dict.fromkeys(lines)))
+        problems = [_problem(entry, problem) for problem in error.errors()]
+    raise SceneError(problems_line(where, problems))
 
 
 def _problem(entry: type[BaseModel], problem: Any) -> str:

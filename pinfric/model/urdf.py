@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
+import os
 import warnings
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
@@ -14,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
+from pinfric.model.magnitudes import LARGEST
 from pinfric.model.urdf_file import NAMELESS
+from pinfric.model.yamlfile import brief
 
 #: Triangle-inequality slack relative to the largest principal moment: URDFs print few digits.
 _INERTIA_SLACK = 1e-3
@@ -43,13 +47,16 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
     _release_followers(root, urdf)
     import yourdfpy  # 1.2 s: only where a URDF is read
 
+    logging.getLogger("yourdfpy").addHandler(logging.NullHandler())  # it prints what it raises
     try:
-        document = yourdfpy.URDF.load(
-            io.BytesIO(ElementTree.tostring(root)),
-            build_scene_graph=False, load_meshes=False, build_collision_scene_graph=False,
-        ).robot  # fmt: skip
+        with np.errstate(all="ignore"):  # of visuals, which only pictures look at
+            document = yourdfpy.URDF.load(
+                io.BytesIO(ElementTree.tostring(root)), build_scene_graph=False, load_meshes=False,
+                build_collision_scene_graph=False,
+            ).robot  # fmt: skip
     except Exception as problem:  # yourdfpy lets ValueError, TypeError, AttributeError through
-        raise RobotError(f"{urdf}: is not a valid URDF: {problem}") from None
+        reason = " ".join(f"{type(problem).__name__}: {problem}".split())
+        raise RobotError(f"{urdf}: is not a valid URDF: {brief(reason)}") from None
     _check_tree(document, urdf)
     _check_joints(document, urdf)
     _check_mimics(document, urdf)
@@ -141,9 +148,12 @@ def _check_numbers(element: ElementTree.Element, where: str) -> None:
             values = [_number(word) for word in text.split()]
             # no limit is often written as an infinite one
             finite = part.tag == "limit" or all(math.isfinite(v) for v in values if v is not None)
+            shown = f"{where}: <{part.tag} {attribute}={brief(text)}>"
             if len(values) != count or None in values or not finite:
                 wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-                raise RobotError(f"{where}: <{part.tag} {attribute}={text!r}> should be {wanted}")
+                raise RobotError(f"{shown} should be {wanted}")
+            if part.tag != "limit" and any(abs(v) > LARGEST for v in values if v is not None):
+                raise RobotError(f"{shown} should be at most {LARGEST:g} in magnitude")
 
 
 def _number(word: str) -> float | None:
@@ -328,7 +338,7 @@ def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
 def missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Path]) -> list[str]:
     """Return the mesh names of a URDF whose files are not there, sorted."""
     missing = {
-        geometry.mesh.filename
+        geometry.mesh.filename or "(a <mesh> without a filename)"
         for link in document.links
         for shape in (*link.visuals, *link.collisions)
         if (geometry := shape.geometry) is not None and geometry.mesh is not None
@@ -349,8 +359,10 @@ def warn_of_missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Pat
         )
 
 
-def mesh_file(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
+def mesh_file(name: str | None, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
     """Return the file of a URDF's mesh name (package://, file:// or a path), or None."""
+    if not name:
+        return None
     scheme, _, rest = name.partition("://")
     if not rest:
         candidates = [urdf.parent / name]
@@ -358,7 +370,7 @@ def mesh_file(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | Non
         candidates = [Path(rest)]
     else:
         candidates = [folder / rest.lstrip("/") for folder in package_dirs]
-    return next((path for path in candidates if path.is_file()), None)
+    return next((path for path in candidates if os.path.isfile(path)), None)
 
 
 def read_mesh_scene(path: Path) -> tuple[Any, float]:
@@ -371,6 +383,7 @@ def read_mesh_scene(path: Path) -> tuple[Any, float]:
     """
     import trimesh  # 0.4 s: only where a mesh is there
 
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints its doubts
     scene: Any = trimesh.load(str(path), force="scene", process=False)
     named = path.suffix.lower() == ".dae" and scene.units
     return scene, trimesh.units.unit_conversion(scene.units, "meters") if named else 1.0

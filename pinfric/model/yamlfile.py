@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from pinfric.errors import PinfricError
+from pinfric.errors import PinfricError, cut
 
 #: Letters of a value that a message repeats: enough to find it in the file.
 _SHOWN = 80
@@ -136,10 +136,3 @@ def brief(value: object, letters: int = _SHOWN) -> str:
 def brief_path(path: str | Path) -> str:
     """Return a path for a message; whole unless no file system would take it."""
     return cut(str(path), 4096 if max(map(len, Path(path).parts), default=0) < 256 else _SHOWN)
-
-
-def cut(text: str, letters: int) -> str:
-    """Return the text, or its begin and its end where it has more letters."""
-    if len(text) <= letters:
-        return text
-    return f"{text[: letters * 2 // 3]} ... {text[len(text) - letters // 3 :]}"

@@ -33,13 +33,19 @@ from pinfric.show.replay import open_page
 from pinfric.show.stage import Stage, look_from_the_front, set_stage, stretch_cylinder
 from pinfric.study.scene_run import start_state
 
-#: Meshcat's server, which ends with us however we end: then its standard input closes.
+#: Meshcat's server, which ends with us however we end: then its standard input closes. Its pages
+#: are for this machine; by itself it serves them to every network (its commands it does not).
 _SERVER = """
 import os, sys, threading
 def watch():
     sys.stdin.read()
     os._exit(0)
 threading.Thread(target=watch, daemon=True).start()
+import tornado.web
+listen = tornado.web.Application.listen
+def listen_here(application, port, address=None, **options):
+    return listen(application, port, "127.0.0.1", **options)
+tornado.web.Application.listen = listen_here
 from meshcat.servers.zmqserver import main
 sys.argv = ["meshcat-server"]
 main()

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.robot import Robot
 from pinfric.model.urdf import mesh_file, read_mesh_scene
 from pinfric.model.urdf_file import read_xml
@@ -78,9 +79,13 @@ def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Visual], dict[str
             material = visual.find("material")
             color = None if material is None else _rgba(material) or named.get(material.get("name"))
             mesh = _geometry(visual.find("geometry"), robot, loaded, missing)
-            if mesh is not None:
-                placement = frame.placement * _origin(visual.find("origin"))
-                found.append(Visual(int(frame.parentJoint), placement, _painted(mesh, color)))
+            if mesh is None:
+                continue
+            placement = frame.placement * _origin(visual.find("origin"))
+            if impossible(mesh.vertices, LARGEST).any() or impossible(placement.np, LARGEST).any():
+                missing[f"a <visual> of {name}"] = "its sizes or places are no numbers of a machine"
+                continue
+            found.append(Visual(int(frame.parentJoint), placement, _painted(mesh, color)))
     return found, missing
 
 
@@ -90,9 +95,14 @@ def read_mesh(path: Path) -> Mesh:
     Raises:
         Exception: whatever its reader raises; ValueError where there are no triangles.
     """
+
+    with np.errstate(all="ignore"):  # of corners beyond numbers, which are refused below
+        return _triangles(*read_mesh_scene(path))
+
+
+def _triangles(scene: Any, unit: float) -> Mesh:
     import trimesh
 
-    scene, unit = read_mesh_scene(path)
     parts = []
     for node in scene.graph.nodes_geometry:
         turn, name = scene.graph[node]
@@ -101,6 +111,8 @@ def read_mesh(path: Path) -> Mesh:
             parts.append(_part(part, np.asarray(turn)))
     if not parts:
         raise ValueError("no triangles")
+    if any(impossible(part.vertices, LARGEST).any() for part in parts):
+        raise ValueError("corners that are nowhere (not finite, or beyond any machine)")
     first = np.cumsum([0, *(len(part.vertices) for part in parts)])
     return Mesh(
         vertices=unit * np.concatenate([part.vertices for part in parts]),

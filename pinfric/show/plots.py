@@ -15,7 +15,7 @@ import numpy as np
 
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
-from pinfric.show.files import write_file
+from pinfric.model.files import write_file
 from pinfric.show.names import affixes, left_out, shortened, without
 from pinfric.show.report import digits, log_lines, span
 from pinfric.study.log.judged import JudgedLog

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.motion import Motion, load_motion, scene_digests
+from pinfric.dynamics.motion import Motion, scene_digests
+from pinfric.dynamics.motion_file import load_motion
 from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.errors import StateError, TrajectoryError
+from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
-from pinfric.show.files import write_file
 from pinfric.show.frames import RATE, make_frames
 from pinfric.study.log.reading import ReadingOptions
 from pinfric.study.scene_run import run_scene
@@ -130,7 +131,7 @@ def motion_to_replay(
     if name is None:
         return run_scene(scene)
     if Path(name).suffix.lower() == ".npz":
-        if not Path(name).is_file():
+        if not os.path.isfile(name):
             raise TrajectoryError(f"there is no file {name}; `Motion.save` writes such files")
         return load_motion(name, scene)
     trajectory = load_trajectory(name, scene, log)

@@ -177,7 +177,8 @@ def _effort_table(
             s.name, *([] if unit else [s.unit]),
             _peak(s, zero, log), span(s.rms_least, s.rms, zero),
             f"{digits(s.peak_frictionless, zero)}, {digits(s.rms_frictionless, zero)}",
-            f"{100 * s.friction_share:.0f} %", digits(s.stick_time), digits(s.max_interval, zero),
+            "n/a" if math.isnan(s.friction_share) else f"{100 * s.friction_share:.0f} %",
+            digits(s.stick_time), digits(s.max_interval, zero),
             *([_off(measured.get(s.name))] if measured else []),
         )
         for s in summaries

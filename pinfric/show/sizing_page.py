@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import PinfricError
-from pinfric.show.files import write_file
+from pinfric.model.files import write_file
 from pinfric.show.report import digits
 from pinfric.show.sizing_figures import (
     Figure,

@@ -10,6 +10,7 @@ the same name, its conditions apply.
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ from pydantic import Field, model_validator
 
 from pinfric.errors import CatalogError, PinfricWarning, SceneError, choose_from
 from pinfric.model.schema import Entry, NonNegative, Number, Positive, parse
-from pinfric.model.yamlfile import read_yaml
+from pinfric.model.yamlfile import brief, read_yaml
 
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
@@ -277,7 +278,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     Warns:
         PinfricWarning: a figure is so unusual that a wrong unit is likelier.
     """
-    if str(name) == DEFAULT and not Path(name).is_file():
+    if str(name) == DEFAULT and not os.path.isfile(name):
         catalog = _merged(DEFAULT, _bundled())
     else:
         file = _read(Path(name))
@@ -323,9 +324,9 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
 
 
 def _read(path: Path) -> CatalogFile:
-    if not path.exists() and path.suffix not in (".yaml", ".yml"):
-        raise CatalogError(f"there is no catalogue {str(path)!r}; {choose_from(path, [DEFAULT])}, "
-                           "or a YAML file")  # fmt: skip
+    if not os.path.exists(path) and path.suffix not in (".yaml", ".yml"):
+        raise CatalogError(f"there is no catalogue {brief(str(path))}; "
+                           f"{choose_from(path, [DEFAULT])}, or a YAML file")  # fmt: skip
     content = read_yaml(path, CatalogError)
     try:
         file: CatalogFile = parse(CatalogFile, content, str(path))

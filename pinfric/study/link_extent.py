@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.urdf import mesh_file, read_mesh_scene
 
 _CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
@@ -64,7 +65,12 @@ def link_extents(
             if box is not None:
                 origin = np.eye(4) if shape.origin is None else np.asarray(shape.origin)
                 center, size = box
-                corners.append((center + _CORNERS * size) @ origin[:3, :3].T + origin[:3, 3])
+                with np.errstate(all="ignore"):
+                    points = (center + _CORNERS * size) @ origin[:3, :3].T + origin[:3, 3]
+                if impossible(points, LARGEST).any():
+                    unread[f"a shape of {link.name}"] = "its sizes or places are of no machine"
+                    continue
+                corners.append(points)
         if corners:
             points = np.concatenate(corners)
             extents[link.name] = Extent(points.min(axis=0), points.max(axis=0))

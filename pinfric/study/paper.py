@@ -21,7 +21,7 @@ from pinfric.dynamics.reactions import joint_wrenches
 from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import load_scene
-from pinfric.study.scene_run import run_scene
+from pinfric.study.scene_run import run_whole
 
 #: Samples per second at which the forward motion is handed to inverse dynamics.
 SAMPLE_RATE = 2000
@@ -85,7 +85,7 @@ class Reproduction:
 def reproduce(example: Example) -> Reproduction:
     """Simulate one example, recover its torques by both formulations, and compare."""
     scene = load_scene(example.name)
-    whole = run_scene(scene, method="event", rtol=1e-11, atol=1e-13)
+    whole = run_whole(scene, method="event", rtol=1e-11, atol=1e-13)
     motion = whole.sample(np.linspace(0.0, whole.t[-1], round(SAMPLE_RATE * whole.t[-1]) + 1))
     result = inverse_dynamics(scene, motion)
     frictionless = inverse_dynamics(dataclasses.replace(scene, friction={}), motion)

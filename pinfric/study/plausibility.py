@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -58,7 +59,7 @@ def is_urdf(source: str | Path) -> bool:
     path = Path(source)
     if str(source).startswith(BUNDLED) or path.suffix.lower() in _URDF_SUFFIXES:
         return True
-    if path.suffix.lower() in (".yaml", ".yml") or not path.is_file():
+    if path.suffix.lower() in (".yaml", ".yml") or not os.path.isfile(path):
         return False
     with path.open("rb") as file:
         return file.read(256).lstrip().startswith(b"<")

@@ -22,7 +22,7 @@ from pinfric.dynamics.result import StickInterval
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.study.paper import EXAMPLES
-from pinfric.study.scene_run import run_scene
+from pinfric.study.scene_run import run_whole
 
 #: Relative tolerances of `event`; the absolute ones are a hundredth of them.
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
@@ -151,7 +151,7 @@ def reference(scene: Scene) -> Motion:
     """
     assert scene.simulation is not None
     rtol = 1e-2 * min(TOLERANCES)
-    return run_scene(scene, rtol=rtol, atol=1e-2 * rtol, max_step=scene.simulation.t_end / 50)
+    return run_whole(scene, rtol=rtol, atol=1e-2 * rtol, max_step=scene.simulation.t_end / 50)
 
 
 def judge_of(motion: Motion) -> Judge:
@@ -228,7 +228,7 @@ def _own(
     t_end = scene.simulation.t_end
 
     def bare() -> Motion:
-        return run_scene(scene, method=method, sample_step=t_end, **options)
+        return run_whole(scene, method=method, sample_step=t_end, **options)
 
     def judged() -> Track:
         # the samples cost evaluations, too; those of the method are counted without them
@@ -238,7 +238,7 @@ def _own(
         if motion.dense is not None:
             motion = motion.sample(np.linspace(0.0, motion.t[-1], samples + 1))
         else:
-            motion = run_scene(scene, method=method, sample_step=t_end / samples, **options)
+            motion = run_whole(scene, method=method, sample_step=t_end / samples, **options)
         return Track(motion.t, motion.q, (motion.stick_intervals(),), count, seconds)
 
     return Contestant(method, setting, bare, judged)

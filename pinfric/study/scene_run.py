@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pinfric.dynamics.closure import consistent_motion, independent_joints
-from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.motion import INTERRUPTED, Motion
 from pinfric.dynamics.simulate import simulate
 from pinfric.errors import ClosureError, SceneError, choose_from
 from pinfric.model.closure import velocity_indices
@@ -33,6 +33,18 @@ def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Mo
         )
     q0, v0 = start_state(scene)
     return simulate(scene, q0, v0, None, t_end or scene.simulation.t_end, **options)
+
+
+def run_whole(scene: Scene, **options: Any) -> Motion:
+    """Do as `run_scene`, for studies: Ctrl-C raises, since half a motion would be taken for all.
+
+    Raises:
+        KeyboardInterrupt; and what `run_scene` raises.
+    """
+    motion = run_scene(scene, **options)
+    if motion.status == INTERRUPTED:
+        raise KeyboardInterrupt
+    return motion
 
 
 def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:

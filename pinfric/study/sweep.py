@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -72,7 +73,8 @@ def sweep(
 
     Raises:
         SweepError: the sweep names what is not there or values that cannot be, the folder holds
-            another sweep, the scheduler cannot be reached, or no sample could be computed.
+            another sweep or one is writing into it, the scheduler cannot be reached, or no sample
+            could be computed.
 
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
@@ -88,8 +90,10 @@ def sweep(
     equipped, trials = motors_on_trial(scene, entries, source)
     study = Study(equipped, trajectory, targets)
     values = draw(targets, entries)
-    run = _Run(study, values, _store(study, values, out), progress)
-    used = run.compute(processes, scheduler)
+    store = _store(study, values, out)
+    with store.held() if store else nullcontext():
+        run = _Run(study, values, store, progress)
+        used = run.compute(processes, scheduler)
     if all(run.problems):
         raise SweepError(f"{source}: no sample could be computed; the first: {run.problems[0]}")
     result = SweepResult(
@@ -173,11 +177,9 @@ def _store(study: Study, values: np.ndarray, out: str | Path | None) -> Store | 
 
     if out is None:
         return None
-    store = Store(Path(out), identity(study, values, pinfric.__version__),
-                  tuple(target.name for target in study.targets),
-                  study.scene.actuator_names)  # fmt: skip
-    store.prepare()
-    return store
+    return Store(Path(out), identity(study, values, pinfric.__version__),
+                 tuple(target.name for target in study.targets),
+                 study.scene.actuator_names)  # fmt: skip
 
 
 def _worthwhile(seconds: float) -> int:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.errors import CatalogError, SizingError, SweepError, choose_from
+from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, problems_line
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Transmission
@@ -142,7 +142,7 @@ def motors_on_trial(scene: Scene, sweep: SweepFile, source: str) -> tuple[Scene,
         except SweepError as problem:
             problems.append(f"`motors.{name}`: {problem}")
     if problems:
-        raise SweepError(f"{source}: " + "; ".join(problems))
+        raise SweepError(problems_line(source, problems))
     if judges:
         scene = _equipped(scene, judges, conditions, source)
     return scene, tuple(trials)

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import SweepError, choose_from
+from pinfric.errors import SweepError, choose_from, problems_line
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Coefficients, Friction, Payload
 from pinfric.study.sweep_distributions import Distribution
@@ -89,7 +89,7 @@ def resolve(scene: Scene, sweep: SweepFile, source: str) -> tuple[Target, ...]:
     twice = {column for column in columns if columns.count(column) > 1}
     problems += [f"`parameters`: {column} is drawn twice" for column in sorted(twice)]
     if problems:
-        raise SweepError(f"{source}: " + "; ".join(problems))
+        raise SweepError(problems_line(source, problems))
     return tuple(targets)
 
 

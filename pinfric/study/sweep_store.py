@@ -12,6 +12,7 @@ import json
 import os
 import pickle
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,14 +20,16 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import SweepError
+from pinfric.model.files import only_one
+from pinfric.model.yamlfile import brief
 from pinfric.study.sweep_cycle import FIGURES, Block, Study
 
-SAMPLES, BATCHES = "samples.parquet", "batches"
-_KEY = b"pinfric_sweep"
+SAMPLES, BATCHES, LOCK = "samples.parquet", "batches", ".sweep.lock"
+_KEY, _DIGEST = b"pinfric_sweep", b"pinfric_digest"
 
 
 #: Of the columns in a part: raised when they change, so that older parts are not continued.
-_FORMAT = "2"
+_FORMAT = "3"
 
 
 def identity(study: Study, values: np.ndarray, version: str) -> dict[str, str]:
@@ -65,24 +68,38 @@ class Store:
     parameters: tuple[str, ...]
     actuators: tuple[str, ...]
 
-    def prepare(self) -> None:
-        """Make the folder, and remove what an interrupted write left there.
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Make the folder, keep other sweeps out of it, and remove what a killed one left there.
 
         Raises:
-            SweepError: pyarrow is missing, or the folder cannot be written.
+            SweepError: pyarrow is missing, another sweep is writing into the folder, or it cannot
+                be written.
         """
         try:
             import pyarrow  # noqa: F401
         except ImportError:
             raise SweepError("samples are written as Parquet, which needs pyarrow: "
                              'pip install "pinfric[cluster]"') from None  # fmt: skip
-        try:
-            (self.folder / BATCHES).mkdir(parents=True, exist_ok=True)
-            for rest in (*self.folder.glob(".*.parquet.part"),
-                         *(self.folder / BATCHES).glob(".*.parquet.part")):  # fmt: skip
-                rest.unlink()
-        except OSError as problem:
-            raise self._unwritable(problem) from None
+        with ExitStack() as stack:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                alone = stack.enter_context(only_one(self.folder / LOCK))
+                if alone:
+                    (self.folder / BATCHES).mkdir(exist_ok=True)
+                    for rest in (*self.folder.glob(".*.parquet.part"),
+                                 *(self.folder / BATCHES).glob(".*.parquet.part")):  # fmt: skip
+                        rest.unlink()
+            except OSError as problem:
+                raise self._unwritable(problem) from None
+            if not alone:
+                raise SweepError(
+                    f"{self.folder}: another sweep is writing into this folder (it holds "
+                    f"{self.folder / LOCK}); wait for it, or name another folder"
+                )
+            yield
+            with suppress(OSError):  # batches of a sweep that goes on another time stay
+                (self.folder / BATCHES).rmdir()
 
     @property
     def complete(self) -> bool:
@@ -112,12 +129,9 @@ class Store:
         """Write all samples in one file and remove the batches; returns the file."""
         path = self.folder / SAMPLES
         self._write(path, block, values)
-        try:
+        with suppress(OSError):
             for file in (self.folder / BATCHES).glob("*.parquet"):
                 file.unlink()
-            (self.folder / BATCHES).rmdir()
-        except OSError:
-            pass  # something else lies there: it is not ours
         return path
 
     def _columns(self, block: Block, values: np.ndarray) -> dict[str, Any]:
@@ -132,34 +146,31 @@ class Store:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        table = pa.table(self._columns(block, values))
-        table = table.replace_schema_metadata({_KEY: json.dumps(dict(self.identity)).encode()})
+        columns = self._columns(block, values)
+        table = pa.table(columns).replace_schema_metadata(
+            {_KEY: json.dumps(dict(self.identity)).encode(), _DIGEST: _digest(columns)}
+        )
         part = path.with_name(f".{path.name}.part")
         try:
-            pq.write_table(table, part)
+            pq.write_table(table, part, write_page_checksum=True)
             os.replace(part, path)
         except OSError as problem:
             part.unlink(missing_ok=True)
             raise self._unwritable(problem) from None
 
     def _read(self, file: Path) -> Block:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         try:
-            table = pq.read_table(file)
-        except (OSError, pa.ArrowInvalid) as problem:
-            raise SweepError(f"{file}: cannot be read: {problem}; remove it to compute its samples "
-                             "again") from None  # fmt: skip
-        found = json.loads((table.schema.metadata or {}).get(_KEY, b"{}"))
+            found, columns = _contents(file)
+        except Exception as problem:  # Arrow and Thrift have a dozen for damaged files
+            reason = brief(" ".join(str(problem).split()))
+            raise SweepError(f"{file}: cannot be read, or is damaged ({reason}); remove it to "
+                             "compute its samples again") from None  # fmt: skip
         if found != dict(self.identity):
             other = [name for name, value in self.identity.items() if found.get(name) != value]
             raise SweepError(
                 f"{file}: holds samples of another sweep (different: {', '.join(other)}); name "
                 "another folder, or remove it"
             )
-        columns = {name: table.column(name).to_numpy(zero_copy_only=False)
-                   for name in table.column_names}  # fmt: skip
         figures = np.stack([
             np.column_stack([columns[f"{drive}.{figure}"] for figure in FIGURES])
             for drive in self.actuators
@@ -169,3 +180,31 @@ class Store:
 
     def _unwritable(self, problem: OSError) -> SweepError:
         return SweepError(f"{self.folder}: cannot be written: {problem.strerror or problem}")
+
+
+def _contents(file: Path) -> tuple[dict[str, str], dict[str, Any]]:
+    """The identity and the columns of a file; raises where they are not those that were written.
+
+    Parquet's own checksums cover the pages, not the directory that says which page is which.
+    """
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(file, page_checksum_verification=True)
+    about = table.schema.metadata or {}
+    columns = {name: table.column(name).to_numpy(zero_copy_only=False)
+               for name in table.column_names}  # fmt: skip
+    identity = dict(json.loads(about.get(_KEY, b"{}")))
+    if identity.get("format") == _FORMAT and about.get(_DIGEST) != _digest(columns):
+        raise ValueError("its figures are not those that were written")
+    return identity, columns
+
+
+def _digest(columns: Mapping[str, Any]) -> bytes:
+    """A digest of the columns' names and values."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name, column in columns.items():
+        numbers = name != "problem"
+        content = np.asarray(column, dtype=float).tobytes() if numbers else repr(list(column))
+        digest.update(f"{name} {len(content)} ".encode())
+        digest.update(content if isinstance(content, bytes) else content.encode())
+    return digest.hexdigest().encode()

@@ -39,6 +39,8 @@ _NO_WORKERS = 60
 _POLL = 1.0
 #: Batches handed out per worker thread: one that it computes, others that wait beside it.
 _AHEAD = 3
+#: Where processes of this machine listen: who reaches a Dask worker runs code as its user.
+_HERE = "127.0.0.1"
 
 
 def installed() -> bool:
@@ -248,9 +250,9 @@ def _local_scheduler(processes: int) -> Iterator[str]:
             tempfile.TemporaryDirectory(prefix="pinfric-", ignore_cleanup_errors=True)
         )
         cluster = stack.enter_context(LocalCluster(
-            n_workers=0, host="127.0.0.1", protocol="tcp://", silence_logs=50,
-            dashboard_address="127.0.0.1:0",  # None takes port 8787, and warns where it is taken
-            scheduler_kwargs={"dashboard": False},
+            n_workers=0, host=_HERE, protocol="tcp://", silence_logs=50,
+            dashboard_address=f"{_HERE}:0",  # None takes port 8787, and warns where it is taken
+            scheduler_kwargs={"dashboard": False, "host": _HERE},
         ))  # fmt: skip
         log = stack.enter_context((Path(folder) / "workers.log").open("w+b"))
         workers = _start_workers(cluster.scheduler_address, processes, folder, log)
@@ -262,7 +264,8 @@ def _local_scheduler(processes: int) -> Iterator[str]:
 def _start_workers(address: str, processes: int, folder: str, log: Any) -> subprocess.Popen[bytes]:
     command: Sequence[str] = (
         sys.executable, "-m", "distributed.cli.dask_worker", address,
-        "--nworkers", str(processes), "--nthreads", "1", "--no-dashboard",
+        "--nworkers", str(processes), "--nthreads", "1", "--host", _HERE,
+        "--no-dashboard", "--dashboard-address", f"{_HERE}:0",  # its page of health stays
         "--local-directory", folder, "--death-timeout", "20",
     )  # fmt: skip
     root = str(Path(__file__).parents[2])  # where pinfric is imported from, installed or not
@@ -286,10 +289,7 @@ def _await_workers(cluster: Any, workers: subprocess.Popen[bytes], count: int, l
 
 
 def _end(workers: subprocess.Popen[bytes]) -> None:
-    """End the nannies, which end their workers."""
-    workers.terminate()
-    try:
-        workers.wait(timeout=10)
-    except subprocess.TimeoutExpired:
+    """End nannies and workers at once: what they still compute is not wanted any more."""
+    with suppress(ProcessLookupError):
         os.killpg(workers.pid, signal.SIGKILL)  # the session is theirs alone
-        workers.wait(timeout=10)
+    workers.wait(timeout=10)

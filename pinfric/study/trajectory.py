@@ -15,9 +15,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from pinfric.errors import TrajectoryError, choose_from
+from pinfric.errors import PinfricError, TrajectoryError, choose_from, problems_line
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.files import write_file
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
 from pinfric.study.followers import find_followers, follower_problems, follower_warnings
@@ -251,11 +253,14 @@ class Trajectory:
         numbers = np.column_stack((self.t, self.joint_positions(), self.v, self.a)) + 0.0
         formats = [f"%.{digits}g"] * numbers.shape[1] + ["%d"] * len(self.payload_names)
         rows = np.column_stack((numbers, self.attached.astype(np.float64)))
+
+        def write(file: Path) -> None:
+            np.savetxt(file, rows, fmt=formats, delimiter=",", header=",".join(header), comments="")
+
         try:
-            np.savetxt(path, rows, fmt=formats, delimiter=",", header=",".join(header), comments="")
-        except OSError as problem:
-            raise TrajectoryError(f"{path}: cannot be written: {problem.strerror}") from None
-        return Path(path)
+            return write_file(path, write)
+        except PinfricError as problem:
+            raise TrajectoryError(str(problem)) from None
 
 
 def load_trajectory(
@@ -339,13 +344,14 @@ def _from_table(
     `filtered` derivatives come from each joint by itself, as those of splines do.
     """
     followers = find_followers(scene, columns)
-    wrong = [*problems, *limit_problems(named, table.t, table.position)]
+    wrong = [*problems, *_size_problems(table), *limit_problems(named, table.t, table.position)]
     if len(named) == len(columns):
         wrong += follower_problems(followers, columns, table.t, table.position)
     _raise_all(source, wrong)
     warnings: list[str] = []
-    v, a = complete_derivatives(named, table, wrong, warnings)
-    _raise_all(source, wrong)
+    with np.errstate(all="ignore"):  # what overflows is found below, by what it comes to
+        v, a = complete_derivatives(named, table, wrong, warnings)
+    _raise_all(source, wrong or _value_problems(table.t, (("v", v), ("a", a))))
     if isinstance(scene, Scene) and scene.loops:
         derived = filtered or bool(
             np.isnan(table.velocity).any() or np.isnan(table.acceleration).any()
@@ -435,18 +441,28 @@ def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]
         return ["there are no samples"]
     problems = []
     for name, array in (("t", t), *arrays):
-        if array is not None and not np.isfinite(array).all():
-            samples = np.unique(np.argwhere(~np.isfinite(array))[:, 0])
-            problems.append(f"{name} is not finite at samples {listing(samples)}")
+        if array is not None and (wrong := impossible(np.asarray(array))).any():
+            samples = np.unique(np.argwhere(wrong)[:, 0])
+            finite = np.isfinite(array).all()
+            what = f"beyond {LARGEST_OF_A_MOTION:g}" if finite else "not finite"
+            problems.append(f"{name} is {what} at samples {listing(samples)}")
     back = np.flatnonzero(np.diff(t) <= 0)
     if back.size:
         problems.append(f"time must increase; it does not after samples {listing(back)}")
     return problems
 
 
+def _size_problems(table: TrajectoryTable) -> list[str]:
+    """Numbers that a file gives (none where derivatives are to come) beyond any motion's."""
+    given = ("t", table.t), ("position", table.position), ("velocity", table.velocity), (
+        "acceleration", table.acceleration)  # fmt: skip
+    return [
+        f"{name}: {array.flat[int(np.argmax(large))]:g} is beyond {LARGEST_OF_A_MOTION:g}"
+        for name, array in given
+        if (large := np.isfinite(array) & impossible(array)).any()
+    ]
+
+
 def _raise_all(source: str, problems: Sequence[str]) -> None:
-    if len(problems) == 1:
-        raise TrajectoryError(f"{source}: {problems[0]}")
     if problems:
-        lines = "".join(f"\n  {i}. {problem}" for i, problem in enumerate(problems, 1))
-        raise TrajectoryError(f"{source}: {len(problems)} problems:{lines}")
+        raise TrajectoryError(problems_line(source, problems))

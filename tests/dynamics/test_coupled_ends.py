@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -184,3 +185,29 @@ def test_a_reversing_pins_interval_holds_sliding_and_both_limits():
         assert result.effort_lower[i, 0] <= before.effort_lower[0, 0] <= result.effort_upper[i, 0]
         assert result.friction_lower[i, s] < 0 < result.friction_upper[i, s]
     assert (result.effort_lower == result.effort_upper)[~result.reversal.any(axis=1)].all()
+
+
+@pytest.mark.parametrize(("large", "small"), [(1e6, 0.3), (4e5, 0.3), (1e3, 1e-4), (10.0, 4e-6)])
+def test_a_small_pins_two_limits_are_two_solutions_beside_a_large_one(large, small):
+    """The boom slides in a pin of large friction while the stick rests in one of little.
+
+    Compared by the largest friction, the stick's two limits were one solution: the interval's
+    other end was then none that `check` could find (1.49 N of 1.4e6 N in the first case).
+    """
+    excavator = pf.load_scene("excavator")
+    dry = {"boom_pin": large, "stick_pin": small}
+    friction = {n: {"coulomb": {"static": c, "kinetic": c}} for n, c in dry.items()}
+    friction["stick_pin"] |= {  # its own load, so that nothing is constant
+        "bearing": {"kind": "pin", "radius": 0.05}, "mu": {"static": 1e-12, "kinetic": 1e-12},
+    }  # fmt: skip
+    scene = replace(excavator, friction=friction)
+    q, v = scene.start_configuration[None], np.array([[0.3, 0.0, 0.0]])
+    result = pf.inverse_dynamics(scene, q, v, np.zeros((1, 3)))
+    found = result.solutions(0)
+    assert len(found) == 2
+    held = sorted(solution.friction[1] for solution in found)
+    np.testing.assert_allclose(held, [-small, small], rtol=1e-3)
+    ends = sorted(solution.effort[1] for solution in found)
+    np.testing.assert_allclose(ends, [result.effort_lower[0, 1], result.effort_upper[0, 1]],
+                               rtol=1e-12)  # fmt: skip
+    assert result.check().passed(1e-12)

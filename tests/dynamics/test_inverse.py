@@ -11,7 +11,7 @@ from builders import block, plane_friction, random_friction, random_states, rand
 
 import pinfric as pf
 from pinfric.dynamics import inverse as inverse_module
-from pinfric.errors import StateError
+from pinfric.errors import SceneError, StateError
 
 
 def scene_of(seed, joints=6, **more):
@@ -343,9 +343,14 @@ def test_a_motion_made_for_another_robot_or_other_payloads_is_refused_or_reorder
 
 
 def test_efforts_beyond_numbers_are_refused():
-    scene = pf.Scene(model=block(), friction={"slide": {"viscous": 1e200}})
+    model = block()
+    model.armature = np.array([1e300])
     with pytest.raises(StateError, match="effort of slide at sample 0 is beyond"):
-        pf.inverse_dynamics(scene, [[0.0]], [[1e200]], [[0.0]])
+        pf.inverse_dynamics(pf.Scene(model=model), [[0.0]], [[0.0]], [[1e10]])
+    with pytest.raises(StateError, match=r"v: sample 0, column 0 is 1e.300; should be finite"):
+        pf.inverse_dynamics(pf.Scene(model=block()), [[0.0]], [[1e300]], [[0.0]])
+    with pytest.raises(SceneError, match=r"viscous`: should be at most 1e.12"):
+        pf.Scene(model=model, friction={"slide": {"viscous": 1e200}})
 
 
 def test_a_link_with_a_joints_name_is_the_link():

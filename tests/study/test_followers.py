@@ -52,7 +52,7 @@ def test_follower_beyond_its_limits_is_an_error_that_names_both_joints(tmp_path)
 
 
 def test_leader_and_follower_stand_in_one_message(tmp_path):
-    with pytest.raises(TrajectoryError, match=r"joint left: 1\.5 rad(.|\n)*joint right: 15\.5 rad"):
+    with pytest.raises(TrajectoryError, match=r"joint left: 1\.5 rad.*joint right: 15\.5 rad"):
         motion(tmp_path, hand(tmp_path), [0, 1.5])
 
 

@@ -13,6 +13,7 @@ from time import monotonic
 
 import numpy as np
 import pytest
+from processes import children
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
@@ -59,15 +60,6 @@ def panda():
 @pytest.fixture(scope="module")
 def undisturbed(panda):
     return pf.sweep(*panda, SWEEP, processes=1)
-
-
-def children(pid):
-    """Every process below one, by what Linux says."""
-    found = []
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        for child in (task / "children").read_text().split():
-            found += [int(child), *children(int(child))]
-    return found
 
 
 def computing(pid):

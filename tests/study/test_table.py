@@ -75,7 +75,7 @@ def test_numbers_no_spline_takes_are_a_clear_error():
     t, wheel = np.arange(30) * 1e-3, scene(pin.JointModelRX())
     wheel.model.lowerPositionLimit[:], wheel.model.upperPositionLimit[:] = -np.inf, np.inf
     q = np.where(np.arange(30) % 2, 1e308, -1e308)[:, None]
-    with pytest.raises(TrajectoryError, match=r"not finite|no spline goes through"):
+    with pytest.raises(TrajectoryError, match=r"q is beyond 1e\+18"):
         Trajectory.from_arrays(wheel, t, q)
 
 

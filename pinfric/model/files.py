@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from pinfric.errors import PinfricError
@@ -13,6 +15,7 @@ from pinfric.model.yamlfile import brief_path
 
 #: Writes a whole file to the path it is given.
 Writer = Callable[[Path], object]
+_UNFINISHED, _ALIVE = ".unfinished-", ".alive"
 
 
 def write_file(path: str | Path, write: Writer) -> Path:
@@ -22,6 +25,12 @@ def write_file(path: str | Path, write: Writer) -> Path:
         PinfricError: the file cannot be written.
     """
     path = Path(path)
+    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe or a device stays one
+        try:
+            write(path)
+        except OSError as problem:
+            raise PinfricError(f"{path}: cannot be written: {problem.strerror}") from None
+        return path
     return write_folder(path.parent, {path.name: write})[0]
 
 
@@ -39,10 +48,10 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
     made = [p for p in (folder, *folder.parents) if not p.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".unfinished-") as unfinished:
+        with _unfinished(folder) as unfinished:
             for name, write in writers.items():
-                write(Path(unfinished) / name)
-            _put_in_place(Path(unfinished), folder, list(writers))
+                write(unfinished / name)
+            _put_in_place(unfinished, folder, list(writers))
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
     finally:
@@ -50,6 +59,78 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
             if new.is_dir() and not any(new.iterdir()):
                 new.rmdir()
     return [folder / name for name in writers]
+
+
+@contextmanager
+def _unfinished(folder: Path) -> Iterator[Path]:
+    """A folder in `folder` to write in; those of killed runs are removed, those of others stay.
+
+    Each run holds the lock of a file in its own, which the kernel gives back however the run ends.
+    The lock on `folder` keeps others from taking ours for a dead one before it is locked.
+    """
+    with ExitStack() as stack:
+        with _locked(folder, os.O_RDONLY, wait=True) as guarded:
+            for left in folder.glob(f"{_UNFINISHED}*") if guarded else ():
+                with _locked(left / _ALIVE) as dead:
+                    if dead:
+                        shutil.rmtree(left, ignore_errors=True)
+            made = stack.enter_context(
+                tempfile.TemporaryDirectory(
+                    dir=folder, prefix=_UNFINISHED, ignore_cleanup_errors=True
+                )
+            )
+            stack.enter_context(_locked(Path(made) / _ALIVE))
+        yield Path(made)
+
+
+@contextmanager
+def _locked(path: Path, flags: int = os.O_RDWR | os.O_CREAT, wait: bool = False) -> Iterator[bool]:
+    """Hold a lock; yields False where another holds it, or none can be had (some networks)."""
+    try:
+        descriptor = os.open(path, flags | os.O_CLOEXEC, 0o644)
+    except OSError:
+        yield False
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        held = True
+    except OSError:
+        held = False
+    try:
+        yield held
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def only_one(path: Path) -> Iterator[bool]:
+    """Hold a lock file while something is done that only one process may do at a time.
+
+    The kernel gives the lock back however this process ends; the file is removed at the end.
+    Yields False where another process holds it. A file system without locks lets all go on.
+
+    Raises:
+        OSError: the file cannot be made.
+    """
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
+            yield False
+            return
+        except OSError:
+            break
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(descriptor), os.stat(path)):
+                break
+        os.close(descriptor)  # its holder has removed it since we opened it
+    try:
+        yield True
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(descriptor)
 
 
 def _put_in_place(unfinished: Path, folder: Path, names: Sequence[str]) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import stat
 
 import pytest
 
 from pinfric.errors import PinfricError
-from pinfric.show.files import check_writable, write_folder
+from pinfric.model.files import check_writable, write_file, write_folder
 
 
 def texts(folder):
@@ -66,3 +67,25 @@ def test_name_no_file_system_takes(tmp_path):
     with pytest.raises(PinfricError, match="File name too long; name a folder") as caught:
         check_writable(tmp_path / ("x" * 5000))
     assert len(str(caught.value)) < 300
+
+
+def test_what_killed_runs_left_is_removed_and_what_others_write_stays(tmp_path):
+    (tmp_path / ".unfinished-dead").mkdir()
+    (tmp_path / ".unfinished-dead" / "half.csv").write_text("1,2")
+
+    def inner(path):
+        """Another run begins and ends while this one is writing."""
+        write_folder(tmp_path, {"b.txt": lambda other: other.write_text("b")})
+        write_file(path, lambda whole: whole.write_text("a"))  # and within the folder it writes in
+
+    write_folder(tmp_path, {"a.txt": inner})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt", "b.txt"]
+
+
+def test_a_device_stays_a_device(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_file(tmp_path / "pipe", lambda path: path.write_text("through"))
+    assert os.read(reader, 100) == b"through"
+    os.close(reader)
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)

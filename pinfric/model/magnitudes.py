@@ -1,0 +1,23 @@
+"""What a figure of a machine can be, in SI units.
+
+Within these bounds the powers and products that friction, dynamics and sizing form of the figures
+are numbers; beyond them they overflow, and a result would be infinite or none without a word.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Of a scene, URDF or catalogue: far beyond the largest mass, length, gear or torque there is.
+LARGEST = 1e12
+#: Of what divides (a length, a mass, a time): far below what can be made or measured.
+SMALLEST = 1e-12
+#: Of a motion (rad, m, s and rates): accelerations near a toggle grow with the speed's square.
+LARGEST_OF_A_MOTION = 1e18
+#: s, three centuries: a longer time is a unit error, and its steps drown in rounding.
+LONGEST_TIME = 1e10
+
+
+def impossible(array: np.ndarray, largest: float = LARGEST_OF_A_MOTION) -> np.ndarray:
+    """Return a mask of what is not finite or larger than any machine's."""
+    return np.asarray(~(np.abs(array) <= largest))

@@ -1,0 +1,477 @@
+"""Mutated scenes, URDFs, trajectories, motions, sweeps and catalogues against the command line.
+
+    python tests/fuzz.py --count 10000 --seed 1      all of it; 30 minutes of one core
+    python tests/fuzz.py --case 4711 --keep DIR      one case again, its files kept
+
+Each case mutates one input of one command and must end in exit 0 with numbers that are numbers,
+or in exit 2 and one line on stderr that names the place. Everything else is a finding: exit 70, an
+exception, a number that is none, Python's own warnings, a hang, the death of the interpreter
+(cases run in a process of their own, which tells the case it dies of). A case depends on its seed
+alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import io
+import json
+import math
+import os
+import re
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections import Counter
+from pathlib import Path
+from time import perf_counter
+
+from mutations import NUMBERS, Mutator
+
+ROOT = Path(__file__).parents[1]
+ROBOTS = ROOT / "robots"
+#: A case that takes longer (s) hangs.
+LIMIT = 30.0
+FOUND = {"exit 0", "exit 2"}
+
+ARM_URDF = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper_arm"><inertial><origin xyz="0.5 0 0" rpy="0 0 0"/><mass value="2"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="part.stl" scale="1 1 1"/></geometry></visual>
+    <visual><origin xyz="0 0 0.1"/><geometry><cylinder radius="0.02" length="0.1"/></geometry>
+    <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material></visual></link>
+  <link name="ram"><inertial><origin xyz="0 0.1 0"/><mass value="1"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="revolute"><origin xyz="0 0 0.3" rpy="0 0.1 0"/>
+    <parent link="base"/><child link="upper_arm"/><dynamics damping="0.1" friction="0.2"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="50"/></joint>
+  <joint name="extension" type="prismatic"><parent link="upper_arm"/><child link="ram"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="0.5" effort="50" velocity="50"/></joint>
+</robot>
+"""
+ARM_SCENE = {
+    "pinfric": 1,
+    "robot": {
+        "urdf": "arm.urdf", "gravity": [0.0, 0.0, -9.81], "urdf_dynamics": "use",
+        "payloads": {"box": {"link": "ram", "mass": 1.0, "com": [0.0, 0.0, 0.1], "attached": False,
+                             "inertia": [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]}},
+    },
+    "friction": {
+        "shoulder": {"bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
+                     "mu": {"static": 0.2, "kinetic": 0.1}, "stribeck": {"velocity": 0.02},
+                     "coulomb": {"static": 1.0, "kinetic": 0.8}, "viscous": 0.5},
+        "extension": {"bearing": {"kind": "guide", "length": 0.2, "width": 0.1},
+                      "mu": {"static": 0.2, "kinetic": 0.1}},
+    },
+    "actuators": [
+        {"joint": "shoulder",
+         "transmission": {"ratio": 100.0, "efficiency": 0.8, "back_efficiency": 0.75,
+                          "no_load_torque": 0.01, "motor_viscous": 1e-4, "rotor_inertia": 1e-5}},
+        {"joint": "extension"},
+    ],
+    "stick": {"velocity": 1e-6},
+    "simulation": {"start": {"q": {"shoulder": 0.1, "extension": 0.2}, "v": {"shoulder": 0.5}},
+                   "effort": {"shoulder": 5.0, "extension": {"sine": {
+                       "amplitude": 3.0, "angular_frequency": 4.0}}},
+                   "t_end": 0.05},
+}  # fmt: skip
+ARM_CSV = "t,shoulder,extension,payload.box\n" + "".join(
+    f"{0.1 * i:.1f},{0.3 * math.sin(0.5 * i):.4f},{0.2 + 0.02 * i:.3f},{int(i > 5)}\n"
+    for i in range(12)
+)
+ARM_WAY = {
+    "pinfric_trajectory": 1, "profile": "quintic", "sample_rate": 50,
+    "points": [{"q": [0.0, 0.1], "hold": 0.1},
+               {"q": [0.5, 0.2], "duration": 0.5, "hold": 0.2, "attach": "box"},
+               {"q": [0.0, 0.1], "duration": 0.4, "detach": "box"}],
+}  # fmt: skip
+SWEEP = {
+    "pinfric_sweep": 1, "samples": 4, "sampling": "random", "seed": 1,
+    "parameters": {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.3}},
+                   "friction.*.viscous": {"uniform": {"low": 0.5, "high": 2.0}, "each": True},
+                   "payload.box.mass": {"truncated_normal": {"mean": 2.0, "std": 0.2, "low": 1.0}},
+                   "speed": {"uniform": {"low": 0.9, "high": 1.1}},
+                   "mounting.pitch": {"normal": {"mean": 0.0, "std": 0.02}}},
+    "motors": {"shoulder": {"continuous_torque": 0.4, "peak_torque": 1.0, "max_speed": 400.0}},
+}  # fmt: skip
+CATALOG = {
+    "pinfric_catalog": 1,
+    "motors": {"M": {
+        "source": "invented", "grade": "R", "continuous_torque": 0.5, "peak_torque": 2.0,
+        "torque_constant": 0.1, "resistance": 0.8, "rotor_inertia": 5e-5, "mass": 0.6,
+        "max_speed": 600.0, "thermal": {"winding_housing": 2.0, "housing_ambient": 3.0,
+                                        "winding_time": 20.0, "housing_time": 300.0,
+                                        "max_winding": 125.0}}},
+    "gears": {"G": {
+        "source": "invented", "grade": "R", "ratio": 100.0, "rated_torque": 30.0,
+        "average_torque": 40.0, "repeated_peak_torque": 60.0, "momentary_peak_torque": 100.0,
+        "rated_speed": 200.0, "average_input_speed": 300.0, "max_input_speed": 700.0,
+        "input_inertia": 1e-5, "mass": 0.9, "nominal_life": 35000.0, "efficiency": 0.8,
+        "back_efficiency": 0.7, "stiffness": 1e4, "back_driving_torque": 3.0}},
+}  # fmt: skip
+STL = "solid part\n" + "".join(
+    f"facet normal 0 0 1\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n"
+    for a, b, c in (("0 0 0", "0.1 0 0", "0 0.1 0"), ("0 0 0", "0 0 0.1", "0.1 0 0"))
+) + "endsolid part\n"  # fmt: skip
+
+
+@dataclasses.dataclass
+class Case:
+    """Files and the command line that reads them; `mutated` says what was done."""
+
+    files: dict[str, bytes]
+    arguments: list[str]
+    mutated: str
+
+
+def yaml_text(tree):
+    import yaml
+
+    return yaml.safe_dump(tree, allow_unicode=True, sort_keys=False)
+
+
+@contextlib.contextmanager
+def _quiet():
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        yield
+
+
+def saved_motion(name):
+    """The npz of a bundled scene's first instants."""
+    import pinfric as pf
+
+    with tempfile.TemporaryDirectory() as folder:
+        motion = pf.run_scene(pf.load_scene(name), t_end=0.05)
+        return motion.save(Path(folder) / "m.npz").read_bytes()
+
+
+def bundled(name):
+    from pinfric.errors import PinfricError
+    from pinfric.model.yamlfile import read_yaml
+
+    scene = read_yaml(ROBOTS / f"{name}.yaml", PinfricError)
+    if "simulation" in scene:
+        scene["simulation"]["t_end"] = 0.03
+    way = read_yaml(ROBOTS / f"{name}.waypoints.yaml", PinfricError)
+    way["sample_rate"] = 60
+    return scene, (ROBOTS / f"{name}.urdf").read_text(), way
+
+
+class Maker:
+    """Makes the case of a seed."""
+
+    BUNDLED = ("pendulum", "three_link", "drawer", "four_bar", "slider_crank", "excavator")
+
+    def __init__(self):
+        self.robots = {name: bundled(name) for name in self.BUNDLED}
+        self.robots["arm"] = (ARM_SCENE, ARM_URDF, ARM_WAY)
+        self.motions = {name: saved_motion(name) for name in ("pendulum", "four_bar")}
+
+    def case(self, seed):
+        mutate = Mutator(seed)
+        chance = mutate.chance
+        what = chance.choices(
+            ("scene", "trajectory", "urdf", "motion", "sweep", "catalog", "mesh", "options"),
+            (30, 22, 22, 8, 7, 5, 2, 4),
+        )[0]
+        name = chance.choice((*self.robots, "arm", "arm"))
+        if what in ("sweep", "mesh"):
+            name = "arm"
+        elif what == "catalog":
+            name = chance.choice(("pendulum", "three_link"))
+        elif what == "motion":
+            name = chance.choice(list(self.motions))
+        scene, urdf, way = self.robots[name]
+        texts = {f"{name}.yaml": yaml_text(scene), f"{name}.urdf": urdf,
+                 "way.yaml": yaml_text(way), "catalog.yaml": yaml_text(CATALOG)}  # fmt: skip
+        if name == "arm":
+            texts |= {"motion.csv": ARM_CSV, "sweep.yaml": yaml_text(SWEEP), "part.stl": STL}
+        motion = "motion.csv" if name == "arm" and chance.random() < 0.6 else "way.yaml"
+        arguments, mutated = self._command(chance, what, name, motion), what
+        trees = {f"{name}.yaml": scene, "way.yaml": way, "sweep.yaml": SWEEP,
+                 "catalog.yaml": CATALOG}  # fmt: skip
+        file = {"scene": f"{name}.yaml", "trajectory": motion, "urdf": f"{name}.urdf",
+                "sweep": "sweep.yaml", "catalog": "catalog.yaml",
+                "mesh": "part.stl"}.get(what)  # fmt: skip
+        if file is not None and file.endswith(".yaml"):
+            if chance.random() < 0.25:
+                texts[file] = mutate.text(texts[file])
+            else:
+                texts[file] = yaml_text(mutate.tree(trees[file]))
+        elif file == "motion.csv":
+            texts[file] = mutate.table(texts[file])
+        elif file is not None:
+            texts[file] = (mutate.xml if what == "urdf" else mutate.text)(texts[file])
+        files = {k: v.encode("utf-8", "surrogatepass") for k, v in texts.items()}
+        if what == "motion":
+            files["motion.npz"] = mutate.archive(self.motions[name])
+        elif file is not None and chance.random() < 0.03:
+            content = bytearray(files[file])
+            content[chance.randrange(len(content) or 1) : 1] = chance.randbytes(3)
+            files[file] = bytes(content)
+        return Case(files, arguments, f"{mutated} of {name}")
+
+    def _command(self, chance, what, name, motion):
+        scene = f"{name}.yaml"
+        simulated = "simulation" in self.robots[name][0]
+        commands = {
+            "inverse": ["inverse", scene, motion],
+            "explain": ["explain", scene, *chance.choice(([], [motion]))],
+            "size": ["size", scene, motion],
+            "sweep": ["sweep", scene, motion, "sweep.yaml", "--processes", "1"],
+            "replay": ["replay", scene, motion, "--html", "page.html"],
+            "simulate": ["simulate", scene, "--t-end", "0.03", "--method",
+                         chance.choice(("event", "timestepping", "regularized"))],
+            "new": ["new", f"{name}.urdf", "--out", "new"],
+            "check": ["check", chance.choice((scene, f"{name}.urdf"))],
+        }  # fmt: skip
+        if what == "catalog" or chance.random() < 0.5:
+            commands["size"] += ["--catalog", "catalog.yaml"]
+        weights = {"inverse": 8, "explain": 2, "size": 3, "replay": 2,
+                   "simulate": 6 if simulated else 0, "sweep": 2 if name == "arm" else 0,
+                   "new": 4 if what == "urdf" else 0,
+                   "check": 3 if what in ("urdf", "scene") else 0}  # fmt: skip
+        if what == "trajectory":
+            weights["simulate"] = 0
+        only = {"motion": "replay", "sweep": "sweep", "catalog": "size", "mesh": "replay"}.get(what)
+        chosen = only or chance.choices(list(weights), list(weights.values()))[0]
+        arguments = commands[chosen]
+        if what == "motion":
+            arguments[2] = "motion.npz"
+        if what == "options":
+            arguments = self._options(chance, scene, arguments)
+        if chosen != "new" and chance.random() < 0.7:
+            arguments.append("--json")
+        if chosen in ("inverse", "simulate", "size") and chance.random() < 0.03:
+            arguments += ["--out", "out"]
+        return arguments
+
+    @staticmethod
+    def _options(chance, scene, arguments):
+        # not so long a motion or so short a step that it is honest work
+        value = chance.choice([*NUMBERS[:12], "x", "0.02", "0.001"])
+        option = chance.choice(("--t-end", "--rtol", "--dt", "name", "threads", "method"))
+        long = chance.choice(("y" * 5000, "a/" * 3000, "nul\x00l", "no\nfile", "é\udcff", ""))
+        if option == "name":
+            place = chance.randrange(1, len(arguments))
+            return [*arguments[:place], long, *arguments[place + 1 :]]
+        if option == "threads":
+            return ["inverse", scene, "way.yaml", "--threads", value]
+        method = chance.choice(("event", "timestepping", "regularized", long))
+        run = ["simulate", scene, "--method", method]
+        short = [] if option == "--t-end" else ["--t-end", "0.01"]
+        return [*run, *short] if option == "method" else [*run, *short, f"{option}={value}"]
+
+
+def numbers_in(node, path=""):
+    """(path, number) of every number in a JSON tree."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from numbers_in(value, f"{path}.{key}")
+    elif isinstance(node, list):
+        for i, value in enumerate(node):
+            yield from numbers_in(value, f"{path}[{i}]")
+    elif isinstance(node, float):
+        yield path, node
+
+
+def verdict(case, code, out, err):
+    """What is wrong with how a case ended, or `exit 0` or `exit 2`."""
+    lines = err.split("\n")[:-1]
+    if any(not line.startswith("pinfric: ") or not line.isprintable() for line in lines):
+        odd = next(x for x in lines if not x.startswith("pinfric: ") or not x.isprintable())
+        return "raw text on stderr", odd
+    errors = [line for line in lines if line.startswith(("pinfric: error", "pinfric: internal"))]
+    if code == 0 and not errors:
+        return _numbers(case, out)
+    if code != 2 or len(errors) != 1:
+        return f"exit {code}, {len(errors)} errors", (errors or lines or [""])[-1]
+    if len(errors[0]) > 6500:
+        return "a line without end", errors[0]
+    if not _names_a_place(case, errors[0]):
+        return "names no place", errors[0]
+    return "exit 2", errors[0]
+
+
+def _numbers(case, out):
+    if "--json" in case.arguments:
+        try:
+            content = json.loads(out)
+        except ValueError as problem:
+            return "stdout is no JSON", str(problem)
+        for path, number in numbers_in(content):
+            if not math.isfinite(number):
+                return "a number that is none", f"{path} = {number}"
+        status = content.get("status") if case.arguments[0] == "inverse" else None
+        if status and not any(n for name, n in status.items() if name != "converged"):
+            for joint in content["joints"]:  # null only where a sample has no solution, and says so
+                if joint["peak"] is None or joint["rms"] is None:
+                    return "null without a reason", joint["name"]
+        return "exit 0", ""
+    found = re.search(r"(?<![\w.])-?(nan|inf)(?!\w)", out)
+    return ("a number that is none", found.group()) if found else ("exit 0", "")
+
+
+def _names_a_place(case, line):
+    places = [*case.files, *case.arguments[1:], "--"]
+    places += [word for name in case.files for word in (Path(name).stem,)]
+    from pinfric.errors import one_line
+
+    return any(len(p) > 1 and one_line(p)[:40] in line for p in places) or re.search(
+        r"joint|loop|site|sample|friction\.|motion|t = |robot\.|trajectory|actuators|gear"
+        r"|^pinfric: error: (method|rtol|atol|dt|t_end) ",
+        line,
+    )
+
+
+def run_case(case, folder):
+    """Run one case in this process; returns (verdict, detail, seconds)."""
+    from pinfric import cli
+
+    for name, content in case.files.items():
+        (folder / name).write_bytes(content)
+    out, err = io.StringIO(), io.StringIO()
+    before, code, detail = os.getcwd(), None, ""
+    os.chdir(folder)
+    start = perf_counter()
+    with tempfile.TemporaryFile() as raw:
+        saved = [(os.dup(number), number) for number in (1, 2)]
+        for _, number in saved:
+            os.dup2(raw.fileno(), number)  # what C libraries print
+        try:
+            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), \
+                    warnings.catch_warnings():  # fmt: skip
+                warnings.simplefilter("default")
+                warnings.filterwarnings("ignore", category=DeprecationWarning)
+                warnings.filterwarnings("always", category=RuntimeWarning)
+                cli.main(case.arguments)
+        except SystemExit as ended:
+            code = ended.code
+        except BaseException as problem:
+            detail = " ".join(f"{type(problem).__name__}: {problem}".split())
+        finally:
+            for copy, number in saved:
+                os.dup2(copy, number)
+                os.close(copy)
+            os.chdir(before)
+        raw.seek(0)
+        said = raw.read().decode(errors="replace")
+    seconds = perf_counter() - start
+    if detail:
+        return "exception", detail, seconds
+    return (*verdict(case, code, out.getvalue(), err.getvalue() + said), seconds)
+
+
+def work():
+    """Read seeds from stdin, run their cases, print a JSON line before and after each."""
+    os.environ["PINFRIC_TRACEBACK"] = ""
+    with _quiet():
+        maker = Maker()
+    answers = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)  # what is printed late is no answer
+    answers.write("ready\n")
+    for line in sys.stdin:
+        seed = int(line)
+        case = maker.case(seed)
+        with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+            found, detail, seconds = run_case(case, Path(folder))
+        answers.write(json.dumps([seed, found, detail[:600], round(seconds, 3), case.mutated,
+                                  case.arguments]) + "\n")  # fmt: skip
+
+
+class Worker:
+    """The process that the cases run in; a new one takes over where one dies."""
+
+    def __init__(self):
+        self.process = None
+
+    def _start(self):
+        self.process = subprocess.Popen(
+            [sys.executable, __file__, "--work"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL, text=True, cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )  # fmt: skip
+        assert self._answer(120.0) == "ready\n", "the worker does not start"
+
+    def _answer(self, limit):
+        ready, _, _ = select.select([self.process.stdout], [], [], limit)
+        return self.process.stdout.readline() if ready else None
+
+    def run(self, seed):
+        if self.process is None:
+            self._start()
+        self.process.stdin.write(f"{seed}\n")
+        self.process.stdin.flush()
+        answer = self._answer(LIMIT)
+        if answer:
+            return json.loads(answer)
+        if answer is None:
+            found = f"no end in {LIMIT:g} s"
+        else:
+            found = f"the interpreter died ({self.process.wait()})"
+        self.close()
+        return [seed, found, "", LIMIT, "", []]
+
+    def close(self):
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+            self.process.stdin.close()
+            self.process.stdout.close()
+            self.process = None
+
+
+def fuzz(count, seed, tell=lambda answer: None):
+    """Run `count` cases; returns the answers of those that are findings, and counts by outcome."""
+    worker, findings, counts = Worker(), [], Counter()
+    try:
+        for number in range(seed * 1_000_000, seed * 1_000_000 + count):
+            answer = worker.run(number)
+            counts[answer[1]] += 1
+            tell(answer)
+            if answer[1] not in FOUND:
+                findings.append(answer)
+    finally:
+        worker.close()
+    return findings, counts
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--case", type=int, help="run one case alone, with its output")
+    parser.add_argument("--keep", type=Path, help="where the files of --case are written")
+    parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.work:
+        work()
+    elif given.case is not None:
+        case = Maker().case(given.case)
+        folder = given.keep or Path(tempfile.mkdtemp(prefix="fuzz-"))
+        folder.mkdir(parents=True, exist_ok=True)
+        found, detail, seconds = run_case(case, folder)
+        print(f"{case.mutated}: pinfric {' '.join(map(repr, case.arguments))}")
+        print(f"{found} in {seconds:.2f} s, in {folder}\n{detail}")
+        if given.keep is None:
+            shutil.rmtree(folder)
+    else:
+        start = perf_counter()
+
+        def tell(answer):
+            if answer[1] not in FOUND:
+                print(json.dumps(answer, ensure_ascii=False)[:900], flush=True)
+
+        findings, counts = fuzz(given.count, given.seed, tell)
+        print(f"{given.count} cases in {perf_counter() - start:.0f} s: "
+              + ", ".join(f"{n} {what}" for what, n in counts.most_common()))  # fmt: skip
+        sys.exit(bool(findings))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""Every message is one line of a readable length, whatever the names in it hold."""
+
+from __future__ import annotations
+
+import pytest
+
+from pinfric import cli
+from pinfric.errors import PinfricError, SceneError, choose_from, one_line, problems_line
+
+HOSTILE = "a\nb\r\x1b[2Kc\x00\x85\u2028\ud800"
+
+
+def test_a_message_has_no_letter_that_a_terminal_obeys():
+    text = str(PinfricError(HOSTILE))
+    assert text == r"a\nb\r\x1b[2Kc\x00\x85\u2028\ud800"
+    assert len(text.splitlines()) == 1
+    text.encode()  # no half of a surrogate pair
+    assert one_line("μ 0.5 – µm") == "μ 0.5 – µm"  # noqa: RUF001 - letters that are shown
+    assert str(SceneError("x" * 100_000)).startswith("xxx")
+    assert len(str(SceneError("x" * 100_000))) < 10_000
+
+
+def test_problems_are_counted_and_cut():
+    assert problems_line("m.csv", ["one"]) == "m.csv: one"
+    assert problems_line("m.csv", ["one", "two", "one"]) == "m.csv: 2 problems: one; two"
+    many = problems_line("m.csv", [f"no {i}" for i in range(1000)])
+    assert many == "m.csv: 1000 problems: no 0; no 1; no 2; no 3; no 4; and 995 more"
+
+
+def test_long_lists_of_names_end_in_a_count():
+    text = choose_from("jiont7", [f"joint{i}" for i in range(1000)])
+    assert text.startswith("did you mean 'joint7'? there are: joint0, joint1, ")
+    assert text.endswith(" and 960 more")
+
+
+@pytest.mark.parametrize("command", ["explain", "inverse", "replay", "new", "simulate"])
+def test_a_file_name_cannot_break_the_line(command, tmp_path, capsys):
+    name = str(tmp_path / "no\nsuch\x1b[31m\rfile")
+    more = ["ur5_pick_and_place.csv"] if command == "inverse" else []
+    with pytest.raises(SystemExit) as ended:
+        cli.main([command, name, *more])
+    assert ended.value.code == cli.BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert error.strip().isprintable()
+    assert r"no\nsuch\x1b[31m\rfile" in error

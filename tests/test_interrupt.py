@@ -1,0 +1,108 @@
+"""One Ctrl-C ends every command within 2 s, in one line, by exit code 130, at any time.
+
+The signal goes to the whole group of processes, as a terminal sends it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from processes import children, listening
+
+import pinfric.__main__
+from pinfric import cli
+
+ROOT = Path(__file__).parents[1]
+PANDA = ["panda_pick_and_place", "panda_pick_and_place.csv"]
+COMMANDS = {
+    "simulate": ["simulate", "four_bar", "--t-end", "1000"],
+    "inverse": ["inverse", *PANDA],
+    "size": ["size", *PANDA, "--catalog", "default"],
+    "paper": ["paper"],
+    "live": ["replay", "three_link", "--live", "--html", "page.html"],
+    "two processes": ["sweep", *PANDA, "panda_pick_and_place", "--processes", "2"],
+}
+pytestmark = pytest.mark.xdist_group("interrupt")
+
+
+def begin(name, folder, preexec=None, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-m", "pinfric", *COMMANDS[name]], cwd=folder, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True, preexec_fn=preexec,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+    )  # fmt: skip
+
+
+def expect_the_end(process):
+    """Ctrl-C once; the process and all below it end within 2 s, in one line."""
+    below = children(process.pid)
+    start = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        _, error = process.communicate(timeout=10)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+    assert time.monotonic() - start < 2.0
+    assert process.returncode == cli.INTERRUPTED, error
+    lines = error.splitlines()
+    assert lines[-1] == "pinfric: error: interrupted"
+    assert all(line.startswith("pinfric: ") for line in lines)
+    until = time.monotonic() + 2.0
+    while any(Path(f"/proc/{pid}").exists() for pid in below):
+        assert time.monotonic() < until, "processes are left"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "delay"),
+    [("simulate", 0.1), ("size", 0.3), ("inverse", 0.6), ("live", 0.9), ("paper", 1.2)],
+)
+def test_ctrl_c_while_modules_are_imported(name, delay, tmp_path):
+    process = begin(name, tmp_path)
+    time.sleep(delay)
+    assert process.poll() is None
+    expect_the_end(process)
+
+
+@pytest.mark.parametrize("delay", [2.0, 4.0])
+def test_ctrl_c_while_kernels_are_compiled(delay, tmp_path):
+    process = begin("simulate", tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "empty"))
+    time.sleep(delay)
+    assert process.poll() is None
+    expect_the_end(process)
+
+
+@pytest.mark.parametrize("name", ["live", "two processes"])
+def test_ctrl_c_while_other_processes_work(name, tmp_path):
+    process = begin(name, tmp_path)
+    until = time.monotonic() + 60.0
+    while len(listening(process.pid)) < (2 if name == "live" else 4):
+        assert process.poll() is None
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    time.sleep(0.3)
+    expect_the_end(process)
+
+
+def test_ctrl_c_that_is_ignored_stays_ignored(tmp_path):
+    """As `nohup` and a shell's `&` have it."""
+    process = begin(
+        "inverse", tmp_path, preexec=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)
+    )
+    time.sleep(0.8)
+    os.killpg(process.pid, signal.SIGINT)
+    out, error = process.communicate(timeout=60)
+    assert (process.returncode, error) == (0, "")
+    assert "panda_joint1" in out
+
+
+def test_the_code_is_one():
+    assert pinfric.__main__.INTERRUPTED == cli.INTERRUPTED

@@ -1,0 +1,39 @@
+"""Which ports pinfric opens: who reaches one of them from another machine is not a user.
+
+The kernel's own tables are read (`ss` is not everywhere), for this process and all its descendants.
+"""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from processes import listening
+
+import pinfric as pf
+
+pytestmark = pytest.mark.filterwarnings("ignore:zmq.eventloop:DeprecationWarning")
+
+
+def test_a_sweep_on_two_processes_listens_on_this_machine_only():
+    pytest.importorskip("distributed")
+    scene = pf.load_scene("panda_pick_and_place")
+    trajectory = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    sweep = {
+        "pinfric_sweep": 1, "samples": 8, "seed": 1,
+        "parameters": {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.3}}},
+    }  # fmt: skip
+    seen = set()
+    pf.sweep(scene, trajectory, sweep, processes=2,
+             progress=lambda done, total: seen.update(listening(os.getpid())))  # fmt: skip
+    assert len(seen) >= 4  # the scheduler, two workers, a nanny
+    assert {address for address, _ in seen if not address.is_loopback} == set()
+
+
+def test_the_live_replay_listens_on_this_machine_only():
+    scene = pf.load_scene("pendulum")
+    before = listening(os.getpid())
+    with pf.LiveReplay(scene) as live:
+        seen = listening(os.getpid()) - before
+    assert int(live.url.split(":")[2].split("/")[0]) in {port for _, port in seen}
+    assert {address for address, _ in seen if not address.is_loopback} == set()
