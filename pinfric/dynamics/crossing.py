@@ -70,7 +70,7 @@ def _within(
 
 
 def root(guard: Guard, start: float, end: float) -> float:
-    """Return where a guard falls through zero, to rounding of time.
+    """Return where a guard falls through zero, to rounding of time; of a jump, its far side.
 
     Args:
         guard: not negative at `start`, negative at `end` (s).
@@ -83,4 +83,5 @@ def root(guard: Guard, start: float, end: float) -> float:
         return end
     tolerance = 4.0 * np.finfo(float).eps
     found = float(brentq(guard, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=tolerance))
-    return min(found, end)
+    after = min(found + 8.0 * np.finfo(float).eps * max(1.0, abs(end)), end)
+    return after if guard(found) >= 0.0 > guard(after) else min(found, end)

@@ -22,6 +22,8 @@ _LOOKS = 6
 _SAME_TIME = 1e-12
 #: So many events within `_CROWDED` of the whole time are an accumulation.
 _MANY, _CROWDED = 60, 1e-9
+#: Beyond a limit by this part of its width is no rounding any more.
+_CLEARLY = 1e-9
 #: Shortest step (s, relative to the time) at which an inconsistent right-hand side is believed.
 _SHORTEST = 1e-12
 
@@ -291,6 +293,9 @@ class EventIntegration:
             q, v = self._state(self.y)
         self.record.sample(self.t, q, v)
         self._allow()
+        held = fired[before.stuck[fired] & modes.stuck[fired]]
+        if len(held) == len(fired):  # at its limit, to rounding: asked again where clearly beyond
+            self.allowance[held] += _CLEARLY * (ws.most - ws.least)[held]
         self._watch_accumulation()
 
     def _stop(self, slow: list[int]) -> list[int]:

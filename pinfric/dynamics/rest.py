@@ -11,28 +11,29 @@ several, only those are that would move in the weakest direction w, which is wha
 reaches 1. Joints that rest independently of each other are left to `modes.py`.
 
 Limits depend on loads, loads on friction: t is a stationary value, with one freedom by its own
-conditions, with several by freezing the limits again and again. In spatial mechanisms whose loads
-depend strongly on friction it can lie above the least, and break-away up to some 2 % of inverse
-dynamics' interval before its end.
+conditions, with several by freezing the limits again and again. It can lie above the least. So what
+it uses beyond the limits does not decide: whether another x holds is asked of `holding`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
 
 from pinfric.dynamics import modes as independent
+from pinfric.dynamics.anderson import anderson
 from pinfric.dynamics.consistency import ROUNDING, SHOULD_STICK, evaluate, judge, stick_limits
 from pinfric.dynamics.coupling import slip_law
+from pinfric.dynamics.holding import decide
 from pinfric.dynamics.modes import Found, Modes, only_candidate
 from pinfric.dynamics.problem import Problem
 from pinfric.dynamics.sharing import RANK, secular_root, share, share_one
 
-#: Passes of the fixed point, of the search.
-_PASSES, _CHANGES = 400, 60
+#: Passes of the search.
+_CHANGES = 60
 
 
 @dataclass(eq=False)
@@ -115,10 +116,10 @@ def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, in
     start = np.zeros(len(modes.stuck))
     if step.sharp < 1e-12 and np.isfinite(modes.friction).all():
         start[:] = modes.friction  # exact whatever it starts from
-    x, passes = _fixed_point(step, start, step.sharp)
+    x, passes = anderson(step, start, step.sharp)
     if x is None and step.possible:
         step.follows_loads = False
-        x, more = _fixed_point(step, start, step.sharp)
+        x, more = anderson(step, start, step.sharp)
         passes += more
     modes.figures[:] = np.nan, passes
     if not step.possible:
@@ -126,11 +127,24 @@ def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, in
         return 0, 0
     modes.friction[:] = step(start) if x is None else x
     evaluate(problem, modes.friction, modes.load, modes.rate)
+    if x is None or step.is_beyond():
+        _hold_otherwise(step)
     broken = step.judge()
     if x is None:  # beyond its limits friction may grow without bound: it breaks away
         modes.friction[:1] = np.nan
         return (1 if broken else -1), 0
     return 1, int(broken == 0)
+
+
+def _hold_otherwise(step: _Shared) -> None:
+    """Where all that can move rests, take the friction that holds it, if there is one."""
+    modes, ball = step.modes, step.mechanism.ball
+    if ball[modes.stuck].any() or step.gain.any() or step.offset.any():
+        return  # a ball's limit is a sphere; what slides has friction that loads decide
+    found = decide(step.problem, step.mechanism.factor, modes.stuck)
+    if found.held:
+        modes.friction[:] = found.friction
+        evaluate(step.problem, modes.friction, modes.load, modes.rate)
 
 
 class _Shared:
@@ -231,6 +245,16 @@ class _Shared:
             m.verdict[group] = np.where(over, np.where(way[group] < 0.0, -1, 1), 0)
         return int((m.verdict != 0).sum())
 
+    def is_beyond(self) -> bool:
+        """Whether a joint that shares friction has more than its limit."""
+        stick_limits(self.problem, self.modes.load, self.least, self.most)
+        for group, _, _ in self.groups:
+            x = self.modes.friction[group]
+            limit = np.where(x > 0.0, self.most[group], -self.least[group])
+            if (np.abs(x) > limit + ROUNDING * (limit + self._rounding(group))).any():
+                return True
+        return False
+
     def _rounding(self, group: np.ndarray) -> np.ndarray:
         """(n,) friction that corresponds to the size of the terms that rates are the sum of."""
         p = self.problem
@@ -238,37 +262,6 @@ class _Shared:
         strongest = int(np.argmax(slope))
         terms = p.rate_scale[group][strongest] / max(slope[strongest], 1e-300)
         return np.full(len(group), terms)
-
-
-def _fixed_point(
-    step: Callable[[np.ndarray], np.ndarray], x: np.ndarray, sharp: float
-) -> tuple[np.ndarray | None, int]:
-    """Solve x = G(x), with Anderson's extrapolation over the last four passes; None: it fails.
-
-    It ends at a relative difference of `sharp`, or where rounding keeps it from coming there.
-    """
-    points: list[np.ndarray] = []
-    residuals: list[np.ndarray] = []
-    best, since = np.inf, 0
-    for passes in range(_PASSES):
-        image = step(x)
-        rest = image - x
-        if not np.isfinite(rest).all():
-            return None, passes
-        error, size = float(np.abs(rest).max(initial=0.0)), float(np.abs(image).max(initial=0.0))
-        if error <= sharp * size:
-            return image, passes
-        since = 0 if error < 0.5 * best else since + 1
-        best = min(best, error)
-        if since > 12 and error <= 1e-12 * size:
-            return image, passes  # rounding
-        points, residuals = [*points[-4:], image], [*residuals[-4:], rest]
-        x = image
-        if len(points) > 1:
-            slope = np.array([r - rest for r in residuals[:-1]]).T
-            share_ = np.linalg.lstsq(slope, -rest, rcond=1e-10)[0]
-            x = image + np.array([p - image for p in points[:-1]]).T @ share_
-    return None, _PASSES
 
 
 def search(
@@ -328,6 +321,9 @@ def _search_dependent(
     found = follow(problem, modes, mechanism, set(forced))
     if found in (Found.NONE, Found.NOT_CONVERGED):
         found = _enumerate(problem, modes, mechanism, free, forced, found)
+    if forced and found in (Found.NONE, Found.NOT_CONVERGED):
+        # which way it breaks away was a first guess: a slow joint may rub along with the motion
+        found = _enumerate(problem, modes, mechanism, free, {}, found, fewest=1)
     if found == Found.SOLVED and mechanism.factor.shape[0] == 1 and not modes.stuck[free].any():
         return _unless_backwards(problem, modes, mechanism, free)
     return found
@@ -374,13 +370,14 @@ def _enumerate(
     free: np.ndarray,
     forced: Mapping[int, float],
     otherwise: Found,
+    fewest: int = 0,
 ) -> Found:
     """All modes of up to `MOST_ENUMERATED` joints, the fewest slipping first (design 2.5)."""
     joints = np.unique(mechanism.block[free])
     if len(joints) > independent.MOST_ENUMERATED:
         return otherwise
     others = [int(j) for j in joints if j not in forced]
-    for level in range(len(others) + 1):
+    for level in range(fewest, len(others) + 1):
         consistent: list[Modes] = []
         for _ in _candidates(modes, mechanism, free, forced, others, level):
             for _ in range(_CHANGES):

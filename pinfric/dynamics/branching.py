@@ -1,0 +1,212 @@
+"""The proof that no friction holds: branching on the directions of the contact forces.
+
+While a contact force keeps its direction to within an angle, |p| is bounded from above by something
+linear, and so the use of friction from below by a linear program. Where that exceeds 1 nothing
+holds; else the sector of the force that is bounded worst is cut in two (Land and Doig 1960).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.dynamics import least_use, minimax
+from pinfric.dynamics.chained import kernel_calling
+from pinfric.dynamics.least_use import Rest, friction_and_limits
+from pinfric.dynamics.minimax import least_violation
+
+#: What is proved is that nothing holds with a use of 1 - _MARGIN; programs are exact to _EXACT.
+_MARGIN, _EXACT = 1e-9, 1e-12
+#: Nodes that may wait.
+_MOST_WAITING = 4096
+
+kernel = kernel_calling(least_use, minimax)
+
+
+class Program(NamedTuple):
+    """Rows of a node's linear program, G z + h <= m s, and the forces' bounds in it.
+
+    Attributes:
+        G, h, s: (4 n + 2 nf, dz), (4 n + 2 nf,) twice: limits, box, sides of sectors.
+        bound: (nf, dz + 1): |p_i| <= bound[:dz] z + bound[dz].
+        scale: (n,) size of the limits. largest: of the contact forces.
+    """
+
+    G: np.ndarray
+    h: np.ndarray
+    s: np.ndarray
+    bound: np.ndarray
+    scale: np.ndarray
+    largest: float
+
+
+def prove(rest: Rest, z: np.ndarray, most_nodes: int) -> tuple[int, int]:
+    """Find a z (dz,) that holds, or prove that none does; see `branch`."""
+    n, dz = rest.N.shape
+    rows, nf = 4 * n + 2 * len(rest.owner), len(rest.owner)
+    above, below = np.empty(n), np.empty(n)
+    friction_and_limits(rest, z, np.empty(n), above, below)
+    largest = float(np.linalg.norm(rest.force, axis=1).max(initial=1e-300))
+    program = Program(np.empty((rows, dz)), np.empty(rows), np.empty(rows),
+                      np.empty((nf, dz + 1)), np.maximum(above, below), largest)  # fmt: skip
+    outcome, nodes = branch(rest, program, z, most_nodes)
+    return int(outcome), int(nodes)
+
+
+@kernel
+def bound_force(
+    rest: Rest, i: int, centre: float, half: float, line: np.ndarray, sides: np.ndarray
+) -> int:
+    """Write a linear bound of |p_i| from above, and the sides of its sector; return their number.
+
+    Args:
+        rest, i: which force.
+        centre, half: its sector (rad); half < 0: none yet.
+        line: (dz + 1,), overwritten: |p| <= line[:dz] z + line[dz].
+        sides: (2, dz + 1), overwritten: the force is in its sector where sides z + last <= 0.
+    """
+    dz = rest.N.shape[1]
+    f, S = rest.force[i], rest.slope[i]
+    if half < 0.0:
+        # p_e^2 <= (low + high) p_e - low high on its range, |p| <= (|p|^2 + r^2) / (2 r)
+        square, total = 0.0, 0.0
+        for j in range(dz + 1):
+            line[j] = 0.0
+        for e in range(2):
+            low, high = rest.low[i, e], rest.high[i, e]
+            square += 0.5 * (low * low + high * high)
+            for j in range(dz):
+                line[j] += (low + high) * S[e, j]
+            total += (low + high) * f[e] - low * high
+        r = max(np.sqrt(square), 1e-300)
+        for j in range(dz):
+            line[j] *= 0.5 / r
+        line[dz] = 0.5 * r + 0.5 * total / r
+        return 0
+    along = 1.0 / np.cos(half)
+    cx, cy = np.cos(centre), np.sin(centre)
+    for j in range(dz):
+        line[j] = along * (cx * S[0, j] + cy * S[1, j])
+    line[dz] = along * (cx * f[0] + cy * f[1])
+    if half == 0.0:  # on a line: |p| is exact
+        for j in range(dz + 1):
+            sides[0, j] = -line[j]
+        return 1
+    for side in range(2):
+        angle = centre - half if side == 0 else centre + half
+        sign = 1.0 if side == 0 else -1.0
+        nx, ny = sign * np.sin(angle), -sign * np.cos(angle)
+        for j in range(dz):
+            sides[side, j] = nx * S[0, j] + ny * S[1, j]
+        sides[side, dz] = nx * f[0] + ny * f[1]
+    return 2
+
+
+@kernel
+def write_program(rest: Rest, program: Program, centre: np.ndarray, half: np.ndarray) -> int:
+    """Write a node's program: limits bounded by the sectors (nf,) of its forces; return its rows.
+
+    m <= 0 is possible where any x in the box whose forces lie in the sectors holds.
+    """
+    n, dz = rest.N.shape
+    G, h, s = program.G, program.h, program.s
+    target = 1.0 - _MARGIN
+    for k in range(n):
+        for side in range(2):
+            r, sign = 2 * k + side, 1.0 - 2.0 * side
+            s[r] = s[2 * n + r] = program.scale[k]
+            h[r] = sign * rest.x0[k] - target * (rest.above[k] if side == 0 else rest.below[k])
+            h[2 * n + r] = sign * rest.x0[k] - rest.box[k]
+            for j in range(dz):
+                G[r, j] = G[2 * n + r, j] = sign * rest.N[k, j]
+    rows, sides = 4 * n, np.empty((2, dz + 1))
+    for i in range(half.size):
+        line = program.bound[i]
+        count = bound_force(rest, i, centre[i], half[i], line, sides)
+        for side in range(2):
+            r = 2 * rest.owner[i] + side
+            h[r] -= target * rest.weight[i] * line[dz]
+            for j in range(dz):
+                G[r, j] -= target * rest.weight[i] * line[j]
+        for side in range(count):
+            s[rows], h[rows] = program.largest, sides[side, dz]
+            for j in range(dz):
+                G[rows, j] = sides[side, j]
+            rows += 1
+    return rows
+
+
+@kernel
+def worst_bounded(
+    rest: Rest, program: Program, half: np.ndarray, z: np.ndarray
+) -> tuple[int, float]:
+    """Return the force whose bound is farthest from its size at z, and its direction; -1: none."""
+    dz = z.size
+    cut, gap, angle = -1, 0.0, 0.0
+    for i in range(half.size):
+        px, py, over = rest.force[i, 0], rest.force[i, 1], program.bound[i, dz]
+        for j in range(dz):
+            px += rest.slope[i, 0, j] * z[j]
+            py += rest.slope[i, 1, j] * z[j]
+            over += program.bound[i, j] * z[j]
+        short = rest.weight[i] * (over - np.sqrt(px * px + py * py))
+        short /= program.scale[rest.owner[i]]
+        if short > gap and half[i] != 0.0:
+            cut, gap = i, short
+            angle = np.arctan2(py, px)
+            if rest.on_a_line[i]:
+                angle = 0.0 if px >= 0.0 else np.pi
+    return cut, angle
+
+
+@kernel
+def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> tuple[int, int]:
+    """Find a z (dz,) that holds, or prove that none does.
+
+    Args:
+        rest: `Rest`, forces in planes.
+        program: buffers.
+        z: overwritten with what holds.
+        most_nodes: where to give up.
+
+    Returns:
+        1 found, 0 there is none, -1 given up; and the nodes looked at.
+    """
+    n, nf = rest.x0.size, rest.owner.size
+    x, above, below = np.empty(n), np.empty(n), np.empty(n)
+    reach = 0.0
+    for j in range(z.size):
+        reach = max(reach, rest.reach[j])
+    # each waiting node: centre and half angle of every force's sector, depth first
+    centres, halves = np.zeros((_MOST_WAITING, nf)), np.full((_MOST_WAITING, nf), -1.0)
+    centre, half = np.empty(nf), np.empty(nf)
+    waiting, nodes = 1, 0
+    while waiting > 0:
+        if nodes >= most_nodes:
+            return -1, nodes
+        nodes += 1
+        waiting -= 1
+        for i in range(nf):
+            centre[i], half[i] = centres[waiting, i], halves[waiting, i]
+        rows = write_program(rest, program, centre, half)
+        if least_violation(program.G, program.h, program.s, rows, reach, z) > _EXACT:
+            continue
+        if friction_and_limits(rest, z, x, above, below) <= 1.0:
+            return 1, nodes
+        cut, angle = worst_bounded(rest, program, half, z)
+        if cut < 0 or waiting + 4 > _MOST_WAITING:
+            return -1, nodes
+        whole = half[cut] < 0.0
+        parts = 2 if rest.on_a_line[cut] or not whole else 4
+        for part in range(parts):
+            for i in range(nf):
+                centres[waiting, i], halves[waiting, i] = centre[i], half[i]
+            if whole:  # the present direction is looked at first, so it is put on top
+                centres[waiting, cut] = angle + 2.0 * np.pi * (parts - 1 - part) / parts
+                halves[waiting, cut] = 0.0 if rest.on_a_line[cut] else 0.25 * np.pi
+            else:
+                centres[waiting, cut] = centre[cut] + (part - 0.5) * half[cut]
+                halves[waiting, cut] = 0.5 * half[cut]
+            waiting += 1
+    return 0, nodes

@@ -1,0 +1,147 @@
+"""Does a robot at rest stay at rest? The question as users ask it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics.closure import check_closed
+from pinfric.dynamics.consistency import evaluate
+from pinfric.dynamics.forward import vector
+from pinfric.dynamics.holding import Verdict, decide
+from pinfric.dynamics.linked import LinkedWorkspace
+from pinfric.dynamics.reactions import applied_wrenches
+from pinfric.dynamics.workspace import Workspace, make_workspace
+from pinfric.errors import AccelerationError
+from pinfric.model.scene import Scene
+
+#: A joint that needs this share of what the most used one needs is at its limit with it.
+_AT_LIMIT = 1.0 - 1e-6
+#: An acceleration this small beside the terms it is the sum of is rounding.
+_STILL = 1e-9
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Whether static friction keeps a robot at rest, and what it takes.
+
+    Attributes:
+        held: True, False, or None where neither could be shown.
+        use: the share of its static limit that the most used joint needs, least over all ways to
+            share friction among the joints; above 1 where nothing holds.
+        proved: whether `held` is proved: by the friction here where it is True, by branching where
+            it is False. Not proved is only what friction might wedge beyond 50 times its limits.
+        at_limit: names of the joints with friction that need that share: what breaks away first.
+        moving: names of the joints without dry friction that accelerate: they cannot rest.
+        friction: (ns,) of the parent on the child, with that use (N m or N); NaN where no friction
+            is in equilibrium.
+        normal_load: (ns,) the loads that come with it.
+    """
+
+    held: bool | None
+    use: float
+    proved: bool
+    at_limit: tuple[str, ...]
+    moving: tuple[str, ...]
+    friction: np.ndarray
+    normal_load: np.ndarray
+
+
+def holds(
+    scene: Scene,
+    q: np.ndarray,
+    effort: np.ndarray,
+    external: Mapping[str, np.ndarray] | None = None,
+    *,
+    attached: Iterable[str] | None = None,
+) -> Hold:
+    """Say whether static friction holds a robot that stands still, and with what margin.
+
+    Wanted is a friction in equilibrium with effort, gravity and loops, |x_k| <= limit_k(x) at every
+    joint: use = min over all of them of max |x_k| / limit_k. Limits follow the loads, which follow
+    friction, so this is decided by a search and, where it finds none, by a proof (`holding`).
+
+    Args:
+        scene: the robot with its friction and drives.
+        q: (nq,) rad, m; loops closed.
+        effort: (na,) what the drives deliver at the joints (N m or N).
+        external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
+        attached: names of the payloads carried; None takes those attached by default.
+
+    Raises:
+        StateError: a wrong shape, a value not finite, an open loop.
+    """
+    ws = make_workspace(scene, attached)
+    q, v = vector("q", q, ws.nq, "nq"), np.zeros(ws.nv)
+    u = vector("effort", effort, ws.na, "na")
+    applied = applied_wrenches(scene, external, 1) if external else None
+    if scene.loops and np.isfinite(q).all():
+        check_closed(scene, q, v, slack=1e3)
+    ws.assemble(q, v, u, applied)
+    found = _decide(ws, q, u)
+    modes = ws.modes
+    modes.stuck[:], modes.direction[:] = ws.tables.dry, 0.0
+    modes.friction[:] = np.where(np.isfinite(found.friction), found.friction, 0.0)
+    evaluate(ws.problem, modes.friction, modes.load, modes.rate)
+    ws.finish()
+    moving = _moving(ws)
+    friction = ws.phi.copy() if np.isfinite(found.friction).all() else np.full(ws.phi.size, np.nan)
+    return Hold(
+        held=False if moving else found.held,
+        use=found.use,
+        proved=found.proved or bool(moving),
+        at_limit=_at_limit(ws, found.use),
+        moving=moving,
+        friction=friction,
+        normal_load=ws.load.copy(),
+    )
+
+
+def _decide(ws: Workspace, q: np.ndarray, effort: np.ndarray) -> Verdict:
+    """The verdict on everything with dry friction at rest."""
+    dry = ws.tables.dry
+    if not dry.any():
+        return Verdict(True, 0.0, np.zeros(len(dry)), True, 0)
+    if not isinstance(ws, LinkedWorkspace):
+        return decide(ws.problem, np.linalg.cholesky(ws.problem.rate_slope).T, dry)
+    if not ws.mechanism.ball.any():
+        return decide(ws.problem, ws.mechanism.factor, dry)
+    # a ball's limit is a sphere: what holds is found as forward dynamics finds it, not proved
+    try:
+        ws.solve(q, np.zeros(ws.nv), effort)
+    except AccelerationError:
+        return Verdict(None, np.inf, np.full(len(dry), np.nan), False, 0)
+    held = bool(ws.modes.stuck[dry].all())
+    limit = np.maximum(np.maximum(ws.most, -ws.least), 1e-300)
+    size = np.sqrt(ws.summed(ws.modes.friction**2))
+    use = float((size / limit)[dry].max())
+    friction = ws.modes.friction.copy()
+    ws.assemble(q, np.zeros(ws.nv), effort)
+    return Verdict(True if held else None, use, friction, held, 0)
+
+
+def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:
+    """Names of the sites whose coordinate is used that much."""
+    x = ws.modes.friction
+    limit = np.where(x > 0.0, ws.most, -ws.least)
+    used = np.abs(x) >= _AT_LIMIT * use * limit
+    used &= ws.tables.dry & (np.abs(x) > 0.0)
+    names = ws.scene.site_names
+    return tuple(names[s] for s in range(len(names)) if used[ws.tables.coordinate[s]])
+
+
+def _moving(ws: Workspace) -> tuple[str, ...]:
+    """Names of the joints that accelerate although everything with dry friction sticks."""
+    a = ws.a_free + ws.a_slope @ ws.modes.friction
+    terms = np.abs(ws.a_free) + np.abs(ws.a_slope) @ np.abs(ws.modes.friction)
+    rubs = set(ws.tables.coordinate_v[ws.tables.dry].tolist())
+    scale = _STILL * float(terms.max(initial=0.0))
+    model = ws.scene.model
+    joints = list(zip(model.names, model.joints, strict=True))[1:]  # the first is the ground
+    return tuple(
+        name for name, joint in joints
+        if any(c not in rubs and abs(a[c]) > scale
+               for c in range(joint.idx_v, joint.idx_v + joint.nv))
+    )  # fmt: skip
