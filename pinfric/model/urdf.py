@@ -108,7 +108,10 @@ def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
             raise RobotError(f"{where} is {kind} and has no <limit>; give one, or type continuous")
         _check_numbers(joint, where)
     for link in root.findall("link"):
-        _check_inertial(link, f"{urdf}: link {link.get('name')!r}")
+        where = f"{urdf}: link {link.get('name')!r}"
+        _check_inertial(link, where)
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            _check_numbers(shape, where)
 
 
 def _check_inertial(link: ElementTree.Element, where: str) -> None:
@@ -136,6 +139,10 @@ _NUMBERS = {
     "mimic": {"multiplier": 1, "offset": 1},
     "mass": {"value": 1},
     "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {"scale": 3},
 }
 
 
