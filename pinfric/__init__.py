@@ -24,7 +24,7 @@ _PUBLIC = {
     "forward_dynamics": "pinfric.dynamics.forward",
     "Instant": "pinfric.dynamics.forward",
     "holds": "pinfric.dynamics.holds",
-    "Hold": "pinfric.dynamics.holds",
+    "StaticHold": "pinfric.dynamics.holds",
     "simulate": "pinfric.dynamics.simulate",
     "Motion": "pinfric.dynamics.motion",
     "load_motion": "pinfric.dynamics.motion_file",
@@ -53,7 +53,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.closure import consistent_motion as consistent_motion
     from pinfric.dynamics.forward import Instant as Instant
     from pinfric.dynamics.forward import forward_dynamics as forward_dynamics
-    from pinfric.dynamics.holds import Hold as Hold
+    from pinfric.dynamics.holds import StaticHold as StaticHold
     from pinfric.dynamics.holds import holds as holds
     from pinfric.dynamics.inverse import inverse_dynamics as inverse_dynamics
     from pinfric.dynamics.motion import Motion as Motion

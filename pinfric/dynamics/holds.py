@@ -24,7 +24,7 @@ _STILL = 1e-9
 
 
 @dataclass(frozen=True)
-class Hold:
+class StaticHold:
     """Whether static friction keeps a robot at rest, and what it takes.
 
     Attributes:
@@ -56,7 +56,7 @@ def holds(
     external: Mapping[str, np.ndarray] | None = None,
     *,
     attached: Iterable[str] | None = None,
-) -> Hold:
+) -> StaticHold:
     """Say whether static friction holds a robot that stands still, and with what margin.
 
     Wanted is a friction in equilibrium with effort, gravity and loops, |x_k| <= limit_k(x) at every
@@ -88,7 +88,7 @@ def holds(
     ws.finish()
     moving = _moving(ws)
     friction = ws.phi.copy() if np.isfinite(found.friction).all() else np.full(ws.phi.size, np.nan)
-    return Hold(
+    return StaticHold(
         held=False if moving else found.held,
         use=found.use,
         proved=found.proved or bool(moving),
