@@ -294,7 +294,7 @@ def changed_parts(model: pin.Model, other: pin.Model) -> list[str]:
         if isinstance(ours, pin.Motion):
             return bool(ours != theirs)
         if isinstance(ours, np.ndarray):
-            return not np.array_equal(ours, theirs)
+            return not np.array_equal(ours, theirs, equal_nan=True)
         # Pinocchio's lists compare by identity, what is in them by value
         return len(ours) != len(theirs) or any(a != b for a, b in zip(ours, theirs, strict=True))
 

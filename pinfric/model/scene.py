@@ -179,9 +179,11 @@ class Scene:
             SceneError: says what was changed, and how to derive a changed scene.
         """
         made_of = self._made_of
-        if made_of is None or self.model == made_of:
+        if self.model == made_of:
             return
         what = changed_parts(self.model, made_of)
+        if not what and self.model != self.model.copy():
+            return  # it holds NaN, a limit perhaps, and equals nothing
         how = "model = scene.model.copy(), change that, scene.with_(model=model)"
         if what == ["gravity"]:
             how = f"scene.with_(gravity={self.model.gravity.linear.tolist()})"
@@ -191,10 +193,9 @@ class Scene:
         )
 
     @cached_property
-    def _made_of(self) -> pin.Model | None:
-        """The model as it was; None where it holds NaN and equals nothing (a limit may)."""
-        kept = self.model.copy()
-        return kept if kept == self.model else None
+    def _made_of(self) -> pin.Model:
+        """The model as it was."""
+        return self.model.copy()
 
     def __repr__(self) -> str:
         return scene_screen(self)
@@ -240,7 +241,7 @@ class Scene:
             return None
         return make_linkage(self.model, self.loops, actuators, self.friction, self.source)
 
-    @cached_property
+    @property
     def start_configuration(self) -> np.ndarray:
         """(nq,) near which the loops close: `simulation.start.q`, else Pinocchio's neutral one."""
         q = np.array(pin.neutral(self.model))

@@ -178,8 +178,11 @@ def check_same_scene(scene: Scene, motion: InverseResult | Motion) -> None:
 
     Raises:
         StateError: says which parts of the scenes differ.
+        SceneError: a `scene.model` was changed after its scene was made.
     """
     other = motion.scene
+    scene.check_unchanged()
+    other.check_unchanged()
     if other is scene:
         return
     here, there = scene_digests(scene), scene_digests(other)

@@ -75,6 +75,30 @@ def test_what_a_result_was_computed_from_is_noticed_by_its_judge():
         result.check()
 
 
+def test_a_replay_does_not_draw_the_efforts_of_one_model_on_another():
+    scene = made()
+    result = pf.inverse_dynamics(scene, ZERO, ZERO, ZERO, t=[0.0])
+    scene.model.jointPlacements[1].translation = np.ones(3)
+    with pytest.raises(SceneError, match=r"changed \(jointPlacements\)"):
+        pf.replay(scene, result)
+
+
+def test_a_change_is_noticed_in_a_model_that_holds_nan():
+    model = made().model
+    model.effortLimit[0] = np.nan
+    scene = pf.Scene(model=model)
+    upper(scene)  # nothing was changed
+    scene.model.gravity.linear = np.zeros(3)
+    with pytest.raises(SceneError, match=r"changed \(gravity\)"):
+        upper(scene)
+
+
+def test_where_loops_start_is_not_changed_by_who_asked():
+    scene = made()
+    scene.start_configuration[0] = 0.7
+    assert scene.start_configuration[0] == 0.0
+
+
 def test_a_loaded_model_is_the_callers_own():
     scene = made()
     scene.loaded_model().gravity.linear = np.zeros(3)
