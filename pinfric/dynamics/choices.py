@@ -52,7 +52,7 @@ class Candidates:
     Attributes:
         sample: (m,) which sample.
         code: (m, ns). direction: (m, nf).
-        x: (m, 2, ns) friction of each site along its direction, of up to two solutions.
+        x: (m, MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
         found: (m,) number of solutions, -1 where rounding defeats the solver.
         figures: (m, 2) contraction, passes.
     """
@@ -144,7 +144,7 @@ def solve_list(
         slip, mu, dry, drag: (m, ns) of each site in each candidate.
         base: buffers; its sites, coordinates and constants are set.
         nobody: (ns,) False. no_guess: (1,) NaN.
-        x, found, figures: (m, 2, ns), (m,), (m, 2), overwritten.
+        x, found, figures: (m, MOST_SOLUTIONS, ns), (m,), (m, 2), overwritten.
     """
     ns = phi_start.size
     for m in range(sample.size):

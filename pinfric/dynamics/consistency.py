@@ -10,7 +10,7 @@ import numpy as np
 
 from pinfric.dynamics import coupling
 from pinfric.dynamics.chained import kernel_calling
-from pinfric.dynamics.coupling import solve_given_modes
+from pinfric.dynamics.coupling import MOST_SOLUTIONS, solve_given_modes
 from pinfric.dynamics.problem import Problem
 
 #: How far beyond its law a sticking or slipping coordinate may be, relative to the terms: rounding.
@@ -164,7 +164,7 @@ def try_modes(
     Returns:
         (number of solutions or -1, how many of them obey), see `solve_given_modes`.
     """
-    solutions = np.empty((2, friction.size))
+    solutions = np.empty((MOST_SOLUTIONS, friction.size))
     found = solve_given_modes(problem, stuck, direction, guess, solutions, figures)
     obeying = 0
     for i in range(found - 1, -1, -1):
@@ -174,7 +174,7 @@ def try_modes(
             friction[:] = solutions[i]
     if found > 0 and obeying == 0:
         friction[:] = solutions[0]
-    elif found == 2:
+    elif found > 1:
         evaluate(problem, friction, load, rate)
         judge(problem, stuck, direction, at_rest, friction, load, rate, verdict)
     return found, obeying

@@ -26,6 +26,7 @@ from pinfric.dynamics.choices import (
     solve_list,
 )
 from pinfric.dynamics.constrained import Layout, Maps
+from pinfric.dynamics.coupling import MOST_SOLUTIONS
 from pinfric.dynamics.problem import empty_problem
 from pinfric.dynamics.result import Status
 
@@ -129,7 +130,7 @@ class Solver:
         drag = np.where(code == SLIDES, law.drag[sample], 0.0)
         dry = dry + np.where(layout.varies, 0.0, mu * law.fixed_load[sample])
         mu = np.where(layout.varies, mu, 0.0)
-        out = Candidates(sample, code, direction, np.zeros((m, 2, ns)),
+        out = Candidates(sample, code, direction, np.zeros((m, MOST_SOLUTIONS, ns)),
                          np.ones(m, dtype=np.int64), np.zeros((m, 2)))  # fmt: skip
         if ns == 0:  # nothing rubs: that is the solution
             return out
@@ -180,7 +181,7 @@ class Solver:
 
     def _widen(self, answer: Answer, c: Candidates, which: np.ndarray) -> None:
         """Let solutions widen the efforts and frictions of their samples."""
-        for solution in range(2):
+        for solution in range(int(c.found.max(initial=0))):
             has = np.flatnonzero(which & (c.found > solution))
             if not len(has):
                 continue
@@ -292,7 +293,7 @@ class Solver:
         self._note(answer, c)
         sign, columns = (1.0 if side else -1.0), self.layout.phi_start[free]
         value = np.full(len(sample), -sign * np.inf)
-        for solution in range(2):
+        for solution in range(int(c.found.max(initial=0))):
             has = np.flatnonzero(c.found > solution)
             if not len(has):
                 continue

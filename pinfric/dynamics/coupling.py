@@ -25,6 +25,8 @@ _NEWTON_PASSES, _FIXED_POINT_PASSES = 60, 5000
 _DISTINCT = 1e-6
 #: So far below a contraction of 1 a small residual proves a small error: |rest| / (1 - it).
 _CERTAIN = 1e-6
+#: Room for the solutions of given modes; a four-bar's four pins can have three.
+MOST_SOLUTIONS = 8
 
 kernel = kernel_calling(dense)
 
@@ -360,20 +362,20 @@ def contraction_matrix(
 def keep(X: np.ndarray, z: np.ndarray, solutions: np.ndarray, found: int) -> int:
     """Append x = X (1, z) to the solutions unless it is there already; return their number."""
     nc = X.shape[0]
-    x = np.empty(nc)
-    size, difference = 0.0, np.inf if found == 0 else 0.0
+    if found == solutions.shape[0]:
+        return found
+    x = solutions[found]
     for c in range(nc):
         x[c] = X[c, 0]
         for j in range(z.size):
             x[c] += X[c, 1 + j] * z[j]
-        size = max(size, abs(x[c]))
-        if found > 0:
-            difference = max(difference, abs(x[c] - solutions[0, c]))
-            size = max(size, abs(solutions[0, c]))
-    if difference <= _DISTINCT * size:
-        return found
-    for c in range(nc):
-        solutions[found, c] = x[c]
+    for other in range(found):
+        size, difference = 0.0, 0.0
+        for c in range(nc):
+            difference = max(difference, abs(x[c] - solutions[other, c]))
+            size = max(size, abs(x[c]), abs(solutions[other, c]))
+        if difference <= _DISTINCT * size:
+            return found
     return found + 1
 
 
@@ -392,12 +394,12 @@ def solve_given_modes(
         problem: `Problem`.
         stuck, direction: see `slip_law`.
         guess: (nc,) friction to start from; NaN in the first place: none.
-        solutions: (2, nc), overwritten with the solutions found.
+        solutions: (MOST_SOLUTIONS, nc), overwritten with the solutions found.
         figures: (2,), overwritten: contraction, passes.
 
     Returns:
-        Number of solutions, at most 2; -1 where none was found although the contraction is
-        certain (rounding defeats the solver).
+        Number of solutions, at most MOST_SOLUTIONS; -1 where none was found although the
+        contraction is certain (rounding defeats the solver).
     """
     nc, ns, nt = stuck.size, problem.constant.size, problem.contact_site.size
     gain, offset = np.empty(ns), np.empty(nc)
@@ -450,7 +452,7 @@ def solve_given_modes(
                 z[k] = -direction[c] * 1e4 * far * most * weight
         error, passes = newton(problem, gain, offset, unknown, contact, z, False)
         figures[1] += passes
-        if found == 2 or not error <= tolerance:
+        if not error <= tolerance:
             continue
         if settles(problem, gain, offset, unknown, contact, z):
             found = keep(X, z, solutions, found)

@@ -211,3 +211,17 @@ def test_a_small_pins_two_limits_are_two_solutions_beside_a_large_one(large, sma
     np.testing.assert_allclose(ends, [result.effort_lower[0, 1], result.effort_upper[0, 1]],
                                rtol=1e-12)  # fmt: skip
     assert result.check().passed(1e-12)
+
+
+@pytest.mark.parametrize("cut", "OABC")
+def test_the_interval_encloses_a_third_solution(cut):
+    """Wide rough pins: three frictions obey the laws, none of them at a limit of another."""
+    friction = pin_friction(2.0, 0.1)
+    case = turning_four_bar(60, cut=cut, rate=6.0, acceleration=3.0, friction=friction)
+    result = dataclasses.replace(case, t=None).inverse()
+    for sample in range(30, 34):
+        efforts = [solution.effort[0] for solution in result.solutions(sample)]
+        assert len(efforts) == 3
+        assert result.effort_lower[sample, 0] == pytest.approx(min(efforts), rel=1e-9)
+        assert result.effort_upper[sample, 0] == pytest.approx(max(efforts), rel=1e-9)
+    assert result.check().passed(1e-9)
