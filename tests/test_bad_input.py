@@ -275,6 +275,26 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
     assert code == 0
 
 
+@pytest.mark.parametrize(("given", "words"), [
+    (["inverse", "", "motion.csv"], "the name of the scene is empty"),
+    (["inverse", "arm.yaml", ""], "the name of the trajectory is empty"),
+    (["sweep", "arm.yaml", "motion.csv", ""], "the name of the sweep is empty"),
+    (["inverse", "parts", "motion.csv"], "parts is a folder"),
+    (["inverse", "arm.yaml", "parts"], "parts is a folder"),
+])  # fmt: skip
+def test_a_name_that_is_none_or_a_folders(given, words, tmp_path, monkeypatch, capsys):
+    for name, content in FILES.items():
+        (tmp_path / name).write_text(content)
+    (tmp_path / "parts").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(given)
+    error = capsys.readouterr().err
+    assert ended.value.code == cli.BAD_INPUT
+    assert error.startswith(f"pinfric: error: {words}")
+    assert len(error.splitlines()) == 1
+
+
 @pytest.mark.parametrize("corner", ["nan 0 0", "inf 0 0", "1e308 1e308 0", "0.1 0"])
 def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monkeypatch, capsys):
     solid = "solid part\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\n"

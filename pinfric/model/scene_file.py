@@ -53,6 +53,8 @@ def bundled_folder() -> Path:
 
 def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
     """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
+    if not str(path):  # as a path it would be the folder one is in
+        raise error(f"the name of the {error.__name__.removesuffix('Error').lower()} is empty")
     path = Path(path)
     try:
         if path.exists() and not path.is_dir():  # also a pipe: <(...)
@@ -65,7 +67,8 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
         if bundled and os.path.isfile(folder / candidate):
             return folder / candidate
     there = sorted(p.name for p in folder.iterdir() if p.name[p.name.find(".") :] in suffixes)
-    raise error(f"there is no file {path}, and no bundled one of that name; "
+    what = f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
+    raise error(f"{what}, and no bundled one of that name; "
                 f"{choose_from(path.name, there)}")  # fmt: skip
 
 

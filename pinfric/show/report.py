@@ -160,7 +160,8 @@ def _effort_table(
     title = (
         f"{Path(result.scene.source).stem} · {trajectory}" if trajectory else result.scene.source
     )
-    title += f": {len(result.t)} samples, {digits(result.t[-1] - result.t[0])} s"
+    count = len(result.t)
+    title += f": {count} sample{'s' * (count > 1)}, {digits(result.t[-1] - result.t[0])} s"
     key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
     headings = (
         ("peak", unit), ("RMS\nleast–worst", unit),  # noqa: RUF001 - a range

@@ -6,6 +6,7 @@ joint has cos and sin there; a mimic follower has nothing, its leader's column m
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -288,9 +289,9 @@ def load_trajectory(
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
     """
-    path = Path(path)
-    if not (path.is_dir() and is_bag(path)):
+    if not (os.path.isdir(path) and is_bag(Path(path))):
         path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
+    path = Path(path)
     columns = joint_columns(scene.model, str(path))
     payloads = _defaults(scene)
     if path.suffix.lower() in (".yaml", ".yml"):
