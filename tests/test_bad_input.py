@@ -125,6 +125,8 @@ SCENE_CASES = [
          "payloads.box.mass", "at most 1e+12"),
     case("ratio of no machine", "arm.yaml", "ratio: 100", "ratio: 9.0e+300",
          "actuators.0.transmission.ratio", "at most 1e+12"),
+    case("vanishing efficiency", "arm.yaml", "efficiency: 0.8", "efficiency: 8.0e-301",
+         "actuators.0.transmission.efficiency", "at least 1e-12"),
     case("vanishing ratio", "arm.yaml", "ratio: 100", "ratio: 1.0e-300",
          "actuators.0.transmission", "at least 1e-12"),
     case("an integer of 400 digits", "arm.yaml", "0.05", "9" * 400, "shoulder.bearing.radius",

@@ -183,7 +183,7 @@ class Transmission(Entry):
     """Ratio and losses between motor and joint; torques and inertia at the motor's shaft."""
 
     ratio: Number
-    efficiency: Annotated[Number, Field(gt=0, le=1)] = 1.0
+    efficiency: Annotated[Positive, Field(le=1)] = 1.0
     back_efficiency: Annotated[Number, Field(le=1)] | None = None
     no_load_torque: NonNegative = 0.0
     motor_viscous: NonNegative = 0.0

@@ -143,7 +143,7 @@ class Gear(Sourced):
     input_inertia: NonNegative | None = None
     mass: Positive | None = None
     nominal_life: Positive | None = None
-    efficiency: Annotated[Number, Field(gt=0, le=1)] | None = None
+    efficiency: Annotated[Positive, Field(le=1)] | None = None
     back_efficiency: Annotated[Number, Field(le=1)] | None = None
     no_load_running_torque: NonNegative | None = None
     no_load_speed: Positive | None = None
