@@ -165,6 +165,35 @@ def test_steps_that_may_be_either_are_refused(tmp_path):
     assert load(tmp_path, still, time_unit="ms").duration == pytest.approx(1.995)
 
 
+@pytest.mark.parametrize("name", ["t", "timestamp"])
+def test_milliseconds_of_slow_logs_are_recognised(name, tmp_path):
+    motion = load(tmp_path, table((name, *NAMES), 1e3 * T[::20], Q[::20]))
+    assert motion.warnings == (f"column {name} is in ms: steps of 100 are 10 Hz",)
+    np.testing.assert_allclose(motion.t, T[::20], atol=1e-12)
+
+
+def test_whole_numbers_that_count_by_one_may_be_milliseconds(tmp_path):
+    t = np.arange(2000) / 1000.0
+    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    text = table(("t", *NAMES), np.arange(2000), q)
+    assert "steps of 1 may be ms (1000 Hz) or s (1 Hz); say which" in refused(tmp_path, text)
+    np.testing.assert_allclose(load(tmp_path, text, time_unit="ms").t, t)
+
+
+def test_a_clock_of_seconds_stays_one(tmp_path):
+    slow = table(("t", *NAMES), 1.7e9 + 5.0 * np.arange(400), Q)
+    assert load(tmp_path, slow).duration == 1995.0
+
+
+def test_small_angles_in_degrees_are_found_by_their_speed(tmp_path):
+    text = table(("t", *NAMES), T, np.degrees(0.25 * Q))  # 11.5 at most
+    model = arm(lower=-12.5, upper=12.5)
+    with pytest.raises(TrajectoryError, match=r"base_turn 22\.9 rad/s, limit 4\).*--unit deg or"):
+        load(tmp_path, text, scene=model)
+    np.testing.assert_allclose(load(tmp_path, text, scene=model, unit="deg").q, 0.25 * Q)
+    assert load(tmp_path, text, scene=model, unit="rad").q[:, 0].max() > 11.0
+
+
 # --- rows -----------------------------------------------------------------------------------------
 
 
@@ -229,6 +258,24 @@ def test_a_long_gap_in_a_noisy_log_is_refused(tmp_path):
     assert "gaps longer than 20 sample periods: 0.495 to 0.65 s" in refused(
         tmp_path, table(("t", *NAMES), t, noisy(t))
     )
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_a_clock_that_rounds_stamps_adds_no_acceleration(noise, tmp_path):
+    """Stamps off by 0.4 us at 500 Hz would be 0.8 rad/s^2 (RMS) by a spline through them."""
+    t = np.arange(1000) / 500.0
+    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q += noise * np.random.default_rng(5).normal(size=q.shape)
+    stamps = 1.7e9 + t + 4e-7 * np.random.default_rng(6).normal(size=t.size)
+    motion = load(tmp_path, table(("__time", *NAMES), stamps, q, form="%.17g"))
+    assert motion.reading.resampled == 0
+    np.testing.assert_allclose(motion.a[100:-100, 0], -3.2 * np.sin(2 * t)[100:-100], atol=0.1)
+
+
+def test_a_recording_of_few_rows_says_that_it_is_not_judged(tmp_path):
+    motion = load(tmp_path, table(("t", *NAMES), T[:15], noisy(T)[:15]))
+    assert motion.warnings == ("15 rows: too few to tell noise from motion, not filtered",)
+    assert not load(tmp_path, table(("t", *NAMES), T[:15] * 20, Q[:15])).warnings  # by hand
 
 
 def test_positions_held_from_a_slower_source(tmp_path):

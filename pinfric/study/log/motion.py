@@ -22,7 +22,15 @@ from pinfric.study.log.noise import (
     typical_noise,
 )
 from pinfric.study.log.reading import DerivativeNoise, Reading, ReadingOptions
-from pinfric.study.log.rows import Timing, counted, gap_problems, held_rate, regular_time
+from pinfric.study.log.rows import (
+    FEWEST,
+    ROUNDED,
+    Timing,
+    counted,
+    gap_problems,
+    held_rate,
+    regular_time,
+)
 from pinfric.study.log.still import find_noisy_holds
 from pinfric.study.table import TrajectoryTable
 
@@ -35,6 +43,10 @@ _TURN = 2.0 * np.pi
 _SPLINE_V, _SPLINE_A = 1.38, 4.8
 #: rad; a limited joint goes no farther than this in the step in which its angle is wrapped.
 _STEP = 0.25 * np.pi
+#: s; nobody writes rows by hand at such steps.
+_PACE = 0.05
+#: Share of the noise that a reading of the stamps must leave, to be the right one.
+_CLEARLY = 0.98
 #: The low pass of comparison, whose difference shows what a low pass takes away.
 _LOWER = 1.0 / np.sqrt(2.0)
 
@@ -109,6 +121,9 @@ def settle(
     given = np.isfinite(plan.acceleration).all() and np.isfinite(plan.velocity).all()
     timing = regular_time(plain.table.t)
     if timing is None or given:
+        if not given and _is_short_log(plain.table.t):
+            words = f"{counted(rows.size, 'row')}: too few to tell noise from motion, not filtered"
+            plain = replace(plain, reading=replace(reading, said=(*said, words)))
         if (np.diff(plain.table.t) <= 0.0).any():
             problems.append("time must increase, and is not regular enough to be mended")
         return plain
@@ -124,6 +139,11 @@ def settle(
     if isinstance(options.cutoff, float):
         problems += _cutoff_problems(options.cutoff, timing)
     return plain if problems else _filtered(columns, even, noisy, timing.step, options)
+
+
+def _is_short_log(t: FloatArray) -> bool:
+    """Whether so few rows come at the pace of a recording; slower ones somebody wrote."""
+    return 2 < t.size < FEWEST and float(np.median(np.diff(t))) < _PACE
 
 
 def _rows_of(table: TrajectoryTable, rows: NDArray[np.int64]) -> TrajectoryTable:
@@ -152,11 +172,13 @@ def _on_regular_time(plain: Settled, timing: Timing) -> Settled:
     if lost.size:
         words = [f"{counted(lost.size, 'lost row')} interpolated, the first at "
                  f"{timing.time[int(lost[0])]:.6g} s"]  # fmt: skip
+    elif timing.jitter <= ROUNDED * timing.step:
+        words = []
     interpolated, order = lost.size, np.interp(whole, number, np.arange(number.size))
     if (np.diff(table.t) > 0.0).all():
         at = np.clip(timing.time, table.t[0], table.t[-1])
         stamped = _between(table.t, table.position, at)
-        if _noise_sum(stamped) < _noise_sum(position):
+        if _noise_sum(stamped) < _CLEARLY * _noise_sum(position):
             position, interpolated = stamped, whole.size
             order = np.interp(at, table.t, np.arange(number.size))
             words = [f"samples taken at jittering times ({_time(timing.jitter)} RMS): interpolated "

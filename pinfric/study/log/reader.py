@@ -17,8 +17,8 @@ from pinfric.study.log.columns import PAYLOAD, Columns, Use, find_columns, read_
 from pinfric.study.log.files import Cells, Log, open_csv, open_parquet
 from pinfric.study.log.motion import settle, unwrapped
 from pinfric.study.log.reading import Reading, ReadingOptions
-from pinfric.study.log.rows import check_times, counted, ordered_rows
-from pinfric.study.log.units import angle_unit, is_clock, time_factor
+from pinfric.study.log.rows import check_times, counted, gap_problems, ordered_rows
+from pinfric.study.log.units import angle_unit, fast_angles, is_clock, time_factor
 from pinfric.study.table import TrajectoryTable, mismatch_warning
 
 FloatArray = NDArray[np.float64]
@@ -115,13 +115,17 @@ def _read(
     """Turn cells into SI, put the rows in order, and settle on the motion behind them."""
     uses = [found.position[column.name] for column in named]
     raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
-    factors = angle_unit(named, raw, [use.unit for use in uses], unit, problems, said)
+    known = [use.unit for use in uses]
+    factors = angle_unit(named, raw, known, unit, problems, said)
     position = _quantity(cells, found.position, named, factors)
     resolution = np.array([cells.resolution[cells.names.index(use.column)] for use in uses])
     found.time_unit = options.time_unit or found.time_unit or log.units.get(found.time)
     t = _seconds(cells, found, _speeds(named, position), problems, said)
     check_times(t, cells.lines, problems)
     kept = ordered_rows(t, cells.lines, problems, said)
+    own_plan = found.planned and bool(found.velocity)
+    if not problems and not own_plan and set(factors) == {1.0}:
+        problems += fast_angles(named, t[kept], position[kept], known, unit)
     position = unwrapped(named, position[kept], said)
     velocity, acceleration = (
         _quantity(cells, part, named, factors)[kept]
@@ -140,7 +144,9 @@ def _read(
     settled = settle(named, plan, options, problems)
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
         said.append("velocities in the file are not used: they come from the filtered positions")
-    said += _smoothed_already(settled.reading) if log.recorded else []
+    if log.recorded:
+        said += _smoothed_already(settled.reading)
+        problems += [gap for gap in gap_problems(plan.t) if gap not in problems]
     at, rows = settled.rows, np.arange(kept.size)
     efforts = {column.name: np.interp(at, rows, effort[:, i])
                for i, column in enumerate(named) if column.name in found.effort}  # fmt: skip

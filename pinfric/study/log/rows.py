@@ -21,14 +21,17 @@ _SHORTEST_STEP = 1e-9
 #: between times drown in its rounding.
 _LONGEST_TIME = 1e10
 #: Samples below which rows are not judged: a table that somebody wrote.
-_FEWEST = 20
+FEWEST = 20
 #: Share of a step by which stamps may miss regular time, RMS.
 _JITTER = 0.5
 #: Where steps vary by a larger share than this (median), a lost or doubled row cannot be told from
 #: jitter, and rows count as taken one step after another.
 _PRECISE = 0.1
-#: Share of a step below which jitter is rounding.
-_REGULAR = 1e-3
+#: Share of a step below which jitter is a clock's rounding: mended, but not worth a word.
+ROUNDED = 1e-3
+#: Share of a step below which stamps stay as they are. Twice the rounding of a clock's seconds
+#: since 1970 (2.4e-7 s) puts 0.5 rad/s^2 into a joint at 2 rad/s that is logged at 500 Hz.
+_REGULAR = 1e-6
 #: Share of the changes that come at one and the same number of rows, where a slower rate is held.
 _SAME_PERIOD = 0.9
 
@@ -100,7 +103,7 @@ def ordered_rows(
     wrong = np.flatnonzero(t[1:] <= latest[:-1]) + 1
     if wrong.size == 0 or _only_jitters(t):
         return every
-    if t.size < _FEWEST or wrong.size > BAD_SHARE * t.size:
+    if t.size < FEWEST or wrong.size > BAD_SHARE * t.size:
         where = listing(
             f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong.tolist()
         )
@@ -115,7 +118,7 @@ def _only_jitters(t: FloatArray) -> bool:
     """Whether rows were taken at regular times one after another, and only their stamps vary."""
     steps = np.diff(t)
     middle = float(np.median(steps))
-    if t.size < _FEWEST or np.median(np.abs(steps - middle)) <= _PRECISE * middle:
+    if t.size < FEWEST or np.median(np.abs(steps - middle)) <= _PRECISE * middle:
         return False
     number = np.arange(t.size)
     step, start = np.polyfit(number, t, 1)
@@ -131,7 +134,7 @@ def regular_time(t: FloatArray) -> Timing | None:
     Args:
         t: (rows,) s.
     """
-    if t.size < _FEWEST:
+    if t.size < FEWEST:
         return None
     if _only_jitters(t):
         number = np.arange(t.size)
@@ -160,7 +163,7 @@ def held_rate(position: FloatArray) -> slice | None:
     """
     change = (np.diff(position, axis=0) != 0.0).any(axis=1)
     places = np.flatnonzero(change) + 1
-    if places.size < _FEWEST:
+    if places.size < FEWEST:
         return None
     periods = np.diff(places)
     period = int(np.median(periods))

@@ -14,6 +14,8 @@ FloatArray = NDArray[np.float64]
 
 #: Hz; robots log at no less and no more than these.
 _SLOWEST, _FASTEST = 20.0, 20_000.0
+#: Hz; slower logs exist where a clock counts ms, us or ns.
+_SLOWEST_CLOCK = 2.0
 #: Fewer samples than this are a table that somebody wrote, in seconds.
 _FEWEST = 20
 #: rad: no joint turns twice round one way and twice the other, but for those without limits.
@@ -39,8 +41,8 @@ def time_factor(
 ) -> float:
     """Return s per unit of a time column.
 
-    Steps tell: only one of s, ms, us, ns makes 20 Hz to 20 kHz of them. Slower files exist too, in
-    seconds; there the joints' speeds must tell.
+    In s at 20 Hz or more they are s. Else one of ms, us, ns may make 2 Hz to 20 kHz of the steps,
+    and the joints' speeds must tell: no joint is so fast, no recording so slow.
 
     Args:
         name: the column's.
@@ -59,25 +61,32 @@ def time_factor(
     if steps.size < _FEWEST - 1:
         return 1.0
     step = float(np.median(steps))
-    fits = [u for u, factor in TIME_UNITS.items() if _SLOWEST <= 1.0 / (step * factor) <= _FASTEST]
-    if fits in ([], ["s"]):
+    if 1.0 / step >= _SLOWEST or is_clock(start):
         return 1.0
-    unit = fits[0]
-    clock = is_clock(start * TIME_UNITS[unit])
-    rate = 1.0 / (step * TIME_UNITS[unit])
-    of_limits, speed = (x / (step * TIME_UNITS[unit]) for x in speeds)
-    possible = of_limits <= _TOO_FAST if of_limits > 0.0 else speed <= _FASTEST_JOINT
-    slow = 0.0 < speed * TIME_UNITS[unit] < _CREEP
-    if clock or (possible and slow and step > 1.0):
-        said.append(f"column {name} is in {unit}: steps of {step:.6g} are {rate:.6g} Hz")
-        return TIME_UNITS[unit]
-    if step <= 1.0 or not possible:
+    rates = {unit: 1.0 / (step * factor) for unit, factor in TIME_UNITS.items() if unit != "s"}
+    fits = [unit for unit, rate in rates.items() if _SLOWEST_CLOCK <= rate <= _FASTEST]
+    clocks = [unit for unit in fits if is_clock(start * TIME_UNITS[unit])]
+    possible = [unit for unit in fits if _possible(speeds, rates[unit])]
+    creeps = 0.0 < speeds[1] / step < _CREEP
+    chosen = clocks or (possible if creeps and step > 1.0 else [])
+    if len(chosen) == 1:
+        said.append(f"column {name} is in {chosen[0]}: steps of {step:.6g} are "
+                    f"{rates[chosen[0]]:.6g} Hz")  # fmt: skip
+        return TIME_UNITS[chosen[0]]
+    counts = creeps and bool((t == np.rint(t)).all())
+    if not possible or (step <= 1.0 and not counts):
         return 1.0
-    problems.append(
-        f"column {name}: steps of {step:.6g} may be {unit} ({rate:.6g} Hz) or s ({1.0 / step:.3g} "
-        f"Hz); say which: --time-unit {unit} or --time-unit s"
-    )
+    choice = ", ".join(f"{unit} ({rates[unit]:.6g} Hz)" for unit in possible)
+    options = ", ".join(f"--time-unit {unit}" for unit in possible)
+    problems.append(f"column {name}: steps of {step:.6g} may be {choice} or s ({1.0 / step:.3g} "
+                    f"Hz); say which: {options} or --time-unit s")  # fmt: skip
     return 1.0
+
+
+def _possible(speeds: tuple[float, float], rate: float) -> bool:
+    """Whether joints can be as fast as their ways per row are at so many rows a second."""
+    of_limits, speed = (rate * way for way in speeds)
+    return of_limits <= _TOO_FAST if of_limits > 0.0 else speed <= _FASTEST_JOINT
 
 
 def is_clock(start: float) -> bool:
@@ -132,3 +141,37 @@ def angle_unit(
 def _reach(column: JointColumn) -> float:
     """The largest angle a joint's limits allow; infinite without limits."""
     return max(abs(column.lower), abs(column.upper))
+
+
+def fast_angles(
+    columns: Sequence[JointColumn],
+    t: FloatArray,
+    position: FloatArray,
+    known: Sequence[str | None],
+    given: str | None,
+) -> list[str]:
+    """Return one line where joints whose unit nobody said would be far too fast in rad/s.
+
+    Small ways in degrees lie within the limits of radians; only their speeds tell.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) rad or m, taken as radians where nobody said otherwise.
+        known, given: as in `angle_unit`.
+    """
+    steps = np.diff(t)
+    if given is not None or t.size < _FEWEST or not (steps > 0.0).all():
+        return []
+    ways = np.abs(np.diff(position, axis=0))
+    ways = np.minimum(ways, np.abs(ways - 2.0 * np.pi))  # an angle may wrap
+    speeds = np.quantile(ways / steps[:, None], 0.99, axis=0)
+    fast = [
+        f"{column.name} {speed:.3g} rad/s, limit {column.velocity_limit:.3g}"
+        for column, speed, unit in zip(columns, speeds.tolist(), known, strict=True)
+        if column.unit == "rad" and unit is None and speed > _TOO_FAST * column.velocity_limit
+    ]
+    if not fast:
+        return []
+    return [f"no joint is so fast ({listing(fast)}): the angles may be degrees; say which: "
+            "--unit deg or --unit rad"]  # fmt: skip
