@@ -36,6 +36,12 @@ class Status(IntEnum):
     SINGULAR = 4
 
 
+#: Columns `<actuator>.<quantity>` and `<site>.<quantity>` of a result's table.
+ACTUATOR_QUANTITIES = ("effort_lower", "effort_upper", "effort_frictionless",
+                       "motor_torque_lower", "motor_torque_upper")  # fmt: skip
+SITE_QUANTITIES = ("sticking", "reversal", "normal_load", "friction_lower", "friction_upper")
+
+
 @dataclass(frozen=True)
 class Solution:
     """One state of friction, efforts and reactions that obeys the laws at one sample.
@@ -253,11 +259,10 @@ class InverseResult(Shown):
         if states.attached is not None:
             columns |= {f"payload.{name}": states.attached[:, p].astype(np.int8)
                         for p, name in enumerate(self.scene.payloads)}  # fmt: skip
-        for quantity in ("effort_lower", "effort_upper", "effort_frictionless",
-                         "motor_torque_lower", "motor_torque_upper"):  # fmt: skip
+        for quantity in ACTUATOR_QUANTITIES:
             for i, name in enumerate(self.actuator_names):
                 columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, i]
-        for quantity in ("sticking", "reversal", "normal_load", "friction_lower", "friction_upper"):
+        for quantity in SITE_QUANTITIES:
             for s, name in enumerate(self.site_names):
                 columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, s]
         return pd.DataFrame(columns)

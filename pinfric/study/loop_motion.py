@@ -13,10 +13,14 @@ from pinfric.dynamics.closure import (
     independent_joints,
 )
 from pinfric.errors import ClosureError, TrajectoryError
+from pinfric.model.closure import NEARLY_CLOSED, close
 from pinfric.model.scene import Scene
 from pinfric.study.joint_columns import JointColumn, configurations
 
 FloatArray = NDArray[np.float64]
+
+#: rad, or share of the mechanism's size: what measured positions may miss a closed loop by.
+_MEASURED = 1e-2
 
 
 def named_columns(
@@ -54,11 +58,13 @@ def complete_motion(
     v: FloatArray,
     a: FloatArray,
     derived: bool,
+    warnings: list[str],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return q (T, nq), v, a (T, nv) of all joints from those of the named ones.
 
     The first configuration is the one nearest to `simulation.start` of the scene. Where all joints
-    are named their positions stay, and derivatives that a spline gave are made consistent.
+    are named and derivatives come from their positions, independent ones move the others, too:
+    measured positions close no loop exactly. Else all that was given stays.
 
     Args:
         scene: with loops.
@@ -66,6 +72,7 @@ def complete_motion(
         columns, named: (nj,) all joints, (k,) those in the file.
         position, v, a: (T, k) rad or m, and per second.
         derived: some of v, a came from splines.
+        warnings: how far positions were moved is appended here.
 
     Raises:
         TrajectoryError: a sample at which the loops cannot close, or do not determine the rest.
@@ -80,6 +87,36 @@ def complete_motion(
             return q, v, a
         chosen = independent_joints(scene, q[0])
         index = [names.index(name) for name in chosen]
+        q = _closed(scene, columns, chosen, q, warnings)
         return q, *consistent_motion(scene, q, chosen, v[:, index], a[:, index])
     except ClosureError as problem:
         raise TrajectoryError(f"{source}: {problem}") from None
+
+
+def _closed(
+    scene: Scene,
+    columns: Sequence[JointColumn],
+    independent: Sequence[str],
+    q: FloatArray,
+    warnings: list[str],
+) -> FloatArray:
+    """Return q (T, nq) with the loops closed by moving dependent joints; unchanged if by much."""
+    linkage, twin = scene.linkage, scene.twin()
+    assert linkage is not None
+    held = np.zeros(twin.nv, dtype=bool)
+    held[[column.index_v for column in columns if column.name in independent]] = True
+    try:
+        closed = np.array([close(twin, linkage, x, held, i) for i, x in enumerate(q)])
+    except ClosureError:  # the check of the motion says where and by how much
+        return q
+    moved = np.abs(closed - q)
+    sliding = [column.index_q for column in columns if column.unit == "m"]
+    moved[:, sliding] /= linkage.size
+    if (largest := float(moved.max(initial=0.0))) > _MEASURED:
+        return q
+    if largest > NEARLY_CLOSED:
+        worst = columns[int(np.argmax([moved[:, c.index_q].max() for c in columns]))]
+        by = float(np.abs(closed - q)[:, worst.index_q].max())
+        warnings.append(f"loops closed by moving joints, {worst.name} most, by up to {by:.1e} "
+                        f"{worst.unit}; {' and '.join(independent)} as in the file")  # fmt: skip
+    return closed

@@ -357,7 +357,8 @@ def _from_table(
         derived = filtered or bool(
             np.isnan(table.velocity).any() or np.isnan(table.acceleration).any()
         )
-        q, v, a = complete_motion(scene, source, columns, named, table.position, v, a, derived)
+        q, v, a = complete_motion(scene, source, columns, named, table.position, v, a, derived,
+                                  warnings)  # fmt: skip
         moved = single_positions(q, [column.nq for column in columns])
         wrong += limit_problems(columns, table.t, moved)
         _raise_all(source, wrong + follower_problems(followers, columns, table.t, moved))

@@ -91,6 +91,14 @@ def test_extra_columns_are_named_in_one_line(tmp_path):
     assert motion.warnings == ("columns not used: 'temperature', 'mode'",)
 
 
+def test_a_table_of_efforts_is_a_motion_again_without_a_word(tmp_path):
+    motion = load(tmp_path, PLAIN)
+    efforts = pf.inverse_dynamics(arm(), motion).to_dataframe().to_csv(index=False)
+    again = load(tmp_path, efforts)
+    assert again.warnings == ()
+    np.testing.assert_allclose(again.a, motion.a, atol=1e-12)
+
+
 def test_parquet(tmp_path):
     import pandas as pd
 

@@ -232,6 +232,22 @@ def test_an_encoder_that_flickers_by_one_count_does_not_accelerate(tmp_path):
     assert np.abs(pf.load_trajectory(path, pf.Scene(model=model)).a).max() < 0.5  # 24 by a spline
 
 
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank"])
+def test_noisy_logs_of_all_joints_of_a_loop_are_closed(name, tmp_path):
+    scene = pf.load_scene(ROBOTS / f"{name}.yaml")
+    plan = pf.load_trajectory(ROBOTS / f"{name}.waypoints.yaml", scene)
+    q = plan.joint_positions() + 1e-5 * np.random.default_rng(1).normal(size=(plan.t.size, 3))
+    path = write_csv(tmp_path / "log.csv", plan.t, plan.joint_names, q)
+    motion = pf.load_trajectory(path, scene)
+    assert "loops closed by moving joints, " in motion.warnings[-1]
+    truth, found = (peaks(pf.inverse_dynamics(scene, m)) for m in (plan, motion))
+    np.testing.assert_allclose(found, truth, rtol=0.01)
+    q[:, -1] += 0.05  # no noise: another zero
+    open_loop = write_csv(tmp_path / "log.csv", plan.t, plan.joint_names, q)
+    with pytest.raises(pf.PinfricError, match=r"is open at sample 0, by 0\.0"):
+        pf.inverse_dynamics(scene, pf.load_trajectory(open_loop, scene))
+
+
 # --- holds ----------------------------------------------------------------------------------------
 
 

@@ -15,6 +15,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from pinfric.dynamics.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
 from pinfric.errors import SceneError, TrajectoryError, choose_from
 from pinfric.model.schema import Entry, Number, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
@@ -30,6 +31,8 @@ _WORDS = {
     "current": ("current", "currents", "amps"),
 }
 _QUANTITY = {word: quantity for quantity, words in _WORDS.items() for word in words}
+#: What `pinfric inverse --out` writes beside the motion.
+_COMPUTED = tuple(f".{quantity}" for quantity in (*ACTUATOR_QUANTITIES, *SITE_QUANTITIES))
 #: What was asked of a joint is not what it did.
 _WANTED = re.compile(r"command|desired|target|reference|setpoint|error", re.IGNORECASE)
 _TIME = re.compile(r"^(?:t|time|__time|timestamp|time_?stamp|elapsed|stamp)"
@@ -156,7 +159,7 @@ def find_columns(
             _payload(column, payloads, found, problems)
         elif meaning is not None and not _WANTED.search(column):
             claims.setdefault(meaning, []).append(column)
-        elif not _TIME.match(column):
+        elif not (_TIME.match(column) or column.endswith(_COMPUTED)):
             found.ignored.append(column)
     _find_time(header, mapping, found, problems)
     if mapping is not None:
