@@ -117,7 +117,11 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
         names = [name for name, friction in scene.friction.items() if kind.present(friction)]
         found.append(_effect(kind.name, f"friction.{{}}.{kind.key}", names))
     geared = [a.joint or "?" for a in scene.actuators or () if _lossless(a) != a]
-    found.append(_effect("transmission", "actuators.{}.transmission", geared))
+    ideal = not geared and any(a.transmission is not None for a in scene.actuators or ())
+    found.append(
+        Effect("transmission", False, "actuators.<name>.transmission have ratios only, no losses")
+        if ideal else _effect("transmission", "actuators.{}.transmission", geared)
+    )  # fmt: skip
     found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
     found.append(_effect("loops", "loops.{}", [loop.name for loop in scene.loops]))
     found.append(_coupling(scene))

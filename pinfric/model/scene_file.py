@@ -89,8 +89,10 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
     if entries.robot.urdf_dynamics == "ignore":
         if "urdf_dynamics" in entries.robot.model_fields_set:
             return friction  # said on purpose
+        more = f" and {len(given) - 4} more" if len(given) > 4 else ""
         warnings.warn(
-            f"{where}: the URDF's <dynamics> gives friction or damping for {', '.join(given)}; "
+            f"{where}: the URDF's <dynamics> gives friction or damping for "
+            f"{', '.join(list(given)[:4])}{more}; "
             "ignored (many URDFs carry placeholders); robot.urdf_dynamics: use takes them, ignore "
             "silences this",
             PinfricWarning,

@@ -188,7 +188,9 @@ def _effort_table(
 
 
 def _off(measured: MeasuredEffort | None) -> str:
-    return "" if measured is None else f"{100 * measured.relative_error:.0f} %"
+    if measured is None or not np.isfinite(measured.relative_error):
+        return ""  # no effort was logged, or none but zero
+    return f"{100 * measured.relative_error:.0f} %"
 
 
 def _peak(summary: ActuatorSummary, zero: float, log: JudgedLog | None) -> str:

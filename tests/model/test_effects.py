@@ -54,6 +54,14 @@ def test_a_scene_with_everything_has_every_effect_and_says_why():
     assert {e.name: e.why for e in off}["viscous"] == "no friction.<name>.viscous"
 
 
+def test_gears_without_losses_are_not_denied():
+    ideal = [{"joint": f"joint_{j}", "transmission": {"ratio": 50.0}} for j in range(1, 5)]
+    found = effects(pf.Scene(model=whole_scene().model, actuators=ideal))
+    gears = next(effect for effect in found if effect.name == "transmission")
+    assert not gears.on
+    assert gears.why == "actuators.<name>.transmission have ratios only, no losses"
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_an_effect_taken_out_is_off_and_the_others_stay(name):
     left = on(with_effects(whole_scene(), without=[name]))

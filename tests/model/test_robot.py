@@ -186,6 +186,14 @@ def test_urdf_dynamics_are_ignored_with_a_notice_or_used(tmp_path):
     assert (mixed.sites[0].law.kinetic_positive, mixed.sites[0].law.viscous) == (2.0, 0.1)
 
 
+def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
+    with pytest.warns(PinfricWarning, match="the URDF's <") as said:
+        pf.load_scene(scene(
+            tmp_path, "robot: {urdf: 'example-robot-data:tiago_description/robots/tiago.urdf'}"
+        ))  # fmt: skip
+    assert all(len(str(warning.message)) < 400 for warning in said)
+
+
 @pytest.mark.parametrize(
     ("text", "error", "says"),
     [

@@ -87,3 +87,11 @@ def test_the_figure_says_how_far_efforts_are_known(log):
     figure = effort_figure(result, log, log=judge_log(result, motion.reading))
     texts = [text.get_text() for text in figure.texts]
     assert any("filtered at" in text and "peak efforts known to ±" in text for text in texts)
+
+
+def test_efforts_of_zero_in_a_log_have_no_relative_error(log, capsys, tmp_path):
+    rows = (tmp_path / log).read_text().replace("100\n", "0\n")
+    (tmp_path / log).write_text(rows)
+    code, out, _ = run(capsys, "inverse", "ur10.yaml", log)
+    assert code == 0
+    assert "nan" not in out
