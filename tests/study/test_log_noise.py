@@ -8,7 +8,14 @@ import pytest
 
 import pinfric as pf
 from pinfric.study.log.judged import judge_log
-from pinfric.study.log.noise import low_pass, noise_gain, noise_level, noisy_joints
+from pinfric.study.log.noise import (
+    acceleration_jumps,
+    low_pass,
+    noise_gain,
+    noise_level,
+    noisy_joints,
+    signal_cutoff,
+)
 from pinfric.study.log.reading import ReadingOptions
 from pinfric.study.log.still import find_noisy_holds
 
@@ -124,9 +131,10 @@ def test_peak_efforts_and_holds_of_a_noisy_pick_and_place(smooth, rate, kind, tm
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_jumps_of_acceleration_are_lost_but_not_silently(jerky, kind, tmp_path):
+def test_jumps_of_acceleration_are_blurred_but_not_silently(jerky, kind, tmp_path):
     motion, peak, uncertain = judged(jerky, 500, kind, tmp_path)
     off = np.abs(peak - jerky.peak)[LOADED]
+    assert (off <= 0.04 * jerky.peak[LOADED]).all(), off / jerky.peak[LOADED]
     assert (off <= uncertain[LOADED]).all(), (off, uncertain[LOADED])
     assert len(motion.holds()) == 4
 
@@ -206,16 +214,17 @@ def test_fast_sines_sampled_coarsely_are_not_noise():
     assert noisy_joints(np.sin(2 * np.pi * 12 * t)[:, None], 0.01, np.zeros(1)) == [False]
 
 
-def test_noise_level_and_gain_are_those_of_white_noise():
+@pytest.mark.parametrize("gentle", [False, True])
+def test_noise_level_and_gain_are_those_of_white_noise(gentle):
     rng, step, cutoff = np.random.default_rng(2), 2e-3, 20.0
     noise = 3e-5 * rng.normal(size=200_000)
     assert noise_level(noise) == pytest.approx(3e-5, rel=0.02)
-    smooth = low_pass(noise, step, cutoff)[1000:-1000]
+    smooth = low_pass(noise, step, cutoff, gentle)[1000:-1000]
     spectral = 2j * np.pi * np.fft.rfftfreq(smooth.size, step)  # derivatives by Fourier
     for order in (0, 1, 2):
         derivative = np.fft.irfft(np.fft.rfft(smooth) * spectral**order, smooth.size)
         assert derivative[1000:-1000].std() == pytest.approx(
-            3e-5 * noise_gain(step, cutoff, order), rel=0.05
+            3e-5 * noise_gain(step, cutoff, order, gentle), rel=0.05
         )
 
 
@@ -230,6 +239,40 @@ def test_an_encoder_that_flickers_by_one_count_does_not_accelerate(tmp_path):
                             pin.SE3.Identity())  # fmt: skip
     path = write_csv(tmp_path / "a.csv", t, ["a"], q, "%.17g")
     assert np.abs(pf.load_trajectory(path, pf.Scene(model=model)).a).max() < 0.5  # 24 by a spline
+
+
+def test_a_gentle_low_pass_does_not_overshoot_a_jump_and_halves_a_sine_at_its_cutoff():
+    t = np.arange(0, 4, 0.002)
+    jump = np.where(t < 2.0, 0.0, 1.0)
+    assert low_pass(jump, 0.002, 10.0, gentle=True).max() < 1.0 + 1e-9
+    assert low_pass(jump, 0.002, 10.0).max() > 1.05
+    sine = low_pass(np.sin(2 * np.pi * 10.0 * t), 0.002, 10.0, gentle=True)
+    assert np.abs(sine[500:-500]).max() == pytest.approx(0.5, rel=5e-3)
+
+
+def test_only_profiles_whose_acceleration_jumps_are_filtered_gently(smooth, jerky):
+    for kind in ("1e-5", "2e-5", "16 bit", "samples jitter"):
+        for truth in (smooth, jerky):
+            q = truth.log(500, kind)[1][:, LOADED]
+            found = [acceleration_jumps(x, 0.002, signal_cutoff(x, 0.002)) for x in q.T]
+            assert found == [truth is jerky] * 4
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_a_motion_with_power_up_to_its_cutoff_keeps_its_peaks(smooth, seed, tmp_path):
+    """Five sines up to 2 Hz, as identification uses them; a gentle low pass takes 3 %."""
+    rng, t = np.random.default_rng(seed), np.arange(0, 10, 0.002)
+    q, v, a = (np.zeros((t.size, 6)) for _ in range(3))
+    q += [0.0, -1.2, 1.0, -1.5, -1.5, 0.0]
+    for w in 2.0 * np.pi * np.linspace(0.4, 2.0, 5):
+        phase = w * t[:, None] + rng.uniform(0, 6, size=6)
+        q, v, a = q + 0.3 / w * np.sin(phase), v + 0.3 * np.cos(phase), a - 0.3 * w * np.sin(phase)
+    truth = peaks(pf.inverse_dynamics(smooth.scene, q, v, a, t=t))[LOADED]
+    path = write_csv(tmp_path / "log.csv", t, smooth.plans[500].joint_names,
+                     q + 2e-5 * rng.normal(size=q.shape))  # fmt: skip
+    motion = pf.load_trajectory(path, smooth.scene)
+    found = peaks(pf.inverse_dynamics(smooth.scene, motion))[LOADED]
+    np.testing.assert_allclose(found, truth, rtol=0.015)  # also where the log ends in motion
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank"])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pinfric.study.derivatives import find_holds, position_derivatives
 from pinfric.study.joint_columns import JointColumn
 from pinfric.study.log.noise import (
+    acceleration_jumps,
     low_pass,
     noise_gain,
     noise_level,
@@ -228,12 +229,13 @@ def _filtered(
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
         moves = sum(last - first + 1 for first, last in holds) < q.size
-        cutoff = None
+        cutoff, gentle = None, False
         if moves and isinstance(options.cutoff, float):
             cutoff = options.cutoff
         elif moves and noisy[i] and options.cutoff is None:
             cutoff = signal_cutoff(q, step)
-        joints.append(_low_passed(t, q, holds, step, cutoff, noise[i]))
+            gentle = cutoff is not None and acceleration_jumps(q, step, cutoff)
+        joints.append(_low_passed(t, q, holds, step, cutoff, noise[i], gentle))
     position, velocity, acceleration, shift, moving = (
         np.column_stack([getattr(joint, name) for joint in joints])
         for name in ("position", "velocity", "acceleration", "shift", "moving")
@@ -272,6 +274,7 @@ def _low_passed(
     step: float,
     cutoff: float | None,
     noise: float,
+    gentle: bool,
 ) -> _Smoothed:
     q, moving = measured.copy(), np.ones(measured.size, dtype=bool)
     for first, last in holds:
@@ -281,12 +284,12 @@ def _low_passed(
         v, a = position_derivatives(t, q, holds)
         spread = noise * _SPLINE_V / step, noise * _SPLINE_A / step**2
         return _Smoothed(q, v, a, np.zeros_like(q), moving, None, spread)
-    smooth = low_pass(q, step, cutoff)
+    smooth = low_pass(q, step, cutoff, gentle)
     v, a = position_derivatives(t, smooth, ())
-    lower = position_derivatives(t, low_pass(q, step, _LOWER * cutoff), ())[1]
-    spread = noise * noise_gain(step, cutoff, 1), noise * noise_gain(step, cutoff, 2)
+    lower = position_derivatives(t, low_pass(q, step, _LOWER * cutoff, gentle), ())[1]
+    spread_v, spread_a = (noise * noise_gain(step, cutoff, order, gentle) for order in (1, 2))
     return _Smoothed(np.where(moving, smooth, q), v * moving, a * moving, (lower - a) * moving,
-                     moving, cutoff, spread)  # fmt: skip
+                     moving, cutoff, (spread_v, spread_a))  # fmt: skip
 
 
 def _noise_line(reading: Reading, unit: str) -> str:

@@ -31,6 +31,9 @@ _FEWEST = 10
 #: Gain of the quintic spline's second derivative for white noise, times the step squared.
 _SPLINE_GAIN = 4.8
 _SEGMENT = 512
+#: How much farther than 80 % of its power 95 % reach, where an acceleration jumps (3 to 4 times;
+#: smoother motions: less than 2).
+_HEAVY_TAIL = 2.5
 _BUTTERWORTH = 4
 
 
@@ -121,6 +124,14 @@ def signal_cutoff(position: FloatArray, step: float) -> float | None:
         position: (T,) rad or m at regular times.
         step: s between samples.
     """
+    frequency, density, white = _spectra(position, step)
+    buried = np.flatnonzero((density < 2.0 * white) & (frequency > 0.0))
+    found = float(frequency[buried[0]]) if buried.size else np.inf
+    return found if found < 0.4 / step else None
+
+
+def _spectra(position: FloatArray, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Frequencies, Welch's density of the second difference, and that of its white noise."""
     from scipy.signal import welch
 
     level = float(np.sqrt(np.mean(np.diff(position, _ORDER) ** 2) / math.comb(2 * _ORDER, _ORDER)))
@@ -128,52 +139,79 @@ def signal_cutoff(position: FloatArray, step: float) -> float | None:
     frequency, density = welch(curvature, 1.0 / step, nperseg=min(_SEGMENT, curvature.size),
                                detrend=False)  # fmt: skip
     white = 2.0 * level**2 * step * np.abs(2.0 * np.sin(np.pi * frequency * step)) ** 4
-    buried = np.flatnonzero((density < 2.0 * white) & (frequency > 0.0))
-    found = float(frequency[buried[0]]) if buried.size else np.inf
-    return found if found < 0.4 / step else None
+    return frequency, density, white
 
 
-def low_pass(position: FloatArray, step: float, cutoff: float) -> FloatArray:
-    """Return positions after a Butterworth low pass of order four, forward and backward.
+def acceleration_jumps(position: FloatArray, step: float, cutoff: float) -> bool:
+    """Return whether the acceleration jumps, as it does in trapezoidal profiles.
 
-    Its gain is 1 / (1 + (f / cutoff)^8), without a shift in time. Beyond both ends the motion goes
-    on as the cubic through its last two periods of the cutoff does, with the noise mirrored: a
-    reflection would set velocity or acceleration to zero there.
+    The density of jumps falls as f^-2, so a share beyond f as f^-1: 95 % of the power reach 4 times
+    as far as 80 % do. Where only the jerk jumps it is 4^(1/3) = 1.6 times.
 
     Args:
         position: (T,) rad or m at regular times.
         step: s between samples.
-        cutoff: Hz.
+        cutoff: Hz, where the motion drowns in its noise.
     """
+    frequency, density, white = _spectra(position, step)
+    power = np.cumsum(np.maximum(density - white, 0.0) * (frequency < cutoff))
+    most, nearly_all = np.interp((0.8 * power[-1], 0.95 * power[-1]), power, frequency)
+    return bool(nearly_all > _HEAVY_TAIL * most)
+
+
+def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = False) -> FloatArray:
+    """Return positions after a low pass without a shift in time.
+
+    Its gain is 1 / (1 + (f / cutoff)^8), a Butterworth low pass of order four forward and backward.
+    That rings at a jump and makes a tenth more of it; a gentle one, 2^-(f / cutoff)^2 (Gaussian),
+    does not, but takes more from a motion with much power just below the cutoff. Beyond both ends
+    the motion goes on as the polynomial of degree six through its last two periods of the cutoff
+    does, with the noise mirrored: a reflection would set velocity or acceleration to zero there, a
+    cubic bends too little.
+
+    Args:
+        position: (T,) rad or m at regular times.
+        step: s between samples.
+        cutoff: Hz, where the gain is a half.
+        gentle: the Gaussian one.
+    """
+    from scipy.ndimage import gaussian_filter1d
     from scipy.signal import butter, sosfiltfilt
 
-    sections = butter(_BUTTERWORTH, cutoff, fs=1.0 / step, output="sos")
     span = min(position.size, max(math.ceil(2.0 / (cutoff * step)), 8))
     before = _continued(position[::-1], span)[::-1]
     longer = np.concatenate((before, position, _continued(position, span)))
-    smooth = sosfiltfilt(sections, longer, padlen=min(longer.size - 1, span))
+    if gentle:
+        width = np.sqrt(2.0 * np.log(2.0)) / (2.0 * np.pi * cutoff * step)
+        smooth = gaussian_filter1d(longer, width, mode="nearest", truncate=6.0)
+    else:
+        sections = butter(_BUTTERWORTH, cutoff, fs=1.0 / step, output="sos")
+        smooth = sosfiltfilt(sections, longer, padlen=min(longer.size - 1, span))
     return np.asarray(smooth[before.size : before.size + position.size])
 
 
 def _continued(position: FloatArray, span: int) -> FloatArray:
-    """Return `span` samples after the last one: a cubic of the last `span`, residuals mirrored."""
+    """Return `span` samples after the last: a polynomial of the last `span`, residuals mirrored."""
     last = position[-span:]
     place = np.arange(1 - span, 1, dtype=np.float64) / span
-    cubic = np.polynomial.Polynomial.fit(place, last, 3 if span > 8 else 1)
+    motion = np.polynomial.Polynomial.fit(place, last, 6 if span > 16 else 1)
     ahead = np.arange(1, span, dtype=np.float64) / span
-    return np.asarray(cubic(ahead) + (last - cubic(place))[::-1][1:])
+    return np.asarray(motion(ahead) + (last - motion(place))[::-1][1:])
 
 
-def noise_gain(step: float, cutoff: float, order: int) -> float:
+def noise_gain(step: float, cutoff: float, order: int, gentle: bool = False) -> float:
     """Return the standard deviation of a derivative of low-passed white noise of sigma 1.
 
-    sqrt(2 dt int (2 pi f)^(2 order) / (1 + (f / cutoff)^8)^2 df) up to half the sampling rate.
+    sqrt(2 dt int (2 pi f)^(2 order) gain(f)^2 df) up to half the sampling rate, with the gain of
+    `low_pass`.
 
     Args:
         step: s between samples.
-        cutoff: Hz.
+        cutoff, gentle: of the low pass.
         order: of the derivative.
     """
     frequency = np.linspace(0.0, 0.5 / step, 4001)
-    gain = (2.0 * np.pi * frequency) ** order / (1.0 + (frequency / cutoff) ** 8)
+    ratio = frequency / cutoff
+    gain = 2.0 ** -(ratio**2) if gentle else 1.0 / (1.0 + ratio**8)
+    gain *= (2.0 * np.pi * frequency) ** order
     return float(np.sqrt(2.0 * step * np.trapezoid(gain**2, frequency)))
