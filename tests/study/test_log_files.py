@@ -91,6 +91,19 @@ def test_extra_columns_are_named_in_one_line(tmp_path):
     assert motion.warnings == ("columns not used: 'temperature', 'mode'",)
 
 
+@pytest.mark.parametrize("quantities", [1, 2, 3])
+def test_what_ros2_topic_echo_writes_has_no_header(quantities, tmp_path):
+    numbers = [Q, V, 7.0 * V][:quantities]
+    rows = [[str(1_700_000_000 + k // 200), str(k % 200 * 5_000_000), "base", *NAMES,
+             *(f"{x:.12g}" for part in numbers for x in part[k])] for k in range(400)]  # fmt: skip
+    motion = load(tmp_path, "\n".join(map(",".join, rows)) + "\n")
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    np.testing.assert_allclose(motion.q, Q, atol=1e-10)
+    assert ("arm_lift" in motion.reading.effort) == (quantities == 3)
+    assert motion.warnings[0].startswith("columns not used: 'header.frame_id'")
+    assert "name_0" not in motion.warnings[0]
+
+
 def test_a_table_of_efforts_is_a_motion_again_without_a_word(tmp_path):
     motion = load(tmp_path, PLAIN)
     efforts = pf.inverse_dynamics(arm(), motion).to_dataframe().to_csv(index=False)

@@ -162,6 +162,9 @@ def find_columns(
         elif not (_TIME.match(column) or column.endswith(_COMPUTED)):
             found.ignored.append(column)
     _find_time(header, mapping, found, problems)
+    named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}
+    used = {found.time, found.nanoseconds, *named}
+    found.ignored = [column for column in found.ignored if column not in used]
     if mapping is not None:
         _apply(mapping, header, names, claims, found, problems)
     _settle(claims, found, problems)

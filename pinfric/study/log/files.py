@@ -182,6 +182,8 @@ def _split(path: Path, rows: list[tuple[int, str]]) -> _Text:
     separator = max("\t;,", key=lambda mark: (top.count(mark), mark == ","))
     _check_cells(path, rows, separator)
     header = [cell.strip() for cell in next(csv.reader([top], delimiter=separator))]
+    if (echoed := _echoed(header)) is not None:
+        header, rows = echoed, [rows[0], *rows]
     if len(rows) == 1:
         raise TrajectoryError(f"{path}: has a header and no samples below it")
     if all(_number(cell) is not None for cell in header):
@@ -195,6 +197,24 @@ def _split(path: Path, rows: list[tuple[int, str]]) -> _Text:
                                   "numbers; write decimal points")  # fmt: skip
         texts = [line.replace(",", ".") for line in texts]
     return _Text(path, header, numbers, texts, separator)
+
+
+def _echoed(cells: Sequence[str]) -> list[str] | None:
+    """Return column names for a row of `ros2 topic echo --csv` of joint states; else None.
+
+    That writes no header: the stamp's s and ns, the frame, n names, n positions, velocities,
+    efforts; one of the last two may be missing, and nothing says which.
+    """
+    is_word = [_number(cell) is None for cell in cells]
+    count = [*is_word[3:], False].index(False)
+    times, left = divmod(len(cells) - 3 - count, max(count, 1))
+    stamped = all(cell.isdigit() for cell in cells[:2])
+    if not stamped or count == 0 or left or times not in (1, 2, 3) or any(is_word[3 + count :]):
+        return None
+    parts = {1: ("name", "position"), 2: ("name", "position", "unknown"),
+             3: ("name", "position", "velocity", "effort")}[times]  # fmt: skip
+    columns = [f"{part}_{i}" for part in parts for i in range(count)]
+    return ["header.stamp.sec", "header.stamp.nanosec", "header.frame_id", *columns]
 
 
 def _check_cells(path: Path, rows: Sequence[tuple[int, str]], separator: str) -> None:
