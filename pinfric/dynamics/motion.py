@@ -31,6 +31,8 @@ FORMAT = 1
 #: Arrays of a motion that go into its file as they are.
 ARRAYS = ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load", "phase_t",
           "phase_modes")  # fmt: skip
+#: Those of them with a column for each site.
+SITE_ARRAYS = ("modes", "friction", "normal_load")
 
 
 @dataclass(frozen=True)
@@ -205,9 +207,8 @@ class Motion(Shown):
 
         columns: dict[str, np.ndarray] = {"t": self.t}
         columns |= motion_columns(self.scene.model, self.q, self.v, self.a)
-        for quantity, names in (("effort", self.actuator_names), ("modes", self.site_names),
-                                ("friction", self.site_names),
-                                ("normal_load", self.site_names)):  # fmt: skip
+        site = {quantity: self.site_names for quantity in SITE_ARRAYS}
+        for quantity, names in {"effort": self.actuator_names, **site}.items():
             for i, name in enumerate(names):
                 columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, i]
         return pd.DataFrame(columns)

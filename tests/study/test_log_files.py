@@ -110,6 +110,13 @@ def test_a_table_of_efforts_is_a_motion_again_without_a_word(tmp_path):
     again = load(tmp_path, efforts)
     assert again.warnings == ()
     np.testing.assert_allclose(again.a, motion.a, atol=1e-12)
+    scene = pf.Scene(model=arm().model, friction={"arm_lift": {"viscous": 0.1}})
+    falls = (
+        pf.simulate(scene, [0.1, 0.2], [0.0, 0.0], [0.0, 0.0], 0.2)
+        .to_dataframe()
+        .to_csv(index=False)
+    )
+    assert not any("columns not used" in line for line in load(tmp_path, falls).warnings)
 
 
 def test_parquet(tmp_path):

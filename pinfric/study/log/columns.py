@@ -15,6 +15,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from pinfric.dynamics.motion import SITE_ARRAYS
 from pinfric.dynamics.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
 from pinfric.errors import SceneError, TrajectoryError, choose_from
 from pinfric.model.schema import Entry, Number, parse
@@ -31,8 +32,10 @@ _WORDS = {
     "current": ("current", "currents", "amps"),
 }
 _QUANTITY = {word: quantity for quantity, words in _WORDS.items() for word in words}
-#: What `pinfric inverse --out` writes beside the motion.
-_COMPUTED = tuple(f".{quantity}" for quantity in (*ACTUATOR_QUANTITIES, *SITE_QUANTITIES))
+#: What `pinfric inverse` and `simulate` write beside the motion.
+_COMPUTED = tuple(
+    f".{quantity}" for quantity in (*ACTUATOR_QUANTITIES, *SITE_QUANTITIES, *SITE_ARRAYS)
+)
 #: What was asked of a joint is not what it did.
 _WANTED = re.compile(r"command|desired|target|reference|setpoint|error", re.IGNORECASE)
 _TIME = re.compile(r"^(?:t|time|__time|timestamp|time_?stamp|elapsed|stamp)"

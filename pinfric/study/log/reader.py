@@ -66,7 +66,8 @@ def read_log(
     others = listing(map(brief, found.ignored))
     if missing and found.position:
         near = f" (columns not used: {others})" if others else ""
-        problems.append(f"joints without a column: {', '.join(missing)}{near}")
+        problems.append(f"joints without a column: {', '.join(missing)}{near}; name theirs by "
+                        "--columns FILE, or lock them in the scene (robot: locked)")  # fmt: skip
     named = tuple(column for column in named if column.name in found.position)
     if not found.time or not named:
         return None
