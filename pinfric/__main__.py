@@ -14,6 +14,8 @@ from typing import NoReturn
 
 INTERRUPTED = 130
 _LINE = b"pinfric: error: interrupted\n"
+#: Where LLVM calls back, what Python raises is printed and lost: asked again so much later (s).
+_COMPILER, _AGAIN = f"{os.sep}llvmlite{os.sep}", 0.02
 #: On a terminal, first: to the line's begin, clear it, show the cursor that a progress bar hides.
 _TIDY = b"\r\x1b[K\x1b[?25h"
 
@@ -22,11 +24,13 @@ def main() -> NoReturn:
     """Run the command line and exit."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as `nohup` and `&` have it
         signal.signal(signal.SIGINT, _interrupt)
+        signal.signal(signal.SIGALRM, _interrupt)
     from pinfric.cli import main as run
 
     try:
         run()
     except SystemExit as ended:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is said and written: let Python end
         if ended.code == INTERRUPTED:
             _end()
@@ -40,6 +44,9 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     What is written stands in folders that the next run removes; servers end with their reader.
     """
     while frame is not None:
+        if _COMPILER in frame.f_code.co_filename:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            return
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             os.write(2, (_TIDY if os.isatty(2) else b"") + _LINE)
             os._exit(INTERRUPTED)

@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -106,3 +107,26 @@ def test_ctrl_c_that_is_ignored_stays_ignored(tmp_path):
 
 def test_the_code_is_one():
     assert pinfric.__main__.INTERRUPTED == cli.INTERRUPTED
+
+
+def test_ctrl_c_where_the_compiler_calls_back_is_kept_until_it_returns():
+    """There an exception is printed and lost; the compiler then fails for want of its answer."""
+    left = []
+    text = "until = now() + 0.2\nwhile now() < until: pass\nleft.append(True)"
+    code = compile(text, os.sep + os.path.join("llvmlite", "binding.py"), "exec")
+
+    def compile_and_wait():
+        exec(code, {"now": time.monotonic, "left": left})
+        time.sleep(1.0)
+
+    before = {number: signal.signal(number, pinfric.__main__._interrupt)
+              for number in (signal.SIGINT, signal.SIGALRM)}  # fmt: skip
+    try:
+        threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with pytest.raises(KeyboardInterrupt):
+            compile_and_wait()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert left == [True]
