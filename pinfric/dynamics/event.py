@@ -13,7 +13,7 @@ import numpy as np
 from pinfric.dynamics.crossing import first_crossing
 from pinfric.dynamics.modes import Found
 from pinfric.dynamics.record import Recorder, along
-from pinfric.dynamics.system import Chart, Settings, System, difference
+from pinfric.dynamics.system import Chart, Settings, System, difference, finite
 from pinfric.errors import AccelerationError, SimulationError
 
 #: Least number of looks at the guards within a step, both ends included.
@@ -110,9 +110,10 @@ class EventIntegration:
 
         if first_step is not None:
             first_step = min(first_step, end - self.t)
-        solver = DOP853(self.rhs, self.t, self.y, end, rtol=self.settings.rtol,
-                        atol=self.settings.atol, max_step=self.settings.max_step,
-                        first_step=first_step)  # fmt: skip
+        with finite(self.t):
+            solver = DOP853(self.rhs, self.t, self.y, end, rtol=self.settings.rtol,
+                            atol=self.settings.atol, max_step=self.settings.max_step,
+                            first_step=first_step)  # fmt: skip
         longest = self.settings.max_step
         while solver.status == "running":
             self._step(solver)
@@ -144,7 +145,8 @@ class EventIntegration:
         assert isinstance(solver, DOP853)
         while True:
             try:
-                message = solver.step()
+                with finite(solver.t):
+                    message = solver.step()
             except AccelerationError:
                 shorter = 0.1 * min(solver.h_abs, solver.max_step)
                 if shorter < _SHORTEST * max(1.0, abs(self.t)):

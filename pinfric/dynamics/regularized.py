@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.record import Recorder, along
-from pinfric.dynamics.system import Chart, Settings, System, difference
+from pinfric.dynamics.system import Chart, Settings, System, difference, finite
 from pinfric.errors import SimulationError
 
 
@@ -69,9 +69,10 @@ class RegularizedIntegration:
         from scipy.integrate import Radau
 
         s, nv, chart = self.settings, self.ws.nv, self.chart
-        solver = Radau(self.rhs, t, y, end, rtol=s.rtol, atol=s.atol, max_step=s.max_step)
+        with finite(t):
+            solver = Radau(self.rhs, t, y, end, rtol=s.rtol, atol=s.atol, max_step=s.max_step)
         while solver.status == "running":
-            with np.errstate(over="ignore", invalid="ignore"):  # `rhs` refuses what overflows
+            with finite(solver.t):
                 message = solver.step()
             if solver.status == "failed":
                 raise SimulationError(f"at t = {solver.t:.9g} s the integration fails: {message}")

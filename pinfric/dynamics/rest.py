@@ -127,24 +127,24 @@ def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, in
         return 0, 0
     modes.friction[:] = step(start) if x is None else x
     evaluate(problem, modes.friction, modes.load, modes.rate)
-    if x is None or step.is_beyond():
-        _hold_otherwise(step)
+    held = (x is None or step.is_beyond()) and _hold_otherwise(step)
     broken = step.judge()
-    if x is None:  # beyond its limits friction may grow without bound: it breaks away
+    if x is None and not held:  # beyond its limits friction may grow without bound: it breaks away
         modes.friction[:1] = np.nan
         return (1 if broken else -1), 0
     return 1, int(broken == 0)
 
 
-def _hold_otherwise(step: _Shared) -> None:
-    """Where all that can move rests, take the friction that holds it, if there is one."""
+def _hold_otherwise(step: _Shared) -> bool:
+    """Where all that can move rests, take the friction that holds it; False: there is none."""
     modes, ball = step.modes, step.mechanism.ball
     if ball[modes.stuck].any() or step.gain.any() or step.offset.any():
-        return  # a ball's limit is a sphere; what slides has friction that loads decide
+        return False  # a ball's limit is a sphere; what slides has friction that loads decide
     found = decide(step.problem, step.mechanism.factor, modes.stuck)
     if found.held:
         modes.friction[:] = found.friction
         evaluate(step.problem, modes.friction, modes.load, modes.rate)
+    return bool(found.held)
 
 
 class _Shared:

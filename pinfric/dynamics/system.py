@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -197,3 +199,19 @@ def timed(problem: PinfricError, t: float) -> PinfricError:
     if isinstance(problem, SimulationError):
         return problem
     return SimulationError(f"at t = {t:.9g} s: {problem}")
+
+
+@contextmanager
+def finite(t: float) -> Iterator[None]:
+    """Say what overflows within SciPy's integrator at a time (s) in one line.
+
+    Raises:
+        SimulationError: SciPy found what is no number; right-hand sides refuse their own.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield
+    except ValueError as problem:
+        raise SimulationError(
+            f"at t = {t:.9g} s the integration fails: values are too large ({problem})"
+        ) from None

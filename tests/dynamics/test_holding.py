@@ -138,6 +138,18 @@ def test_no_search_finds_a_stick_where_there_is_none_and_sticks_are_sticks(pins,
     assert {True, False} <= set(held)
 
 
+@pytest.mark.filterwarnings("ignore::pinfric.PinfricWarning")
+@pytest.mark.parametrize(("seed", "pins", "strong"), [(10_532, 4, False), (12_020, 5, True)])
+def test_what_holds_is_held_where_its_friction_is_no_fixed_point(seed, pins, strong):
+    """Passes that share friction run away there; that says nothing of another friction."""
+    rng = np.random.default_rng(seed)
+    scene, q = random_chain(rng, pins, strong)
+    balance, push = near_the_limit(rng, scene, q)
+    assert pf.holds(scene, q, balance + push).held
+    instant = pf.forward_dynamics(scene, q, np.zeros(scene.model.nv), balance + push)
+    assert (instant.modes == 0).all()
+
+
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
 def test_three_cuts_one_verdict():
     seen = set()

@@ -574,3 +574,15 @@ def test_what_balances_to_rounding_stays_where_friction_is_next_to_nothing():
         assert motion.events == ()
         assert (motion.q == 0).all()
         assert motion.evaluations < 2300
+
+
+def test_what_overflows_in_the_integrator_is_no_warning_of_its_own():
+    """A block of 1e-300 kg: accelerations are numbers, their squares in SciPy's norms are none."""
+    scene = pf.Scene(model=block(0.0, 1e-300), friction={"slide": plane_friction(0.1, 0.1)})
+
+    def effort(t, q, v):
+        return [28.0 * np.sin(6.0 * t)]
+
+    assert np.isfinite(pf.simulate(scene, [0.0], [0.0], effort, 0.03).q).all()
+    with pytest.raises(SimulationError, match="t = 0 s the integration fails: values are too"):
+        pf.simulate(scene, [0.0], [0.0], effort, 0.03, "regularized")
