@@ -309,6 +309,8 @@ def replay(
     from pinfric.show.replay import replay as make_replay
 
     scene = load_scene(scene_name)
+    if html is not None and not html.name:
+        raise typer.BadParameter("is no file's name", param_hint="--html")
     html = html or Path(f"{Path(scene.source).stem}.replay.html")
     check_writable(html.parent, [html.name])
     if live and motion_name is not None:

@@ -279,6 +279,7 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize(("given", "words"), [
     (["inverse", "", "motion.csv"], "the name of the scene is empty"),
+    (["replay", "arm.yaml", "motion.csv", "--html", ""], "Invalid value for --html: is no file"),
     (["inverse", "arm.yaml", ""], "the name of the trajectory is empty"),
     (["sweep", "arm.yaml", "motion.csv", ""], "the name of the sweep is empty"),
     (["inverse", "parts", "motion.csv"], "parts is a folder"),
