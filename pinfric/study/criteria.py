@@ -437,7 +437,8 @@ def optimum_ratio(cycle: DriveCycle, effort: np.ndarray, rotor_inertia: float) -
     Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
     """
     moving = rms(cycle.t, cycle.acceleration)
-    return float(np.sqrt(rms(cycle.t, effort) / (rotor_inertia * moving))) if moving > 0 else np.inf
+    inertial = rotor_inertia * moving  # a product of two positive numbers may still be 0
+    return float(np.sqrt(rms(cycle.t, effort) / inertial)) if inertial > 0 else np.inf
 
 
 def load_factor(cycle: DriveCycle, effort: np.ndarray) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -188,6 +190,8 @@ def test_optimum_ratio_of_a_pure_inertia_is_the_root_of_the_inertias():
 
     assert torque(best) < min(torque(best * 1.01), torque(best / 1.01))
     assert torque(best) ** 2 / rotor == pytest.approx(load_factor(cycle, load * a), rel=1e-9)
+    hardly = replace(cycle, acceleration=1e-322 * a)  # times the rotor's inertia it is 0
+    assert optimum_ratio(hardly, load * a, rotor) == np.inf
 
 
 def test_catalogue_efficiency_and_no_load_torque_do_not_count_twice(tmp_path):
