@@ -12,7 +12,7 @@ from pinfric.dynamics.consistency import evaluate
 from pinfric.dynamics.forward import vector
 from pinfric.dynamics.holding import Verdict, decide
 from pinfric.dynamics.linked import LinkedWorkspace
-from pinfric.dynamics.reactions import applied_wrenches
+from pinfric.dynamics.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.workspace import Workspace, make_workspace
 from pinfric.errors import AccelerationError
 from pinfric.model.scene import Scene
@@ -34,7 +34,8 @@ class StaticHold:
         proved: whether `held` is proved: by the friction here where it is True, by branching where
             it is False. Not proved is only what friction might wedge beyond 50 times its limits.
         at_limit: names of the joints with friction that need that share: what breaks away first.
-        moving: names of the joints without dry friction that accelerate: they cannot rest.
+        moving: names of the joints without dry friction that accelerate although all that rubs
+            sticks: they cannot rest.
         friction: (ns,) of the parent on the child, with that use (N m or N); NaN where no friction
             is in equilibrium.
         normal_load: (ns,) the loads that come with it.
@@ -80,13 +81,13 @@ def holds(
     if scene.loops and np.isfinite(q).all():
         check_closed(scene, q, v, slack=1e3)
     ws.assemble(q, v, u, applied)
-    found = _decide(ws, q, u)
+    found = _decide(ws, q, u, applied)
     modes = ws.modes
     modes.stuck[:], modes.direction[:] = ws.tables.dry, 0.0
     modes.friction[:] = np.where(np.isfinite(found.friction), found.friction, 0.0)
     evaluate(ws.problem, modes.friction, modes.load, modes.rate)
     ws.finish()
-    moving = _moving(ws)
+    moving = _moving(ws) if found.held else ()
     friction = ws.phi.copy() if np.isfinite(found.friction).all() else np.full(ws.phi.size, np.nan)
     return StaticHold(
         held=False if moving else found.held,
@@ -99,7 +100,9 @@ def holds(
     )
 
 
-def _decide(ws: Workspace, q: np.ndarray, effort: np.ndarray) -> Verdict:
+def _decide(
+    ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
+) -> Verdict:
     """The verdict on everything with dry friction at rest."""
     dry = ws.tables.dry
     if not dry.any():
@@ -110,7 +113,7 @@ def _decide(ws: Workspace, q: np.ndarray, effort: np.ndarray) -> Verdict:
         return decide(ws.problem, ws.mechanism.factor, dry)
     # a ball's limit is a sphere: what holds is found as forward dynamics finds it, not proved
     try:
-        ws.solve(q, np.zeros(ws.nv), effort)
+        ws.solve(q, np.zeros(ws.nv), effort, applied)
     except AccelerationError:
         return Verdict(None, np.inf, np.full(len(dry), np.nan), False, 0)
     held = bool(ws.modes.stuck[dry].all())
@@ -118,7 +121,7 @@ def _decide(ws: Workspace, q: np.ndarray, effort: np.ndarray) -> Verdict:
     size = np.sqrt(ws.summed(ws.modes.friction**2))
     use = float((size / limit)[dry].max())
     friction = ws.modes.friction.copy()
-    ws.assemble(q, np.zeros(ws.nv), effort)
+    ws.assemble(q, np.zeros(ws.nv), effort, applied)
     return Verdict(True if held else None, use, friction, held, 0)
 
 

@@ -212,6 +212,8 @@ def finite(t: float) -> Iterator[None]:
         with np.errstate(over="ignore", invalid="ignore"):
             yield
     except ValueError as problem:
+        if "infs or NaNs" not in str(problem):  # SciPy's word for it; others are defects
+            raise
         raise SimulationError(
             f"at t = {t:.9g} s the integration fails: values are too large ({problem})"
         ) from None

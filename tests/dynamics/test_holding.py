@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction
-from cases import resting_four_bar
+from cases import ball_tripod, resting_four_bar
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 from scipy.optimize import linprog, minimize
 
@@ -301,3 +301,15 @@ def test_the_verdict_is_that_of_a_grid():
         if answer.held:
             assert answer.use <= least * (1 + 1e-3) or answer.use <= 1.0
     assert seen == {True, False}
+
+
+def test_wrenches_from_outside_count_where_balls_rest_too():
+    """A force at the rod's end that moves it is felt, as by forward dynamics."""
+    case = ball_tripod()
+    q, still = case.q[0], 0 * case.v[0]
+    result = pf.inverse_dynamics(case.scene, q[None], still[None], still[None])
+    middle = 0.5 * (result.effort_lower[0] + result.effort_upper[0])
+    push = {"rocker": np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0])}
+    assert pf.holds(case.scene, q, middle).held
+    assert pf.holds(case.scene, q, middle, push).held is None  # not proved with balls
+    assert (pf.forward_dynamics(case.scene, q, still, middle, push).modes != 0).any()
