@@ -229,16 +229,11 @@ class _Shared:
         stick_limits(p, m.load, self.least, self.most)
         way[:] = np.where(m.stuck, -np.sign(m.friction), m.direction)
         for group, _, _ in self.groups:
-            x, block = m.friction[group], self.mechanism.block[group]
-            size = np.sqrt(np.equal.outer(block, block) @ x**2)
-            limit = np.where(x > 0.0, self.most[group], -self.least[group])
-            ball = self.mechanism.ball[group]
-            limit[ball] = self.most[group][ball]
-            push = self.push[group]
+            size, limit, over = self._against_limits(group)
+            over &= m.at_rest[group]
+            push, block = self.push[group], self.mechanism.block[group]
             pushed = np.sqrt(np.equal.outer(block, block) @ push**2)
             way[group] = push / np.where(pushed > 0.0, pushed, 1.0)
-            noise = ROUNDING * (limit + self._rounding(group))
-            over = (size > limit + noise) & m.at_rest[group]
             if over.any():
                 used = size / np.where(limit > 0.0, limit, 1e-300)
                 over &= used >= (1.0 - 1e-3) * used[over].max()
@@ -248,12 +243,16 @@ class _Shared:
     def is_beyond(self) -> bool:
         """Whether a joint that shares friction has more than its limit."""
         stick_limits(self.problem, self.modes.load, self.least, self.most)
-        for group, _, _ in self.groups:
-            x = self.modes.friction[group]
-            limit = np.where(x > 0.0, self.most[group], -self.least[group])
-            if (np.abs(x) > limit + ROUNDING * (limit + self._rounding(group))).any():
-                return True
-        return False
+        return any(self._against_limits(group)[2].any() for group, _, _ in self.groups)
+
+    def _against_limits(self, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Friction of each joint of a group, its limit, and whether it is beyond (not rounding)."""
+        x, block = self.modes.friction[group], self.mechanism.block[group]
+        size = np.sqrt(np.equal.outer(block, block) @ x**2)
+        limit = np.where(x > 0.0, self.most[group], -self.least[group])
+        ball = self.mechanism.ball[group]
+        limit[ball] = self.most[group][ball]
+        return size, limit, size > limit + ROUNDING * (limit + self._rounding(group))
 
     def _rounding(self, group: np.ndarray) -> np.ndarray:
         """(n,) friction that corresponds to the size of the terms that rates are the sum of."""
