@@ -29,20 +29,20 @@ _PUBLIC = {
     "Motion": "pinfric.dynamics.motion",
     "load_motion": "pinfric.dynamics.motion_file",
     "run_scene": "pinfric.study.scene_run",
-    "Trajectory": "pinfric.study.trajectory",
-    "load_trajectory": "pinfric.study.trajectory",
-    "ReadingOptions": "pinfric.study.log.reading",
-    "size": "pinfric.study.sizing",
-    "SizingReport": "pinfric.study.sizing",
-    "load_catalog": "pinfric.study.catalog",
-    "check": "pinfric.study.plausibility",
-    "CheckReport": "pinfric.study.findings",
+    "Trajectory": "pinfric.study.trajectory.trajectory",
+    "load_trajectory": "pinfric.study.trajectory.trajectory",
+    "ReadingOptions": "pinfric.study.trajectory.log.reading",
+    "size": "pinfric.study.sizing.size",
+    "SizingReport": "pinfric.study.sizing.size",
+    "load_catalog": "pinfric.study.sizing.catalog",
+    "check": "pinfric.study.check.plausibility",
+    "CheckReport": "pinfric.study.check.findings",
     "plot": "pinfric.show.views",
     "summary": "pinfric.show.views",
-    "sweep": "pinfric.study.sweep",
-    "SweepResult": "pinfric.study.sweep_result",
-    "replay": "pinfric.show.replay",
-    "LiveReplay": "pinfric.show.live",
+    "sweep": "pinfric.study.sweep.run",
+    "SweepResult": "pinfric.study.sweep.result",
+    "replay": "pinfric.show.replay.replay",
+    "LiveReplay": "pinfric.show.replay.live",
     "PinfricError": "pinfric.errors",
     "PinfricWarning": "pinfric.errors",
 }
@@ -66,21 +66,21 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.errors import PinfricWarning as PinfricWarning
     from pinfric.model.scene import Scene as Scene
     from pinfric.model.scene_file import load_scene as load_scene
-    from pinfric.show.live import LiveReplay as LiveReplay
-    from pinfric.show.replay import replay as replay
+    from pinfric.show.replay.live import LiveReplay as LiveReplay
+    from pinfric.show.replay.replay import replay as replay
     from pinfric.show.views import plot as plot
     from pinfric.show.views import summary as summary
-    from pinfric.study.catalog import load_catalog as load_catalog
-    from pinfric.study.findings import CheckReport as CheckReport
-    from pinfric.study.log.reading import ReadingOptions as ReadingOptions
-    from pinfric.study.plausibility import check as check
+    from pinfric.study.check.findings import CheckReport as CheckReport
+    from pinfric.study.check.plausibility import check as check
     from pinfric.study.scene_run import run_scene as run_scene
-    from pinfric.study.sizing import SizingReport as SizingReport
-    from pinfric.study.sizing import size as size
-    from pinfric.study.sweep import sweep as sweep
-    from pinfric.study.sweep_result import SweepResult as SweepResult
-    from pinfric.study.trajectory import Trajectory as Trajectory
-    from pinfric.study.trajectory import load_trajectory as load_trajectory
+    from pinfric.study.sizing.catalog import load_catalog as load_catalog
+    from pinfric.study.sizing.size import SizingReport as SizingReport
+    from pinfric.study.sizing.size import size as size
+    from pinfric.study.sweep.result import SweepResult as SweepResult
+    from pinfric.study.sweep.run import sweep as sweep
+    from pinfric.study.trajectory.log.reading import ReadingOptions as ReadingOptions
+    from pinfric.study.trajectory.trajectory import Trajectory as Trajectory
+    from pinfric.study.trajectory.trajectory import load_trajectory as load_trajectory
 
 
 def __getattr__(name: str) -> Any:

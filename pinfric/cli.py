@@ -86,8 +86,8 @@ def inverse(
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.dynamics.inverse import inverse_dynamics
-    from pinfric.show.report import inverse_json, inverse_report
-    from pinfric.study.log.judged import judge_log
+    from pinfric.show.report.inverse import inverse_json, inverse_report
+    from pinfric.study.trajectory.log.judged import judge_log
 
     name = Path(trajectory.source).name
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
@@ -95,7 +95,7 @@ def inverse(
     judged = None if trajectory.reading is None else judge_log(result, trajectory.reading)
     summary = inverse_json(result, trajectory.source, noticed, judged)
     if out is not None:
-        from pinfric.show.plots import effort_figure
+        from pinfric.show.figure.efforts import effort_figure
 
         write(out, {
             "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
@@ -124,7 +124,7 @@ def simulate(
     """
     from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.motion_report import motion_json, motion_report
+    from pinfric.show.report.motion import motion_json, motion_report
     from pinfric.study.scene_run import run_scene
 
     if out is not None:
@@ -133,7 +133,7 @@ def simulate(
     motion = run_scene(scene, t_end=t_end, method=method, rtol=rtol, atol=1e-2 * rtol, dt=dt)
     summary = motion_json(motion, noticed)
     if out is not None:
-        from pinfric.show.motion_figure import motion_figure
+        from pinfric.show.figure.motion import motion_figure
 
         write(out, {
             "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
@@ -207,14 +207,14 @@ def size(
     meets it. --out writes sizing.json and report.html.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
-    from pinfric.show.sizing_report import sizing_json, sizing_report
-    from pinfric.study.sizing import size as size_drives
+    from pinfric.show.report.sizing import sizing_json, sizing_report
+    from pinfric.study.sizing.size import size as size_drives
 
     with working(f"sizing {len(scene.drives)} drives"):
         report = size_drives(scene, trajectory, catalog, on_miss="ignore")
     summary = sizing_json(report, noticed)
     if out is not None:
-        from pinfric.show.sizing_page import sizing_page
+        from pinfric.show.sizing_page.page import sizing_page
 
         page = sizing_page(report)
         write(out, {
@@ -253,15 +253,15 @@ def sweep(
     stopped goes on from the samples in that folder.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
-    from pinfric.show.sweep_report import sweep_json, sweep_report
-    from pinfric.study.sweep import sweep as run_sweep
+    from pinfric.show.report.sweep import sweep_json, sweep_report
+    from pinfric.study.sweep.run import sweep as run_sweep
 
     with progress("cycles") as report:
         result = run_sweep(scene, trajectory, sweep_name, out=out, processes=processes,
                            scheduler=scheduler, progress=report)  # fmt: skip
     summary = sweep_json(result, noticed)
     if out is not None:
-        from pinfric.show.sweep_figure import sweep_figure
+        from pinfric.show.figure.sweep import sweep_figure
 
         figure = sweep_figure(result)
         had = f", {result.resumed} of them from before" if result.resumed else ""
@@ -304,9 +304,9 @@ def replay(
     from pinfric.dynamics.motion import Motion
     from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.live import simulate_live
-    from pinfric.show.replay import motion_to_replay, replay_json, replay_lines
-    from pinfric.show.replay import replay as make_replay
+    from pinfric.show.replay.live import simulate_live
+    from pinfric.show.replay.replay import motion_to_replay, replay_json, replay_lines
+    from pinfric.show.replay.replay import replay as make_replay
 
     scene = load_scene(scene_name)
     if html is not None and not html.name:
@@ -343,9 +343,9 @@ def new(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write.")] = Path(),
 ) -> None:
     """Write a starting scene and a first motion for a URDF; every guess is marked."""
-    from pinfric.show.check_report import doubts
+    from pinfric.show.report.check import doubts
+    from pinfric.study.check.plausibility import check as judge
     from pinfric.study.new_scene import write_new
-    from pinfric.study.plausibility import check as judge
 
     with working("reading the robot and its meshes"), warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # what they say is among the doubts
@@ -369,8 +369,8 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """List what is implausible about a robot or a scene, and what a wrong unit would explain."""
-    from pinfric.show.check_report import check_json, check_report
-    from pinfric.study.plausibility import check as judge
+    from pinfric.show.report.check import check_json, check_report
+    from pinfric.study.check.plausibility import check as judge
 
     with working("reading the robot and its meshes"):
         report = judge(source)
@@ -436,7 +436,7 @@ def explain(
 ) -> None:
     """Say which effects a scene calls for, why, and what each costs and changes."""
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.report import explain_json, explain_report
+    from pinfric.show.report.inverse import explain_json, explain_report
     from pinfric.study.explain import explain as measure
 
     scene = load_scene(scene_name)

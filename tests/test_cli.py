@@ -90,7 +90,7 @@ def test_json_has_the_figures_of_every_joint(files, capsys):
 
 
 def test_numbers_that_are_none_are_null():
-    from pinfric.show.report import json_safe
+    from pinfric.show.report.inverse import json_safe
 
     given = {"a": np.array([1.0, np.nan]), "b": np.float64("inf"), "c": [np.int64(3), True, None]}
     assert json.dumps(json_safe(given), allow_nan=False) == (
@@ -104,7 +104,7 @@ def test_numbers_that_are_none_are_null():
      (float("nan"), "n/a"), (99.95, "100"), (3e9, "3.00e9")],
 )  # fmt: skip
 def test_figures_have_three_digits(x, text):
-    from pinfric.show.report import digits
+    from pinfric.show.report.inverse import digits
 
     assert digits(x) == text
 
@@ -342,7 +342,7 @@ def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys
 def test_sweep_that_cannot_be_is_one_line_and_exit_code_2(
     files, capsys, monkeypatch, change, arguments, words
 ):
-    monkeypatch.setattr("pinfric.study.sweep_workers._CONNECT_TIMEOUT", 0.5)
+    monkeypatch.setattr("pinfric.study.sweep.workers._CONNECT_TIMEOUT", 0.5)
     (files / "s.yaml").write_text(SWEEP.replace(*change, 1))
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", *arguments) == cli.BAD_INPUT == 2
     printed = capsys.readouterr()

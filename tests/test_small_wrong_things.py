@@ -21,8 +21,8 @@ from mechanisms import pin_friction
 from sizing_cases import hour_with_a_stall, one_drive, turntable
 
 import pinfric as pf
-from pinfric.study.catalog import Thermal
-from pinfric.study.thermal import winding_cycle
+from pinfric.study.sizing.catalog import Thermal
+from pinfric.study.sizing.thermal import winding_cycle
 
 
 class Row(NamedTuple):

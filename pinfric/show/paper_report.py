@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pinfric.show.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.study.paper import READINGS, LiteralReading, Reproduction
 
 if TYPE_CHECKING:

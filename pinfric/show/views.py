@@ -16,13 +16,13 @@ from pinfric.dynamics.closure import working_rates
 from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import StateError
-from pinfric.show.motion_figure import motion_figure
-from pinfric.show.plots import effort_figure
-from pinfric.show.sweep_figure import sweep_figure
-from pinfric.study.sizing import JointSizing, SizingReport
+from pinfric.show.figure.efforts import effort_figure
+from pinfric.show.figure.motion import motion_figure
+from pinfric.show.figure.sweep import sweep_figure
+from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import effort_unit, rms, summarize
-from pinfric.study.sweep_cycle import DEMANDS
-from pinfric.study.sweep_result import SweepResult
+from pinfric.study.sweep.cycle import DEMANDS
+from pinfric.study.sweep.result import SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -29,7 +29,7 @@ from pinfric.study.precision import (
     reference,
 )
 from pinfric.study.sampling import Sampled, sampling
-from pinfric.study.trajectory import Trajectory
+from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Samples of the scene's own motion where no trajectory is given.
 _SAMPLES = 2001

@@ -22,7 +22,7 @@ from pinfric.study.ladder import (
     timed_repeats,
 )
 from pinfric.study.precision import interleaved
-from pinfric.study.trajectory import Trajectory
+from pinfric.study.trajectory.trajectory import Trajectory
 
 _ROUNDS = 9
 #: Samples a timing takes at least; a short motion is repeated to that length, unless that takes

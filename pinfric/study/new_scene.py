@@ -27,9 +27,9 @@ from pinfric.model.robot import (
     urdf_file,
 )
 from pinfric.model.scene import Scene
-from pinfric.study.followers import Follower, find_followers
-from pinfric.study.joint_columns import JointColumn, joint_columns
-from pinfric.study.joint_loads import JointLoad, joint_loads
+from pinfric.study.check.joint_loads import JointLoad, joint_loads
+from pinfric.study.trajectory.followers import Follower, find_followers
+from pinfric.study.trajectory.joint_columns import JointColumn, joint_columns
 
 #: Shear stress (Pa) that sizes a shaft for its torque, and its bearings' diameter over its own.
 _SHEAR, _BEARING_OVER_SHAFT = 20e6, 1.5

@@ -24,12 +24,6 @@ from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
 from pinfric.model.twin import PRISMATIC
-from pinfric.study.joint_columns import (
-    JointColumn,
-    configurations,
-    joint_columns,
-    single_positions,
-)
 from pinfric.study.ladder import with_constant_friction
 from pinfric.study.precision import (
     Contestant,
@@ -41,6 +35,12 @@ from pinfric.study.precision import (
     reference,
 )
 from pinfric.study.scene_run import start_state
+from pinfric.study.trajectory.joint_columns import (
+    JointColumn,
+    configurations,
+    joint_columns,
+    single_positions,
+)
 
 #: Speeds (rad/s or m/s) below which a peer's joint may count as at rest, for none of them stands
 #: still; of these the one is taken that serves the peer best.

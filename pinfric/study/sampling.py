@@ -15,7 +15,7 @@ from pinfric.dynamics.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.study.summary import ends_by_magnitude
-from pinfric.study.trajectory import Trajectory
+from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Every how many samples of the trajectory one is kept.
 STRIDES = (1, 2, 5, 10, 20, 50, 100)

@@ -13,8 +13,8 @@ from sweep_cases import pushed_block, steady, sweep_of, uniform
 import pinfric as pf
 from pinfric.errors import StateError
 from pinfric.model.brief import screen
-from pinfric.show.report import inverse_json
-from pinfric.show.sweep_report import sweep_json
+from pinfric.show.report.inverse import inverse_json
+from pinfric.show.report.sweep import sweep_json
 
 LONG = "a_very_long_name_of_a_joint_that_some_exporter_made_up_from_the_path_of_its_part"
 

@@ -24,7 +24,7 @@ from pinfric.study.accuracy import accuracy
 from pinfric.study.ladder import fitted_constants, ladder, solve
 from pinfric.study.precision import Contestant, Judge, Track, compete, contestants
 from pinfric.study.sampling import missed_stick, sampling
-from pinfric.study.trajectory import Trajectory
+from pinfric.study.trajectory.trajectory import Trajectory
 
 _FEW_STEPS = (50, 500)
 #: What shares the study of the pendulum runs in one worker.

@@ -11,7 +11,7 @@ from builders import block
 import pinfric as pf
 from pinfric.cli import main
 from pinfric.study.explain import explain
-from pinfric.study.trajectory import Trajectory
+from pinfric.study.trajectory.trajectory import Trajectory
 
 
 def test_changes_are_those_of_the_drive_by_hand():

@@ -1,0 +1,224 @@
+"""The picture of a simulated motion: a row per joint, its position, velocity and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.result import runs
+from pinfric.model.brief import counted
+from pinfric.model.coordinates import one_number
+from pinfric.show.figure.efforts import brief_ticks, thinned
+from pinfric.show.report.names import shortened
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette, as in `figure.efforts`.
+_FRICTION, _STICKING, _LIMIT = "#0072B2", "#E69F00", "#8A8A8A"
+_INK, _QUIET = "#222222", "#6B6B6B"
+#: Opacity of the shaded times.
+_SHADE = 0.18
+#: Joints drawn, and inches a row takes of few and of many.
+_MOST, _TALL, _LOW, _HEAD = 16, 1.9, 1.2, 1.1
+#: Beside 1 rad or m, and beside the value itself: what changes less stands still.
+_ROUNDING = 1e-9
+#: Letters of a joint's name above its row.
+_LETTERS = 60
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A joint as it is drawn: (T,) position and velocity, None where there is no one number.
+
+    `site` is its column of friction, -1 without; `kind` sorts what there is to see: 0 sticks and
+    slips, 1 slides all the time, 2 never moves; `travel` is its range, rad or m.
+    """
+
+    name: str
+    sliding: bool
+    position: np.ndarray | None
+    velocity: np.ndarray | None
+    site: int
+    kind: int
+    travel: float
+
+
+def motion_figure(motion: Motion) -> Figure:
+    """Draw the joints of a motion, a row each: position, velocity, friction against its limits.
+
+    Shaded is where that joint sticks. Of more than 16 joints those that move are drawn: first those
+    that stick and slip, then the farthest travelled (a metre as a radian); the others are counted.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    rows = _rows(motion)
+    drawn, left = _chosen(rows)
+    height = _TALL if len(drawn) <= 4 else _LOW
+    total = _HEAD + height * max(len(drawn), 1) + 0.35
+    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+        figure = Figure(figsize=(11.0, total), dpi=150, facecolor="white")
+        figure.set_layout_engine("constrained", rect=(0, 0, 1, 1 - 0.8 / total))
+        if drawn:
+            panels = figure.subplots(len(drawn), 3, sharex=True, squeeze=False)
+            names = [row.name for row in rows]
+            short = dict(zip(names, shortened(names, _LETTERS), strict=True))
+            for row, axes in zip(drawn, panels, strict=True):
+                _draw(axes, motion, row, short[row.name])
+            still = 0.5 if len(motion.t) == 1 else 0.0  # an instant has no width
+            panels[0, 0].set_xlim(motion.t[0] - still, motion.t[-1] + still)
+            for column in panels.T:
+                lowest = [axes for axes in column if axes.axison][-1:]
+                for axes in lowest:
+                    axes.set_xlabel("time (s)", color=_QUIET)
+                    axes.tick_params(labelbottom=True)
+        _head(figure, total, motion, drawn, left)
+    return figure
+
+
+def _chosen(rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
+    """The rows that are drawn, in the model's order, and those that are not."""
+    if len(rows) <= _MOST:
+        return list(rows), []
+    order = sorted(range(len(rows)), key=lambda i: (rows[i].kind, -rows[i].travel))
+    moving = [i for i in order if rows[i].kind < 2] or order
+    chosen = set(moving[:_MOST])
+    return ([row for i, row in enumerate(rows) if i in chosen],
+            [row for i, row in enumerate(rows) if i not in chosen])  # fmt: skip
+
+
+def _rows(motion: Motion) -> list[_Row]:
+    """The joints with one number each, then the sites that are no such joint: loops, followers."""
+    model, sites = motion.scene.model, motion.scene.sites
+    at = {site.name: s for s, site in enumerate(sites)}
+    rows = []
+    for index in range(1, model.njoints):
+        joint, name = model.joints[index], model.names[index]
+        if joint.nv != 1:
+            continue
+        q = one_number(joint, motion.q)
+        slides = joint.shortname().startswith("JointModelP")
+        velocity = motion.v[:, joint.idx_v]
+        s = at.pop(name, -1)
+        rows.append(
+            _Row(name, slides, q, velocity, s, _kind(motion, s, velocity), float(np.ptp(q)))
+        )
+    for name, s in at.items():
+        column = sites[s].velocity_index
+        rate = None if column < 0 else sites[s].ratio * motion.v[:, column]
+        rows.append(_Row(name, sites[s].sliding, None, rate, s, _kind(motion, s, rate), np.inf))
+    return rows
+
+
+def _kind(motion: Motion, site: int, velocity: np.ndarray | None) -> int:
+    if site < 0:
+        return 1 if velocity is not None and velocity.any() else 2
+    sticks = motion.phase_modes[:, site] == 0
+    return 2 if sticks.all() else 0 if sticks.any() else 1
+
+
+def _draw(panels: Sequence[Axes], motion: Motion, row: _Row, name: str) -> None:
+    length = "m" if row.sliding else "rad"
+    for axes, values, unit in zip(panels, (row.position, row.velocity), (length, f"{length}/s"),
+                                  strict=False):  # fmt: skip
+        if values is None:
+            axes.axis("off")
+        else:
+            kept = thinned([values])
+            axes.plot(motion.t[kept], values[kept], color=_INK, linewidth=1.2)
+            _dress(axes, motion, row.site, unit)
+    if row.site < 0:
+        panels[2].axis("off")
+        _say(panels[2], "no friction")
+    else:
+        _friction(panels[2], motion, row.site)
+        _dress(panels[2], motion, row.site, "N" if row.sliding else "N m")
+    if row.position is None:
+        _say(panels[0], "closes a loop" if row.velocity is None else "follows another joint")
+    panels[0].annotate(
+        name, (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9, fontweight="bold",
+        color=_INK, va="bottom", annotation_clip=False,
+    )  # fmt: skip
+
+
+def _say(axes: Axes, text: str) -> None:
+    axes.annotate(text, (0.02, 0.5), xycoords="axes fraction", color=_QUIET, va="center")
+
+
+def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
+    """Limits, ticks and spines; shaded where the joint sticks."""
+    from matplotlib.ticker import MaxNLocator
+
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
+    values = values[np.isfinite(values)]
+    middle = float(values.mean()) if values.size else 0.0
+    if not values.size or np.ptp(values) <= _ROUNDING * max(1.0, abs(middle)):
+        axes.set_ylim(middle - 0.5, middle + 0.5)  # rounding is no motion
+    axes.axhline(0, color=_QUIET, linewidth=0.5, alpha=0.6, zorder=0)
+    axes.set_ylabel(unit, color=_QUIET)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(colors=_QUIET, length=2.5)
+    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    axes.yaxis.set_major_formatter(brief_ticks)
+    for first, last in runs(motion.phase_modes[:, site] == 0) if site >= 0 else ():
+        span = motion.phase_t[first], motion.phase_t[last + 1]
+        axes.axvspan(*span, color=_STICKING, alpha=_SHADE, linewidth=0, gid="sticking")
+
+
+def _friction(axes: Axes, motion: Motion, s: int) -> None:
+    law, load = motion.scene.sites[s].law, motion.normal_load[:, s]
+    for limit in (
+        -(law.mu_static * load + law.static_positive),
+        law.mu_static * load + law.static_negative,
+    ):
+        kept = thinned([limit])
+        axes.plot(motion.t[kept], limit[kept], color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
+    kept = thinned([motion.friction[:, s]])
+    axes.plot(motion.t[kept], motion.friction[kept, s], color=_FRICTION, linewidth=1.5)
+
+
+def _head(
+    figure: Figure, total: float, motion: Motion, drawn: Sequence[_Row], left: Sequence[_Row]
+) -> None:
+    """Title, what is not drawn, and the key."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    title = f"{Path(motion.scene.source).stem} · {motion.method}"
+    figure.text(0.01, 1 - 0.12 / total, title, fontsize=13, fontweight="bold", color=_INK, va="top")
+    figure.text(
+        0.01, 1 - 0.38 / total, _what(motion, drawn, left), fontsize=9, color=_QUIET, va="top"
+    )
+    handles: list[Any] = [Line2D([], [], color=_INK, linewidth=1.2, label="position, velocity")]
+    if any(row.site >= 0 for row in drawn):
+        handles += [
+            Line2D([], [], color=_FRICTION, linewidth=1.5, label="friction"),
+            Line2D([], [], color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)),
+                   label="its static limits"),
+        ]  # fmt: skip
+    if motion.stick_intervals():
+        handles.append(Patch(facecolor=_STICKING, alpha=1.8 * _SHADE, label="this joint sticks"))
+    figure.legend(
+        handles=handles, loc="upper left", ncols=4, frameon=False, fontsize=8.5,
+        bbox_to_anchor=(0.01, 1 - 0.53 / total), borderaxespad=0, borderpad=0.2, handlelength=1.8,
+        columnspacing=1.8, labelcolor=_INK,
+    )  # fmt: skip
+
+
+def _what(motion: Motion, drawn: Sequence[_Row], left: Sequence[_Row]) -> str:
+    text = f"{counted(len(drawn), 'joint')} over {motion.t[-1] - motion.t[0]:.3g} s"
+    if left:
+        still = sum(row.kind == 2 for row in left)
+        parts = [f"{still} that never move"] * bool(still)
+        parts += [f"{len(left) - still} that travel less"] * (len(left) > still)
+        text += f"; not drawn: {' and '.join(parts)}"
+    model = motion.scene.model
+    many = [n for n, nv in zip(model.names, model.nvs, strict=True) if nv > 1]
+    return text + (f"; without {', '.join(many)}, which has several positions" if many else "")

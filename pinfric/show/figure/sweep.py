@@ -1,0 +1,182 @@
+"""One picture of a sweep: how each drive's peak and RMS spread, what suffices, what decides."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.show.figure.efforts import largest
+from pinfric.show.report.inverse import digits
+from pinfric.show.report.names import least_room, shortened
+from pinfric.show.report.sweep import (
+    own,
+    percent,
+    shaft_figures,
+    shaft_units,
+    strengths,
+)
+from pinfric.study.sweep.motors import Trial
+from pinfric.study.sweep.result import SweepResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette, as in `figure.efforts`.
+_BLUE, _BEYOND, _RATING = "#5FA8D3", "#E69F00", "#B23A00"
+_UP, _DOWN, _NOISE = "#0072B2", "#D55E00", "#EDEDED"
+_INK, _QUIET = "#222222", "#6B6B6B"
+_BINS = 40
+#: Drives drawn, and letters of their names.
+_MOST, _LETTERS = 16, 24
+#: Parameters drawn per drive.
+_DRAWN = 3
+#: Inches: of one drive, and of what stands above and below all of them.
+_ROW, _REST = 1.15, 1.5
+#: A rating beyond this part of the samples' range would squeeze them: it is named, not drawn.
+_FARTHEST = 1.2
+
+
+def sweep_figure(result: SweepResult) -> Figure:
+    """Draw a row for every drive: its peak's and RMS's distributions, and what drives them.
+
+    Of more than 16 drives those with the largest median peaks of their unit; the rest is counted.
+    Ticks below a histogram are the percentiles; what lies beyond a motor's rating is orange. The
+    bars on the right are rank correlations with the RMS (of Sobol's design: shares of its
+    variance); what is shorter than the grey band is not told from chance.
+
+    Args:
+        result: of `sweep`, with at least one sample that has a solution.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    names, where = shaft_figures(result)
+    units = shaft_units(result)
+    same = f", {units[0]}" if len(set(units)) == 1 else ""
+    peaks = np.median(result.figure(names[0])[result.solved], axis=0)
+    drawn, left = largest(peaks.tolist(), units, _MOST)
+    labels = shortened(result.actuator_names, _LETTERS)
+    count = len(drawn)
+    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+        figure = Figure(figsize=(11.0, _ROW * count + _REST), dpi=150, facecolor="white",
+                        layout=ConstrainedLayoutEngine(h_pad=0.06, wspace=0.03))  # fmt: skip
+        figure.suptitle(_title(result) + left, x=0.01, ha="left", fontsize=12, color=_INK)
+        panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
+        measure, strength = strengths(result, names[1])
+        for i, row in zip(drawn, panels, strict=True):
+            for axes, name in zip(row[:2], names, strict=True):
+                _spread(axes, result, i, name)
+            _drivers(row[2], result, i, strength[:, i], bottom=i == drawn[-1])
+            text = labels[i] + ("" if same else f"\n{units[i]}")
+            row[0].set_ylabel(text, rotation=0, ha="right", va="center",
+                              fontweight="bold", color=_INK, labelpad=8)  # fmt: skip
+        titles = f"peak{where}{same}", f"RMS{where}{same}", f"RMS: {measure}"
+        for axes, text in zip(panels[0], titles, strict=True):
+            axes.set_title(text, loc="left", fontsize=10, color=_INK, pad=12)
+    return figure
+
+
+def _title(result: SweepResult) -> str:
+    solved = np.count_nonzero(result.solved)
+    lost = f" ({result.samples - solved} without a solution)" if solved < result.samples else ""
+    return (f"{Path(result.scene).stem} · {Path(result.trajectory).name} · "
+            f"{result.samples} samples{lost}")  # fmt: skip
+
+
+def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
+    """A histogram over the samples, with percentiles and, of a motor on trial, its rating."""
+    values = result.figure(name)[result.solved, i]
+    trial = next((t for t in result.trials if t.actuator == i), None)
+    rating = _rating(trial, name)
+    low, high = float(values.min()), float(values.max())
+    pad = 0.04 * (high - low) or 0.05 * abs(high) or 1.0
+    axes.set_xlim(low - pad, high + pad)
+    inside = rating is not None and rating < high + _FARTHEST * max(high - low, pad)
+    if rating is not None and inside:
+        axes.set_xlim(min(low, rating) - pad, max(high, rating) + pad)
+        axes.axvline(rating, color=_RATING, linewidth=1.4)
+    edges = np.linspace(low - 1e-3 * pad, high + 1e-3 * pad, _BINS + 1)
+    counts, _ = np.histogram(values, edges)
+    within, _ = np.histogram(values[values <= (np.inf if rating is None else rating)], edges)
+    bars: dict[str, Any] = {"width": edges[1] - edges[0], "align": "edge", "linewidth": 0}
+    axes.bar(edges[:-1], within, color=_BLUE, **bars)
+    axes.bar(edges[:-1], counts - within, bottom=within, color=_BEYOND, **bars)
+    axes.set_ylim(0, 1.28 * counts.max())
+    axes.set_yticks([])
+    _name_rating(axes, result, trial, name, rating, inside)
+    _mark_percentiles(axes, result, values)
+    _quiet(axes)
+
+
+def _rating(trial: Trial | None, name: str) -> float | None:
+    if trial is None:
+        return None
+    return trial.peak_torque if name.endswith("peak") else trial.continuous_torque
+
+
+def _name_rating(
+    axes: Axes, result: SweepResult, trial: Trial | None, name: str, rating: float | None,
+    inside: bool,
+) -> None:  # fmt: skip
+    """Say beside the rating in how many samples it suffices."""
+    if rating is None:
+        return
+    assert trial is not None
+    met = trial.passes(result.figures)["peak" if name.endswith("peak") else "continuous"]
+    text = f"{percent(result.probability(met))} within {digits(rating)}"
+    low, high = axes.get_xlim()
+    right = not inside or rating > 0.5 * (low + high)
+    at = rating if inside else high
+    axes.annotate(
+        text, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(-4 if right else 4, -1),
+        textcoords="offset points", ha="right" if right else "left", va="top", fontsize=8,
+        color=_RATING,
+    )  # fmt: skip
+
+
+def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> None:
+    """Ticks at the percentiles asked for; labels where they do not run into each other."""
+    at = np.percentile(values, result.percentiles)
+    low, high = axes.get_xlim()
+    axes.set_xticks(at, [""] * len(at))
+    axes.tick_params(axis="x", length=4, color=_INK)
+    last = -np.inf
+    for x, p in sorted(zip(at, result.percentiles, strict=True)):
+        if x - last > 0.17 * (high - low):
+            axes.annotate(f"{digits(x)}", (x, 0), xytext=(0, -6), textcoords="offset points",
+                          xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=8,
+                          color=_INK)  # fmt: skip
+            axes.annotate(f"{p:g} %", (x, 0), xytext=(0, -16), textcoords="offset points",
+                          xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=6.5,
+                          color=_QUIET)  # fmt: skip
+            last = x
+
+
+def _drivers(axes: Axes, result: SweepResult, i: int, strength: np.ndarray, bottom: bool) -> None:
+    """Bars of the parameters that matter most, the strongest on top."""
+    order = np.argsort(-np.nan_to_num(np.abs(strength), nan=-1.0), kind="stable")[:_DRAWN]
+    signed = not result.has_shares
+    if signed:
+        axes.axvspan(-result.correlation_noise, result.correlation_noise, color=_NOISE, zorder=0)
+    for k, j in enumerate(order):
+        x = float(strength[j]) if np.isfinite(strength[j]) else 0.0
+        axes.barh(-k, abs(x), height=0.62, color=_UP if x >= 0 else _DOWN, zorder=2)
+        label: dict[str, Any] = {"va": "center", "fontsize": 8, "color": _INK, "zorder": 3}
+        axes.text(abs(x) + 0.02, -k, f"{x:{'+' if signed else ''}.2f}", **label)
+    names = [own(parameter, result.actuator_names[i]) for parameter in result.parameter_names]
+    short = shortened(names, max(_LETTERS, least_room(names)))
+    axes.set_yticks(-np.arange(len(order)), [short[j] for j in order])
+    axes.set_xlim(0, 1.18)
+    axes.set_ylim(-_DRAWN + 0.4, 0.6)
+    axes.set_xticks((0, 0.5, 1), ("0", "0.5", "1") if bottom else ("", "", ""))
+    _quiet(axes)
+
+
+def _quiet(axes: Axes) -> None:
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(axis="x", colors=_QUIET)
+    axes.tick_params(axis="y", length=0, colors=_INK)

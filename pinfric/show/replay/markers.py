@@ -1,0 +1,100 @@
+"""Where a replay marks a friction site, and in which colours.
+
+A ring round the joint's axis says by its colour what the site does. It is drawn twice: solid where
+nothing hides it, and faintly on top of everything, so that a joint inside its housing shows, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.model.scene import Scene, Site
+from pinfric.show.replay.shapes import Shapes, linkage_frame
+
+#: What a site does -> its colour (Okabe and Ito's palette, told apart with every colour vision).
+COLORS = {
+    "sliding": "#0072B2",
+    "sticking": "#E69F00",
+    "near": "#D55E00",
+    "reversal": "#F0E442",
+    "jammed": "#C2185B",
+}
+#: The same in words, for the legend.
+MEANINGS = {
+    "sliding": "slides",
+    "sticking": "sticks",
+    "near": "sticks, about to break away",
+    "reversal": "reverses between two samples",
+    "jammed": "jammed: no solution, or several",
+}
+#: What a simulated motion means otherwise.
+SIMULATED = {"reversal": "reverses without sticking"}
+FORCE_COLOR = "#7B4FB5"
+PAYLOAD_COLOR = "#1FAF86"
+#: Radius of a ring, as parts of the robot's size: least and most.
+_SMALLEST, _LARGEST = 0.04, 0.09
+#: The arcs span at most this angle (rad), seen along the axis.
+ARC = np.deg2rad(160.0)
+
+
+@dataclass(frozen=True)
+class Marker:
+    """Where a site's marker is drawn.
+
+    Attributes:
+        joint: Pinocchio's index of the joint whose link carries it (0: the ground).
+        placement: of the marker in the joint's frame; its z axis is the site's axis.
+        radius: of its ring, m.
+        turn: (3, 3) from the axes that the site's wrench is given in to the marker's.
+    """
+
+    joint: int
+    placement: pin.SE3
+    radius: float
+    turn: np.ndarray
+
+
+def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker:
+    """Place a site's ring round its axis at the bearing's middle, outside the links if it can.
+
+    Args:
+        scene: the robot.
+        site: a joint with friction, of the tree or of a loop.
+        shapes: what is drawn of the robot.
+        size: of the robot, m.
+    """
+    bearing = site.friction.bearing
+    offset = 0.0 if bearing is None else bearing.offset
+    up = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), site.axis).toRotationMatrix()
+    placement = pin.SE3(up, offset * site.axis)
+    radius = 0.0 if bearing is None or bearing.radius is None else 1.15 * bearing.radius
+    least, most = _SMALLEST * size, max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
+    if site.loop >= 0:
+        assert scene.linkage is not None  # there are loops
+        joint, frame = linkage_frame(scene.linkage, site.loop, 1)
+        return Marker(joint, frame * placement, float(np.clip(radius, least, most)), up.T)
+    joint = site.joint + 1
+    seen = _points_around(scene, joint, shapes)
+    if len(seen):
+        local = (seen - placement.translation) @ placement.rotation
+        slab = np.abs(local[:, 2]) < 0.5 * least
+        reach = np.hypot(local[slab, 0], local[slab, 1])
+        reach = reach[reach < most]
+        if len(reach) > 10:
+            radius = max(radius, 1.12 * float(np.quantile(reach, 0.75)))
+    return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
+
+
+def _points_around(scene: Scene, joint: int, shapes: Shapes) -> np.ndarray:
+    """(n, 3) points on the visuals of the joint and of its parent, in the joint's frame at q0."""
+    to_joint = scene.model.jointPlacements[joint].inverse()
+    parts = [np.empty((0, 3))]
+    for visual in shapes.visuals:
+        if visual.joint in (joint, scene.model.parents[joint]):
+            place = visual.placement if visual.joint == joint else to_joint * visual.placement
+            points = visual.mesh.vertices[:: max(1, len(visual.mesh.vertices) // 2000)]
+            parts.append(points @ place.rotation.T + place.translation)
+    return np.concatenate(parts)

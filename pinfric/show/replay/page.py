@@ -1,0 +1,179 @@
+"""The replay as one HTML file: meshcat's viewer, what it draws, the frames, and our controls.
+
+Nothing is fetched: the file plays from a disk without a network. The drawing commands and the
+frames are compressed; every browser since 2023 unpacks them by itself.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+import re
+import struct
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.model.scene import Scene
+from pinfric.show.replay import markers, stage, surfaces
+from pinfric.show.replay.frames import Frames
+from pinfric.show.replay.stage import Stage
+from pinfric.show.replay.window import RecordingWindow
+from pinfric.show.report.inverse import json_safe
+
+
+def replay_html(scene: Scene, frames: Frames, title: str) -> str:
+    """Return the page.
+
+    Args:
+        scene: the robot.
+        frames: its motion.
+        title: heading of the page and its window.
+    """
+    import meshcat
+
+    import pinfric
+
+    window = RecordingWindow()
+    staged = stage.set_stage(meshcat.Visualizer(window=window), scene, frames.placement)
+    viewer = Path(meshcat.__file__).parent / "viewer/dist/main.min.js"
+    return _fill(
+        _template("replay.html"),
+        version=pinfric.__version__,
+        title=html.escape(title),
+        heading=re.sub(r"([_/-]+)", r"\1<wbr>", html.escape(title)),  # may break there
+        style=_template("replay.css"),
+        meshcat=_in_script(viewer.read_text(encoding="utf-8")),
+        data=_as_json(_data(scene, frames, staged)),
+        commands=_packed(b"".join(struct.pack("<I", len(c)) + c for c in window.commands)),
+        frames=_packed(_arrays(scene, frames)),
+        script=_in_script(_fill(_template("replay.js"), timeline=_template("replay_timeline.js"))),
+    )
+
+
+def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
+    """What the page's script reads, apart from the frames."""
+    sites = [
+        {
+            "name": site.name,
+            "path": path,
+            "sliding": site.sliding,
+            "ball": site.ball,
+            "turn": pin.Quaternion(marker.turn).coeffs(),
+            "arc_radius": stage.ARC_REACH * marker.radius,
+            "times": {
+                "sticking": times.sticking, "near": times.near,
+                "reversal": times.reversal, "jammed": times.jammed,
+            },
+        }
+        for site, path, marker, times in zip(
+            scene.sites, staged.site_paths, staged.markers, frames.sites, strict=True
+        )
+    ]  # fmt: skip
+    return {
+        "simulated": frames.simulated,
+        "about": _about(scene, frames),
+        "frames": len(frames.t),
+        "joints": staged.joint_paths,
+        "sites": sites,
+        "payloads": [
+            {"name": name, "path": path, "spans": frames.carried[name]}
+            for name, path in staged.payload_paths.items()
+        ],
+        "cylinders": [
+            {"path": c.path, "a": [c.a[0] - 1, c.a[1]], "b": [c.b[0] - 1, c.b[1]]}
+            for c in staged.cylinders
+        ],
+        "barrel": stage.BARREL,
+        "colors": markers.COLORS,
+        "meanings": markers.MEANINGS | (markers.SIMULATED if frames.simulated else {}),
+        "force_color": markers.FORCE_COLOR,
+        "payload_color": markers.PAYLOAD_COLOR,
+        "drive_color": stage.DRIVE_COLOR,
+        "drives": scene.linkage is not None and any(d.unit == "N" for d in scene.linkage.drives),
+        "points": _hull(staged.points),
+        "floor": staged.floor,
+        "size": staged.size,
+        "arrow": stage.ARROW * staged.size,
+        "head": {kind: length * staged.size for kind, length in stage.HEADS.items()},
+        "arc": {"angle": markers.ARC, "segments": surfaces.SEGMENTS, "sides": surfaces.SIDES},
+        "most": _most(scene, frames),
+    }
+
+
+def _most(scene: Scene, frames: Frames) -> dict[str, float]:
+    """The largest friction torque, friction force and reaction force: what is drawn longest."""
+    sliding = np.array([site.sliding for site in scene.sites], dtype=bool)
+    friction = np.maximum(np.abs(frames.friction_lower), np.abs(frames.friction_upper))
+
+    def largest(array: np.ndarray) -> float:
+        finite = array[np.isfinite(array)]
+        return float(finite.max()) if finite.size and finite.max() > 0 else 1.0
+
+    return {
+        "turn": largest(friction[:, ~sliding]),
+        "push": largest(friction[:, sliding]),
+        "force": largest(np.linalg.norm(frames.force, axis=-1)),
+    }
+
+
+def _hull(points: np.ndarray) -> np.ndarray:
+    """The points that can limit a view: the farthest in many directions, to 4 digits."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    height = np.linspace(-1.0, 1.0, 9)[:, None]
+    reach = np.sqrt(1.0 - height**2)
+    directions = np.stack(
+        (reach * np.cos(angle), reach * np.sin(angle), np.broadcast_to(height, (9, 24))), axis=-1
+    ).reshape(-1, 3)
+    farthest = np.unique(np.argmax(directions @ points.T, axis=1))
+    return np.round(points[farthest], 4)
+
+
+def _about(scene: Scene, frames: Frames) -> str:
+    """One line below the title."""
+    kind = "Simulated motion" if frames.simulated else "Inverse dynamics along a motion"
+    count = len(scene.sites)
+    joints = "no joint" if count == 0 else "1 joint" if count == 1 else f"{count} joints"
+    gravity = np.array(scene.model.gravity.linear)
+    turned = np.linalg.norm(gravity) > 0 and gravity[2] > -0.999 * np.linalg.norm(gravity)
+    text = (
+        f"{kind}, {frames.duration:.4g} s, friction in {joints}"
+        f"{'; drawn with gravity downwards' if turned else ''}."
+    )
+    return f"{text} It ended early: {frames.ended}" if frames.ended else text
+
+
+def _arrays(scene: Scene, frames: Frames) -> bytes:
+    """The frames as the script takes them: t in double precision, the rest in single."""
+    balls = frames.slip[:, [site.ball for site in scene.sites]]
+    rest = (frames.placement, frames.friction_lower, frames.friction_upper, frames.use,
+            frames.force, balls)  # fmt: skip
+    t = np.ascontiguousarray(frames.t, dtype="<f8")
+    return b"".join([t.tobytes(), *(np.asarray(a, dtype="<f4").tobytes() for a in rest)])
+
+
+def _packed(content: bytes) -> str:
+    return base64.b64encode(gzip.compress(content, 6, mtime=0)).decode("ascii")
+
+
+def _template(name: str) -> str:
+    return (resources.files("pinfric.show.replay") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _as_json(content: dict[str, Any]) -> str:
+    return json.dumps(json_safe(content), allow_nan=False).replace("<", "\\u003c")
+
+
+def _in_script(text: str) -> str:
+    """Text that cannot end the <script> it stands in."""
+    return text.replace("</script", "<\\/script")
+
+
+def _fill(template: str, **parts: str) -> str:
+    """Replace each {{name}}; what is put in is not looked at again."""
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], template)

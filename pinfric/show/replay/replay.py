@@ -1,0 +1,208 @@
+"""Replay a motion: the robot in 3D with a marker at every joint that sticks or slides."""
+
+from __future__ import annotations
+
+import html as html_escaping
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.motion import Motion, scene_digests
+from pinfric.dynamics.motion_file import load_motion
+from pinfric.dynamics.result import InverseResult, StickInterval
+from pinfric.errors import StateError, TrajectoryError
+from pinfric.model.files import write_file
+from pinfric.model.scene import Scene
+from pinfric.show.replay.frames import RATE, make_frames
+from pinfric.study.scene_run import run_scene
+from pinfric.study.trajectory.log.reading import ReadingOptions
+from pinfric.study.trajectory.trajectory import load_trajectory
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A replay as a page that needs no network; a notebook shows it by itself.
+
+    Attributes:
+        page: the HTML.
+        html: the file it was written to, or None.
+        duration: of the motion, s.
+        frames: number of frames.
+        stick_intervals: when which site sticks.
+    """
+
+    page: str
+    html: Path | None
+    duration: float
+    frames: int
+    stick_intervals: tuple[StickInterval, ...]
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page to a file.
+
+        Raises:
+            PinfricError: the file cannot be written.
+        """
+        return write_file(path, lambda file: file.write_text(self.page, encoding="utf-8"))
+
+    def open(self) -> bool:
+        """Show the page in a browser; return False where there is none or no display."""
+        return self.html is not None and open_page(self.html)
+
+    def __repr__(self) -> str:
+        where = f" in {self.html}" if self.html else ""
+        return f"<replay of {self.duration:.4g} s, {self.frames} frames{where}>"
+
+    def _repr_html_(self) -> str:
+        page = html_escaping.escape(self.page)
+        return (f'<iframe srcdoc="{page}" style="width: 100%; height: 600px; border: 1px solid '
+                '#dfe4ea; border-radius: 6px"></iframe>')  # fmt: skip
+
+
+def replay(
+    scene: Scene,
+    motion: InverseResult | Motion,
+    html: str | Path | None = None,
+    open_browser: bool = False,
+    *,
+    title: str | None = None,
+    rate: float = RATE,
+) -> Replay:
+    """Return a page that plays a motion: robot, joints that stick or slide, forces, intervals.
+
+    At each friction site a ring shows by its colour whether the joint slides, sticks, is about to
+    break away, reverses, or is jammed; arcs show its friction (at rest: all it can be, both
+    ways), arrows the force of the parent on the child.
+
+    Args:
+        scene: the robot the motion is of.
+        motion: a result of `inverse_dynamics` with times, or a simulated motion.
+        html: file to write; None writes none, unless a browser needs one.
+        open_browser: show it at once; where there is no display or no browser, `html` says where
+            the page is.
+        title: heading; None takes the scene's name.
+        rate: frames per second; samples at which sticking begins or ends are always frames.
+
+    Raises:
+        StateError: the motion has no times, or is of another scene.
+        PinfricError: the file cannot be written.
+    """
+    from pinfric.show.replay.page import replay_html
+
+    check_same_scene(scene, motion)
+    frames = make_frames(scene, motion, rate)
+    page = replay_html(scene, frames, title or Path(scene.source).stem)
+    if html is None and open_browser:
+        html = Path(tempfile.mkdtemp(prefix="pinfric-")) / "replay.html"
+    done = Replay(
+        page=page, html=None if html is None else Path(html), duration=frames.duration,
+        frames=len(frames.t), stick_intervals=frames.stick_intervals,
+    )  # fmt: skip
+    if done.html is not None:
+        done.save(done.html)
+        if open_browser:
+            done.open()
+    return done
+
+
+def motion_to_replay(
+    scene: Scene,
+    name: str | None = None,
+    notice: Callable[[str], object] = lambda _: None,
+    log: ReadingOptions = ReadingOptions(),  # noqa: B008
+) -> InverseResult | Motion:
+    """Return what `pinfric replay SCENE [NAME]` shows.
+
+    Args:
+        scene: the robot.
+        name: a saved motion (.npz), a trajectory (log, CSV, way-points; a file or a bundled one),
+            whose inverse dynamics are computed, or None: the scene's own simulation.
+        notice: called with each of the trajectory's warnings.
+        log: how a log is to be read.
+
+    Raises:
+        PinfricError: the file cannot be read or is of another scene; there is no simulation.
+    """
+    if name is None:
+        return run_scene(scene)
+    if Path(name).suffix.lower() == ".npz":
+        if not os.path.isfile(name):
+            raise TrajectoryError(f"there is no file {name}; `Motion.save` writes such files")
+        return load_motion(name, scene)
+    trajectory = load_trajectory(name, scene, log)
+    for text in trajectory.warnings:
+        notice(f"{trajectory.source}: {text}")
+    return inverse_dynamics(scene, trajectory)
+
+
+def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
+    """Return the lines that `pinfric replay` prints.
+
+    Args:
+        shown: the replay.
+        opened: whether a browser shows it; None where none was asked for.
+    """
+    sticks = len(shown.stick_intervals)
+    intervals = "no stiction" if sticks == 0 else f"{sticks} stiction interval{'s' * (sticks > 1)}"
+    lines = [f"{shown.duration:.4g} s, {shown.frames} frames, {intervals}: {shown.html}"]
+    if opened is False:
+        lines.append("there is no display or no browser here: open the file where there is one")
+    return lines
+
+
+def replay_json(shown: Replay, warnings: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what `pinfric replay --json` prints; times in s.
+
+    Args:
+        shown: the replay.
+        warnings: what was noticed on the way.
+    """
+    return {
+        "html": None if shown.html is None else str(shown.html),
+        "duration": shown.duration,
+        "frames": shown.frames,
+        "stick_intervals": [
+            {"site": i.site, "start": i.start, "end": i.end} for i in shown.stick_intervals
+        ],
+        "warnings": list(warnings),
+    }
+
+
+def check_same_scene(scene: Scene, motion: InverseResult | Motion) -> None:
+    """Refuse a motion of another scene: its numbers would move the wrong joints.
+
+    Raises:
+        StateError: says which parts of the scenes differ.
+        SceneError: a `scene.model` was changed after its scene was made.
+    """
+    other = motion.scene
+    scene.check_unchanged()
+    other.check_unchanged()
+    if other is scene:
+        return
+    here, there = scene_digests(scene), scene_digests(other)
+    differ = [part for part in here if here[part] != there[part]]
+    if differ:
+        raise StateError(
+            f"replay: the motion is of another scene, {other.source}; {scene.source} differs in "
+            f"{', '.join(differ)}"
+        )
+
+
+def open_page(page: str | Path) -> bool:
+    """Show a file or an address in a browser; return False where there is none or no display."""
+    import webbrowser
+
+    graphical = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in graphical):
+        return False  # webbrowser would start a text browser in the terminal
+    address = page if isinstance(page, str) and "://" in page else Path(page).absolute().as_uri()
+    try:
+        return webbrowser.open(str(address))
+    except webbrowser.Error:
+        return False

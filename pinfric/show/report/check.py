@@ -1,0 +1,115 @@
+"""What `pinfric check` found: a list for people, a dictionary for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pinfric.model.brief import counted
+from pinfric.show.report.inverse import json_safe
+from pinfric.study.check.findings import CheckReport, Finding, Severity
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_STYLES = {Severity.ERROR: "bold red", Severity.WARNING: "yellow", Severity.NOTE: "dim"}
+#: The same finding at more places is one line, with so many of their names.
+_MOST_NAMES = 4
+
+
+def check_json(report: CheckReport) -> dict[str, Any]:
+    """Return everything `pinfric check --json` prints."""
+    import pinfric
+
+    findings = [
+        {**asdict(finding), "severity": finding.severity.name.lower(), "text": finding.text}
+        for finding in report.findings
+    ]
+    return json_safe({
+        "pinfric": pinfric.__version__,
+        "source": report.source,
+        "robot": report.figures,
+        "errors": report.count(Severity.ERROR),
+        "warnings": [f"{f.place}: {f.text}" for f in report.findings
+                     if f.severity == Severity.WARNING],
+        "notes": report.count(Severity.NOTE),
+        "findings": findings,
+    })  # fmt: skip
+
+
+def check_report(report: CheckReport) -> list[RenderableType]:
+    """Return the list that `pinfric check` prints, for a rich console."""
+    from rich.text import Text
+
+    items: list[RenderableType] = [Text(_title(report), style="bold"), Text()]
+    items += [finding_list(report.findings), Text()] if report.findings else []
+    return [*items, Text(_closing(report))]
+
+
+def doubts(report: CheckReport) -> list[RenderableType]:
+    """Return what `pinfric new` says of a robot: errors, warnings, and how many notes."""
+    from rich.text import Text
+
+    grave = [finding for finding in report.findings if finding.severity > Severity.NOTE]
+    notes = len(report.findings) - len(grave)
+    items: list[RenderableType] = [finding_list(grave)] if grave else []
+    if notes:
+        also = "also " if grave else ""
+        items.append(Text(f"{also}{counted(notes, 'note')}, listed by `pinfric check`"))
+    return items
+
+
+def finding_list(findings: Iterable[Finding]) -> RenderableType:
+    """Return findings as lines, the same finding at several places as one."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    groups: dict[tuple[Severity, str], list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.severity, finding.kind), []).append(finding)
+    for (severity, _), same in groups.items():
+        style = _STYLES[severity]
+        table.add_row(
+            Text(severity.name.lower(), style),
+            Text.assemble((same[0].place, "bold"), f": {same[0].text}{_others(same[1:])}"),
+        )
+    return table
+
+
+def _others(same: list[Finding]) -> str:
+    """The places of further findings of the same kind."""
+    if not same:
+        return ""
+    word = same[0].place.partition(" ")[0]
+    names = [f.place.removeprefix(f"{word} ") for f in same[:_MOST_NAMES]]
+    more = f" and {len(same) - len(names)} more" if len(same) > len(names) else ""
+    return f"; also {', '.join(names)}{more}"
+
+
+def _title(report: CheckReport) -> str:
+    figures = report.figures
+    name = Path(report.source).name
+    if not figures:
+        return name
+    parts = [
+        counted(int(figures["links"]), "link"),
+        counted(int(figures["joints"]), "joint"),
+        f"{figures['moving_mass']:.4g} kg that move",
+        *([f"{figures['reach']:.3g} m reach"] if figures["reach"] else []),
+    ]
+    return f"{name}: {', '.join(parts)}"
+
+
+def _closing(report: CheckReport) -> str:
+    numbers = {s: report.count(s) for s in (Severity.ERROR, Severity.WARNING, Severity.NOTE)}
+    listed = ", ".join(counted(n, s.name.lower()) for s, n in numbers.items() if n)
+    if numbers[Severity.ERROR]:
+        return f"{listed}: correct the errors before you trust any figure."
+    if numbers[Severity.WARNING]:
+        return f"{listed}: it can be computed with; look at the warnings first."
+    return f"nothing implausible found{f' ({listed})' if listed else ''}."

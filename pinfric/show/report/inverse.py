@@ -1,0 +1,311 @@
+"""What a result says in words and figures: tables for people, a dictionary for machines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.dynamics.result import InverseResult, Status, runs
+from pinfric.model.brief import counted
+from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.study.explain import Explanation
+from pinfric.study.summary import (
+    ROUNDING,
+    ActuatorSummary,
+    payload_phases,
+    rounding,
+    summarize,
+)
+from pinfric.study.trajectory.log.judged import JudgedLog, MeasuredEffort
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+#: A peak that is known to no better than this share of itself is printed with its uncertainty.
+_UNCERTAIN_SHARE = 0.1
+
+
+def inverse_json(
+    result: InverseResult,
+    trajectory: str,
+    warnings: Sequence[str] = (),
+    log: JudgedLog | None = None,
+) -> dict[str, Any]:
+    """Return everything `pinfric inverse --json` prints; SI units, None for what is not a number.
+
+    Args:
+        result: with times.
+        trajectory: its name or path.
+        warnings: what was noticed on the way.
+        log: how the trajectory was read, if it came from samples.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    import pinfric
+
+    summaries = summarize(result)
+    assert result.t is not None  # summarize refuses a result without
+    return json_safe({
+        "pinfric": pinfric.__version__,
+        "scene": result.scene.source,
+        "trajectory": trajectory,
+        "samples": len(result.t),
+        "start": result.t[0],
+        "end": result.t[-1],
+        "joints": [asdict(summary) for summary in summaries],
+        "sites": [
+            {"name": name, "stick_intervals": len(runs(result.sticking[:, s])),
+             "reversals": result.reversal[:, s].sum(),
+             "max_normal_load": result.normal_load[:, s].max()}
+            for s, name in enumerate(result.site_names)
+        ],
+        "stick_intervals": [asdict(interval) for interval in result.stick_intervals()],
+        "payloads": {name: [{"start": start, "end": end} for start, end in spans]
+                     for name, spans in payload_phases(result).items()},
+        "status": {status.name.lower(): (result.status == status).sum() for status in Status},
+        "warnings": list(warnings),
+        "input": None if log is None else _input_json(log),
+    })  # fmt: skip
+
+
+def _input_json(log: JudgedLog) -> dict[str, Any]:
+    """How a log was read: Hz, s, rad or m by joint; N m or N by drive."""
+    reading = log.reading
+    return {
+        "samples": reading.samples,
+        "dropped": reading.dropped,
+        "resampled": reading.resampled,
+        "jitter": reading.jitter,
+        "noise": dict(reading.noise),
+        "cutoff": dict(reading.cutoff),
+        "peak_uncertainty": dict(log.peak_uncertainty),
+        "measured": {name: asdict(found) for name, found in log.measured.items()},
+        "said": list(reading.said),
+    }
+
+
+def json_safe(value: Any) -> Any:
+    """Return `value` in types of JSON: arrays as lists, NaN and infinity as None."""
+    if isinstance(value, dict):
+        return {str(key): json_safe(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_safe(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return json_safe(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def inverse_report(
+    result: InverseResult, trajectory: str, log: JudgedLog | None = None
+) -> list[RenderableType]:
+    """Return the tables and lines that `pinfric inverse` prints, for a rich console.
+
+    Args:
+        result: with times.
+        trajectory: its name, for the title.
+        log: how the trajectory was read, if it came from samples.
+
+    Raises:
+        StateError: the result has no times.
+    """
+    from rich.text import Text
+
+    summaries = summarize(result)
+    tables: list[RenderableType] = [_effort_table(result, summaries, trajectory, log)]
+    geared = [s for s, drive in zip(summaries, result.scene.drives, strict=True)
+              if drive.transmission is not None]  # fmt: skip
+    if geared:
+        tables += [Text(), _motor_table(geared)]
+    lines = [*_footer(result), *log_lines(log, {s.name: s.unit for s in summaries})]
+    if log is not None and log.measured:
+        lines.append("off log: RMS of (logged effort - computed) / RMS of the logged effort")
+    return [*tables, Text(), *(Text(line) for line in lines)]
+
+
+def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
+    """Return "filtered at 11 Hz, noise 1.0e-05 rad, peak efforts known to ±0.4 N m", or nothing.
+
+    Args:
+        log: None where the motion is no log's.
+        units: drive -> N m or N.
+    """
+    if log is None:
+        return []
+    if not log.reading.noise_line:
+        return []
+    known = ""
+    if log.peak_uncertainty:
+        name = max(log.peak_uncertainty, key=log.peak_uncertainty.__getitem__)
+        known = f", peak efforts known to ±{_rough(log.peak_uncertainty[name])} {units[name]}"
+    return [f"{log.reading.noise_line}{known}"]
+
+
+def _effort_table(
+    result: InverseResult,
+    summaries: Sequence[ActuatorSummary],
+    trajectory: str,
+    log: JudgedLog | None,
+) -> Table:
+    assert result.t is not None
+    units = {s.unit for s in summaries}
+    unit = units.pop() if len(units) == 1 else ""
+    title = (
+        f"{Path(result.scene.source).stem} · {trajectory}" if trajectory else result.scene.source
+    )
+    count = len(result.t)
+    title += f": {count} sample{'s' * (count > 1)}, {digits(result.t[-1] - result.t[0])} s"
+    key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
+    headings = (
+        ("peak", unit), ("RMS\nleast–worst", unit),  # noqa: RUF001 - a range
+        ("frictionless\npeak, RMS", unit),
+        ("friction\nshare", ""), ("sticks", "s"), ("widest\ninterval", unit),
+    )  # fmt: skip
+    figures = [Column(heading + (f"\n{unit}" if unit else "")) for heading, unit in headings]
+    measured = {} if log is None else log.measured
+    if measured:
+        figures.append(Column("off\nlog"))
+    zero = rounding(result)
+    rows = [
+        (
+            s.name, *([] if unit else [s.unit]),
+            _peak(s, zero, log), span(s.rms_least, s.rms, zero),
+            f"{digits(s.peak_frictionless, zero)}, {digits(s.rms_frictionless, zero)}",
+            "n/a" if math.isnan(s.friction_share) else f"{100 * s.friction_share:.0f} %",
+            digits(s.stick_time), digits(s.max_interval, zero),
+            *([_off(measured.get(s.name))] if measured else []),
+        )
+        for s in summaries
+    ]  # fmt: skip
+    return Table(title, [*key, *figures], rows, keys=len(key))
+
+
+def _off(measured: MeasuredEffort | None) -> str:
+    if measured is None or not np.isfinite(measured.relative_error):
+        return ""  # no effort was logged, or none but zero
+    return f"{100 * measured.relative_error:.0f} %"
+
+
+def _peak(summary: ActuatorSummary, zero: float, log: JudgedLog | None) -> str:
+    """The peak effort; beside it how far it is known, where that is more than a tenth of it."""
+    text = digits(summary.peak, zero)
+    uncertain = 0.0 if log is None else log.peak_uncertainty.get(summary.name, 0.0)
+    if uncertain <= max(_UNCERTAIN_SHARE * summary.peak, zero):
+        return text
+    return f"{text} ±{_rough(uncertain)}"
+
+
+def _motor_table(geared: Sequence[ActuatorSummary]) -> Table:
+    zero = ROUNDING * max(s.motor_peak for s in geared)
+    rows = [
+        (s.name, digits(s.motor_peak, zero), span(s.motor_rms_least, s.motor_rms, zero))
+        for s in geared
+    ]
+    columns = (Column("joint", Kind.NAME), Column("peak\nN m"), Column("RMS\nN m"))
+    return Table("at the motors' shafts", columns, rows)
+
+
+def _footer(result: InverseResult) -> list[str]:
+    """What the table cannot say: how often joints rest, what is carried, what did not converge."""
+    sites = len(result.site_names)
+    lines = []
+    if sites:
+        sticks = [len(runs(result.sticking[:, s])) for s in range(sites)]
+        resting = f"{np.count_nonzero(sticks)} of {counted(sites, 'joint')} with friction stick"
+        resting += f", in {counted(sum(sticks), 'interval')}" if any(sticks) else ""
+        reversals = counted(int(result.reversal.sum()), "reversal")
+        lines.append(f"{resting}; {reversals} between samples")
+    else:
+        lines.append("no joint has friction")
+    for name, spans in payload_phases(result).items():
+        times = ", ".join(f"{digits(start)}-{digits(end)} s" for start, end in spans)
+        lines.append(f"payload {name}: {f'carried {times}' if spans else 'not carried'}")
+    failed = np.flatnonzero(result.status != Status.CONVERGED)
+    if failed.size:
+        lines.append(f"{counted(failed.size, 'sample')} without a solution, the first {failed[0]}")
+    if sites:
+        lines.append("share: RMS of friction / (RMS of friction + frictionless RMS)")
+    return lines
+
+
+def digits(x: float, zero: float = 0.0) -> str:
+    """Return x with three significant digits and no needless exponent; "n/a" for NaN.
+
+    Args:
+        x: the number.
+        zero: what is not larger prints as 0; see `rounding`.
+    """
+    if not math.isfinite(x):
+        return "n/a"
+    if abs(x) <= zero:
+        return "0"
+    size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
+    if -3 <= size <= 5:
+        return f"{x:.{max(2 - size, 0)}f}"
+    mantissa, exponent = f"{x:.2e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def _rough(x: float) -> str:
+    """Return x with two significant digits: an uncertainty is known no better."""
+    return f"{float(f'{x:.1e}'):g}"
+
+
+def span(least: float, worst: float, zero: float = 0.0) -> str:
+    """Return "least–worst", or one number where the two print alike."""
+    low, high = digits(least, zero), digits(worst, zero)
+    return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range
+
+
+def explain_json(
+    explanation: Explanation, scene: str, warnings: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return everything `pinfric explain --json` prints; SI units but for `_us` (microseconds).
+
+    Args:
+        explanation: what was measured.
+        scene: its file.
+        warnings: what was noticed on the way.
+    """
+    return json_safe({"scene": scene, **asdict(explanation), "warnings": list(warnings)})
+
+
+def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]:
+    """Return the tables and lines that `pinfric explain` prints, for a rich console."""
+    from rich.text import Text
+
+    name = Path(scene).stem
+    called = Table(
+        f"{name}: the effects it calls for",
+        (Column("effect", Kind.LABEL), Column("", Kind.LABEL), Column("why", Kind.WORDS)),
+        [(row.name, "on" if row.on else "off", row.why) for row in explanation.effects],
+        faint=frozenset(i for i, row in enumerate(explanation.effects) if not row.on),
+    )
+    measured = Table(
+        f"{name}: what they cost and change",
+        (Column("effect", Kind.LABEL), Column("cost\nus"), Column("peak\nchange"),
+         Column("RMS\nchange"), Column("of", Kind.NAME)),
+        [(row.name, f"{row.cost_us:.2f}", _signed(row.peak_change), _signed(row.rms_change),
+          f"{row.drive}{' (motor)' if row.motor_side else ''}")
+         for row in explanation.effects if math.isfinite(row.cost_us)],
+    )  # fmt: skip
+    lines = [
+        f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
+        f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
+        "cost: what leaving it out saves; change: what it adds to the worst effort of the drive "
+        "where the RMS changes most",
+    ]
+    if any(row.name == "coupling" and row.on for row in explanation.effects):
+        lines.append("coupling: against one pass with the loads that there are without friction")
+    return [called, Text(), measured, Text(), *(Text(line) for line in lines)]
+
+
+def _signed(x: float) -> str:
+    return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x))}"

@@ -1,0 +1,267 @@
+"""What a sweep says: tables for people, a dictionary for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pinfric.show.report.inverse import digits, json_safe
+from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.study.sweep.cycle import DEMANDS
+from pinfric.study.sweep.motors import Trial
+from pinfric.study.sweep.result import Probability, SweepResult
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+#: Parameters named per drive and figure, and the least share of the variance that is.
+_NAMED, _LEAST_SHARE = 2, 0.01
+_AT_JOINT, _AT_MOTOR = ("peak", "rms"), ("motor_peak", "motor_rms")
+_HEADINGS = {"peak": "peak", "rms": "RMS", "motor_peak": "peak", "motor_rms": "RMS"}
+_DESIGNS = {"random": "random samples", "sobol": "samples of a Sobol design",
+            "grid": "points of a grid"}  # fmt: skip
+
+
+def sweep_json(result: SweepResult, warnings: Sequence[str] = ()) -> dict[str, Any]:
+    """Return everything `pinfric sweep --json` prints; SI units, None for what is not a number.
+
+    Args:
+        result: of `sweep`.
+        warnings: what was noticed on the way.
+    """
+    import pinfric
+
+    content: dict[str, Any] = {
+        "pinfric": pinfric.__version__,
+        "scene": result.scene,
+        "trajectory": result.trajectory,
+        "sweep": result.sweep,
+        "sampling": result.sampling,
+        "seed": result.seed,
+        "samples": result.samples,
+        "solved": int(result.solved.sum()),
+        "parameters": [
+            {"name": name, "min": column.min(), "mean": column.mean(), "max": column.max()}
+            for name, column in zip(result.parameter_names, result.values.T, strict=True)
+        ],
+        "joints": [],
+        "correlation_noise": result.correlation_noise,
+        "motors": [_trial_json(result, trial) for trial in result.trials],
+        "all_motors_suffice": (
+            asdict(result.probability(result.sufficing())) if result.trials else None
+        ),
+        "warnings": list(warnings),
+    }
+    quantiles = {name: result.quantiles(name) for name in DEMANDS} if result.solved.any() else {}
+    correlations = {name: result.rank_correlation(name) for name in DEMANDS}
+    shares = {name: result.sobol(name) for name in DEMANDS}
+    for i, (drive, unit) in enumerate(zip(result.actuator_names, result.units, strict=True)):
+        joint: dict[str, Any] = {"name": drive, "unit": unit}
+        for name in DEMANDS:
+            joint[name] = {
+                "percentiles": {f"{p:g}": quantiles[name][k, i]
+                                for k, p in enumerate(result.percentiles) if quantiles},
+                "rank_correlation": dict(
+                    zip(result.parameter_names, correlations[name][:, i], strict=True)
+                ),
+            }  # fmt: skip
+            found = shares[name]
+            if found is not None:
+                joint[name]["sobol"] = {
+                    parameter: {key: getattr(found[i], key)[j] for key in asdict(found[i])}
+                    for j, parameter in enumerate(result.parameter_names)
+                }
+        content["joints"].append(joint)
+    return dict(json_safe(content))
+
+
+def _trial_json(result: SweepResult, trial: Trial) -> dict[str, Any]:
+    met = trial.met(result.figures)
+    own = asdict(trial)
+    own["criteria_of_size"] = bool(own.pop("checks"))
+    return {
+        **own,
+        "suffices": asdict(result.probability(result.sufficing(trial))),
+        "criteria": {name: asdict(result.probability(mask)) for name, mask in met.items()},
+        "not_checked": trial.not_checked(result.figures),
+    }
+
+
+def sweep_report(result: SweepResult) -> list[RenderableType]:
+    """Return the tables and lines that `pinfric sweep` prints, for a rich console.
+
+    Args:
+        result: of `sweep`.
+    """
+    from rich.text import Text
+
+    parts: list[RenderableType] = []
+    title = f"{Path(result.scene).stem} · {Path(result.trajectory).name}: "
+    title += f"{result.samples} {_DESIGNS[result.sampling]}"
+    parts.append(Text(title, style="bold"))
+    if result.solved.any():
+        parts += [Text(), _percentile_table(result, _AT_JOINT, result.units, "at the joints")]
+        names, where = shaft_figures(result)
+        if names == _AT_MOTOR:
+            shafts = _percentile_table(result, names, shaft_units(result), where[1:])
+            parts += [Text(), shafts]
+        parts += [Text(), _driver_table(result, names, where)]
+    if result.trials:
+        parts += [Text(), _motor_table(result)]
+    return [*parts, Text(), *(Text(line) for line in _footer(result))]
+
+
+def _percentile_table(
+    result: SweepResult, names: Sequence[str], units: Sequence[str], title: str
+) -> Table:
+    same = len(set(units)) == 1
+    key = [Column("joint", Kind.NAME)] + ([] if same else [Column("unit", Kind.LABEL)])
+    figures = [Column(f"{_HEADINGS[name]}\n{p:g} %") for name in names for p in result.percentiles]
+    quantiles = np.concatenate([result.quantiles(name) for name in names])
+    rows = [
+        (drive, *([] if same else [units[i]]), *(digits(x) for x in quantiles[:, i]))
+        for i, drive in enumerate(result.actuator_names)
+    ]
+    title = f"{title}, {units[0]}" if same else title
+    return Table(title, [*key, *figures], rows, keys=len(key))
+
+
+def _driver_table(result: SweepResult, names: Sequence[str], where: str) -> Table:
+    """Which parameters decide a drive's peak and RMS."""
+    measure, _ = strengths(result, names[0])
+    columns = [Column("joint", Kind.NAME)]
+    rows = [[drive] for drive in result.actuator_names]
+    for name in names:
+        parameters = [brief(parameter) for parameter in result.parameter_names]
+        columns += [Column(_HEADINGS[name], Kind.NAME, parameters), Column("")]
+        strength = strengths(result, name)[1]
+        for i, row in enumerate(rows):
+            row += _strongest(result, row[0], strength[:, i])
+    return Table(f"what drives it{where}: {measure}", columns, rows)
+
+
+def shaft_figures(result: SweepResult) -> tuple[tuple[str, str], str]:
+    """Return the names of peak and RMS at the motors' shafts (of ideal drives: at the joints)."""
+    at_joint, at_motor = result.figure("peak"), result.figure("motor_peak")
+    if (at_joint != at_motor)[result.solved].any():
+        return _AT_MOTOR, " at the motors' shafts"
+    return _AT_JOINT, " at the joints"
+
+
+def shaft_units(result: SweepResult) -> tuple[str, ...]:
+    """Return (na,) units of these figures: N m behind a gear."""
+    motor = result.figure("motor_peak")
+    geared = (result.figure("peak") != motor)[result.solved].any(axis=0)
+    return tuple("N m" if g else u for g, u in zip(geared, result.units, strict=True))
+
+
+def strengths(result: SweepResult, name: str) -> tuple[str, np.ndarray]:
+    """Return how each parameter moves a figure, (np, na), and what that is called."""
+    shares = result.sobol(name) if result.has_shares else None
+    if shares is None:
+        return "rank correlation", result.rank_correlation(name)
+    total = np.column_stack([drive.total for drive in shares])
+    return "share of the variance, interactions included", total
+
+
+def _strongest(result: SweepResult, drive: str, strength: np.ndarray) -> tuple[str, str]:
+    """The parameters that matter most, and how much; those within the noise are left out."""
+    signed = not result.has_shares
+    least = result.correlation_noise if signed else _LEAST_SHARE
+    order = np.argsort(-np.nan_to_num(np.abs(strength), nan=-1.0), kind="stable")
+    found = [j for j in order[:_NAMED] if abs(strength[j]) > least]
+    if not found:
+        return "nothing found", ""
+    names = [own(result.parameter_names[j], drive) for j in found]
+    return "\n".join(names), "\n".join(f"{strength[j]:{'+' if signed else ''}.2f}" for j in found)
+
+
+def own(parameter: str, drive: str) -> str:
+    """Return a parameter's brief name, of the drive's own joint "its coulomb"."""
+    name = brief(parameter)
+    return f"its {name.removeprefix(f'{drive}.')}" if name.startswith(f"{drive}.") else name
+
+
+def brief(parameter: str) -> str:
+    """Return a parameter's name without its section, which the key tells: panda_joint5.coulomb."""
+    return parameter.split(".", 1)[-1]
+
+
+def _motor_table(result: SweepResult) -> Table:
+    columns = (Column("joint", Kind.NAME), Column("motor", Kind.WORDS), Column("suffices"),
+               Column("fails", Kind.WORDS))  # fmt: skip
+    rows = [
+        (trial.drive, trial.name or "as given",
+         percent(result.probability(result.sufficing(trial)), interval=True),
+         _failures(result, trial))
+        for trial in result.trials
+    ]  # fmt: skip
+    title = "motors on trial: in how many samples they suffice, and what fails"
+    return Table(title, columns, rows)
+
+
+def _failures(result: SweepResult, trial: Trial) -> str:
+    """The criteria that fail in any sample, and in how many, the most frequent first."""
+    failing = {name: ~mask[result.solved] for name, mask in trial.met(result.figures).items()}
+    shares = {name: mask.sum() / result.samples for name, mask in failing.items() if mask.any()}
+    order = sorted(shares, key=lambda name: -shares[name])
+    return "\n".join(f"{name} {100 * shares[name]:.1f} %" for name in order) or "nothing"
+
+
+def percent(probability: Probability, interval: bool = False) -> str:
+    """Return a share as text, with its confidence interval where asked for and known."""
+    text = f"{100 * probability.value:.1f} %"
+    if interval and probability.low is not None and probability.high is not None:
+        text += f" ({100 * probability.low:.1f}–{100 * probability.high:.1f})"  # noqa: RUF001
+    return text
+
+
+def _footer(result: SweepResult) -> list[str]:
+    lines = []
+    if result.trials:
+        every = percent(result.probability(result.sufficing()), interval=True)
+        lines.append(f"all motors suffice in {every} of the samples")
+        if result.sampling == "random":
+            lines.append("in brackets: 95 % confidence, of the number of samples alone")
+    lines += _trial_notes(result)
+    if not result.solved.all():
+        lines.append(f"{np.count_nonzero(~result.solved)} samples have no solution: left out of "
+                     "percentiles, no motor suffices in them")  # fmt: skip
+    lines.append("peak, RMS: of the worst end of the effort's interval; percentiles over samples")
+    if not result.has_shares:
+        lines.append(
+            f"correlations below {digits(result.correlation_noise)} are not told from chance, and "
+            "a minimum in mid-range is not seen (sampling: sobol sees it)"
+        )
+    return lines
+
+
+def _trial_notes(result: SweepResult) -> list[str]:
+    """What was not checked, and what was put into the model."""
+    lines = []
+    for trial in result.trials:
+        if missing := trial.not_checked(result.figures):
+            lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
+    bare = [trial.drive for trial in result.trials if not trial.checks]
+    if bare:
+        factor = result.trials[0].peak_factor
+        lines.append(
+            f"{', '.join(bare)}: ratings alone, the peak times {factor:g}; gear, life, voltage and "
+            "winding temperature are not looked at (`drive:` does)"
+        )
+    judged = [trial for trial in result.trials if trial.checks]
+    if judged:
+        masses = ", ".join(
+            f"{t.drive} " + ("not known" if t.mass is None else f"{digits(t.mass)} kg")
+            for t in judged
+        )
+        lines.append(
+            f"criteria of `pinfric size`; masses of drives, on their joints' parent links: {masses}"
+            " (those of the other joints are as in the scene; conditions.mass_in_urdf says what "
+            "the links have already)"
+        )
+    return lines

@@ -1,0 +1,222 @@
+"""The one table of all reports: it fits the width it is printed at, and never cuts a number.
+
+    Table("efforts", (Column("joint", Kind.NAME), Column("peak\\nN m")), [("elbow", "5.20")])
+
+Names that do not fit lose what all of them begin and end with (said once above the table), then
+letters in their middle; words are wrapped; columns that still do not fit go into a further block
+below, each with the names again. The width is that of the terminal (of any of the three standard
+streams, so also behind `| less`), or the environment's COLUMNS; without either it is 80.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+from pinfric.show.report.names import affixes, least_room, left_out, shortened, without
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderResult
+
+#: Blanks between columns.
+_GAP = 2
+#: Letters that a name keeps, and a column of words, before another block is begun for the rest.
+_NAME, _WORDS = 14, 20
+
+
+class Kind(Enum):
+    """How a column behaves where room is short."""
+
+    #: Right-aligned; never cut, never wrapped.
+    NUMBER = "number"
+    #: Short words, left-aligned; never cut, never wrapped.
+    LABEL = "label"
+    #: A name a line; cut in the middle, so that each stands for one name only.
+    NAME = "name"
+    #: Wrapped at blanks.
+    WORDS = "words"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column's heading, of one or more lines, and its kind.
+
+    `among`: of names, further ones that are not in the table; a cut name is not one of them.
+    """
+
+    heading: str
+    kind: Kind = Kind.NUMBER
+    among: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table for a rich console.
+
+    Args:
+        title: printed above; empty for none.
+        columns: from left to right.
+        rows: a text per column.
+        keys: how many columns at the left say what a row is: every block repeats them.
+        sections: rows above which a rule is drawn.
+        faint: rows that are printed dim.
+    """
+
+    title: str
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[str]]
+    keys: int = 1
+    sections: frozenset[int] = frozenset()
+    faint: frozenset[int] = frozenset()
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Print it at the console's width."""
+        from rich.text import Text
+
+        layout = _lay_out(self, options.max_width)
+        if self.title:
+            yield Text(self.title, style="bold")
+        if layout.left_out:
+            yield Text(layout.left_out, style="dim")
+        for i, block in enumerate(layout.blocks):
+            if i:
+                yield Text()
+            # a table wider than the console would be cut: a terminal that wraps it loses nothing
+            width = sum(layout.widths[c] for c in block) + _GAP * len(block)
+            wide = options.update(max_width=max(options.max_width, width))
+            yield from console.render(_block(self, layout, block), wide)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """The cells as they are printed, each column's width, the columns of each block."""
+
+    cells: Sequence[Sequence[str]]
+    widths: Sequence[int]
+    blocks: Sequence[Sequence[int]]
+    left_out: str
+
+
+def _lay_out(table: Table, width: int) -> _Layout:
+    cells = [[row[c] for row in table.rows] for c in range(len(table.columns))]
+    whole = [_widest((column.heading, *texts))
+             for column, texts in zip(table.columns, cells, strict=True)]  # fmt: skip
+    first = table.columns[0]
+    known = [*cells[0], *first.among]
+    front, back = affixes(known) if first.kind is Kind.NAME else ("", "")
+    bare = without(cells[0], front, back)
+    among = [without(first.among, front, back), *(column.among for column in table.columns[1:])]
+    least = [
+        _least(column, bare if c == 0 else _lines(texts), among[c], whole[c], width)
+        for c, (column, texts) in enumerate(zip(table.columns, cells, strict=True))
+    ]
+    blocks = _blocks(least, table.keys, width)
+    for narrower in range(width - 1, 0, -1):  # as even as so many blocks can be
+        even = _blocks(least, table.keys, narrower)
+        if len(even) > len(blocks):
+            break
+        blocks = even
+    widths = _grow(table, whole, least, blocks, width)
+    note = ""
+    if widths[0] < whole[0] and (front or back):
+        cells[0], note = bare, left_out(front, back)
+        widths[0] = min(widths[0], _widest((table.columns[0].heading, *bare)))
+    for c, column in enumerate(table.columns):
+        if column.kind is Kind.NAME:
+            cells[c] = _cut(cells[c], among[c], widths[c])
+    return _Layout(cells, widths, blocks, note)
+
+
+def _widest(texts: Sequence[str]) -> int:
+    from rich.cells import cell_len
+
+    return max((cell_len(line) for text in texts for line in text.split("\n")), default=0)
+
+
+def _least(
+    column: Column, texts: Sequence[str], among: Sequence[str], whole: int, width: int
+) -> int:
+    """The width below which a column would rather stand in another block."""
+    heading = _widest((column.heading,))
+    if column.kind is Kind.NAME:
+        tell_apart = least_room([*texts, *among])
+        if tell_apart > width // 2:  # no shorter name is one name only: they are folded
+            tell_apart = 0
+        return min(whole, max(heading, tell_apart, min(_widest(texts), _NAME)))
+    if column.kind is Kind.WORDS:
+        return min(whole, max(heading, _WORDS))
+    return whole
+
+
+def _blocks(least: Sequence[int], keys: int, width: int) -> list[list[int]]:
+    """The columns of each block: as many as fit beside the keys, at least one."""
+    key = list(range(keys))
+    taken = sum(least[c] + _GAP for c in key)
+    blocks: list[list[int]] = []
+    room = 0
+    for c in range(keys, len(least)):
+        if not blocks or least[c] > room:
+            blocks.append([*key])
+            room = width - taken
+        blocks[-1].append(c)
+        room -= least[c] + _GAP
+    return blocks or [key]
+
+
+def _grow(
+    table: Table, whole: Sequence[int], least: Sequence[int], blocks: Sequence[Sequence[int]],
+    width: int,
+) -> list[int]:  # fmt: skip
+    """Widths with what the blocks have to spare: for the keys, then for the rest, left to right."""
+    widths = list(least)
+
+    def spare(block: Sequence[int]) -> int:
+        return width - sum(widths[c] + _GAP for c in block) + _GAP
+
+    for c in range(table.keys):
+        free = min(map(spare, blocks))
+        widths[c] = min(whole[c], widths[c] + max(free, 0))
+    for block in blocks:
+        for c in block[table.keys :]:
+            widths[c] = min(whole[c], widths[c] + max(spare(block), 0))
+    return widths
+
+
+def _cut(cells: Sequence[str], among: Sequence[str], room: int) -> list[str]:
+    names = [*_lines(cells), *among]
+    if least_room(names) > room:
+        return list(cells)
+    short = dict(zip(names, shortened(names, room), strict=True))
+    return ["\n".join(short[name] for name in cell.split("\n")) for cell in cells]
+
+
+def _lines(cells: Sequence[str]) -> list[str]:
+    return [line for cell in cells for line in cell.split("\n")]
+
+
+def _block(table: Table, layout: _Layout, block: Sequence[int]) -> Any:
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table as RichTable
+
+    made = RichTable(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
+    for c in block:
+        column = table.columns[c]
+        number = column.kind is Kind.NUMBER
+        made.add_column(
+            column.heading, justify="right" if number else "left", overflow="fold",
+            width=layout.widths[c], vertical="top",
+        )  # fmt: skip
+    for r in range(len(table.rows)):
+        if r in table.sections and r:
+            made.add_section()
+        made.add_row(*(_cell(layout.cells[c][r]) for c in block),
+                     style="dim" if r in table.faint else None)  # fmt: skip
+    return made
+
+
+def _cell(text: str) -> Any:
+    from rich.text import Text
+
+    return Text(text)  # no markup: a name may hold [brackets]

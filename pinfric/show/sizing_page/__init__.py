@@ -1,0 +1,1 @@
+"""The sizing page: one self-contained HTML file."""

@@ -1,0 +1,201 @@
+"""The sizing page: one self-contained HTML file, plotly inlined once, no network."""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinfric.errors import PinfricError
+from pinfric.model.files import write_file
+from pinfric.show.report.inverse import digits
+from pinfric.show.report.sizing import (
+    ROUNDING,
+    beside,
+    passes,
+    ratio_figures,
+    repetition,
+    span_beside,
+    tightest,
+)
+from pinfric.show.sizing_page.figures import (
+    Figure,
+    effort_over_time,
+    mass_against_margin,
+    temperature,
+    torque_speed,
+)
+from pinfric.study.sizing.assess import Assessment
+from pinfric.study.sizing.criteria import Criterion, Status
+from pinfric.study.sizing.size import JointSizing, SizingReport
+
+#: What stands where there is no figure.
+_NONE = "\N{EN DASH}"
+#: Rejected candidates are listed nearest first; beyond this many only counted.
+_MOST_REJECTED = 100
+#: Margins below are of something infinite, or of a limit of nothing.
+_BEYOND = -1e6
+
+
+def sizing_page(report: SizingReport) -> str:
+    """Return the report as one HTML page.
+
+    Args:
+        report: of `size`.
+
+    Raises:
+        PinfricError: the extra `report` (jinja2, plotly) is not installed.
+    """
+    jinja2, offline = _needed("jinja2"), _needed("plotly.offline")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    environment.filters.update(digits=_digits, beside=_beside, percent=_percent, formula=_formula)
+    figures: dict[str, Figure] = {}
+    joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
+    t = report.result.t
+    assert t is not None  # size refuses a motion without times
+    page: str = environment.get_template("sizing.html.j2").render(
+        report=report,
+        scene=Path(report.given.source).stem,
+        trajectory=Path(report.trajectory).name,
+        cycle=float(t[-1] - t[0]),
+        samples=len(t),
+        joints=joints,
+        matrix=_matrix(report),
+        passes=passes(report),
+        repetition=repetition(report),
+        sources=_sources(report),
+        plotly=offline.get_plotlyjs(),
+        figures=_script_safe(figures),
+        version=import_module("pinfric").__version__,
+        Status=Status,
+    )
+    return page
+
+
+def save_sizing_page(report: SizingReport, path: str | Path) -> Path:
+    """Write the report as one HTML file.
+
+    Raises:
+        PinfricError: the extra `report` is not installed, or the file cannot be written.
+    """
+    page = sizing_page(report)
+    return write_file(path, lambda file: file.write_text(page, encoding="utf-8"))
+
+
+def _needed(module: str) -> Any:
+    try:
+        return import_module(module)
+    except ImportError:
+        raise PinfricError(
+            f"the sizing page needs {module.partition('.')[0]}: pip install 'pinfric[report]'"
+        ) from None
+
+
+def _joint_view(
+    joint: JointSizing, report: SizingReport, figures: dict[str, Figure], k: int
+) -> dict[str, Any]:
+    """What the template shows of one joint; its figures are added to `figures`."""
+    taken, d = joint.taken, joint.demand
+    drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
+    missing = []
+    if joint.motor is not None:
+        title = "The cycle in the motor's envelope"
+        drawn.insert(0, ("envelope", title, torque_speed(joint, report)))
+        warm = temperature(joint, report)
+        if warm is not None:
+            drawn.append(("heat", "Winding temperature, settled cycle", warm))
+        elif taken is not None:
+            heat = next(c for c in taken.criteria if c.name == "winding temperature")
+            missing.append(("Winding temperature", f"{heat.status}: {heat.note}"))
+    if joint.assessments:
+        drawn.append(("trade", "Candidates: mass against margin", mass_against_margin(joint)))
+    ids = []
+    for kind, title, figure in drawn:
+        figures[f"{kind}-{k}"] = figure
+        ids.append((f"{kind}-{k}", title))
+    fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
+    rejected = [a for a in joint.assessments if not a.fits]
+    return {
+        "sizing": joint, "demand": d, "taken": taken, "figures": ids, "missing": missing,
+        "tightest": None if taken is None else tightest(taken),
+        "fitting": fitting, "rejected": rejected[:_MOST_REJECTED],
+        "more_rejected": max(len(rejected) - _MOST_REJECTED, 0),
+        "rms": span_beside(d.rms_least, d.rms, d.peak),
+        "holding": _NONE if d.holding is None else span_beside(*d.holding, d.peak),
+        "without_masses": _name(joint.choice_without_masses),
+        "frictionless": _name(joint.choice_frictionless),
+        "ratios": None if taken is None else ratio_figures(joint, taken),
+    }  # fmt: skip
+
+
+def _matrix(report: SizingReport) -> list[tuple[str, list[Criterion | None]]]:
+    """(criterion, one entry per joint): the margins of all drives at a glance."""
+    names: dict[str, None] = {}
+    for joint in report.joints:
+        if joint.taken is not None:
+            names |= dict.fromkeys(c.name for c in joint.taken.criteria)
+    order = sorted(names, key=lambda name: name.startswith(("inertia", "gear res", "back")))
+    return [(name, [_of(joint.taken, name) for joint in report.joints]) for name in order]
+
+
+def _of(assessment: Assessment | None, name: str) -> Criterion | None:
+    if assessment is None:
+        return None
+    return next((c for c in assessment.criteria if c.name == name), None)
+
+
+def _sources(report: SizingReport) -> list[str]:
+    lines = (
+        line
+        for joint in report.joints
+        if joint.taken is not None
+        for line in joint.taken.candidate.sources
+    )
+    return list(dict.fromkeys(lines))
+
+
+def _script_safe(figures: dict[str, Figure]) -> str:
+    """JSON that can stand in a script element whatever names it holds."""
+    text = json.dumps(figures, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _digits(x: float | None) -> str:
+    if x is None:
+        return _NONE
+    if np.isinf(x):
+        return "\N{INFINITY}"
+    return digits(x) if abs(x) > ROUNDING else "0"
+
+
+def _beside(x: float | None, scale: float) -> str:
+    return _NONE if x is None else beside(x, scale)
+
+
+def _percent(x: float | None) -> str:
+    if x is None:
+        return _NONE
+    if x <= _BEYOND:
+        return "beyond any limit"
+    return f"{100 * x:.0f} %" if x > -10 else f"{1 - x:.3g} times the limit"
+
+
+def _formula(text: str) -> Any:
+    """A formula in plain letters as HTML: Greek letters, roots, integrals, subscripts, powers."""
+    markup = import_module("markupsafe")
+    html = str(markup.escape(text)).replace("&lt;=", "≤").replace("&gt;", ">")
+    for word, sign in (("int ", "∫ "), ("sqrt", "√"), ("cbrt", "∛"), ("omega", "ω"), ("eta", "η"),
+                       (" pi", " π"), ("^2", "²"), ("^3", "³")):  # fmt: skip
+        html = html.replace(word, sign)
+    return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))
+
+
+def _name(assessment: Assessment | None) -> str:
+    return "none" if assessment is None else assessment.candidate.name

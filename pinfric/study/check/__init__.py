@@ -1,0 +1,1 @@
+"""What is implausible about a robot or a scene."""

@@ -1,0 +1,1 @@
+"""Motor sizing: what a cycle demands of each drive, and which drives of a catalogue meet it."""

@@ -1,0 +1,480 @@
+"""Catalogues of motors, gears, gearmotors and bearings: figures of makers, with their sources.
+
+A figure that is missing stays missing: every criterion that needs it says so (`criteria`). SI units
+throughout, temperatures in degrees Celsius; `grade` R is a figure read at the maker's own document,
+T one retyped by a third party.
+
+A file with `extends: default` adds to the bundled catalogue: its entries go before bundled ones of
+the same name, its conditions apply.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pinfric.errors import CatalogError, PinfricWarning, SceneError, choose_from
+from pinfric.model.schema import Entry, NonNegative, Number, Positive, parse
+from pinfric.model.yamlfile import brief, read_yaml
+
+#: The bundled catalogue's name, and its folder.
+DEFAULT = "default"
+_FOLDER = Path(__file__).parents[2] / "catalog"
+_SECTIONS = ("motors", "gears", "gearmotors", "bearings")
+#: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
+REFERENCE_TEMPERATURE = 25.0
+
+Text = Annotated[str, Field(min_length=1)]
+
+
+class Sourced(Entry):
+    """Where an entry's figures come from; `stand_ins`: figure -> whose it is, if another's."""
+
+    source: Text
+    grade: Literal["R", "T"]
+    note: str = ""
+    stand_ins: dict[str, str] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _stand_ins_are_figures(self) -> Sourced:
+        for name in self.stand_ins:
+            if getattr(self, name, None) is None:
+                raise ValueError(f"stand_ins: {name!r} is not a figure of this entry")
+        return self
+
+
+class Thermal(Entry):
+    """Two-node model of a motor: resistances in K/W, time constants R C in s, limit in deg C.
+
+    winding_housing, winding_time: between winding and housing, and the winding's time constant;
+    housing_ambient, housing_time: between housing and surroundings, and the motor's.
+    """
+
+    winding_housing: Positive
+    housing_ambient: Positive
+    winding_time: Positive | None = None
+    housing_time: Positive | None = None
+    max_winding: Number | None = None
+
+
+class Motor(Sourced):
+    """A motor: torques and speeds at its shaft; resistance from terminal to terminal at 25 C."""
+
+    continuous_torque: Positive | None = None
+    continuous_current: Positive | None = None
+    peak_torque: Positive | None = None
+    torque_constant: Positive | None = None
+    resistance: Positive | None = None
+    rotor_inertia: Positive | None = None
+    mass: Positive | None = None
+    max_speed: Positive | None = None
+    nominal_voltage: Positive | None = None
+    no_load_speed: Positive | None = None
+    rated_speed: Positive | None = None
+    stall_torque: Positive | None = None
+    thermal: Thermal | None = None
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> Motor:
+        _ascending(self, "continuous_torque", "peak_torque")
+        _ascending(self, "rated_speed", "no_load_speed")
+        speeds = self.no_load_speed, self.rated_speed, self.stall_torque
+        if any(x is not None for x in speeds) and self.nominal_voltage is None:
+            raise ValueError("no_load_speed, rated_speed, stall_torque need `nominal_voltage`")
+        return self
+
+
+class OutputFriction(Entry):
+    """Friction of a gearmotor at its output: base + load_dependent |effort| + viscous |v|."""
+
+    base: NonNegative = 0.0
+    load_dependent: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    viscous: NonNegative = 0.0
+
+
+class GearMotor(Sourced):
+    """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor."""
+
+    ratio: Positive
+    continuous_torque: Positive | None = None
+    peak_torque: Positive | None = None
+    nominal_voltage: Positive | None = None
+    no_load_speed: Positive | None = None
+    rated_speed: Positive | None = None
+    max_speed: Positive | None = None
+    rotor_inertia: Positive | None = None
+    mass: Positive | None = None
+    friction: OutputFriction | None = None
+    back_driving_torque: Positive | None = None
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> GearMotor:
+        _ascending(self, "continuous_torque", "peak_torque")
+        _ascending(self, "rated_speed", "no_load_speed")
+        if (self.no_load_speed or self.rated_speed) and self.nominal_voltage is None:
+            raise ValueError("no_load_speed and rated_speed need `nominal_voltage`")
+        return self
+
+
+class Gear(Sourced):
+    """A gear: torques at its output unless named input; speeds and inertia at its input.
+
+    `efficiency` is the maker's at rated torque, no-load loss included. `ratio` in motor turns per
+    output turn (in rad/m where `output` is linear, efforts in N then), or a list of ratios with
+    the same figures. `nominal_life`: L50 in hours at rated torque and speed.
+    """
+
+    ratio: Positive | tuple[Positive, ...]
+    kind: str = ""
+    output: Literal["rotary", "linear"] = "rotary"
+    rated_torque: Positive | None = None
+    average_torque: Positive | None = None
+    repeated_peak_torque: Positive | None = None
+    momentary_peak_torque: Positive | None = None
+    rated_speed: Positive | None = None
+    average_input_speed: Positive | None = None
+    max_input_speed: Positive | None = None
+    input_inertia: NonNegative | None = None
+    mass: Positive | None = None
+    nominal_life: Positive | None = None
+    efficiency: Annotated[Positive, Field(le=1)] | None = None
+    back_efficiency: Annotated[Number, Field(le=1)] | None = None
+    no_load_running_torque: NonNegative | None = None
+    no_load_speed: Positive | None = None
+    starting_torque: NonNegative | None = None
+    back_driving_torque: Positive | None = None
+    stiffness: Positive | None = None
+
+    @model_validator(mode="after")
+    def _figures_agree(self) -> Gear:
+        _ascending(self, "rated_torque", "repeated_peak_torque")
+        _ascending(self, "repeated_peak_torque", "momentary_peak_torque")
+        _ascending(self, "average_input_speed", "max_input_speed")
+        if not self.ratios:
+            raise ValueError("ratio: an empty list; give at least one")
+        if self.no_load_running_torque is not None and self.efficiency is not None:
+            for ratio in self.ratios:
+                self._check_no_load(ratio)
+        return self
+
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        """All ratios this entry comes in."""
+        return self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
+
+    def _check_no_load(self, ratio: float) -> None:
+        assert self.no_load_running_torque is not None and self.efficiency is not None  # noqa: PT018
+        if self.rated_torque is None:
+            raise ValueError("no_load_running_torque beside `efficiency` needs `rated_torque`, to "
+                             "take the two apart")  # fmt: skip
+        loss = self.rated_torque / ratio * (1 / self.efficiency - 1)
+        if self.no_load_running_torque > loss:
+            raise ValueError(
+                f"no_load_running_torque {self.no_load_running_torque:g} N m is more than the "
+                f"whole loss at rated torque, {loss:.3g} N m at the input (efficiency "
+                f"{self.efficiency:g}): is it at the output, or in N cm?"
+            )
+
+
+class BearingEntry(Sourced):
+    """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter."""
+
+    mu: Positive | None = None
+    mu_range: tuple[NonNegative, NonNegative] | None = None
+    radial: NonNegative = 0.0
+    axial: NonNegative = 0.0
+    moment: NonNegative = 0.0
+
+    def scene_entry(self, diameter: float) -> dict[str, Any]:
+        """Return the `bearing` of a scene's joint for a bore or raceway of `diameter` (m)."""
+        return {
+            "kind": "linear",
+            "radial": self.radial * diameter,
+            "axial": self.axial * diameter,
+            "moment": self.moment,
+        }
+
+
+class Conditions(Entry):
+    """What the drives must stand, with the defaults of common practice.
+
+    Attributes:
+        bus_voltage: V, at the motors' terminals.
+        ambient: deg C.
+        peak_factor: reserve on the peak torque (20 to 30 % are usual).
+        inertia_ratio: largest J_load/(ratio^2 (J_motor + J_gear input)).
+        life: L10 of the gears, hours (default: a strain wave gear at its rated torque and speed).
+        back_driving: whether the load must be able to move the motor, must not, or may.
+        max_winding: deg C, for motors whose maker prints no limit; None leaves it unchecked.
+        thermal_time: s, in place of the winding's time constant where it is not known: overload
+            counts within it (small motors have 15 to 50 s).
+        collision_effort: joint -> effort in a collision or an emergency stop, N m or N.
+        resonance_base, resonance_hand: Hz, of the first three joints and of those beyond.
+        mass_in_urdf: joint -> mass of the drive that the URDF's link already has at the joint's
+            origin, kg; it is taken off there.
+    """
+
+    bus_voltage: Positive = 48.0
+    ambient: Number = REFERENCE_TEMPERATURE
+    peak_factor: Annotated[Number, Field(ge=1)] = 1.2
+    inertia_ratio: Positive = 10.0
+    life: Positive = 10_000.0
+    back_driving: Literal["any", "required", "forbidden"] = "any"
+    max_winding: Number | None = None
+    thermal_time: Positive = 20.0
+    collision_effort: dict[str, Positive] = Field(default_factory=dict)
+    resonance_base: Positive = 8.0
+    resonance_hand: Positive = 15.0
+    mass_in_urdf: dict[str, NonNegative] = Field(default_factory=dict)
+
+
+class CatalogFile(Entry):
+    """A whole catalogue file."""
+
+    pinfric_catalog: Literal[1]
+    extends: Literal["default"] | None = None
+    motors: dict[str, Motor] = Field(default_factory=dict)
+    gears: dict[str, Gear] = Field(default_factory=dict)
+    gearmotors: dict[str, GearMotor] = Field(default_factory=dict)
+    bearings: dict[str, BearingEntry] = Field(default_factory=dict)
+    conditions: Conditions | None = None
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """What can be chosen from, by name.
+
+    Attributes:
+        source: the file, or "default" for the bundled ones.
+        motors, gears, gearmotors, bearings: name -> entry.
+        conditions: what the file demands of the drives.
+    """
+
+    source: str
+    motors: Mapping[str, Motor] = field(default_factory=dict)
+    gears: Mapping[str, Gear] = field(default_factory=dict)
+    gearmotors: Mapping[str, GearMotor] = field(default_factory=dict)
+    bearings: Mapping[str, BearingEntry] = field(default_factory=dict)
+    conditions: Conditions = field(default_factory=Conditions)
+
+
+def load_catalog(name: str | Path = DEFAULT) -> Catalog:
+    """Read a catalogue: a YAML file, or "default" for the bundled motors, gears and bearings.
+
+    A file that says `extends: default` has the bundled entries beside its own.
+
+    Args:
+        name: the file.
+
+    Raises:
+        CatalogError: it cannot be read, has unknown keys or figures that cannot be.
+
+    Warns:
+        PinfricWarning: a figure is so unusual that a wrong unit is likelier.
+    """
+    if str(name) == DEFAULT and not os.path.isfile(name):
+        catalog = _merged(DEFAULT, _bundled())
+    else:
+        file = _read(Path(name))
+        if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
+            raise CatalogError(f"{name}: no motors, gears, gearmotors or bearings in it; "
+                               "`extends: default` takes the bundled ones")  # fmt: skip
+        catalog = _merged(str(name), [*(_bundled() if file.extends else ()), file])
+    for where, text in _doubts(catalog):
+        warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
+    return catalog
+
+
+def parse_conditions(
+    given: Conditions | Mapping[str, Any] | None, default: Conditions
+) -> Conditions:
+    """Return `default` with what `given` says otherwise.
+
+    Raises:
+        CatalogError: an unknown condition or a value that cannot be.
+    """
+    if given is None:
+        return default
+    if isinstance(given, Conditions):
+        return given
+    try:
+        conditions: Conditions = parse(Conditions, {**default.model_dump(), **given}, "conditions")
+    except SceneError as problem:
+        raise CatalogError(str(problem)) from None
+    return conditions
+
+
+def _bundled() -> list[CatalogFile]:
+    return [_read(path) for path in sorted(_FOLDER.glob("*.yaml"))]
+
+
+def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
+    """All entries of the files; of the same name, and of the conditions, the last file's."""
+    entries = {
+        section: {name: entry for file in files for name, entry in getattr(file, section).items()}
+        for section in _SECTIONS
+    }
+    return Catalog(source, **entries, conditions=files[-1].conditions or Conditions())
+
+
+def _read(path: Path) -> CatalogFile:
+    if not os.path.exists(path) and path.suffix not in (".yaml", ".yml"):
+        raise CatalogError(f"there is no catalogue {brief(str(path))}; "
+                           f"{choose_from(path, [DEFAULT])}, or a YAML file")  # fmt: skip
+    content = read_yaml(path, CatalogError)
+    try:
+        file: CatalogFile = parse(CatalogFile, content, str(path))
+    except SceneError as problem:
+        raise CatalogError(str(problem)) from None
+    return file
+
+
+def _ascending(entry: Sourced, smaller: str, larger: str) -> None:
+    low, high = getattr(entry, smaller), getattr(entry, larger)
+    if low is not None and high is not None and low > high:
+        raise ValueError(f"{smaller} {low:g} is more than {larger} {high:g}: swapped, or a unit?")
+
+
+#: Figure -> (least usual, greatest usual, unit, the unit one would have slipped into).
+_USUAL = {
+    "continuous_torque": (1e-4, 2e3, "N m", "mN m"),
+    "peak_torque": (1e-4, 1e4, "N m", "mN m"),
+    "torque_constant": (1e-4, 20.0, "N m/A", "mN m/A"),
+    "resistance": (1e-3, 500.0, "ohm", "mohm"),
+    "mass": (1e-3, 200.0, "kg", "g"),
+    "max_speed": (0.1, 7e3, "rad/s", "rpm"),
+    "no_load_speed": (0.1, 7e3, "rad/s", "rpm"),
+    "rated_speed": (0.1, 7e3, "rad/s", "rpm"),
+    "max_input_speed": (1.0, 2e3, "rad/s", "rpm"),
+    "average_input_speed": (1.0, 1.5e3, "rad/s", "rpm"),
+    "rated_torque": (1e-3, 2e4, "N m", "mN m"),
+    "rotor_inertia": (1e-10, 0.05, "kg m^2", "kg cm^2 or g cm^2"),
+    "input_inertia": (1e-10, 0.05, "kg m^2", "kg cm^2"),
+    "stiffness": (10.0, 1e8, "N m/rad", "N m/arcmin"),
+    "nominal_life": (100.0, 1e6, "h", "s"),
+    "starting_torque": (1e-5, 20.0, "N m", "N cm"),
+    "no_load_running_torque": (1e-5, 50.0, "N m", "N cm"),
+    "ratio": (1.0, 2e3, "motor turns per output turn", "output turns per motor turn"),
+}
+#: The same for the input of a gear, which turns slower than the fastest motors.
+_USUAL_OF_GEARS = {
+    "rated_speed": (1.0, 1e3, "rad/s", "rpm"),
+    "no_load_speed": (1.0, 1e3, "rad/s", "rpm"),
+}
+#: Radius of gyration sqrt(J/m) of a rotor over the whole mass, m, and rotor inertia per continuous
+#: torque, s^2: far beyond real motors on both sides (4e-3 m and 4e-5 s^2 are usual).
+_GYRATION = (2e-4, 0.15)
+_INERTIA_PER_TORQUE = (1e-7, 2e-2)
+#: Continuous torque per mass, N m/kg: bare motors reach 5 to 10, geared ones 100.
+_TORQUE_PER_MASS = {"motors": (5e-3, 40.0), "gearmotors": (5e-2, 500.0)}
+#: Continuous torque x greatest speed per mass, W/kg: servo motors reach 1000; rpm is 9.5 times it.
+_POWER_PER_MASS = 3e3
+#: Maximum speed over that at the nominal voltage: slow windings reach 8; rpm is 9.5 times it.
+_SPEED_OVER_NOMINAL = 9.0
+#: k omega_0/U and T_stall R/(k U), both about 1.
+_BACK_EMF, _STALL = (0.5, 2.0), (0.3, 3.0)
+#: s: windings of gram motors take longer to warm.
+_LEAST_WINDING_TIME = 1.0
+
+
+def _doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
+    """Yield (where, what) of each figure whose unit looks wrong."""
+    for section in ("motors", "gears", "gearmotors"):
+        for name, entry in getattr(catalog, section).items():
+            where = f"{section}.{name}"
+            for text in (*_beyond_usual(section, entry), *_beyond_proportion(section, entry)):
+                yield where, text
+            if section != "gears":
+                yield from ((where, text) for text in _speeds_beyond_proportion(section, entry))
+            if section == "motors":
+                yield from ((where, text) for text in _line_beyond_proportion(entry))
+            if (thermal := getattr(entry, "thermal", None)) is not None:
+                yield from ((f"{where}.thermal", text) for text in _unusual_heat(thermal))
+
+
+def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
+    usual = _USUAL | (_USUAL_OF_GEARS if section == "gears" else {})
+    for key, (least, greatest, unit, slip) in usual.items():
+        value = getattr(entry, key, None)
+        if value is None or getattr(entry, "output", "") == "linear":
+            continue
+        for x in value if isinstance(value, tuple) else (value,):
+            if not (least <= x <= greatest or (x == 0 and key == "input_inertia")):
+                yield (f"{key} = {x:g} {unit} is far from anything usual, {least:g} to "
+                       f"{greatest:g} {unit}; {slip} entered?")  # fmt: skip
+
+
+def _beyond_proportion(section: str, entry: Any) -> Iterator[str]:
+    inertia = getattr(entry, "rotor_inertia", None) or getattr(entry, "input_inertia", None)
+    mass, torque = entry.mass, getattr(entry, "continuous_torque", None)
+    if inertia and mass and not _GYRATION[0] <= (inertia / mass) ** 0.5 <= _GYRATION[1]:
+        yield (
+            f"inertia {inertia:g} kg m^2 at {mass:g} kg is a radius of gyration of "
+            f"{(inertia / mass) ** 0.5:.3g} m, which no rotor has; kg cm^2 (1e-4) or g cm^2 (1e-7) "
+            "entered?"
+        )
+    elif inertia and torque and section == "motors":
+        low, high = _INERTIA_PER_TORQUE
+        if not low <= inertia / torque <= high:
+            yield (f"rotor inertia {inertia:g} kg m^2 does not go with {torque:g} N m; kg cm^2 "
+                   "(1e-4) or g cm^2 (1e-7), or mN m entered?")  # fmt: skip
+    if torque and mass and section in _TORQUE_PER_MASS:
+        low, high = _TORQUE_PER_MASS[section]
+        if not low <= torque / mass <= high:
+            yield (f"continuous torque {torque:g} N m at {mass:g} kg is {torque / mass:.3g} "
+                   "N m/kg; mN m or g entered?")  # fmt: skip
+
+
+def _speeds_beyond_proportion(section: str, entry: Motor | GearMotor) -> Iterator[str]:
+    """Question speeds that do not go with each other, or with torque and mass."""
+    nominal = entry.no_load_speed or entry.rated_speed
+    if entry.max_speed and nominal and entry.max_speed > _SPEED_OVER_NOMINAL * nominal:
+        yield (f"max_speed = {entry.max_speed:g} rad/s is {entry.max_speed / nominal:.3g} times "
+               f"the speed at the nominal voltage, {nominal:g} rad/s; up to "
+               f"{_SPEED_OVER_NOMINAL:g} times expected; rpm entered?")  # fmt: skip
+        return
+    torque, mass = entry.continuous_torque, entry.mass
+    if not (torque and mass) or torque / mass > _TORQUE_PER_MASS[section][1]:
+        return  # the torque or the mass is in question, not the speed
+    for key in ("max_speed", "no_load_speed", "rated_speed"):
+        speed = getattr(entry, key)
+        if speed and torque * speed / mass > _POWER_PER_MASS:
+            yield (f"{key} = {speed:g} rad/s at continuous_torque {torque:g} N m and {mass:g} kg "
+                   f"is {torque * speed / mass:.3g} W/kg; up to {_POWER_PER_MASS:g} W/kg expected; "
+                   "rpm entered?")  # fmt: skip
+
+
+def _line_beyond_proportion(motor: Motor) -> Iterator[str]:
+    """Question a torque constant beside k omega_0 = U, and a stall torque beside k U/R."""
+    k, voltage = motor.torque_constant, motor.nominal_voltage
+    if k is None or voltage is None:
+        return
+    if motor.no_load_speed is not None:
+        expected = voltage / motor.no_load_speed
+        if not _BACK_EMF[0] <= k / expected <= _BACK_EMF[1]:
+            yield (f"torque_constant = {k:g} N m/A; about nominal_voltage/no_load_speed = "
+                   f"{expected:.3g} N m/A expected; one of them in another unit?")  # fmt: skip
+    if motor.stall_torque is not None and motor.resistance is not None:
+        expected = k * voltage / motor.resistance
+        if not _STALL[0] <= motor.stall_torque / expected <= _STALL[1]:
+            yield (f"stall_torque = {motor.stall_torque:g} N m; about torque_constant x "
+                   f"nominal_voltage/resistance = {expected:.3g} N m expected: mN m, or another "
+                   "unit of them?")  # fmt: skip
+
+
+def _unusual_heat(thermal: Thermal) -> Iterator[str]:
+    winding, housing = thermal.winding_time, thermal.housing_time
+    if (thermal.max_winding or 0) > 250:
+        yield f"max_winding = {thermal.max_winding:g} C, at most 250 C expected; kelvin entered?"
+    if winding is not None and winding < _LEAST_WINDING_TIME:
+        yield (f"winding_time = {winding:g} s; more than {_LEAST_WINDING_TIME:g} s expected; "
+               "minutes entered?")  # fmt: skip
+    if winding is not None and housing is not None and winding >= housing:
+        yield (f"winding_time = {winding:g} s; less than housing_time = {housing:g} s expected; "
+               "one of them in ms or minutes, or swapped?")  # fmt: skip

@@ -1,0 +1,90 @@
+"""What a sizing does not know, or takes for granted, in words for its reader."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.result import InverseResult
+from pinfric.model.scene import Scene
+from pinfric.study.sizing.catalog import Catalog, Conditions
+
+#: Part of a joint's travel, and of its largest velocity, by which a cycle may miss its start.
+_CLOSES = 1e-3
+#: Samples looked at to see how far joints travel.
+_LOOKED_AT = 1000
+#: Gaps of a cycle that a note lists; the others are counted.
+_MOST_GAPS = 4
+
+
+def unclosed(result: InverseResult) -> tuple[str, ...]:
+    """Return in words what of a cycle does not end as it began; empty where it closes.
+
+    A position counts from 0.1 % of the joint's farthest way from its start on (and 1e-4 rad or m),
+    a velocity from 0.1 % of the largest one (and the stick velocity): a log closes no better.
+
+    Args:
+        result: of the whole cycle.
+    """
+    scene, states, found = result.scene, result.states, []
+    away = pin.difference(scene.model, states.q[0], states.q[-1])
+    some = states.q[:: len(states.q) // _LOOKED_AT + 1]
+    ways = np.array([pin.difference(scene.model, states.q[0], q) for q in some])
+    for joint, name in zip(list(scene.model.joints)[1:], scene.joint_names, strict=True):
+        part = slice(joint.idx_v, joint.idx_v + joint.nv)
+        slides = joint.shortname().startswith("JointModelP")  # a planar joint: m and rad
+        unit = "m" if slides else "rad"
+        speed = np.linalg.norm(states.v[:, part], axis=1)
+        gap = float(np.linalg.norm(away[part]))
+        jump = float(np.linalg.norm(states.v[-1, part] - states.v[0, part]))
+        if gap > max(_CLOSES * float(np.linalg.norm(ways[:, part], axis=1).max()), 1e-4):
+            found.append(f"{name} ends {gap:.3g} {unit} from where it began")
+        if jump > max(_CLOSES * float(speed.max()), scene.stick_velocity):
+            found.append(f"{name} ends with a velocity {jump:.3g} {unit}/s from that at its start")
+    if states.attached is not None:
+        for name, first, last in zip(scene.payloads, *states.attached[[0, -1]], strict=True):
+            if first != last:
+                found.append(f"payload {name} is carried at the {'start' if first else 'end'} only")
+    return tuple(found)
+
+
+def caveats(
+    scene: Scene, catalog: Catalog | None, conditions: Conditions, gaps: Sequence[str]
+) -> tuple[str, ...]:
+    """Return what a sizing does not know of its input, in sentences.
+
+    Args:
+        scene: the robot as given.
+        catalog, conditions: what was chosen from; None: nothing was.
+        gaps: of `unclosed`.
+    """
+    opening = []
+    if gaps:
+        more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
+        opening = [
+            f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
+            "temperatures, overload and gear life take it as repeated without a pause all the "
+            "same, as if the way back took no time and no torque: complete the trajectory by its "
+            "way back and its pause for figures that hold."
+        ]
+    if catalog is None:
+        return tuple(opening)
+    notes = [
+        *opening,
+        "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
+        "the first joint's stands on the ground.",
+        "Any motor is taken to fit any gear; couplings, housings and brakes have no mass.",
+        "Magnets are taken as cold: the torque constant does not fall with temperature.",
+        "Friction of the scene stays as it is beside the candidates' losses: if it was identified "
+        "through motor currents, it holds the old gear's friction, which then counts twice.",
+    ]  # fmt: skip
+    if not conditions.mass_in_urdf:
+        text = ("The URDF's links are taken to be without drives: if they have some, these count "
+                "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
+                "(`extends: default` keeps the bundled entries).")  # fmt: skip
+        notes.insert(1 + len(opening), text)
+    if any(drive.transmission is not None for drive in scene.drives):
+        notes.append("The scene's transmissions are replaced by the candidates'.")
+    return tuple(notes)

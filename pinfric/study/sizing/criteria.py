@@ -1,0 +1,457 @@
+"""The criteria a drive must meet, each with its margin, formula and source.
+
+A criterion compares something required with something available; its margin is the part of the
+limit that is left,
+
+    margin = 1 - required/available,
+
+0.25: a quarter is left; negative: it fails. A criterion whose figure is missing is *not checked*
+and says which figure it lacks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from pinfric.study.sizing.catalog import Conditions, Gear
+from pinfric.study.sizing.demand import DriveCycle, JointDemand, largest
+from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, Ratings, too_hot
+from pinfric.study.sizing.overload import overload_window
+from pinfric.study.summary import rms
+
+#: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
+HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
+HARMONIC_LIFE = "Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3"
+#: Run-away heat, or nothing available: out of every bound, and yet a number.
+_LEAST_MARGIN = -1e9
+#: Why a load inertia is not known.
+_LOOPS = "inertia about a joint of a closed loop"
+_PRACTICE = "common practice of servo drives"
+#: A bus above this many times the nominal voltage is likelier a slip than a choice.
+_MOST_OVERVOLTAGE = 1.5
+
+
+class Status(StrEnum):
+    """How a criterion ended."""
+
+    PASSES = "passes"
+    FAILS = "fails"
+    NOT_CHECKED = "not checked"
+    NOT_REQUIRED = "not required"
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One check of one candidate.
+
+    Attributes:
+        name: what is checked. status: how it ended.
+        required, available: compared numbers in `unit`; None where not known.
+        margin: 1 - required/available, None where not checked.
+        formula: what was computed. source: of the rule. note: of this case; what is missing.
+        floor: the number printed as required must be reached (life), not stayed below.
+    """
+
+    name: str
+    status: Status
+    required: float | None
+    available: float | None
+    unit: str
+    margin: float | None
+    formula: str
+    source: str
+    note: str = ""
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the margin says how tight the drive is.
+
+        Back-driving has no scale; a bus voltage that passes is no tighter the nearer it is.
+        """
+        if self.margin is None or self.name == "back-driving":
+            return False
+        return self.name != "bus voltage" or self.status == Status.FAILS
+
+    @property
+    def why(self) -> str:
+        """Say in words by how much it fails or passes, or what is missing."""
+        if self.margin is not None and self.margin <= _LEAST_MARGIN and self.note:
+            return f"{self.name}: {self.note}"  # no number says more
+        if self.margin is None or self.required is None or self.available is None:
+            return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
+        relation = "short by" if self.margin < 0 else "in reserve"
+        share = abs(self.margin) * 100
+        amount = f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
+        tail = f"{relation} {amount}" if self.margin < 0 else f"{amount} {relation}"
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{self.name}: needs {self.required:.4g}{unit}, has {self.available:.4g}{unit} ({tail})"
+        )
+
+
+def compare(
+    name: str,
+    required: float | None,
+    available: float | None,
+    unit: str,
+    formula: str,
+    source: str,
+    missing: str = "",
+    note: str = "",
+) -> Criterion:
+    """Return the criterion required <= available, or "not checked: no figure" where one is None.
+
+    Args:
+        name, unit, formula, source, note: of the criterion.
+        required, available: numbers >= 0; infinite `required` fails.
+        missing: the figure that is missing if one is None.
+    """
+    if required is None or available is None:
+        text = f"no figure ({missing})" if missing else "no figure"
+        return Criterion(name, Status.NOT_CHECKED, required, available, unit, None, formula, source,
+                         f"{text}; {note}" if note else text)  # fmt: skip
+    nothing = 0.0 if required <= 0 else -np.inf
+    margin = 1 - required / available if available > 0 else nothing
+    margin = max(margin, _LEAST_MARGIN)
+    status = Status.PASSES if margin >= 0 else Status.FAILS
+    return Criterion(name, status, required, available, unit, float(margin), formula, source, note)
+
+
+def check(
+    candidate: Candidate,
+    demand: JointDemand,
+    cycle: DriveCycle,
+    motor: MotorCycle | None,
+    load_inertia: float | None,
+    hand: bool,
+    conditions: Conditions,
+) -> tuple[Criterion, ...]:
+    """Return every criterion of a candidate, in the order of the report.
+
+    Args:
+        candidate: motor and gear.
+        demand, cycle: of its joint.
+        motor: of `motor_cycle`; None where figures for the motor's torque are missing.
+        load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg); None: not known.
+        hand: the joint is one of the hand axes, beyond the third.
+        conditions: what is demanded.
+    """
+    return (
+        *_motor_criteria(candidate, motor, conditions),
+        *_gear_criteria(candidate.gear, candidate.ratio, demand, conditions),
+        _inertia_ratio(candidate, load_inertia, conditions),
+        _resonance(candidate.gear, load_inertia, hand, conditions),
+        _back_driving(candidate, conditions),
+    )
+
+
+def _motor_criteria(
+    candidate: Candidate, motor: MotorCycle | None, conditions: Conditions
+) -> list[Criterion]:
+    ratings = candidate.ratings
+    lacking = ", ".join(candidate.missing)
+    output = " at its output" if candidate.at_output else " at its shaft"
+    speed = None if motor is None else motor.figures.max_speed
+    factor = conditions.peak_factor
+    continuous, _ = ratings.continuous_at(conditions)
+    return [
+        compare(
+            "continuous torque", None if motor is None else motor.figures.rms, continuous, "N m",
+            "sqrt(1/T int T_m^2 dt) <= continuous torque" + output, _PRACTICE,
+            lacking or "continuous torque", _continuous_note(ratings, motor, conditions),
+        ),
+        *_overload(ratings, motor, conditions, lacking, output),
+        compare(
+            "peak torque", None if motor is None else factor * motor.figures.peak,
+            ratings.peak_torque,
+            "N m", f"{factor:g} max |T_m| <= peak torque" + output, _PRACTICE + ": 20 to 30 %",
+            lacking or "peak torque",
+        ),
+        _bus_voltage(ratings, conditions),
+        _line(ratings, motor, conditions, lacking),
+        _speed(ratings, speed, conditions, lacking),
+        _temperature(ratings, motor, conditions, lacking),
+    ]  # fmt: skip
+
+
+def _continuous_note(ratings: Ratings, motor: MotorCycle | None, conditions: Conditions) -> str:
+    """Say how the rating was found, and when a stop exceeds it: it assumes that the rotor turns."""
+    limit, derated = ratings.continuous_at(conditions)
+    notes = [derated] if derated else []
+    notes += [text for text in ratings.derived if text.startswith("continuous")]
+    standing = None if motor is None else motor.figures.standing
+    if standing is not None and limit and standing > limit:
+        notes.append(
+            f"standing still it takes up to {standing:.3g} N m, above the continuous torque: a "
+            "stalled motor has hot spots that the mean does not show (overloaded standstill)"
+        )
+    return "; ".join(notes)
+
+
+def _overload(
+    ratings: Ratings, motor: MotorCycle | None, conditions: Conditions, lacking: str, output: str
+) -> list[Criterion]:
+    """What the mean over the cycle hides: overload for a while, and at a standstill."""
+    continuous, derated = ratings.continuous_at(conditions)
+    window, source = overload_window(ratings.thermal, conditions)
+    figures = None if motor is None else motor.figures
+    missing = lacking or "continuous torque"
+    still = None if figures is None else figures.overloaded_standstill
+    return [
+        compare(
+            "short-term torque", None if figures is None else figures.short_term, continuous, "N m",
+            f"max of sqrt(1/w int T_m^2 dt) over any w = {window:.3g} s <= continuous torque"
+            + output, source, missing, derated,
+        ),
+        compare(
+            "overloaded standstill", still, window, "s",
+            f"longest standstill with |T_m| > continuous torque <= {window:.3g} s", source, missing,
+            "it never ends" if still == np.inf else "",
+        ),
+    ]  # fmt: skip
+
+
+def _bus_voltage(ratings: Ratings, conditions: Conditions) -> Criterion:
+    """A motor far below the bus voltage is likelier a wrong entry, and its insulation unproven."""
+    nominal = ratings.nominal_voltage
+    most = None if nominal is None else _MOST_OVERVOLTAGE * nominal
+    return compare("bus voltage", conditions.bus_voltage, most, "V",
+                   f"bus voltage <= {_MOST_OVERVOLTAGE:g} nominal voltage",
+                   "pinfric: question of a motor on a bus it was not made for", "nominal voltage",
+                   "" if nominal is None else f"made for {nominal:g} V")  # fmt: skip
+
+
+def _line(
+    ratings: Ratings, motor: MotorCycle | None, conditions: Conditions, lacking: str
+) -> Criterion:
+    needed, formula = None, "max |R(T_w) T_m/k + k omega| <= bus voltage"
+    if ratings.torque_constant is None or ratings.resistance is None:
+        formula = "U_n max |T_m/T_stall + omega/omega_no-load| <= bus voltage"
+    if motor is not None and ratings.has_line:
+        ends = (ratings.voltage(end, motor.speed, motor.figures.hot)
+                for end in (motor.torque_lower, motor.torque_upper))  # fmt: skip
+        needed = max(largest(end) for end in ends)
+    return compare(
+        "speed-torque line", needed, conditions.bus_voltage, "V", formula,
+        "equivalent circuit of a DC or field-oriented motor",
+        lacking or "torque constant and resistance, or no-load speed and stall torque",
+        "; ".join(text for text in ratings.derived if not text.startswith("continuous")),
+    )  # fmt: skip
+
+
+def _speed(
+    ratings: Ratings, speed: float | None, conditions: Conditions, lacking: str
+) -> Criterion:
+    limit, note = ratings.speed_limit(conditions.bus_voltage)
+    return compare("motor speed", speed, limit, "rad/s", "max |omega| <= maximum speed",
+                   "maker's figures", lacking or "maximum speed", note)  # fmt: skip
+
+
+def _temperature(
+    ratings: Ratings, motor: MotorCycle | None, conditions: Conditions, lacking: str
+) -> Criterion:
+    name, formula = "winding temperature", "settled cycle of the two-node model: max T_w - T_a"
+    source = "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K"
+    limit = None if ratings.thermal is None else ratings.max_winding(conditions)
+    rise = None if limit is None else limit - conditions.ambient
+    if limit is not None and rise is not None and rise <= 0:
+        return Criterion(name, Status.FAILS, 0.0, rise, "K", _LEAST_MARGIN, formula, source,
+                         too_hot(conditions.ambient, limit))  # fmt: skip
+    figures = None if motor is None else motor.figures
+    if figures is None or figures.mean_temperature is None:
+        missing = lacking or "thermal resistances, torque constant and resistance"
+        return compare(name, None, rise, "K", formula, source, missing)
+    # whatever the limit, and without one
+    if np.isinf(max(figures.mean_temperature, figures.peak_temperature or 0.0)):
+        text = "runs away: the heat grows faster with temperature than it is led off"
+        return Criterion(name, Status.FAILS, np.inf, rise, "K", _LEAST_MARGIN, formula, source,
+                         text)  # fmt: skip
+    peak = figures.peak_temperature
+    if peak is not None:
+        note = f"reaches {peak:.4g} C" if np.isfinite(peak) else "runs away"
+        return compare(name, peak - conditions.ambient, rise, "K", formula, source,
+                       "permissible winding temperature", note)  # fmt: skip
+    at_mean = figures.mean_temperature - conditions.ambient
+    if rise is not None and at_mean > rise:  # the peak is at least the temperature of the mean heat
+        return compare(name, at_mean, rise, "K", "temperature at the mean heat: T_w - T_a", source)
+    return compare(name, None, rise, "K", formula, source, "thermal time constants",
+                   f"at the mean heat it would be {figures.mean_temperature:.4g} C")  # fmt: skip
+
+
+def _gear_criteria(
+    gear: Gear | None, ratio: float, demand: JointDemand, conditions: Conditions
+) -> list[Criterion]:
+    if gear is None:
+        return []
+    unit = demand.unit
+    collision = conditions.collision_effort.get(demand.name)
+    no_collision = (
+        "momentary peak" if gear.momentary_peak_torque is None else "conditions.collision_effort"
+    )
+    return [
+        compare("gear average torque", demand.mean_cubic, gear.average_torque, unit,
+                "T_av = cbrt(int |v T^3| dt/int |v| dt) <= limit for average torque",
+                HARMONIC, "limit for average torque"),
+        compare("gear repeated peak torque", demand.peak, gear.repeated_peak_torque, unit,
+                "max |T| <= limit for repeated peak torque", HARMONIC,
+                "limit for repeated peak torque"),
+        compare("gear momentary peak torque", collision, gear.momentary_peak_torque, unit,
+                "collision or emergency stop <= limit for momentary peak torque",
+                HARMONIC, no_collision),
+        compare("gear maximum input speed", ratio * demand.speed, gear.max_input_speed, "rad/s",
+                "ratio max |v| <= maximum input speed", HARMONIC,
+                "maximum input speed"),
+        compare("gear average input speed", ratio * demand.mean_speed, gear.average_input_speed,
+                "rad/s", "ratio 1/T int |v| dt <= limit for average input speed",
+                HARMONIC, "limit for average input speed"),
+        _life(gear, ratio, demand, conditions),
+    ]  # fmt: skip
+
+
+def _life(gear: Gear, ratio: float, demand: JointDemand, conditions: Conditions) -> Criterion:
+    figures = gear.nominal_life, gear.rated_speed, gear.rated_torque
+    available = None
+    if None not in figures:
+        available = gear_life(*figures, ratio * demand.mean_speed, demand.mean_cubic)[0]  # type: ignore[arg-type]
+    formula = "L10 = L50/5, L50 = L_n (n_N/n_in,av)(T_N/T_av)^3"
+    if available is not None and np.isinf(available):
+        return Criterion("gear life L10", Status.PASSES, conditions.life, None, "h", 1.0, formula,
+                         HARMONIC_LIFE, "the joint never moves")  # fmt: skip
+    return compare("gear life L10", conditions.life, available, "h", formula, HARMONIC_LIFE,
+                   "nominal life, rated speed or rated torque")  # fmt: skip
+
+
+def _inertia_ratio(
+    candidate: Candidate, load_inertia: float | None, conditions: Conditions
+) -> Criterion:
+    """Load to motor side, max J_load/(ratio^2 (J_motor + J_gear input)).
+
+    The gear's input (a wave generator) counts with the rotor: it sits on the motor's side of the
+    compliance, across which load and motor swing; the rule bounds how unlike they may be.
+    """
+    inertia, ratio = candidate.rotor_inertia, None
+    missing = ", ".join(candidate.missing) or "rotor inertia"
+    if load_inertia is None:
+        missing = _LOOPS
+    elif inertia is not None:
+        ratio = load_inertia / (candidate.ratio**2 * inertia)
+    return compare("inertia ratio", ratio, conditions.inertia_ratio, "",
+                   "max J_load / (ratio^2 (J_motor + J_gear input))",
+                   _PRACTICE + "; the gear's input is on the motor's side of the compliance",
+                   missing)  # fmt: skip
+
+
+def _resonance(
+    gear: Gear | None, load_inertia: float | None, hand: bool, conditions: Conditions
+) -> Criterion:
+    required = conditions.resonance_hand if hand else conditions.resonance_base
+    available = None
+    if gear is not None and gear.stiffness is not None and load_inertia is not None:
+        available = resonance(gear.stiffness, load_inertia) if load_inertia > 0 else np.inf
+    return compare(
+        "gear resonance", required, available, "Hz", "f = sqrt(K_1/max J_load)/(2 pi)",
+        "rule of a maker of strain wave gears: 8 Hz base axes, 15 Hz hand axes (retyped)",
+        _LOOPS if load_inertia is None else "stiffness",
+    )  # fmt: skip
+
+
+def _back_driving(candidate: Candidate, conditions: Conditions) -> Criterion:
+    wanted = conditions.back_driving
+    name, formula = "back-driving", "eta_b > 0: the load moves the motor from some effort on"
+    source = "Harmonic Drive: back-driving torque must not be counted on to hold a load"
+    effort = candidate.back_driving_torque
+    unit = "N" if candidate.gear is not None and candidate.gear.output == "linear" else "N m"
+    note = "" if effort is None else f"the load moves the motor from {effort:.3g} {unit} on"
+    transmission = candidate.transmission
+    known = transmission is not None and (not candidate.at_output or effort is not None)
+    if wanted == "any" or not known:
+        status = Status.NOT_REQUIRED if wanted == "any" else Status.NOT_CHECKED
+        text = note or ("" if wanted == "any" else "no figure (losses backwards)")
+        return Criterion(name, status, None, None, "", None, formula, source, text)
+    assert transmission is not None
+    back = 1.0 if transmission.back_efficiency is None else transmission.back_efficiency
+    if wanted == "required":
+        locked = "self-locking" if back <= 0 else note
+        status = Status.PASSES if back > 0 else Status.FAILS
+        return Criterion(name, status, None, None, "", back, formula, source, locked)
+    status = Status.PASSES if back <= 0 else Status.FAILS
+    text = "self-locking" if back <= 0 else "not self-locking: it needs a brake"
+    return Criterion(name, status, None, None, "", -back, "eta_b <= 0: self-locking", source, text)
+
+
+def gear_life(
+    nominal_life: float,
+    rated_speed: float,
+    rated_torque: float,
+    average_input_speed: float,
+    average_torque: float,
+) -> tuple[float, float]:
+    """Return (L10, L50) of a strain wave gear's wave generator bearing, in hours.
+
+    L50 = L_n (n_N/n_in,av)(T_N/T_av)^3, L10 = L50/5; infinite where nothing turns or loads.
+
+    Args:
+        nominal_life: L_n, h (L50 at rated torque and speed).
+        rated_speed, average_input_speed: n_N and n_in,av, rad/s; pauses count in the average.
+        rated_torque, average_torque: T_N and T_av, N m at the output.
+
+    Source: Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3.
+    """
+    if not (average_input_speed > 0 and average_torque > 0):
+        return np.inf, np.inf
+    l50 = nominal_life * rated_speed / average_input_speed * (rated_torque / average_torque) ** 3
+    return l50 / 5, l50
+
+
+def resonance(stiffness: float, inertia: float) -> float:
+    """Return f = sqrt(K/J)/(2 pi), Hz, of a load J (kg m^2) behind a gear K (N m/rad)."""
+    return float(np.sqrt(stiffness / inertia) / (2 * np.pi))
+
+
+def optimum_ratio_for_inertia(load_inertia: float, rotor_inertia: float) -> float:
+    """Return sqrt(J_load/J_rotor): the ratio that accelerates a pure inertia with least torque.
+
+    J_rotor is all that turns at the motor's speed, J_motor + J_gear input.
+
+    T_m = (J_load/r + r J_rotor) a is least where both parts are equal.
+
+    Args:
+        load_inertia: about the joint, kg m^2. rotor_inertia: at the motor's shaft, kg m^2.
+    """
+    return float(np.sqrt(load_inertia / rotor_inertia))
+
+
+def optimum_ratio(cycle: DriveCycle, effort: np.ndarray, rotor_inertia: float) -> float:
+    """Return the ratio of least RMS motor torque: r^2 = rms(T*)/(J_rotor rms(a)).
+
+    From T_m,rms^2 = rms(T*)^2/r^2 + 2 J mean(T* a) + r^2 J^2 rms(a)^2, gear losses left out;
+    infinite where the joint never accelerates.
+
+    Args:
+        cycle: the joint's samples.
+        effort: (T,) T*, N m. rotor_inertia: J at the motor's shaft, kg m^2.
+
+    Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
+    """
+    moving = rms(cycle.t, cycle.acceleration)
+    inertial = rotor_inertia * moving  # a product of two positive numbers may still be 0
+    return float(np.sqrt(rms(cycle.t, effort) / inertial)) if inertial > 0 else np.inf
+
+
+def load_factor(cycle: DriveCycle, effort: np.ndarray) -> float:
+    """Return beta = 2 (rms(a) rms(T*) + mean(a T*)), W/s: what the load asks of T_N^2/J_rotor.
+
+    A motor can do it with some ratio if its accelerating factor T_N^2/J_rotor >= beta/eta.
+
+    Args:
+        cycle: the joint's samples.
+        effort: (T,) T*, N m.
+
+    Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
+    """
+    a, t = cycle.acceleration, cycle.t
+    mixed = float(np.trapezoid(a * effort, t) / (t[-1] - t[0]))
+    return 2 * (rms(t, a) * rms(t, effort) + mixed)

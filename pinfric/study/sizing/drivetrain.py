@@ -1,0 +1,478 @@
+"""Candidates for a joint, motor and gear or gearmotor, and what the cycle asks of their motors.
+
+The motor of a joint is held by the joint's parent link. The gear stands between it and the joint
+and replaces the scene's transmission there; `drives.motor_torque_bounds` has the equations.
+
+A maker's efficiency eta at rated torque contains the no-load loss n_run. With t = T_rated/ratio at
+the input, what is lost in proportion to the load alone is
+
+    eta_load = t/(t/eta - n_run),      n_run = starting torque + viscous x speed
+
+so that at rated torque and speed the whole loss is the maker's, and nothing counts twice. Without
+`back_efficiency` the same loss is taken in both directions: eta_b = 2 - 1/eta_load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pinfric.model.drives import motor_torque_bounds
+from pinfric.model.schema import Transmission
+from pinfric.study.sizing.catalog import (
+    REFERENCE_TEMPERATURE,
+    Catalog,
+    Conditions,
+    Gear,
+    GearMotor,
+    Motor,
+    Thermal,
+)
+from pinfric.study.sizing.demand import DriveCycle, largest
+from pinfric.study.sizing.overload import longest_above, moving_rms, overload_window
+from pinfric.study.sizing.thermal import (
+    COPPER,
+    WindingCycle,
+    mean_winding_temperature,
+    power_figures,
+    winding_cycle,
+)
+from pinfric.study.summary import ends_by_magnitude, rms
+
+
+@dataclass(frozen=True)
+class Ratings:
+    """What a maker promises at the shaft he rates: a motor's own, or a gearmotor's output.
+
+    Attributes:
+        continuous_torque, peak_torque, stall_torque: N m.
+        torque_constant: N m/A. resistance: ohm at 25 C. nominal_voltage: V.
+        no_load_speed, rated_speed: rad/s at the nominal voltage. max_speed: rad/s.
+        thermal: of the winding.
+        derived: what was computed from other figures, and how.
+    """
+
+    continuous_torque: float | None = None
+    peak_torque: float | None = None
+    stall_torque: float | None = None
+    torque_constant: float | None = None
+    resistance: float | None = None
+    nominal_voltage: float | None = None
+    no_load_speed: float | None = None
+    rated_speed: float | None = None
+    max_speed: float | None = None
+    thermal: Thermal | None = None
+    derived: tuple[str, ...] = ()
+
+    @property
+    def has_line(self) -> bool:
+        """Whether the speed-torque line is known."""
+        electric = self.torque_constant is not None and self.resistance is not None
+        return electric or (self.no_load_speed is not None and self.stall_torque is not None)
+
+    def continuous_at(self, conditions: Conditions) -> tuple[float | None, str]:
+        """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
+
+        T sqrt((T_max - T_a)/(T_max - 25 C)) above 25 C, to which ratings refer: copper loss, in
+        proportion to the torque's square, is led off in proportion to T_max - T_a.
+        """
+        torque, ambient = self.continuous_torque, conditions.ambient
+        if torque is None or ambient <= REFERENCE_TEMPERATURE:
+            return torque, ""
+        hottest = self.max_winding(conditions)
+        if hottest is None:
+            return torque, f"rated at {REFERENCE_TEMPERATURE:g} C, not checked at {ambient:g} C"
+        if ambient >= hottest:
+            return 0.0, too_hot(ambient, hottest)
+        share = ((hottest - ambient) / (hottest - REFERENCE_TEMPERATURE)) ** 0.5
+        return torque * share, f"{share:.3g} of the rating at 25 C: {ambient:g} C around it"
+
+    def max_winding(self, conditions: Conditions) -> float | None:
+        """Return the permissible winding temperature: the maker's, else the conditions', deg C."""
+        if self.thermal is not None and self.thermal.max_winding is not None:
+            return self.thermal.max_winding
+        return conditions.max_winding
+
+    def speed_limit(self, bus_voltage: float) -> tuple[float | None, str]:
+        """Return the largest permitted speed (rad/s, or None) and what it is, in words.
+
+        The maker's limit; without one, and without a speed-torque line, the rated speed, which
+        grows with the voltage.
+        """
+        if self.max_speed is not None:
+            return self.max_speed, "maker's limit"
+        if self.has_line or self.rated_speed is None or self.nominal_voltage is None:
+            return None, ""
+        text = "rated speed at the bus voltage: neither a limit nor a no-load speed is printed"
+        return self.rated_speed * bus_voltage / self.nominal_voltage, text
+
+    def voltage(self, torque: np.ndarray, speed: np.ndarray, hot: float = 1.0) -> np.ndarray:
+        """Return the voltage that torque and speed take: |R T/k + k omega| (T,), V.
+
+        Without k and R: U_nominal |T/T_stall + omega/omega_no_load|, the same line.
+
+        Args:
+            torque, speed: (T,) at the rated shaft, N m and rad/s.
+            hot: the winding's resistance over that at 25 C.
+        """
+        k, r = self.torque_constant, self.resistance
+        if k is not None and r is not None:
+            return np.abs(hot * r / k * torque + k * speed)
+        assert self.nominal_voltage and self.stall_torque and self.no_load_speed  # noqa: PT018
+        return self.nominal_voltage * np.abs(
+            hot * torque / self.stall_torque + speed / self.no_load_speed
+        )
+
+    def torque_limit(self, speed: np.ndarray, bus_voltage: float, hot: float = 1.0) -> np.ndarray:
+        """Return the largest positive torque at each speed: line and peak torque (T,), N m.
+
+        A speed below 0 brakes with it: there the back-EMF helps. Infinite where nothing is known.
+        """
+        limit = np.full(len(speed), np.inf if self.peak_torque is None else self.peak_torque)
+        if self.has_line:
+            unit = self.voltage(np.ones(1), np.zeros(1), hot)[0]
+            back = self.voltage(np.zeros(1), np.ones(1))[0]
+            limit = np.minimum(limit, (bus_voltage - back * speed) / unit)
+        return np.maximum(limit, 0.0)
+
+
+def too_hot(ambient: float, hottest: float) -> str:
+    """Say that a motor cannot lead off anything (deg C)."""
+    return f"the surroundings, {ambient:g} C, are as hot as the winding may be, {hottest:g} C"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A motor with a gear, or a gearmotor.
+
+    Attributes:
+        name, motor, gear_name: as in the catalogue; gear_name is None for a gearmotor.
+        ratio: motor turns per joint turn (rad/m at a sliding joint).
+        ratings: of the rated shaft. at_output: that shaft is the gearmotor's output.
+        gear: its entry, None for a gearmotor.
+        transmission: ratio and losses for the dynamics; None where figures are missing.
+        missing: the figures missing for the motor's torque.
+        mass: kg; None where a part's is not known.
+        rotor_inertia: J_motor + J_gear input at the motor's shaft, kg m^2, or None.
+        back_driving_torque: at the output, N m, or None.
+        stand_ins: figures taken from other products.
+        losses: how the transmission's losses follow from the entry, in words.
+        sources: of motor and gear, with their grades.
+    """
+
+    name: str
+    motor: str
+    gear_name: str | None
+    ratio: float
+    ratings: Ratings
+    at_output: bool
+    gear: Gear | None
+    transmission: Transmission | None
+    missing: tuple[str, ...]
+    mass: float | None
+    rotor_inertia: float | None
+    back_driving_torque: float | None
+    stand_ins: tuple[str, ...]
+    losses: str
+    sources: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class MotorFigures:
+    """What the cycle asks at the rated shaft; magnitudes, worst case over the interval.
+
+    Attributes:
+        peak, rms, rms_least: torque, N m. max_speed: rad/s.
+        holding: (least, worst) over the holds (all joints at rest), N m; None without a hold.
+        peak_temperature: of the winding in the settled cycle, deg C (infinite: it runs away), or
+            None where not known. mean_temperature: deg C at the mean heat, or None.
+        driving_power, braking_power: peaks of the electrical power from and to the bus, W.
+        energy, regenerated: electrical, from and to the bus over a cycle, J; copper loss counted.
+        standing: worst while this joint stands still, whatever the others do, N m; None: never.
+        window: s, within which overload counts: the winding's time constant, else the conditions'.
+        short_term: largest RMS over any such time, N m (over the cycle where that is shorter).
+        overloaded_standstill: longest time for which it stands still above the continuous torque,
+            s (infinite: for ever); None where that torque is not known.
+    """
+
+    peak: float
+    rms: float
+    rms_least: float
+    max_speed: float
+    holding: tuple[float, float] | None
+    peak_temperature: float | None
+    mean_temperature: float | None
+    driving_power: float | None
+    braking_power: float | None
+    energy: float | None
+    regenerated: float | None
+    standing: float | None = None
+    window: float | None = None
+    short_term: float | None = None
+    overloaded_standstill: float | None = None
+
+    @property
+    def hot(self) -> float:
+        """Resistance at the winding's peak (else mean) temperature over that at 25 C, else 1."""
+        for temperature in (self.peak_temperature, self.mean_temperature):
+            if temperature is not None and np.isfinite(temperature):
+                return 1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
+        return 1.0
+
+
+@dataclass(frozen=True)
+class MotorCycle:
+    """The rated shaft over the cycle, sample by sample.
+
+    Attributes:
+        torque_lower, torque_upper: (T,) N m. speed: (T,) rad/s.
+        current: (T,) A of the torque of larger magnitude, or None.
+        winding: temperatures of the settled cycle, or None.
+        figures: its peaks and means.
+    """
+
+    torque_lower: np.ndarray
+    torque_upper: np.ndarray
+    speed: np.ndarray
+    current: np.ndarray | None
+    winding: WindingCycle | None
+    figures: MotorFigures
+
+
+def candidates(catalog: Catalog, linear: bool) -> Iterator[Candidate]:
+    """Yield every motor with every gear and ratio, then the gearmotors.
+
+    Args:
+        catalog: what there is; any motor is taken to fit any gear.
+        linear: for a sliding joint: only gears with a linear output.
+    """
+    for motor_name, motor in catalog.motors.items():
+        for gear_name, gear in catalog.gears.items():
+            if (gear.output == "linear") == linear:
+                for ratio in gear.ratios:
+                    yield motor_with_gear(motor_name, motor, gear_name, gear, ratio)
+    if not linear:
+        for name, gearmotor in catalog.gearmotors.items():
+            yield _gearmotor(name, gearmotor)
+
+
+def motor_with_gear(
+    motor_name: str, motor: Motor, gear_name: str, gear: Gear, ratio: float
+) -> Candidate:
+    """Return one motor behind one gear."""
+    missing = []
+    if motor.rotor_inertia is None:
+        missing.append("rotor inertia of the motor")
+    if gear.input_inertia is None:
+        missing.append("input inertia of the gear")
+    if gear.efficiency is None:
+        missing.append("efficiency of the gear")
+    inertia = None
+    if motor.rotor_inertia is not None and gear.input_inertia is not None:
+        inertia = motor.rotor_inertia + gear.input_inertia
+    transmission, losses = None, "gear's efficiency not known"
+    if gear.efficiency is not None:
+        transmission, losses = gear_transmission(gear, ratio, inertia or 0.0)
+    several = f", i = {ratio:g}" if len(gear.ratios) > 1 else ""
+    return Candidate(
+        name=f"{motor_name} + {gear_name}{several}", motor=motor_name, gear_name=gear_name,
+        ratio=ratio,
+        ratings=_motor_ratings(motor),
+        at_output=False,
+        gear=gear,
+        transmission=None if missing else transmission,
+        missing=tuple(missing),
+        mass=None if motor.mass is None or gear.mass is None else motor.mass + gear.mass,
+        rotor_inertia=inertia,
+        back_driving_torque=gear.back_driving_torque,
+        stand_ins=tuple(f"{figure.replace('_', ' ')}: {whose}"
+                        for entry in (motor, gear) for figure, whose in entry.stand_ins.items()),
+        losses=losses,
+        sources=(f"{motor_name}: {motor.source} ({motor.grade})",
+                 f"{gear_name}: {gear.source} ({gear.grade})"),
+    )  # fmt: skip
+
+
+def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[Transmission, str]:
+    """Return a gear's ratio and losses for the dynamics, and how they were found, in words.
+
+    eta_load = t/(t/eta - n_run), n_run = starting torque + viscous x speed (see the module).
+
+    Args:
+        gear: with an efficiency.
+        ratio: one of its ratios.
+        rotor_inertia: at its input, the motor's included, kg m^2.
+    """
+    assert gear.efficiency is not None
+    eta, viscous = gear.efficiency, 0.0
+    no_load = gear.starting_torque or 0.0
+    text = f"efficiency {eta:.3g}"
+    if gear.no_load_running_torque is not None:
+        running = gear.no_load_running_torque
+        assert gear.rated_torque is not None  # the schema requires it
+        t = gear.rated_torque / ratio
+        eta = min(t / (t / gear.efficiency - running), 1.0)
+        if gear.starting_torque is None or gear.no_load_speed is None or running < no_load:
+            no_load = running
+        else:
+            viscous = (running - no_load) / gear.no_load_speed
+        text += f" at rated torque = {eta:.3f} load-proportional and {running:.3g} N m no-load"
+    else:
+        no_load = 0.0  # without the running torque it cannot be taken out of the efficiency
+        text += " at any load (its no-load part is not known: part loads come out too well)"
+    back = 2 - 1 / eta if gear.back_efficiency is None else gear.back_efficiency
+    text += f"; backwards {back:.3f}"
+    text += (
+        " = 2 - 1/eta, the same loss both ways (assumed)" if gear.back_efficiency is None else ""
+    )
+    values: dict[str, Any] = {
+        "ratio": ratio, "efficiency": eta, "back_efficiency": back, "no_load_torque": no_load,
+        "motor_viscous": viscous, "rotor_inertia": rotor_inertia,
+    }  # fmt: skip
+    return Transmission.model_construct(**values), text  # the figures were validated in the entry
+
+
+def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions) -> MotorCycle:
+    """Return what the cycle asks of a candidate's motor.
+
+    T_m = [lower(t), upper(t)]/r + r viscous v + r J a (`motor_torque_bounds`); i = T_m/k;
+    P = T_m omega + R(T_w) i^2.
+
+    Args:
+        candidate: with a transmission.
+        cycle: the joint's samples.
+        conditions: ambient temperature.
+    """
+    assert candidate.transmission is not None
+    lower, upper = motor_torque_bounds(
+        candidate.transmission, cycle.effort_lower, cycle.effort_upper, cycle.velocity,
+        cycle.acceleration, cycle.at_rest, cycle.stick_velocity,
+    )  # fmt: skip
+    speed = candidate.ratio * cycle.velocity
+    if candidate.at_output:
+        lower, upper, speed = lower * candidate.ratio, upper * candidate.ratio, cycle.velocity
+    worst, least = ends_by_magnitude(lower, upper)
+    hold = cycle.holding
+    current, winding, mean_temperature = _temperatures(
+        candidate.ratings, cycle.t, worst, conditions
+    )
+    power = _electrical(candidate.ratings, cycle.t, worst, speed, current, winding)
+    limit, _ = candidate.ratings.continuous_at(conditions)
+    window, _ = overload_window(candidate.ratings.thermal, conditions)
+    figures = MotorFigures(
+        peak=largest(worst),
+        rms=rms(cycle.t, worst),
+        rms_least=rms(cycle.t, least),
+        max_speed=largest(speed),
+        holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
+        peak_temperature=None if winding is None else winding.peak,
+        mean_temperature=mean_temperature,
+        driving_power=power[0], braking_power=power[1], energy=power[2], regenerated=power[3],
+        standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
+        window=window,
+        short_term=moving_rms(cycle.t, worst, window),
+        overloaded_standstill=None if limit is None else longest_above(
+            cycle.t, worst, limit, cycle.standing),
+    )  # fmt: skip
+    return MotorCycle(lower, upper, speed, current, winding, figures)
+
+
+def _temperatures(
+    ratings: Ratings, t: np.ndarray, torque: np.ndarray, conditions: Conditions
+) -> tuple[np.ndarray | None, WindingCycle | None, float | None]:
+    """Return current, winding temperatures and temperature at the mean heat, where known."""
+    if ratings.torque_constant is None:
+        return None, None, None
+    current = torque / ratings.torque_constant
+    thermal, resistance = ratings.thermal, ratings.resistance
+    if thermal is None or resistance is None:
+        return current, None, None
+    at_mean = mean_winding_temperature(t, current, resistance, thermal, conditions.ambient)
+    if thermal.winding_time is None or thermal.housing_time is None:
+        return current, None, at_mean
+    return current, winding_cycle(t, current, resistance, thermal, conditions.ambient), at_mean
+
+
+def _electrical(
+    ratings: Ratings,
+    t: np.ndarray,
+    torque: np.ndarray,
+    speed: np.ndarray,
+    current: np.ndarray | None,
+    winding: WindingCycle | None,
+) -> tuple[float | None, float | None, float | None, float | None]:
+    """Return peak powers from and to the bus (W) and the energies (J); None where not known."""
+    if current is None or ratings.resistance is None:
+        return None, None, None, None
+    warm = np.empty(0) if winding is None or winding.runaway else winding.winding
+    return power_figures(t, torque, speed, current, ratings.resistance, warm)
+
+
+def _motor_ratings(motor: Motor) -> Ratings:
+    derived = []
+    continuous, resistance = motor.continuous_torque, motor.resistance
+    k, stall, voltage = motor.torque_constant, motor.stall_torque, motor.nominal_voltage
+    if continuous is None and motor.continuous_current is not None and k is not None:
+        continuous = k * motor.continuous_current
+        derived.append("continuous torque = torque constant x continuous current")
+    if resistance is None and k is not None and stall is not None and voltage is not None:
+        resistance = k * voltage / stall
+        derived.append("resistance = torque constant x nominal voltage/stall torque")
+    line_stall, text = _stall(continuous, motor.rated_speed, motor.no_load_speed, stall)
+    return Ratings(
+        continuous_torque=continuous, peak_torque=motor.peak_torque, stall_torque=line_stall,
+        torque_constant=k, resistance=resistance, nominal_voltage=voltage,
+        no_load_speed=motor.no_load_speed, rated_speed=motor.rated_speed,
+        max_speed=motor.max_speed, thermal=motor.thermal, derived=(*derived, *text),
+    )  # fmt: skip
+
+
+def _stall(
+    torque: float | None, rated: float | None, no_load: float | None, stall: float | None
+) -> tuple[float | None, tuple[str, ...]]:
+    """The line's torque at standstill: printed, or through rated point and no-load speed."""
+    if stall is None and torque is not None and rated is not None and no_load is not None:
+        if rated < no_load:
+            text = "speed-torque line through the rated point and the no-load speed"
+            return torque / (1 - rated / no_load), (text,)
+        return None, ()
+    return stall, ()
+
+
+def _gearmotor(name: str, entry: GearMotor) -> Candidate:
+    missing = ("rotor inertia",) if entry.rotor_inertia is None else ()
+    friction = entry.friction
+    values: dict[str, Any] = {
+        "ratio": entry.ratio, "efficiency": 1.0, "back_efficiency": 1.0, "no_load_torque": 0.0,
+        "motor_viscous": 0.0, "rotor_inertia": entry.rotor_inertia or 0.0,
+    }  # fmt: skip
+    losses = "inside the maker's ratings at the output"
+    if friction is not None:  # at the output: effort (1 + l) + base + viscous v
+        values["efficiency"] = 1 / (1 + friction.load_dependent)
+        values["back_efficiency"] = 1 - friction.load_dependent
+        values["no_load_torque"] = friction.base / entry.ratio
+        values["motor_viscous"] = friction.viscous / entry.ratio**2
+        losses = "identified friction at the output: base, load-dependent, viscous"
+    stall, derived = _stall(entry.continuous_torque, entry.rated_speed, entry.no_load_speed, None)
+    return Candidate(
+        name=name, motor=name, gear_name=None, ratio=entry.ratio,
+        ratings=Ratings(
+            continuous_torque=entry.continuous_torque, peak_torque=entry.peak_torque,
+            stall_torque=stall, nominal_voltage=entry.nominal_voltage,
+            no_load_speed=entry.no_load_speed, rated_speed=entry.rated_speed,
+            max_speed=entry.max_speed, derived=derived,
+        ),
+        at_output=True,
+        gear=None,
+        transmission=None if missing else Transmission.model_construct(**values),
+        missing=missing,
+        mass=entry.mass,
+        rotor_inertia=entry.rotor_inertia,
+        back_driving_torque=entry.back_driving_torque,
+        stand_ins=tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items()),
+        losses=losses,
+        sources=(f"{name}: {entry.source} ({entry.grade})",),
+    )  # fmt: skip

@@ -1,0 +1,474 @@
+"""Motor sizing: what a cycle demands of each drive, and which drives of a catalogue meet it.
+
+Motors have mass. The motor and gear of joint j are held by the joint's parent link, with their mass
+at the joint's origin (a point; their own moments of inertia and their offset from the axis are left
+out), so they load the joints nearer to the base, not their own. Joints are therefore sized from the
+tips to the base, each with the drives chosen beyond it in the model, and all over again until no
+choice changes. The rotor's inertia acts on its own motor as r^2 J a; gyroscopic torques of rotors,
+and their share in other joints' inertias, are left out (for ratio r: 1/r of it).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.states import MotionLike
+from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
+from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Actuator
+from pinfric.model.urdf import implausible_body
+from pinfric.study.sizing.assess import Assessment, assess, nearest_miss
+from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
+from pinfric.study.sizing.caveats import caveats, unclosed
+from pinfric.study.sizing.demand import (
+    DriveCycle,
+    JointDemand,
+    average_output_effort,
+    drive_cycle,
+    hold_samples,
+    joint_demand,
+)
+from pinfric.study.sizing.drivetrain import MotorCycle, motor_cycle
+from pinfric.study.trajectory.trajectory import Trajectory
+
+#: Passes over all joints before an alternating choice is given up; a serial chain needs two.
+_MOST_PASSES = 10
+#: Drives in the model: (index, mass in kg) of each.
+_Load = tuple[tuple[int, float | None], ...]
+#: Joints nearer to the base than this are base axes for the resonance rule.
+BASE_AXES = 3
+
+
+@dataclass(frozen=True)
+class JointSizing:
+    """One joint's demand, candidates and choice.
+
+    Attributes:
+        demand, cycle: with the mass of all chosen drives in the model.
+        demand_without_masses: with the model as the scene has it.
+        load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg); None where
+            closed loops couple the joints.
+        motor: the shaft of the drive taken, sample by sample; None without one.
+        assessments: every candidate, ranked (`assess`); empty without a catalogue.
+        choice: the lightest that fits, None if none does.
+        nearest: where none fits, the candidate that comes nearest.
+        choice_without_masses: what would have been chosen without the drives' mass.
+        choice_frictionless: what would have been chosen without friction in the joints.
+        lacking: why there are no candidates, where a catalogue was given; else empty.
+    """
+
+    demand: JointDemand
+    cycle: DriveCycle
+    demand_without_masses: JointDemand
+    load_inertia: float | None
+    motor: MotorCycle | None = None
+    assessments: tuple[Assessment, ...] = ()
+    choice: Assessment | None = None
+    nearest: Assessment | None = None
+    choice_without_masses: Assessment | None = None
+    choice_frictionless: Assessment | None = None
+    lacking: str = ""
+
+    @property
+    def name(self) -> str:
+        """The drive's name."""
+        return self.demand.name
+
+    @property
+    def taken(self) -> Assessment | None:
+        """The drive whose mass is in the model: the choice, or the nearest miss."""
+        return self.choice or self.nearest
+
+    @property
+    def miss(self) -> str:
+        """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
+        if self.choice is not None or (not self.assessments and not self.lacking):
+            return ""
+        if not self.assessments:
+            return f"{self.name}: nothing to choose from: {self.lacking}"
+        if self.nearest is None:
+            lacking = self.assessments[0]
+            return (f"{self.name}: no candidate could be judged; {lacking.candidate.name}: "
+                    f"{lacking.why}")  # fmt: skip
+        return (f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
+                f"is {self.nearest.candidate.name}: {self.nearest.why}")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SizingReport(Shown):
+    """What a cycle demands of every drive, and the drives chosen for it.
+
+    Attributes:
+        scene: with the chosen drives' masses and transmissions; the given one without a catalogue.
+        given: the scene as it was given.
+        trajectory: where the motion came from.
+        catalog, conditions: what was chosen from and what was demanded; catalog None: demand only.
+        joints: in the order of the scene's drives.
+        result, result_without_masses: inverse dynamics of `scene` and of `given`.
+        passes: over all joints, until no choice changed. settled: no choice changed in the last.
+        notes: what the model does not know, for the reader.
+        unclosed: what of the cycle does not end as it began, in words; empty where it closes.
+    """
+
+    scene: Scene
+    given: Scene
+    trajectory: str
+    catalog: Catalog | None
+    conditions: Conditions
+    joints: tuple[JointSizing, ...]
+    result: InverseResult
+    result_without_masses: InverseResult
+    passes: int
+    settled: bool
+    notes: tuple[str, ...] = ()
+    unclosed: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        t = self.result.t
+        assert t is not None  # size refuses a motion without times
+        names = [joint.name for joint in self.joints]
+        peaks = [f"{joint.demand.peak:.3g} {joint.demand.unit}" for joint in self.joints]
+        chosen = [(j.name, j.choice.candidate.name) for j in self.joints if j.choice is not None]
+        settled = "settled" if self.settled else "not settled"
+        facts = {"peaks": listed(names, peaks)}
+        if self.catalog is not None:
+            facts |= {
+                "catalog": file_name(self.catalog.source),
+                "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
+                "misses": listed([joint.name for joint in self.joints if joint.miss]),
+                "mass": f"{self.drive_mass:.3g} kg of drives; {settled} after "
+                        + counted(self.passes, "pass", "passes"),
+            }  # fmt: skip
+        title = (
+            f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {t[-1] - t[0]:.4g} s"
+        )
+        return screen("SizingReport", title, {**facts, "more": ".summary() .plot() .joint(name)"})
+
+    @property
+    def drive_mass(self) -> float:
+        """Mass of all drives in the model, kg."""
+        taken = (joint.taken for joint in self.joints)
+        return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
+
+    @property
+    def misses(self) -> tuple[str, ...]:
+        """One line for each joint for which no candidate fits."""
+        return tuple(joint.miss for joint in self.joints if joint.miss)
+
+    def check(self) -> None:
+        """Raise if a joint has no drive that fits.
+
+        Raises:
+            SizingError: names the joints, the nearest misses and by how much; holds the report.
+        """
+        if self.misses:
+            raise SizingError("; ".join(self.misses), self)
+
+    def joint(self, name: str) -> JointSizing:
+        """Return one joint's sizing by name.
+
+        Raises:
+            SizingError: there is none of that name.
+        """
+        for joint in self.joints:
+            if joint.name == name:
+                return joint
+        names = [joint.name for joint in self.joints]
+        raise SizingError(f"there is no drive {name!r}; {choose_from(name, names)}")
+
+
+def size(
+    scene: Scene,
+    trajectory: MotionLike,
+    catalog: Catalog | str | Path | None = None,
+    *,
+    conditions: Conditions | Mapping[str, Any] | None = None,
+    on_miss: Literal["warn", "raise", "ignore"] = "warn",
+    progress: Callable[[str], object] | None = None,
+) -> SizingReport:
+    """Return what a repeated cycle demands of each drive and which drives of a catalogue meet it.
+
+    For every joint, from its effort interval (design 2.3, 2.4): peak, RMS, power, holding and
+    break-away effort. With a catalogue: every motor with every gear, checked by `criteria.check`;
+    the lightest that fits is chosen, tip to base, with the chosen drives' mass in the model.
+
+    Args:
+        scene: the robot with its friction. Its links are taken to be without drives, but for
+            `conditions.mass_in_urdf`. The candidates replace its transmissions.
+        trajectory: one cycle, with times; it is repeated without a pause. Where it does not end as
+            it began, `SizingReport.unclosed` and a note say by how much.
+        catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
+        conditions: what differs from the catalogue's conditions, as `Conditions` or a mapping.
+        on_miss: what to do where no candidate fits a joint; the report says so in any case.
+        progress: called with a line of text at each step.
+
+    Raises:
+        CatalogError: the catalogue or a condition is wrong; StateError: the motion has no times;
+        SizingError: taking off `mass_in_urdf` leaves a body that cannot be; or no candidate fits,
+        where `on_miss` is "raise".
+
+    Warns:
+        PinfricWarning: no candidate fits a joint, and by how much the nearest misses.
+    """
+    if isinstance(catalog, str | Path):
+        catalog = load_catalog(catalog)
+    wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)
+    check_names(scene, wanted)
+    sizing = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None))
+    report = sizing.run()
+    if on_miss == "raise":
+        report.check()
+    for text in report.misses if on_miss == "warn" else ():
+        warnings.warn(text, PinfricWarning, stacklevel=2)
+    return report
+
+
+class _Sizing:
+    """One run of `size`: keeps what was solved and judged already."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        trajectory: MotionLike,
+        catalog: Catalog | None,
+        conditions: Conditions,
+        progress: Callable[[str], object],
+    ) -> None:
+        self.scene, self.trajectory, self.catalog = scene, trajectory, catalog
+        self.conditions, self.progress = conditions, progress
+        self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
+        self.judged: dict[tuple[int, _Load], JointSizing] = {}
+        self.hold: np.ndarray | None = None
+
+    def run(self) -> SizingReport:
+        taken: dict[int, Assessment] = {}
+        drives = range(len(self.scene.drives))
+        plain = [self.joint(i, {}) for i in drives]
+        passes, settled = 0, self.catalog is None
+        while self.catalog is not None and not settled and passes < _MOST_PASSES:
+            passes += 1
+            before = _names(taken)
+            for i in _tip_to_base(self.scene):
+                self.progress(f"pass {passes}: {self.scene.drives[i].name}")
+                assessment = self.joint(i, taken).taken
+                if assessment is not None:
+                    taken[i] = assessment
+            settled = _names(taken) == before
+        if not settled:
+            warnings.warn(f"the choice of drives still alternates after {passes} passes",
+                          PinfricWarning, stacklevel=3)  # fmt: skip
+        joints = tuple(self._compared(self.joint(i, taken), plain[i]) for i in drives)
+        chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
+        equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
+        without = inverse_dynamics(self.scene, self.trajectory)
+        gaps = unclosed(without)
+        return SizingReport(
+            scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
+            trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
+            result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
+            result_without_masses=without, passes=passes, settled=settled,
+            notes=caveats(self.scene, self.catalog, self.conditions, gaps), unclosed=gaps,
+        )  # fmt: skip
+
+    def joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
+        """Judge all candidates for one joint, with the drives beyond it in the model."""
+        beyond = {k: a for k, a in taken.items() if _loads(self.scene, k, i)}
+        load = tuple(sorted((k, a.candidate.mass) for k, a in beyond.items()))
+        if (i, load) not in self.judged:
+            self.judged[i, load] = self._judge(i, *self._solve(load, beyond))
+        return self.judged[i, load]
+
+    def _solve(
+        self, load: _Load, taken: Mapping[int, Assessment]
+    ) -> tuple[InverseResult, np.ndarray]:
+        """Inverse dynamics and load inertias with these drives' masses in the model."""
+        if load not in self.solved:
+            self.solved.clear()  # joints of one load follow each other: older ones are done
+            scene = with_masses(self.scene, taken, self.conditions, drives=False)
+            result = inverse_dynamics(scene, self.trajectory)
+            self.solved[load] = result, load_inertias(result)
+        return self.solved[load]
+
+    def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
+        if self.hold is None:
+            self.hold = holds(self.scene, self.trajectory, result.states.v)
+        cycle = drive_cycle(result, i, self.hold)
+        demand = joint_demand(result, i, cycle)
+        tree = _joint(self.scene, i) is not None and not self.scene.loops
+        inertia = float(inertias[i]) if tree else None
+        ranked: tuple[Assessment, ...] = ()
+        if self.catalog is not None and _joint(self.scene, i) is not None:
+            hand = depth(self.scene, i) > BASE_AXES
+            ranked = assess(self.catalog, self.conditions, demand, cycle, inertia, hand)
+        choice = ranked[0] if ranked and ranked[0].fits else None
+        lacking = "" if ranked else self._no_candidates(i, demand.unit)
+        return JointSizing(demand, cycle, demand, inertia, None, ranked, choice,
+                           None if choice else nearest_miss(ranked), lacking=lacking)  # fmt: skip
+
+    def _no_candidates(self, i: int, unit: str) -> str:
+        """Why there is nothing to choose from; empty without a catalogue."""
+        if self.catalog is None:
+            return ""
+        if _joint(self.scene, i) is None:
+            return "motors and gears are for joints of one axis, not for cylinders and forces"
+        if not self.catalog.motors and not self.catalog.gearmotors:
+            return f"{self.catalog.source} has no motors"
+        output = "linear" if unit == "N" else "rotary"
+        return f"{self.catalog.source} has no gear with a {output} output"
+
+    def _compared(self, joint: JointSizing, plain: JointSizing) -> JointSizing:
+        """The joint, with what would have been chosen without masses, and without friction."""
+        frictionless, motor = None, None
+        if joint.taken is not None and joint.taken.motor is not None:
+            motor = motor_cycle(joint.taken.candidate, joint.cycle, self.conditions)
+        if self.catalog is not None and joint.assessments:
+            d, cycle = joint.demand, joint.cycle.without_friction()
+            bare = joint_demand_frictionless(d, cycle)
+            hand = depth(self.scene, self.scene.actuator_names.index(d.name)) > BASE_AXES
+            ranked = assess(self.catalog, self.conditions, bare, cycle, joint.load_inertia, hand)
+            frictionless = ranked[0] if ranked[0].fits else None
+        return replace(
+            joint, demand_without_masses=plain.demand, motor=motor,
+            choice_frictionless=frictionless, choice_without_masses=plain.choice,
+        )  # fmt: skip
+
+
+def holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
+    """Return (T,) which samples hold: those the trajectory knows (v = a = 0), else by velocity."""
+    mask = np.zeros(len(v), dtype=bool)
+    for hold in trajectory.holds() if isinstance(trajectory, Trajectory) else ():
+        mask[hold.first : hold.last + 1] = True
+    return mask if mask.any() else hold_samples(scene, v)  # a log is never at rest exactly
+
+
+def joint_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> JointDemand:
+    """Return the figures that gear criteria take, of the same cycle without friction.
+
+    Args:
+        demand: with friction.
+        cycle: `DriveCycle.without_friction`.
+    """
+    cubic = average_output_effort(cycle.t, cycle.effort_frictionless, cycle.velocity)
+    return replace(demand, peak=demand.peak_frictionless, rms=demand.rms_frictionless,
+                   rms_least=demand.rms_frictionless, mean_cubic=cubic)  # fmt: skip
+
+
+def load_inertias(result: InverseResult) -> np.ndarray:
+    """Return (na,) the largest M_jj(q) over the motion: the inertia about each drive's joint.
+
+    Payloads count while they are carried; rotors (Pinocchio's armature) do not.
+
+    Args:
+        result: of inverse dynamics.
+    """
+    scene = result.scene
+    largest = np.zeros(scene.model.nv)
+    for start, stop, carried in result.states.phases(scene):
+        model = scene.loaded_model(carried)
+        data = model.createData()
+        armature = np.asarray(model.armature)
+        q_here = result.states.q[start:stop]
+        moved = np.ones(len(q_here), dtype=bool)
+        moved[1:] = (q_here[1:] != q_here[:-1]).any(axis=1)
+        for q in q_here[moved]:  # in holds the inertia stays
+            np.maximum(largest, pin.crba(model, data, q).diagonal() - armature, out=largest)
+    return largest[[drive.velocity_index for drive in scene.drives]]
+
+
+def with_masses(
+    scene: Scene, taken: Mapping[int, Assessment], conditions: Conditions, drives: bool = True
+) -> Scene:
+    """The scene with the drives' mass on their joints' parent links, and their transmissions."""
+    model = scene.model.copy()
+    changed = False
+    for i, drive in enumerate(scene.drives):
+        joint = _joint(scene, i)
+        if joint is None or model.parents[joint] == 0:
+            continue
+        if i not in taken:
+            continue
+        mass = (taken[i].candidate.mass or 0.0) - conditions.mass_in_urdf.get(drive.name, 0.0)
+        place = pin.SE3(np.eye(3), model.jointPlacements[joint].translation)
+        parent = model.parents[joint]
+        point = pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
+        before = implausible_body(model.inertias[parent].mass, model.inertias[parent].inertia)
+        model.appendBodyToJoint(parent, point, place)
+        body = model.inertias[parent]
+        problem = implausible_body(body.mass, body.inertia)
+        if problem and (body.mass < 0 or not before):  # else the URDF's own, warned of on loading
+            raise SizingError(
+                f"conditions.mass_in_urdf.{drive.name}: with {-mass:g} kg less, the link that "
+                f"carries this drive is a body that cannot be: {problem}"
+            )
+        changed = True
+    actuators: Sequence[Actuator] | None = scene.actuators
+    if drives and taken:
+        actuators = [_actuator(scene, i, taken.get(i)) for i in range(len(scene.drives))]
+    elif not changed:
+        return scene
+    return replace(scene, model=model, actuators=actuators)
+
+
+def _actuator(scene: Scene, i: int, taken: Assessment | None) -> Actuator:
+    drive = scene.drives[i]
+    transmission = drive.transmission if taken is None else taken.candidate.transmission
+    return Actuator.model_construct(joint=drive.name, transmission=transmission, cylinder=None,
+                                    force=None)  # fmt: skip
+
+
+def _joint(scene: Scene, actuator: int) -> int | None:
+    """The model's index of a drive's joint; None for one direction of a joint with several."""
+    name = scene.drives[actuator].name
+    if not scene.model.existJointName(name):
+        return None
+    joint = int(scene.model.getJointId(name))
+    return joint if scene.model.joints[joint].nv == 1 else None
+
+
+def _loads(scene: Scene, drive: int, actuator: int) -> bool:
+    """Whether a drive's mass acts on another joint: the link that holds it hangs on that joint."""
+    held, joint = _joint(scene, drive), _joint(scene, actuator)
+    if drive == actuator or held is None:
+        return False
+    if scene.loops or joint is None:
+        return True
+    link = int(scene.model.parents[held])
+    while link > joint:  # a parent's index is less than its child's
+        link = int(scene.model.parents[link])
+    return link == joint
+
+
+def depth(scene: Scene, actuator: int) -> int:
+    """Return how many joints lie between the ground and the joint's child, its own included."""
+    joint, count = _joint(scene, actuator), 0
+    while joint:
+        joint, count = int(scene.model.parents[joint]), count + 1
+    return count
+
+
+def _tip_to_base(scene: Scene) -> list[int]:
+    """The drives, those farthest from the ground first."""
+    return sorted(range(len(scene.drives)), key=lambda i: -depth(scene, i))
+
+
+def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
+    return {i: assessment.candidate.name for i, assessment in taken.items()}
+
+
+def check_names(scene: Scene, conditions: Conditions) -> None:
+    """Refuse conditions that name a drive that is not there: `CatalogError`."""
+    for key in ("mass_in_urdf", "collision_effort"):
+        for name in getattr(conditions, key):
+            if name not in scene.actuator_names:
+                raise CatalogError(f"conditions.{key}: there is no drive {name!r}; "
+                                   f"{choose_from(name, scene.actuator_names)}")  # fmt: skip

@@ -1,0 +1,1 @@
+"""Sweeps: how efforts vary with what is not known for certain."""

@@ -1,0 +1,210 @@
+"""One sample of a sweep: inverse dynamics of one cycle, reduced to a few figures per drive.
+
+This is what workers run. A sample depends on its own values only, so that neither the number of
+processes nor a lost worker changes a result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.result import InverseResult
+from pinfric.errors import PinfricError
+from pinfric.model.drives import Drive
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Transmission
+from pinfric.study.sizing.assess import Assessment
+from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.criteria import Status, check
+from pinfric.study.sizing.demand import drive_cycle, joint_demand
+from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
+from pinfric.study.sizing.size import holds, load_inertias
+from pinfric.study.summary import ends_by_magnitude
+from pinfric.study.sweep.parameters import Target, apply
+from pinfric.study.trajectory.trajectory import Trajectory
+
+#: What a cycle takes of each drive.
+DEMANDS = ("peak", "rms", "motor_peak", "motor_rms", "speed")
+#: What `size` says of the catalogue's drive on trial there: the criteria that fail and those not
+#: checked (sums of 2^k, k the place in `Judge.criteria`), and the least margin. Where none is on
+#: trial: 0, 0 and 1, since NaN would say that there is no solution.
+VERDICT = ("failed", "not_checked", "margin")
+_NO_TRIAL = (0.0, 0.0, 1.0)
+#: The figures of each drive, in the order of the last axis of `Block.figures`.
+FIGURES = (*DEMANDS, *VERDICT)
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Holds a drive of a catalogue against the criteria of `size`.
+
+    Attributes:
+        candidate: motor and gear. conditions: what is demanded.
+        hand: it moves one of the hand axes, beyond the third joint.
+        criteria: names of those that are required, in the order of `check`.
+    """
+
+    candidate: Candidate
+    conditions: Conditions
+    hand: bool
+    criteria: tuple[str, ...]
+
+    def verdict(
+        self, result: InverseResult, actuator: int, holding: np.ndarray, inertia: float | None
+    ) -> tuple[float, float, float]:
+        """Return the figures of `VERDICT` for one cycle.
+
+        Args:
+            result: of the cycle. actuator: the drive's column.
+            holding: (T,) the samples of the holds.
+            inertia: largest about the joint over the cycle, kg m^2 (kg); None: not known.
+        """
+        drive = result.scene.drives[actuator]
+        assert isinstance(drive, Drive)
+        # of the sample: its losses may be among what varies
+        candidate = replace(self.candidate, transmission=drive.transmission)
+        cycle = drive_cycle(result, actuator, holding)
+        demand = joint_demand(result, actuator, cycle)
+        motor = motor_cycle(candidate, cycle, self.conditions)
+        found = check(candidate, demand, cycle, motor, inertia, self.hand, self.conditions)
+        bits = {name: 2.0**k for k, name in enumerate(self.criteria)}
+        failed, unchecked = (
+            sum(bits[c.name] for c in found if c.status == status)
+            for status in (Status.FAILS, Status.NOT_CHECKED)
+        )
+        return failed, unchecked, Assessment(candidate, found, motor.figures).margin
+
+
+class JudgedTransmission(Transmission):
+    """The transmission of a catalogue's drive on trial, with who judges it.
+
+    The judge travels with the scene: to the workers, and into the store's hash of what the figures
+    depend on.
+    """
+
+    judge: Judge
+
+
+@dataclass(frozen=True)
+class Study:
+    """What all samples share.
+
+    Attributes:
+        scene, trajectory: before a sample's values are put in.
+        targets: what the values change.
+    """
+
+    scene: Scene
+    trajectory: Trajectory
+    targets: tuple[Target, ...]
+    _inertias: list[np.ndarray] = field(default_factory=list, repr=False, compare=False)
+
+    def load_inertias(self, result: InverseResult) -> np.ndarray:
+        """Return (na,) the largest inertia about each joint over one sample's cycle, kg m^2 (kg).
+
+        Args:
+            result: of the sample.
+        """
+        if any(target.section == "payload" for target in self.targets):
+            return load_inertias(result)
+        if not self._inertias:  # nothing else changes it: the path's configurations stay
+            self._inertias.append(load_inertias(result))
+        return self._inertias[0]
+
+
+@dataclass(frozen=True)
+class Block:
+    """The figures of some samples.
+
+    Attributes:
+        rows: (k,) which samples.
+        figures: (k, na, number of `FIGURES`); NaN where there is no solution.
+        unsolved: (k,) at how many instants of the cycle there is none.
+        problems: (k,) why a sample could not be computed; empty where it could.
+    """
+
+    rows: np.ndarray
+    figures: np.ndarray
+    unsolved: np.ndarray
+    problems: tuple[str, ...]
+
+
+def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> Block:
+    """Return the figures of some samples, each by itself.
+
+    Args:
+        study: what they share.
+        rows: (k,) which samples these are.
+        values: (k, number of targets).
+    """
+    k, na = len(rows), len(study.scene.drives)
+    figures, unsolved = np.full((k, na, len(FIGURES)), np.nan), np.zeros(k, dtype=np.int64)
+    problems = []
+    for i, sample in enumerate(values):
+        try:
+            figures[i], unsolved[i] = cycle_figures(study, sample)
+            problems.append("")
+        except PinfricError as problem:  # of this sample: the others go on
+            problems.append(str(problem))
+            unsolved[i] = len(study.trajectory.t)
+    return Block(rows, figures, unsolved, tuple(problems))
+
+
+def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> tuple[np.ndarray, int]:
+    """Return one cycle's figures (na, number of `FIGURES`) and its instants without solution."""
+    scene, trajectory = apply(study.scene, study.trajectory, study.targets, list(sample))
+    # one thread: the processes share the cores already
+    result = inverse_dynamics(scene, trajectory, threads=1)
+    figures = np.column_stack((reduce(result), _verdicts(study, result, trajectory)))
+    return figures, int(np.isnan(result.effort_lower).any(axis=1).sum())
+
+
+def _verdicts(study: Study, result: InverseResult, trajectory: Trajectory) -> np.ndarray:
+    """(na, number of `VERDICT`); NaN where a drive on trial has instants without solution."""
+    scene = result.scene
+    verdicts = np.tile(_NO_TRIAL, (len(scene.drives), 1))
+    holding, inertias = None, None
+    for i, drive in enumerate(scene.drives):
+        transmission = getattr(drive, "transmission", None)
+        if not isinstance(transmission, JudgedTransmission):
+            continue
+        if not np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
+            verdicts[i] = np.nan
+            continue
+        if holding is None:
+            holding = holds(scene, trajectory, result.states.v)
+            # loops couple the joints: none has an inertia of its own
+            inertias = None if scene.loops else study.load_inertias(result)
+        inertia = None if inertias is None else float(inertias[i])
+        verdicts[i] = transmission.judge.verdict(result, i, holding, inertia)
+    return verdicts
+
+
+def reduce(result: InverseResult) -> np.ndarray:
+    """Return (na, number of `DEMANDS`), as `summarize` has them; `speed` is max |v| of the drive.
+
+    Args:
+        result: with times.
+    """
+    assert result.t is not None  # a trajectory has them
+    worst, _ = ends_by_magnitude(result.effort_lower, result.effort_upper)
+    motor, _ = ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)
+    return np.column_stack((
+        np.abs(worst).max(axis=0), _rms(result.t, worst),
+        np.abs(motor).max(axis=0), _rms(result.t, motor),
+        np.abs(result.actuator_velocity).max(axis=0),
+    ))  # fmt: skip
+
+
+def _rms(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """`summary.rms` of every column of x (T, na) at once."""
+    largest = np.abs(x).max(axis=0)
+    if len(t) == 1:
+        return largest
+    scale = np.where(largest > 0, largest, 1.0)  # NaN, too, is not above 0
+    mean_square = np.trapezoid((x / scale) ** 2, t, axis=0) / (t[-1] - t[0])
+    return np.where(largest > 0, scale * np.sqrt(mean_square), largest)

@@ -1,0 +1,164 @@
+"""The sweep's file format: which parameters vary, how, and which motors are on trial.
+
+pinfric_sweep: 1
+samples: 1000
+sampling: random            # random | sobol | grid
+seed: 1
+parameters:
+  friction.*.mu: {lognormal: {median: 1.0, sigma: 0.35}}     # a factor
+  payload.box.mass: {normal: {mean: 2.0, std: 0.1}}          # kg
+motors:
+  panda_joint2: {continuous_torque: 0.4, peak_torque: 1.2}   # N m at the motor's shaft
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from pinfric.errors import SceneError, SweepError
+from pinfric.model.scene_file import find_file
+from pinfric.model.schema import Entry, Number, Positive, parse
+from pinfric.model.yamlfile import read_yaml
+from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sweep.distributions import (
+    Choice,
+    Distribution,
+    LogNormal,
+    Normal,
+    Steps,
+    TruncatedNormal,
+    Uniform,
+)
+
+#: More cycles than this would take weeks: a slip of the pen, most likely in a grid.
+MOST_SAMPLES = 10_000_000
+_KINDS = ("normal", "truncated_normal", "uniform", "lognormal", "choice", "steps")
+
+
+class Parameter(Entry):
+    """How one parameter varies: one distribution; `each`: a draw of its own for every match."""
+
+    normal: Normal | None = None
+    truncated_normal: TruncatedNormal | None = None
+    uniform: Uniform | None = None
+    lognormal: LogNormal | None = None
+    choice: Choice | None = None
+    steps: Steps | None = None
+    each: bool = False
+
+    @model_validator(mode="after")
+    def _one_distribution(self) -> Parameter:
+        given = [kind for kind in _KINDS if getattr(self, kind) is not None]
+        if len(given) != 1:
+            raise ValueError(f"give one of {', '.join(_KINDS)}; found {', '.join(given) or 'none'}")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The distribution's name."""
+        return next(kind for kind in _KINDS if getattr(self, kind) is not None)
+
+    @property
+    def distribution(self) -> Distribution:
+        """The one that is given."""
+        found: Distribution = getattr(self, self.kind)
+        return found
+
+
+class MotorOnTrial(Entry):
+    """A motor whose ratings every sample is held against.
+
+    Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N): `continuous_torque`
+    against the RMS, `peak_torque` against the conditions' `peak_factor` times the peak, `max_speed`
+    in rad/s.
+    `motor`: ratings from the catalogue, with the scene's transmission. `drive`: a motor with its
+    gear, by the name `pinfric size` prints, held against all its criteria; its transmission
+    replaces the scene's, and its mass is put into the model. Ratings given here take precedence.
+    """
+
+    motor: str | None = None
+    drive: str | None = None
+    continuous_torque: Positive | None = None
+    peak_torque: Positive | None = None
+    max_speed: Positive | None = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> MotorOnTrial:
+        if self.motor is not None and self.drive is not None:
+            raise ValueError("give `motor` or `drive`, not both")
+        figures = self.continuous_torque, self.peak_torque, self.max_speed
+        if self.motor is None and self.drive is None and not any(figures):
+            raise ValueError(
+                "nothing to check: give continuous_torque, peak_torque or max_speed, or `motor` or "
+                "`drive` by its name in the catalogue"
+            )
+        return self
+
+
+class SweepFile(Entry):
+    """A whole sweep file.
+
+    `sampling`: random; sobol (Saltelli's design: samples is a power of two N, N (d + 2) cycles are
+    computed for d parameters, and the shares of the variance come out); grid (every combination
+    of choice and steps). `conditions`: what differs from those of the catalogue.
+    """
+
+    pinfric_sweep: Literal[1]
+    parameters: Annotated[dict[str, Parameter], Field(min_length=1)]
+    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None = None
+    sampling: Literal["random", "sobol", "grid"] = "random"
+    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    percentiles: Annotated[tuple[Number, ...], Field(min_length=1)] = (5.0, 50.0, 95.0, 99.0)
+    catalog: str = "default"
+    conditions: Conditions | None = None
+    motors: dict[str, MotorOnTrial] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _design_can_be(self) -> SweepFile:
+        for p in self.percentiles:
+            if not 0 <= p <= 100:
+                raise ValueError(f"percentiles: {p:g} is not between 0 and 100")
+        if self.sampling == "grid":
+            self._check_grid()
+        elif self.samples is None:
+            raise ValueError(f"`samples` is missing: how many of the {self.sampling} design")
+        elif self.sampling == "sobol" and self.samples & (self.samples - 1):
+            near = 2 ** round(math.log2(self.samples))
+            raise ValueError(
+                f"samples: {self.samples} is not a power of two, which Sobol's sequence needs; "
+                f"take {near}"
+            )
+        return self
+
+    def _check_grid(self) -> None:
+        if self.samples is not None:
+            raise ValueError("`samples`: a grid has as many as its values make; leave it out")
+        for name, parameter in self.parameters.items():
+            if parameter.distribution.levels is None:
+                raise ValueError(
+                    f"parameters.{name}: a grid takes `steps` or `choice`, not {parameter.kind}"
+                )
+
+
+def load_sweep(given: SweepFile | Mapping[str, Any] | str | Path) -> tuple[SweepFile, str]:
+    """Return a sweep and its source, from a file, a bundled file's name, or a mapping.
+
+    Raises:
+        SweepError: everything that is wrong with it, in one message.
+    """
+    if isinstance(given, SweepFile):
+        return given, "sweep"
+    try:
+        if isinstance(given, Mapping):
+            entries: SweepFile = parse(SweepFile, dict(given), "sweep")
+            return entries, "sweep"
+        path = find_file(given, (".sweep.yaml",), SweepError)
+        entries = parse(SweepFile, read_yaml(path, SweepError), str(path))
+    except SceneError as problem:
+        raise SweepError(str(problem)) from None
+    return entries, str(path)

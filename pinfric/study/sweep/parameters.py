@@ -1,0 +1,311 @@
+"""What a sweep's parameters act on: names resolved against a scene, values put into it.
+
+    friction.<joint>.mu, .coulomb, .viscous     factor on static and kinetic value alike
+    transmission.<drive>.no_load_torque, .motor_viscous     factor
+    payload.<name>.mass                         kg; the inertia goes with it (same shape)
+    payload.<name>.com.x, .y, .z                m, in the link's axes
+    speed                                       factor; 2: the same path in half the time
+    mounting.roll, mounting.pitch               rad; the base turned on its foundation
+
+Names may hold the wildcards * ? [ ]; a factor given for several joints is one draw for all of them,
+or (`each: true`) a draw for each. Factors of overlapping names multiply.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+from collections.abc import Iterable, Sequence
+from copy import copy
+from dataclasses import dataclass
+from inspect import signature
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import SweepError, choose_from, problems_line
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Actuator, Coefficients, Friction, Payload
+from pinfric.study.sweep.distributions import Distribution
+from pinfric.study.sweep.file import MOST_SAMPLES, SweepFile
+from pinfric.study.trajectory.trajectory import Trajectory
+
+_FRICTION_KEYS = ("mu", "coulomb", "viscous")
+_TRANSMISSION_KEYS = ("no_load_torque", "motor_viscous")
+_PAYLOAD_KEYS = ("mass", "com.x", "com.y", "com.z")
+_ANGLES = ("roll", "pitch")
+_FORMS = ("friction.<joint>.mu", "friction.<joint>.coulomb", "friction.<joint>.viscous",
+          "transmission.<drive>.no_load_torque", "transmission.<drive>.motor_viscous",
+          "payload.<name>.mass", "payload.<name>.com.x", "speed", "mounting.roll",
+          "mounting.pitch")  # fmt: skip
+#: Base angles beyond this were meant in degrees.
+_LARGEST_ANGLE = 2 * math.pi
+
+
+@dataclass(frozen=True)
+class Target:
+    """One column of the samples: what a value of it changes.
+
+    Attributes:
+        name: the column's, as in the sweep file (with `each`: of one joint).
+        section: friction, transmission, payload, speed or mounting.
+        key: what of it, for instance mu.
+        names: the joints, drives or the payload it acts on.
+        distribution: of its values.
+    """
+
+    name: str
+    section: str
+    key: str
+    names: tuple[str, ...]
+    distribution: Distribution
+
+
+def resolve(scene: Scene, sweep: SweepFile, source: str) -> tuple[Target, ...]:
+    """Return the columns a sweep draws, each with what it acts on in this scene.
+
+    Raises:
+        SweepError: every name that is not there and every value that cannot be, in one message.
+    """
+    problems: list[str] = []
+    targets: list[Target] = []
+    for name, parameter in sweep.parameters.items():
+        try:
+            section, key, names = _find(scene, name)
+        except SweepError as problem:
+            problems.append(f"`parameters.{name}`: {problem}")
+            continue
+        wrong = _impossible(section, key, parameter.kind, parameter.distribution)
+        if wrong:
+            problems.append(f"`parameters.{name}`: {wrong}")
+        if parameter.each and section in ("speed", "mounting", "payload"):
+            problems.append(f"`parameters.{name}.each`: there is only one {name}")
+        groups = [(n,) for n in names] if parameter.each else [names]
+        for group in groups:
+            column = f"{section}.{group[0]}.{key}" if parameter.each else name
+            targets.append(Target(column, section, key, group, parameter.distribution))
+    columns = [target.name for target in targets]
+    twice = {column for column in columns if columns.count(column) > 1}
+    problems += [f"`parameters`: {column} is drawn twice" for column in sorted(twice)]
+    if problems:
+        raise SweepError(problems_line(source, problems))
+    return tuple(targets)
+
+
+def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
+    """Section, key and the names that a parameter's name means."""
+    if name == "speed":
+        return "speed", "", ()
+    section, _, rest = name.partition(".")
+    if section == "mounting" and rest in _ANGLES:
+        return section, rest, ()
+    keys = {"friction": _FRICTION_KEYS, "transmission": _TRANSMISSION_KEYS,
+            "payload": _PAYLOAD_KEYS}.get(section, ())  # fmt: skip
+    for key in keys:
+        if rest.endswith(f".{key}"):
+            return section, key, _matches(scene, section, key, rest[: -len(key) - 1])
+    raise SweepError(f"unknown parameter; {choose_from(name, _FORMS)}")
+
+
+def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, ...]:
+    if section == "friction":
+        there = [n for n, f in scene.friction.items() if getattr(f, key)]
+        what = f"joint with {key} in this scene"
+    elif section == "transmission":
+        there = [d.name for d in scene.drives if getattr(_transmission(d), key, 0.0)]
+        what = f"drive with {key} in this scene"
+    else:
+        there, what = list(scene.payloads), "payload"
+    found = tuple(n for n in there if n == pattern or fnmatch.fnmatchcase(n, pattern))
+    if not found:
+        raise SweepError(f"there is no {what} that is called {pattern!r}; "
+                         f"{choose_from(pattern, there)}")  # fmt: skip
+    if section == "payload" and len(found) > 1:
+        raise SweepError(f"means {len(found)} payloads; name one: {', '.join(found)}")
+    return found
+
+
+def _transmission(drive: Any) -> Any:
+    return getattr(drive, "transmission", None)
+
+
+def _impossible(section: str, key: str, kind: str, distribution: Distribution) -> str:
+    """Say which values of a distribution cannot be; empty where all can."""
+    low = distribution.support[0]
+    with np.errstate(over="ignore"):
+        ends = distribution.quantile(np.array([0.0, 0.05, 0.95, 1.0 - 2.0**-53]))
+    if not np.isfinite(ends).all():
+        return f"{kind}: its values reach infinity; is its width meant?"
+    if section == "mounting":
+        if np.abs(ends[1:3]).max() > _LARGEST_ANGLE:
+            return f"{kind}: angles from {ends[1]:.3g} to {ends[2]:.3g} rad; are these degrees?"
+        return ""
+    if section == "payload" and key != "mass":
+        return ""
+    positive = section in ("payload", "speed")
+    what = {"payload": "a mass", "speed": "a speed factor"}.get(section, "a factor on friction")
+    if low > 0 or (low == 0 and not positive):
+        return ""
+    reach = f"reaches down to {low:g}" if math.isfinite(low) else "has no lower bound"
+    below = distribution.probability_below(0.0)
+    often = f" ({100 * below:.2g} % of it lies below 0)" if below > 0 else ""
+    bound = "above 0" if positive else "0 or more"
+    cure = "; take truncated_normal with `low`, or lognormal" if kind == "normal" else ""
+    return f"{kind} {reach}{often}, and {what} must be {bound}{cure}"
+
+
+def apply(
+    scene: Scene, trajectory: Trajectory, targets: Sequence[Target], values: Sequence[float]
+) -> tuple[Scene, Trajectory]:
+    """Return scene and trajectory with one sample's values in them.
+
+    Args:
+        scene, trajectory: stay as they are.
+        targets: of `resolve`.
+        values: (number of targets,) in their order.
+    """
+    friction = dict(scene.friction)
+    payloads = dict(scene.payloads)
+    losses: dict[str, dict[str, float]] = {}
+    angles = dict.fromkeys(_ANGLES, 0.0)
+    for target, value in zip(targets, map(float, values), strict=True):
+        if target.section == "speed":
+            trajectory = trajectory.with_speed(value)
+        elif target.section == "mounting":
+            angles[target.key] = value
+        elif target.section == "payload":
+            name = target.names[0]
+            payloads[name] = _with_payload(payloads[name], target.key, value)
+        elif target.section == "friction":
+            for name in target.names:
+                friction[name] = _with_factor(friction[name], target.key, value)
+        else:
+            for name in target.names:
+                factors = losses.setdefault(name, {})
+                factors[target.key] = factors.get(target.key, 1.0) * value
+    sections = {target.section for target in targets}
+    change: dict[str, Any] = {}
+    if "friction" in sections:
+        change["friction"] = friction
+    if "payload" in sections:
+        change["payloads"] = payloads
+    if losses:
+        change["actuators"] = [_with_losses(a, losses) for a in scene.actuators or ()]
+    if "mounting" in sections:
+        change["model"] = mounted(scene.model, angles["roll"], angles["pitch"])
+    return _varied(scene, change), trajectory
+
+
+def _varied(scene: Scene, change: dict[str, Any]) -> Scene:
+    """Return the scene with other numbers in the same places.
+
+    `Scene` would check every entry again and open a new wrench twin: half of a short cycle's time.
+    `resolve` has checked the values; what does not depend on them is kept.
+    """
+    varied = copy(scene)  # without what it has derived
+    for name, value in change.items():
+        object.__setattr__(varied, name, value)
+    kept = [] if "model" in change else ["_made_of"]
+    kept += [] if change.keys() & {"model", "payloads"} else ["_variants"]
+    if scene.linkage is None:
+        kept += [] if "friction" in change else ["sites", "site_tables"]
+        kept += [] if "actuators" in change else ["drives"]
+    for name in kept:
+        varied.__dict__[name] = getattr(scene, name)
+    return varied
+
+
+def mounted(model: pin.Model, roll: float, pitch: float) -> pin.Model:
+    """Return the model on a base turned by R = R_y(pitch) R_x(roll): g_base = R^T g.
+
+    Args:
+        model: as the scene has it; stays.
+        roll, pitch: rad, about the world's x, then its y axis.
+    """
+    turned = model.copy()
+    R = pin.rpy.rpyToMatrix(roll, pitch, 0.0)
+    turned.gravity.linear = R.T @ model.gravity.linear
+    return turned
+
+
+def _with_payload(payload: Payload, key: str, value: float) -> Payload:
+    if key == "mass":
+        scaled = tuple(x * value / payload.mass for x in payload.inertia)
+        return payload.model_copy(update={"mass": value, "inertia": scaled})
+    com = list(payload.com)
+    com["xyz".index(key[-1])] = value
+    return payload.model_copy(update={"com": tuple(com)})
+
+
+def _with_factor(friction: Friction, key: str, factor: float) -> Friction:
+    given = getattr(friction, key)
+    if isinstance(given, Coefficients):
+        scaled: Any = _scaled(given, factor)
+    elif key == "viscous":
+        scaled = given * factor
+    else:
+        both = {"positive": _scaled(given.positive, factor),
+                "negative": _scaled(given.negative, factor)}  # fmt: skip
+        scaled = given.model_copy(update=both)
+    return friction.model_copy(update={key: scaled})
+
+
+def _scaled(pair: Coefficients, factor: float) -> Coefficients:
+    both = {"static": pair.static * factor, "kinetic": pair.kinetic * factor}
+    return pair.model_copy(update=both)
+
+
+def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Actuator:
+    factors = losses.get(actuator.joint or "")
+    if not factors or actuator.transmission is None:
+        return actuator
+    values = {key: getattr(actuator.transmission, key) * factor for key, factor in factors.items()}
+    return actuator.model_copy(
+        update={"transmission": actuator.transmission.model_copy(update=values)}
+    )
+
+
+def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
+    """Return every sample's values (n, number of targets); the seed decides them alone.
+
+    Sobol's design stacks Saltelli's matrices A, B and A with one column of B, for each target.
+
+    Raises:
+        SweepError: a grid of more samples than can be meant.
+    """
+    d = len(targets)
+    if sweep.sampling == "grid":
+        levels = [target.distribution.levels or () for target in targets]
+        total = math.prod(len(values) for values in levels)
+        if total > MOST_SAMPLES:
+            raise SweepError(f"the grid has {total:,} samples; at most {MOST_SAMPLES:,}")
+        index = np.unravel_index(np.arange(total), [len(values) for values in levels])
+        return _columns(np.array(values)[i] for values, i in zip(levels, index, strict=True))
+    assert sweep.samples is not None  # the file's check
+    u = _unit_cube(sweep.sampling, sweep.samples, d, sweep.seed)
+    if len(u) > MOST_SAMPLES:
+        raise SweepError(f"Sobol's design has {len(u):,} samples; at most {MOST_SAMPLES:,}")
+    return _columns(target.distribution.quantile(u[:, j]) for j, target in enumerate(targets))
+
+
+def seeded(function: Any, before: str, seed: int) -> dict[str, np.random.Generator]:
+    """Return the argument that seeds one of SciPy's functions: `rng`, or what it was before."""
+    known = signature(function).parameters
+    return {"rng" if "rng" in known else before: np.random.default_rng(seed)}
+
+
+def _columns(columns: Iterable[np.ndarray]) -> np.ndarray:
+    return np.column_stack(list(columns)).astype(float)
+
+
+def _unit_cube(sampling: str, n: int, d: int, seed: int) -> np.ndarray:
+    if sampling == "random":
+        return np.random.default_rng(seed).random((n, d))
+    from scipy.stats import qmc
+
+    # scrambled, the shares come out ten times as well as with the sequence shifted as a whole
+    points = qmc.Sobol(2 * d, scramble=True, **seeded(qmc.Sobol, "seed", seed)).random(n)
+    A, B = points[:, :d], points[:, d:]
+    mixed = [np.where(np.arange(d) == j, B, A) for j in range(d)]
+    return np.concatenate([A, B, *mixed])

@@ -1,0 +1,262 @@
+"""What a sweep found: every sample's figures, their percentiles, odds and what drives them."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.errors import SweepError, choose_from
+from pinfric.model.brief import Shown, file_name, listed, screen
+from pinfric.study.sweep.cycle import DEMANDS, FIGURES
+from pinfric.study.sweep.motors import Trial
+from pinfric.study.sweep.parameters import seeded
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: 95 % of a normal distribution lies within so many standard deviations.
+_Z95 = 1.959963984540054
+#: Of the bootstrap behind the intervals of Sobol's shares.
+_RESAMPLES = 200
+
+
+@dataclass(frozen=True)
+class Probability:
+    """A share of the samples.
+
+    Attributes:
+        value: the share.
+        low, high: 95 % confidence interval (Wilson) of independent samples; None of other designs.
+    """
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """Shares of a figure's variance, by parameter (np,).
+
+    Attributes:
+        first: share that goes if the parameter alone were known.
+        total: share that stays if all but the parameter were known: interactions count.
+        first_low, first_high, total_low, total_high: 95 % bootstrap intervals.
+    """
+
+    first: np.ndarray
+    total: np.ndarray
+    first_low: np.ndarray
+    first_high: np.ndarray
+    total_low: np.ndarray
+    total_high: np.ndarray
+
+
+@dataclass(frozen=True)
+class SweepResult(Shown):
+    """All samples of a sweep; SI units.
+
+    The figures of each drive (`figure`) are those of `pinfric inverse`: `peak`, `rms` of the worst
+    end of the effort interval; `motor_peak`, `motor_rms` at the motor's shaft; `speed`, the largest
+    |v| of the drive. Of catalogue drives on trial there are `failed`, `not_checked` (sums of 2^k,
+    criterion k of `Trial.checks`) and `margin`, the least of all criteria.
+
+    Attributes:
+        scene, trajectory, sweep: their names.
+        sampling: random, sobol or grid. seed: of the samples.
+        parameter_names: (np,) the columns of `values`.
+        actuator_names, units: (na,) the drives, and of their efforts N m or N.
+        values: (n, np) what each sample's parameters were.
+        figures: (n, na, number of figures); NaN where a sample has no solution.
+        unsolved: (n,) at how many instants of the cycle there was none.
+        problems: (n,) why a sample could not be computed; empty where it could.
+        trials: the motors on trial.
+        percentiles: which are asked for.
+        processes: how many computed. resumed: samples that were there already.
+        notes: what a reader should know.
+    """
+
+    scene: str
+    trajectory: str
+    sweep: str
+    sampling: str
+    seed: int
+    parameter_names: tuple[str, ...]
+    actuator_names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: np.ndarray
+    figures: np.ndarray
+    unsolved: np.ndarray
+    problems: tuple[str, ...]
+    trials: tuple[Trial, ...]
+    percentiles: tuple[float, ...]
+    processes: int = 1
+    resumed: int = 0
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        solved = int(self.solved.sum())
+        facts = {
+            "solved": "all" if solved == self.samples else f"{solved} of {self.samples}",
+            "parameters": listed(self.parameter_names),
+            "drives": listed(self.actuator_names),
+        }
+        if solved:
+            middle = np.median(self.figure("peak")[self.solved], axis=0)
+            peaks = [f"{x:.3g} {unit}" for x, unit in zip(middle, self.units, strict=True)]
+            facts["peaks"] = f"{listed(self.actuator_names, peaks)} (median)"
+        suffices = [f"{100 * np.mean(self.sufficing(trial)):.1f} %" for trial in self.trials]
+        facts["suffice"] = listed([trial.drive for trial in self.trials], suffices)
+        title = (f"{file_name(self.scene)} · {file_name(self.trajectory)}: "
+                 f"{self.samples} samples, {self.sampling}")  # fmt: skip
+        return screen("SweepResult", title, {
+            **facts, "more": ".summary() .plot() .to_dataframe() .quantiles(figure)",
+        })  # fmt: skip
+
+    @property
+    def samples(self) -> int:
+        """How many cycles were computed."""
+        return len(self.values)
+
+    @cached_property
+    def solved(self) -> np.ndarray:
+        """(n,) the samples with all their figures."""
+        return np.asarray(np.isfinite(self.figures).all(axis=(1, 2)))
+
+    def figure(self, name: str) -> np.ndarray:
+        """Return one figure of all samples and drives, (n, na).
+
+        Raises:
+            SweepError: there is none of that name.
+        """
+        if name not in FIGURES:
+            raise SweepError(f"there is no figure {name!r}; {choose_from(name, FIGURES)}")
+        return np.asarray(self.figures[:, :, FIGURES.index(name)])
+
+    def quantiles(self, name: str) -> np.ndarray:
+        """Return the percentiles of a figure, (number of percentiles, na), by drive.
+
+        Over the samples that have a solution; all samples weigh the same, a grid's too.
+        """
+        there = self.figure(name)[self.solved]
+        return np.asarray(np.percentile(there, self.percentiles, axis=0))
+
+    def sufficing(self, trial: Trial | None = None) -> np.ndarray:
+        """Return (n,) in which samples a motor meets all its criteria; None: all motors do.
+
+        A sample without a solution is one in which none does.
+        """
+        trials = self.trials if trial is None else (trial,)
+        met = [mask for t in trials for mask in t.met(self.figures).values()]
+        there = np.isfinite(self.figures[:, [t.actuator for t in trials]]).all(axis=(1, 2))
+        return np.asarray(np.logical_and.reduce([*met, there]))
+
+    def probability(self, mask: np.ndarray) -> Probability:
+        """Return the share of a (n,) mask with its confidence interval."""
+        n, share = len(mask), float(np.mean(mask))
+        if self.sampling != "random":
+            return Probability(share, None, None)
+        z = _Z95
+        center = (share + z * z / (2 * n)) / (1 + z * z / n)
+        half = z * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+        return Probability(share, max(center - half, 0.0), min(center + half, 1.0))
+
+    def rank_correlation(self, name: str) -> np.ndarray:
+        """Return Spearman's correlation of each parameter with a figure, (np, na), in [-1, 1].
+
+        It sees what rises or falls all the way; a figure that is least in the middle of a
+        parameter's range (a mounting angle) needs the shares of Sobol's design. NaN where a
+        parameter or a figure does not vary.
+        """
+        from scipy.stats import rankdata
+
+        if np.count_nonzero(self.solved) < 2:
+            return np.full((len(self.parameter_names), len(self.actuator_names)), np.nan)
+        x = rankdata(self.values[self.solved], axis=0)
+        y = rankdata(self.figure(name)[self.solved], axis=0)
+        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+        scale = np.sqrt(np.outer((x * x).sum(axis=0), (y * y).sum(axis=0)))
+        some = scale > 0
+        return np.where(some, (x.T @ y) / np.where(some, scale, 1.0), np.nan)
+
+    @property
+    def correlation_noise(self) -> float:
+        """The correlation that chance exceeds in 5 % of sweeps where there is none."""
+        return _Z95 / math.sqrt(max(int(self.solved.sum()) - 1, 1))
+
+    @property
+    def has_shares(self) -> bool:
+        """Whether `sobol` tells shares of the variance: its design, and every sample solved."""
+        return self.sampling == "sobol" and bool(self.solved.all())
+
+    def sobol(self, name: str) -> tuple[SobolIndices, ...] | None:
+        """Return the shares of a figure's variance by drive; None unless sampled for it.
+
+        SciPy's `sobol_indices` (Saltelli 2010, Jansen 1999). NaN for a figure that does not vary,
+        and for all where a sample has no solution: the design needs every one.
+        """
+        if self.sampling != "sobol":
+            return None
+        return tuple(self._sobol(self.figure(name)[:, i]) for i in range(len(self.actuator_names)))
+
+    def _sobol(self, y: np.ndarray) -> SobolIndices:
+        from scipy.stats import sobol_indices
+
+        d = len(self.parameter_names)
+        n = self.samples // (d + 2)
+        parts = y.reshape(d + 2, 1, n)
+        if not np.isfinite(y).all() or np.ptp(y) <= 1e-12 * np.abs(y).max():
+            nothing = np.full(d, np.nan)
+            return SobolIndices(*[nothing] * 6)
+        if d == 1:  # SciPy fails; one parameter has all of the variance
+            return SobolIndices(*[np.ones(1)] * 6)
+        # the mean is taken off: the estimators of the first order lose digits to it
+        parts = parts - parts.mean()
+        found = sobol_indices(
+            func={"f_A": parts[0], "f_B": parts[1], "f_AB": parts[2:]}, n=n,
+            **seeded(sobol_indices, "random_state", self.seed),
+        )  # fmt: skip
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a parameter without any influence: no spread
+            spread = found.bootstrap(n_resamples=_RESAMPLES)
+        first, total = (
+            spread.first_order.confidence_interval,
+            spread.total_order.confidence_interval,
+        )
+        ends = [
+            np.where(np.isnan(end), middle, end).reshape(d)
+            for end, middle in (
+                (first.low, found.first_order), (first.high, found.first_order),
+                (total.low, found.total_order), (total.high, found.total_order),
+            )
+        ]  # fmt: skip
+        return SobolIndices(found.first_order.reshape(d), found.total_order.reshape(d), *ends)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed.
+
+        For each drive on trial `<drive>.suffices` and `<drive>.failed`, the names of its criteria
+        that fail; of a catalogue's drive `<drive>.margin`, the least.
+        """
+        import pandas as pd
+
+        columns: dict[str, object] = {"sample": np.arange(self.samples)}
+        columns |= {name: self.values[:, j] for j, name in enumerate(self.parameter_names)}
+        for i, drive in enumerate(self.actuator_names):
+            columns |= {f"{drive}.{f}": self.figures[:, i, k] for k, f in enumerate(DEMANDS)}
+        for trial in self.trials:
+            met = trial.met(self.figures)
+            columns[f"{trial.drive}.suffices"] = self.sufficing(trial)
+            columns[f"{trial.drive}.failed"] = [
+                ", ".join(name for name, mask in met.items() if solved and not mask[row])
+                for row, solved in enumerate(self.solved)
+            ]
+            if trial.checks:
+                columns[f"{trial.drive}.margin"] = self.figure("margin")[:, trial.actuator]
+        columns |= {"unsolved": self.unsolved, "problem": list(self.problems)}
+        return pd.DataFrame(columns)

@@ -1,0 +1,226 @@
+"""Sweeps: how peak and RMS of every drive vary with what is not known for certain.
+
+Friction is known to two digits at best, payloads and mountings differ from machine to machine. A
+sweep draws them from distributions, runs the cycle's inverse dynamics for every sample, and asks
+what the motors must deliver at which odds, whether those on trial suffice, and which parameter
+decides.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from pinfric.errors import PinfricWarning, SweepError
+from pinfric.model.scene import Scene
+from pinfric.study.summary import effort_unit
+from pinfric.study.sweep.cycle import FIGURES, Block, Study, compute
+from pinfric.study.sweep.file import SweepFile, load_sweep
+from pinfric.study.sweep.motors import motors_on_trial
+from pinfric.study.sweep.parameters import draw, resolve
+from pinfric.study.sweep.result import SweepResult
+from pinfric.study.sweep.store import Store, identity
+from pinfric.study.sweep.workers import (
+    check_scheduler,
+    compute_here,
+    compute_on_cluster,
+    installed,
+)
+from pinfric.study.trajectory.trajectory import Trajectory
+
+#: Sweeps of this length are over before other processes have started (s).
+_SHORT = 5.0
+#: What one batch takes: long beside its transport, short beside what a lost worker loses (s).
+_BATCH = 1.0
+_MOST_PER_BATCH = 500
+#: A cluster whose size is not known yet: batches for so many workers.
+_OF_A_CLUSTER = 16
+
+
+def sweep(
+    scene: Scene,
+    trajectory: Trajectory,
+    sweep: SweepFile | Mapping[str, Any] | str | Path,
+    *,
+    out: str | Path | None = None,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> SweepResult:
+    """Return how the drives' peak and RMS vary with parameters drawn from distributions.
+
+    Monte Carlo, Sobol (Saltelli) or grid over coefficients of friction, payload,
+    speed and mounting (`parameters`). The samples depend on the seed only, their figures on
+    nothing else: the same on any number of processes, whatever is lost on the way.
+
+    Args:
+        scene: the robot; drives of a catalogue on trial add their masses to it, once.
+        trajectory: one cycle.
+        sweep: the sweep's file, or what stands in it.
+        out: folder for the samples (Parquet). Every finished batch is written at once, and a
+            sweep that finds its batches there computes only what is missing.
+        processes: on this machine; 1 computes in this process, None takes what pays off. More
+            than one needs the extra `cluster`.
+        scheduler: address of a Dask scheduler whose workers compute instead.
+        progress: called with the number of finished samples and of all.
+
+    Raises:
+        SweepError: the sweep names what is not there or values that cannot be, the folder holds
+            another sweep or one is writing into it, the scheduler cannot be reached, or no sample
+            could be computed.
+
+    Warns:
+        PinfricWarning: samples without a solution; speeds beyond the robot's limits.
+    """
+    entries, source = load_sweep(sweep)
+    if processes is not None and processes < 1:
+        raise SweepError(f"processes = {processes}; should be at least 1")
+    if processes is not None and scheduler is not None:
+        raise SweepError("give either `scheduler` or `processes`: a cluster has its own")
+    if scheduler is not None:
+        check_scheduler(scheduler)
+    targets = resolve(scene, entries, source)
+    equipped, trials = motors_on_trial(scene, entries, source)
+    study = Study(equipped, trajectory, targets)
+    values = draw(targets, entries)
+    store = _store(study, values, out)
+    with store.held() if store else nullcontext():
+        run = _Run(study, values, store, progress)
+        used = run.compute(processes, scheduler)
+    if all(run.problems):
+        raise SweepError(f"{source}: no sample could be computed; the first: {run.problems[0]}")
+    result = SweepResult(
+        scene=scene.source, trajectory=trajectory.source, sweep=source,
+        sampling=entries.sampling, seed=entries.seed,
+        parameter_names=tuple(target.name for target in targets),
+        actuator_names=scene.actuator_names,
+        units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
+        values=values, figures=run.figures, unsolved=run.unsolved, problems=tuple(run.problems),
+        trials=trials, percentiles=entries.percentiles, processes=used, resumed=run.resumed,
+        notes=_notes(equipped, trajectory, targets, values, run),
+    )  # fmt: skip
+    for note in result.notes:
+        warnings.warn(note, PinfricWarning, stacklevel=2)
+    return result
+
+
+class _Run:
+    """The samples' figures, as they fill up."""
+
+    def __init__(
+        self,
+        study: Study,
+        values: np.ndarray,
+        store: Store | None,
+        progress: Callable[[int, int], object] | None,
+    ) -> None:
+        n, na = len(values), len(study.scene.drives)
+        self.study, self.values, self.store = study, values, store
+        self.progress = progress or (lambda done, total: None)
+        self.figures = np.full((n, na, len(FIGURES)), np.nan)
+        self.unsolved, self.problems = np.zeros(n, dtype=np.int64), [""] * n
+        self.done = np.zeros(n, dtype=bool)
+        for block in store.read() if store else ():
+            self._take(block)
+        self.resumed = int(self.done.sum())
+
+    def compute(self, processes: int | None, scheduler: str | None) -> int:
+        """Compute what is missing; returns how many processes did (0: a cluster, or none)."""
+        used = 0
+        missing = np.flatnonzero(~self.done)
+        self.progress(self.resumed, len(self.values))
+        if missing.size:
+            seconds = self._try_one(missing[0])
+            if scheduler is None:
+                used = processes or _worthwhile(seconds * missing.size)
+            parts = _batches(missing, seconds, used or _OF_A_CLUSTER)
+            blocks = (
+                compute_here(self.study, parts, self.values) if used == 1
+                else compute_on_cluster(self.study, parts, self.values, processes=used,
+                                        scheduler=scheduler)
+            )  # fmt: skip
+            for block in blocks:
+                if self.store is not None:
+                    self.store.write(block, self.values[block.rows])
+                self._take(block)
+                self.progress(int(self.done.sum()), len(self.values))
+        if self.store is not None and (missing.size or not self.store.complete):
+            everything = Block(np.arange(len(self.values)), self.figures, self.unsolved,
+                               tuple(self.problems))  # fmt: skip
+            self.store.finish(everything, self.values)
+        return used
+
+    def _take(self, block: Block) -> None:
+        self.figures[block.rows], self.unsolved[block.rows] = block.figures, block.unsolved
+        self.done[block.rows] = True
+        for row, problem in zip(block.rows, block.problems, strict=True):
+            self.problems[row] = problem
+
+    def _try_one(self, row: int) -> float:
+        """Compute one sample twice (kernels are loaded by the first) and return its time in s."""
+        rows = np.array([row])
+        for _ in range(2):
+            start = perf_counter()
+            compute(self.study, rows, self.values[rows])
+        return perf_counter() - start
+
+
+def _store(study: Study, values: np.ndarray, out: str | Path | None) -> Store | None:
+    import pinfric
+
+    if out is None:
+        return None
+    return Store(Path(out), identity(study, values, pinfric.__version__),
+                 tuple(target.name for target in study.targets),
+                 study.scene.actuator_names)  # fmt: skip
+
+
+def _worthwhile(seconds: float) -> int:
+    """Processes for a sweep that takes one of them so long."""
+    cores = len(os.sched_getaffinity(0))
+    if seconds < _SHORT or cores == 1:
+        return 1
+    if not installed():
+        warnings.warn(f"one process for some {seconds:.0f} s; the extra `cluster` takes all "
+                      f"{cores} cores: pip install \"pinfric[cluster]\"", PinfricWarning,
+                      stacklevel=4)  # fmt: skip
+        return 1
+    return cores
+
+
+def _batches(missing: np.ndarray, seconds: float, processes: int) -> Iterator[np.ndarray]:
+    """Cut the missing samples into batches of about `_BATCH` s, some for every process."""
+    size = int(np.clip(_BATCH / max(seconds, 1e-6), 1, _MOST_PER_BATCH))
+    size = max(min(size, len(missing) // (4 * processes)), 1)
+    return (missing[start : start + size] for start in range(0, len(missing), size))
+
+
+def _notes(
+    scene: Scene, trajectory: Trajectory, targets: tuple[Any, ...], values: np.ndarray, run: _Run
+) -> tuple[str, ...]:
+    notes = []
+    failed = ~np.isfinite(run.figures).all(axis=(1, 2))
+    if failed.any():
+        first = next((text for text in run.problems if text), "")
+        why = f"; the first that was refused: {first}" if first else ""
+        notes.append(
+            f"{failed.sum()} of {len(failed)} samples have no solution: left out of percentiles "
+            f"and correlations, counted as samples in which no motor suffices{why}"
+        )
+    speeds = np.array([t.section == "speed" for t in targets])
+    if speeds.any():
+        limit = np.asarray(scene.model.velocityLimit)
+        fastest = np.abs(trajectory.v).max(axis=0)
+        ratio = float((fastest / np.where(limit > 0, limit, np.inf)).max())
+        beyond = values[:, speeds].prod(axis=1) * ratio > 1 + 1e-9
+        if beyond.any():
+            notes.append(f"in {beyond.sum()} of {len(beyond)} samples a joint is faster than the "
+                         "URDF's velocity limit")  # fmt: skip
+    return tuple(notes)

@@ -1,0 +1,210 @@
+"""A sweep's samples on disk: every finished batch is a Parquet file, and a run goes on from them.
+
+While a sweep runs, DIR/batches holds one file per finished batch; once all are there, they become
+DIR/samples.parquet. Each file knows which sweep it belongs to: samples of another one (another
+seed, scene, trajectory) are refused, not mixed in.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pickle
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinfric.errors import SweepError
+from pinfric.model.files import only_one
+from pinfric.model.yamlfile import brief
+from pinfric.study.sweep.cycle import FIGURES, Block, Study
+
+SAMPLES, BATCHES, LOCK = "samples.parquet", "batches", ".sweep.lock"
+_KEY, _DIGEST = b"pinfric_sweep", b"pinfric_digest"
+
+
+#: Of the columns in a part: raised when they change, so that older parts are not continued.
+_FORMAT = "3"
+
+
+def identity(study: Study, values: np.ndarray, version: str) -> dict[str, str]:
+    """Return what a sample's figures depend on, hashed part by part, to compare runs."""
+    scene, motion = study.scene, study.trajectory
+    linkage = [scene.loops, scene.redundancy_length, scene.start_configuration.tobytes()]
+    parts: dict[str, list[Any]] = {
+        "scene": [pickle.dumps(scene.model), scene.friction, scene.payloads, scene.actuators,
+                  scene.stick_velocity, *linkage],
+        "trajectory": [getattr(motion, k).tobytes() for k in ("t", "q", "v", "a", "attached")],
+        "sweep": [[(t.name, t.section, t.key, t.names) for t in study.targets], values.tobytes()],
+    }  # fmt: skip
+    hashes = {name: hashlib.sha256() for name in parts}
+    for name, contents in parts.items():
+        for content in contents:
+            hashes[name].update(content if isinstance(content, bytes) else repr(content).encode())
+    return {
+        "pinfric": version,
+        "format": _FORMAT,
+        **{name: h.hexdigest()[:16] for name, h in hashes.items()},
+    }
+
+
+@dataclass(frozen=True)
+class Store:
+    """A folder of samples.
+
+    Attributes:
+        folder: where they are.
+        identity: which sweep they belong to.
+        parameters, actuators: names of the columns.
+    """
+
+    folder: Path
+    identity: Mapping[str, str]
+    parameters: tuple[str, ...]
+    actuators: tuple[str, ...]
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Make the folder, keep other sweeps out of it, and remove what a killed one left there.
+
+        Raises:
+            SweepError: pyarrow is missing, another sweep is writing into the folder, or it cannot
+                be written.
+        """
+        try:
+            import pyarrow  # noqa: F401
+        except ImportError:
+            raise SweepError("samples are written as Parquet, which needs pyarrow: "
+                             'pip install "pinfric[cluster]"') from None  # fmt: skip
+        with ExitStack() as stack:
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                alone = stack.enter_context(only_one(self.folder / LOCK))
+                if alone:
+                    (self.folder / BATCHES).mkdir(exist_ok=True)
+                    for rest in (*self.folder.glob(".*.parquet.part"),
+                                 *(self.folder / BATCHES).glob(".*.parquet.part")):  # fmt: skip
+                        rest.unlink()
+            except OSError as problem:
+                raise self._unwritable(problem) from None
+            if not alone:
+                raise SweepError(
+                    f"{self.folder}: another sweep is writing into this folder (it holds "
+                    f"{self.folder / LOCK}); wait for it, or name another folder"
+                )
+            yield
+            with suppress(OSError):  # batches of a sweep that goes on another time stay
+                (self.folder / BATCHES).rmdir()
+
+    @property
+    def complete(self) -> bool:
+        """Whether all samples are in one file already."""
+        return (self.folder / SAMPLES).is_file()
+
+    def read(self) -> Iterator[Block]:
+        """Yield the samples that are there already.
+
+        Raises:
+            SweepError: they belong to another sweep, or a file cannot be read.
+        """
+        for file in (self.folder / SAMPLES, *sorted((self.folder / BATCHES).glob("*.parquet"))):
+            if file.is_file():
+                yield self._read(file)
+
+    def write(self, block: Block, values: np.ndarray) -> None:
+        """Write one finished batch; it appears as a whole or not at all.
+
+        Args:
+            block: its figures. values: (k, np), its samples' parameters.
+        """
+        name = f"{block.rows[0]:08d}-{block.rows[-1]:08d}.parquet"
+        self._write(self.folder / BATCHES / name, block, values)
+
+    def finish(self, block: Block, values: np.ndarray) -> Path:
+        """Write all samples in one file and remove the batches; returns the file."""
+        path = self.folder / SAMPLES
+        self._write(path, block, values)
+        with suppress(OSError):
+            for file in (self.folder / BATCHES).glob("*.parquet"):
+                file.unlink()
+        return path
+
+    def _columns(self, block: Block, values: np.ndarray) -> dict[str, Any]:
+        columns: dict[str, Any] = {"sample": block.rows}
+        columns |= {name: values[:, j] for j, name in enumerate(self.parameters)}
+        columns |= {f"{drive}.{figure}": block.figures[:, i, k]
+                    for i, drive in enumerate(self.actuators)
+                    for k, figure in enumerate(FIGURES)}  # fmt: skip
+        return columns | {"unsolved": block.unsolved, "problem": list(block.problems)}
+
+    def _write(self, path: Path, block: Block, values: np.ndarray) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        columns = self._columns(block, values)
+        table = pa.table(columns).replace_schema_metadata(
+            {_KEY: json.dumps(dict(self.identity)).encode(), _DIGEST: _digest(columns)}
+        )
+        part = path.with_name(f".{path.name}.part")
+        try:
+            pq.write_table(table, part, write_page_checksum=True)
+            os.replace(part, path)
+        except OSError as problem:
+            part.unlink(missing_ok=True)
+            raise self._unwritable(problem) from None
+
+    def _read(self, file: Path) -> Block:
+        try:
+            found, columns = _contents(file)
+        except Exception as problem:  # Arrow and Thrift have a dozen for damaged files
+            reason = brief(" ".join(str(problem).split()))
+            raise SweepError(f"{file}: cannot be read, or is damaged ({reason}); remove it to "
+                             "compute its samples again") from None  # fmt: skip
+        if found != dict(self.identity):
+            other = [name for name, value in self.identity.items() if found.get(name) != value]
+            raise SweepError(
+                f"{file}: holds samples of another sweep (different: {', '.join(other)}); name "
+                "another folder, or remove it"
+            )
+        figures = np.stack([
+            np.column_stack([columns[f"{drive}.{figure}"] for figure in FIGURES])
+            for drive in self.actuators
+        ], axis=1)  # fmt: skip
+        return Block(columns["sample"], figures, columns["unsolved"],
+                     tuple(map(str, columns["problem"])))  # fmt: skip
+
+    def _unwritable(self, problem: OSError) -> SweepError:
+        return SweepError(f"{self.folder}: cannot be written: {problem.strerror or problem}")
+
+
+def _contents(file: Path) -> tuple[dict[str, str], dict[str, Any]]:
+    """The identity and the columns of a file; raises where they are not those that were written.
+
+    Parquet's own checksums cover the pages, not the directory that says which page is which.
+    """
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(file, page_checksum_verification=True)
+    about = table.schema.metadata or {}
+    columns = {name: table.column(name).to_numpy(zero_copy_only=False)
+               for name in table.column_names}  # fmt: skip
+    identity = dict(json.loads(about.get(_KEY, b"{}")))
+    if identity.get("format") == _FORMAT and about.get(_DIGEST) != _digest(columns):
+        raise ValueError("its figures are not those that were written")
+    return identity, columns
+
+
+def _digest(columns: Mapping[str, Any]) -> bytes:
+    """A digest of the columns' names and values."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name, column in columns.items():
+        numbers = name != "problem"
+        content = np.asarray(column, dtype=float).tobytes() if numbers else repr(list(column))
+        digest.update(f"{name} {len(content)} ".encode())
+        digest.update(content if isinstance(content, bytes) else content.encode())
+    return digest.hexdigest().encode()

@@ -1,0 +1,1 @@
+"""Trajectories: what the joints do over time, read from files, way-points and logs."""

@@ -1,0 +1,338 @@
+"""Which column of a log is what: time, a joint's position, velocity, effort, a payload.
+
+Names as robots and their tools write them are recognised: the joint's own name, alone or with a
+quantity before or after it (`elbow_joint`, `/joint_states/elbow_joint/position`, `q_elbow_joint`),
+and numbered columns beside columns of names (`position_0`, `name_0`). A mapping file says the rest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from pinfric.dynamics.motion import SITE_ARRAYS
+from pinfric.dynamics.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
+from pinfric.errors import SceneError, TrajectoryError, choose_from
+from pinfric.model.schema import Entry, Number, parse
+from pinfric.model.yamlfile import brief, cut, read_yaml
+from pinfric.study.trajectory.joint_columns import JointColumn, listing
+
+PAYLOAD = "payload."
+#: Words for the quantities, in lower case.
+_WORDS = {
+    "position": ("position", "positions", "pos", "q", "angle", "actual_position", "rad", "deg"),
+    "velocity": ("velocity", "velocities", "vel", "v", "qd", "dq", "speed"),
+    "acceleration": ("acceleration", "accelerations", "acc", "a", "qdd", "ddq"),
+    "effort": ("effort", "efforts", "eff", "torque", "torques", "tau"),
+    "current": ("current", "currents", "amps"),
+}
+_QUANTITY = {word: quantity for quantity, words in _WORDS.items() for word in words}
+#: What `pinfric inverse` and `simulate` write beside the motion.
+_COMPUTED = tuple(
+    f".{quantity}" for quantity in (*ACTUATOR_QUANTITIES, *SITE_QUANTITIES, *SITE_ARRAYS)
+)
+#: What was asked of a joint is not what it did.
+_WANTED = re.compile(r"command|desired|target|reference|setpoint|error", re.IGNORECASE)
+_TIME = re.compile(r"^(?:t|time|__time|timestamp|time_?stamp|elapsed|stamp)"
+                   r"(?:[ _]?[\[(]?(s|sec|ms|us|ns)[\])]?)?$", re.IGNORECASE)  # fmt: skip
+_STAMP = re.compile(r"header[./_]stamp[./_](secs?|nsecs?|nanosec)$", re.IGNORECASE)
+_NUMBERED = re.compile(r"^(.*?)([A-Za-z]+)(?:_(\d+)|\[(\d+)\]|\.(\d+))$")
+#: No tool writes longer names; they would only take time.
+_LONGEST_NAME = 400
+_SPLIT = re.compile(r"[/.:\s\[\]()]+")
+
+
+class JointMapping(Entry):
+    """Where a log has a joint: position = sign (scale raw + offset), offset in rad or m.
+
+    `unit` is that of the raw angle; effort = sign effort_scale raw, N m or N (for a current:
+    N m per A).
+    """
+
+    position: str
+    velocity: str | None = None
+    effort: str | None = None
+    current: str | None = None
+    scale: Number = 1.0
+    effort_scale: Number = 1.0
+    sign: Literal[-1, 1] = 1
+    offset: Number = 0.0
+    unit: Literal["rad", "deg"] | None = None
+
+
+class TimeMapping(Entry):
+    """Which column is time, and in what."""
+
+    column: str
+    unit: Literal["s", "ms", "us", "ns"] | None = None
+
+
+class ColumnsFile(Entry):
+    """A mapping file: time, and per joint a column's name or a `JointMapping`."""
+
+    time: str | TimeMapping | None = None
+    unit: Literal["rad", "deg"] | None = None
+    joints: dict[str, str | JointMapping] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Use:
+    """A column and how its numbers become SI: factor raw + offset; `unit` as far as it is known."""
+
+    column: str
+    factor: float = 1.0
+    offset: float = 0.0
+    unit: str | None = None
+
+
+@dataclass
+class Columns:
+    """What the columns of a log are; joints by name.
+
+    `planned` holds velocities and accelerations that count (`<joint>.v`, `.a` of our own files);
+    `velocity` measured ones, which are only compared.
+    """
+
+    time: str = ""
+    time_unit: str | None = None
+    nanoseconds: str | None = None
+    position: dict[str, Use] = field(default_factory=dict)
+    velocity: dict[str, Use] = field(default_factory=dict)
+    acceleration: dict[str, Use] = field(default_factory=dict)
+    effort: dict[str, Use] = field(default_factory=dict)
+    planned: bool = True
+    payloads: list[str] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
+
+    def used(self) -> list[str]:
+        """Every column that is read, time first."""
+        uses = (self.position, self.velocity, self.acceleration, self.effort)
+        names = [self.time, *([self.nanoseconds] if self.nanoseconds else [])]
+        names += [use.column for part in uses for use in part.values()]
+        return list(dict.fromkeys([*names, *(PAYLOAD + name for name in self.payloads)]))
+
+
+def read_mapping(path: Path, given: Path | str | None) -> ColumnsFile | None:
+    """Read the mapping file that was given, or LOG.columns.yaml beside the log; None: no such file.
+
+    Raises:
+        TrajectoryError: unreadable, unknown keys, values that cannot be.
+    """
+    beside = path.with_name(f"{path.stem}.columns.yaml")
+    file = Path(given) if given else beside if beside.is_file() else None
+    if file is None:
+        return None
+    try:
+        mapping: ColumnsFile = parse(ColumnsFile, read_yaml(file, TrajectoryError), str(file))
+    except SceneError as problem:
+        raise TrajectoryError(str(problem)) from None
+    return mapping
+
+
+def find_columns(
+    header: Sequence[str],
+    first: Sequence[str],
+    joints: Sequence[JointColumn],
+    payloads: Sequence[str],
+    mapping: ColumnsFile | None,
+    problems: list[str],
+) -> Columns:
+    """Say which column is what.
+
+    Args:
+        header: all columns.
+        first: the first row's texts.
+        joints: those that may have columns.
+        payloads: those that may have a column `payload.<name>`.
+        mapping: what a person says of it.
+        problems: what is missing, twice there or unknown is appended here.
+    """
+    found = Columns()
+    names = [joint.name for joint in joints]
+    claims: dict[tuple[str, str], list[str]] = {}
+    numbered = _numbered_names(header, first)
+    for column in dict.fromkeys(header):
+        meaning = _meaning(column, names, numbered)
+        if column.startswith(PAYLOAD):
+            _payload(column, payloads, found, problems)
+        elif meaning is not None and not _WANTED.search(column):
+            claims.setdefault(meaning, []).append(column)
+        elif not (_TIME.match(column) or column.endswith(_COMPUTED)):
+            found.ignored.append(column)
+    _find_time(header, mapping, found, problems)
+    named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}
+    used = {found.time, found.nanoseconds, *named}
+    found.ignored = [column for column in found.ignored if column not in used]
+    if mapping is not None:
+        _apply(mapping, header, names, claims, found, problems)
+    _settle(claims, found, problems)
+    for name in found.used():
+        if name and header.count(name) > 1:
+            problems.append(f"column {brief(name)} stands {header.count(name)} times")
+    _check_joints(header, names, claims, found, problems)
+    return found
+
+
+def _meaning(column: str, names: Sequence[str], numbered: dict[str, str]) -> tuple[str, str] | None:
+    """The joint and the quantity that a column's name says."""
+    if len(column) > _LONGEST_NAME:
+        return None
+    for ending, quantity in (("", "position"), (".v", "velocity"), (".a", "acceleration")):
+        if column.endswith(ending) and column.removesuffix(ending) in names:
+            return column.removesuffix(ending), quantity
+    match = _NUMBERED.match(column)
+    if match and numbered:
+        number = next(x for x in match.groups()[2:] if x is not None)
+        kind = _QUANTITY.get(match[2].lower())
+        return (numbered[number], kind) if kind and numbered.get(number) in names else None
+    for name in sorted(names, key=len, reverse=True):
+        at = re.search(rf"(?:^|[/.:\s\[_-]){re.escape(name)}(?:$|[/.:\s\](_-])", column)
+        if at is None:
+            continue
+        before, after = column[: at.start()], column[at.end() :]
+        words = [word.lower() for part in (before, after) for word in _SPLIT.split(part) if word]
+        words = [part for word in words for part in (word, word.rsplit("_", 1)[-1].strip("_-"))]
+        said = [_QUANTITY[word] for word in words if word in _QUANTITY]
+        unknown = [w for w in _SPLIT.split(after) if w and w.lower().strip("_-") not in _QUANTITY]
+        if unknown:
+            return None
+        return (name, said[-1]) if said else (name, "position") if not after else None
+    return None
+
+
+def _numbered_names(header: Sequence[str], first: Sequence[str]) -> dict[str, str]:
+    """Number -> joint, from columns `name_0` or `name[0]` that hold the joints' names."""
+    found = {}
+    for column, cell in zip(header, first, strict=False):
+        match = _NUMBERED.match(column[:_LONGEST_NAME])
+        if match and match[2].lower() == "name":
+            found[next(x for x in match.groups()[2:] if x is not None)] = cell.strip()
+    return found
+
+
+def _payload(column: str, payloads: Sequence[str], found: Columns, problems: list[str]) -> None:
+    short = column.removeprefix(PAYLOAD)
+    if short in payloads:
+        found.payloads.append(short)
+    else:
+        problems.append(f"unknown payload in column {brief(column)}; "
+                        f"{choose_from(short, payloads)}")  # fmt: skip
+
+
+def _find_time(
+    header: Sequence[str], mapping: ColumnsFile | None, found: Columns, problems: list[str]
+) -> None:
+    if mapping is not None and mapping.time is not None:
+        time = mapping.time if isinstance(mapping.time, TimeMapping) else None
+        found.time = time.column if time else str(mapping.time)
+        found.time_unit = time.unit if time else None
+        if found.time not in header:
+            problems.append(f"columns: time: there is no column {brief(found.time)}; "
+                            f"{choose_from(found.time, header)}")  # fmt: skip
+        return
+    candidates = [name for name in dict.fromkeys(header) if _TIME.match(name)]
+    stamps = {m[1][0].lower(): name for name in header if (m := _STAMP.search(name))}
+    if len(candidates) > 1:
+        problems.append(
+            f"columns {listing(map(repr, candidates))} may all be the time; say which: a YAML file "
+            f"with `time: {candidates[0]}`, given by --columns"
+        )
+    elif candidates:
+        found.time = candidates[0]
+        unit = (_TIME.match(candidates[0]) or [None, None])[1]
+        found.time_unit = {"sec": "s"}.get(unit.lower(), unit.lower()) if unit else None
+    elif len(stamps) == 2:
+        found.time, found.nanoseconds = stamps["s"], stamps["n"]
+    else:
+        problems.append(
+            f"there is no column t (time, s), nor time, timestamp or __time; there are: "
+            f"{_shown(header)}; name it by --columns FILE, a YAML file with `time: NAME`"
+        )
+
+
+def _apply(
+    mapping: ColumnsFile,
+    header: Sequence[str],
+    names: Sequence[str],
+    claims: dict[tuple[str, str], list[str]],
+    found: Columns,
+    problems: list[str],
+) -> None:
+    """What a mapping says goes before what names suggest."""
+    for joint, entry in mapping.joints.items():
+        if joint not in names:
+            problems.append(f"columns: joints: there is no joint {joint!r}; "
+                            f"{choose_from(joint, names)}")  # fmt: skip
+            continue
+        to = _renamed(entry, header) if isinstance(entry, str) else entry
+        turn, turn_effort = to.sign * to.scale, to.sign * to.effort_scale
+        unit = to.unit or mapping.unit
+        for quantity, column, use in (
+            ("position", to.position, Use(to.position, turn, to.sign * to.offset, unit)),
+            ("velocity", to.velocity, Use(to.velocity or "", turn, 0.0, unit)),
+            ("effort", to.effort or to.current, Use(to.effort or to.current or "", turn_effort)),
+        ):
+            claims.pop((joint, quantity), None)
+            if column is None:
+                continue
+            if column not in header:
+                problems.append(f"columns: joints.{joint}.{quantity}: there is no column "
+                                f"{brief(column)}; {choose_from(column, header)}")  # fmt: skip
+                continue
+            getattr(found, quantity)[joint] = use
+            if column in found.ignored:
+                found.ignored.remove(column)
+
+
+def _renamed(column: str, header: Sequence[str]) -> JointMapping:
+    """A joint under another name: what stands beside its position there is its own, too."""
+    velocity, effort = (f"{column}/{x}" if f"{column}/{x}" in header else None
+                        for x in ("velocity", "effort"))  # fmt: skip
+    return JointMapping(position=column, velocity=velocity, effort=effort)
+
+
+def _settle(claims: dict[tuple[str, str], list[str]], found: Columns, problems: list[str]) -> None:
+    for (joint, quantity), columns in claims.items():
+        exact = [c for c in columns if c in (joint, f"{joint}.v", f"{joint}.a")]
+        chosen = exact or columns
+        if len(chosen) > 1:
+            problems.append(f"columns {listing(map(repr, chosen))} may all be the {quantity} of "
+                            f"joint {joint}; say which by --columns FILE")  # fmt: skip
+        found.ignored += [c for c in columns if c not in chosen[:1]]
+        if quantity == "current":
+            found.ignored.append(chosen[0])  # a current is an effort only with a gain
+            continue
+        unit = re.search(r"(?:[\[(_ /])(deg|rad)(?:rees|ians)?(?:/s|_s)?[\])]?$", chosen[0], re.I)
+        known = unit[1].lower() if unit and quantity != "effort" else None
+        getattr(found, quantity)[joint] = Use(chosen[0], unit=known)
+        if quantity in ("velocity", "acceleration") and not exact:
+            found.planned = False
+
+
+def _check_joints(
+    header: Sequence[str],
+    names: Sequence[str],
+    claims: dict[tuple[str, str], list[str]],
+    found: Columns,
+    problems: list[str],
+) -> None:
+    """Say what is wrong where no joint at all, or only its effort, was found."""
+    if found.position or not names:
+        return
+    other = sorted({quantity for _, quantity in claims})
+    if other:
+        problems.append(f"has {' and '.join(other)} of the joints, but no positions; without "
+                        "positions there is no motion to compute with")  # fmt: skip
+        return
+    problems.append(f"no column is a joint of the scene ({listing(names)}); there are: "
+                    f"{_shown(header)}; map them by --columns FILE, a YAML file with "
+                    f"`joints: {{{names[0]}: COLUMN}}`")  # fmt: skip
+
+
+def _shown(header: Sequence[str]) -> str:
+    return listing(cut(name, 80) for name in header)

@@ -1,0 +1,132 @@
+"""What a log's noise leaves uncertain in the efforts, and how they compare with its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.result import InverseResult
+from pinfric.study.summary import ends_by_magnitude, rms
+from pinfric.study.trajectory.joint_columns import joint_columns
+from pinfric.study.trajectory.log.reading import DerivativeNoise, Reading
+
+FloatArray = NDArray[np.float64]
+
+#: Standard deviations of the efforts' noise that count as uncertain: a peak is the largest of many
+#: noisy values, not one of them.
+COVERAGE = 3.0
+#: Samples at which the efforts' dependence on accelerations and velocities is computed.
+_PLACES = 300
+
+
+@dataclass(frozen=True)
+class MeasuredEffort:
+    """A measured effort beside the computed one, the nearest possible where a joint sticks.
+
+    RMS are over time, in N m or N; `relative_error` is rms_error / rms.
+    """
+
+    rms: float
+    rms_error: float
+    relative_error: float
+
+
+@dataclass(frozen=True)
+class JudgedLog:
+    """How a log was read, how far its efforts are known, how they fit those in the log.
+
+    Args:
+        reading: of the log.
+        bound: drive -> (T,) how far its effort may be off, N m or N; empty where nothing was
+            filtered, or where loops close.
+        peak_uncertainty: drive -> the same of its peak.
+        measured: drive -> its own effort in the log, compared.
+    """
+
+    reading: Reading
+    bound: Mapping[str, FloatArray] = field(default_factory=dict)
+    peak_uncertainty: Mapping[str, float] = field(default_factory=dict)
+    measured: Mapping[str, MeasuredEffort] = field(default_factory=dict)
+
+
+def judge_log(result: InverseResult, reading: Reading) -> JudgedLog:
+    """Return how far the efforts of a log are known and how they fit the log's own.
+
+    Noise and low pass change an effort by du = sum_k du/da_k da_k + du/dv_k dv_k, with du/da_k and
+    du/dv_k from inverse dynamics of disturbed motions. It may be off by three standard deviations
+    of the noise's part, and by what a cutoff lower by 1/sqrt(2) would change.
+
+    Args:
+        result: inverse dynamics of the log's motion, with times.
+        reading: of that log.
+    """
+    names = result.actuator_names
+    measured = {name: compare_effort(result, i, reading.effort[name])
+                for i, name in enumerate(names) if name in reading.effort}  # fmt: skip
+    if reading.uncertain is None or result.scene.linkage is not None:
+        return JudgedLog(reading, measured=measured)
+    bound = effort_bound(result, reading.uncertain)
+    worst = np.abs(ends_by_magnitude(result.effort_lower, result.effort_upper)[0])
+    peak = worst.max(axis=0)
+    above, below = (worst + bound).max(axis=0) - peak, peak - (worst - bound).max(axis=0)
+    largest = np.maximum(above, below)
+    return JudgedLog(reading, dict(zip(names, bound.T, strict=True)),
+                     dict(zip(names, largest.tolist(), strict=True)), measured)  # fmt: skip
+
+
+def compare_effort(result: InverseResult, drive: int, measured: FloatArray) -> MeasuredEffort:
+    """Compare a measured effort with a drive's, the nearest value of its interval at rest.
+
+    Args:
+        result: with times.
+        drive: its column.
+        measured: (T,) N m or N.
+    """
+    assert result.t is not None
+    t, finite = result.t, np.isfinite(measured)
+    nearest = np.clip(measured, result.effort_lower[:, drive], result.effort_upper[:, drive])
+    if not finite.any():
+        return MeasuredEffort(np.nan, np.nan, np.nan)
+    size, error = (rms(t[finite], x[finite]) for x in (measured, measured - nearest))
+    return MeasuredEffort(size, error, error / size if size > 0.0 else np.nan)
+
+
+def effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
+    """Return how far every effort may be off, (T, na) in N m or N; see `judge_log`.
+
+    Args:
+        result: of an open chain; its motion has the noise.
+        noise: of the joints' derivatives.
+    """
+    count = len(result.states.q)
+    places = np.unique(np.linspace(0, count - 1, min(count, _PLACES)).astype(np.int64))
+    scene, states = result.scene, result.states
+    q, v, a = (np.ascontiguousarray(x[places]) for x in (states.q, states.v, states.a))
+    attached = None if states.attached is None else states.attached[places]
+
+    def efforts(v: FloatArray, a: FloatArray) -> FloatArray:
+        found = inverse_dynamics(scene, q, v, a, attached=attached)
+        return 0.5 * (found.effort_lower + found.effort_upper)
+
+    plain, every = efforts(v, a), np.arange(count)
+    variance, shift = np.zeros_like(result.effort_upper), np.zeros_like(result.effort_upper)
+    for k, column in enumerate(joint_columns(scene.model)):
+        moving, index = noise.moving[:, k], column.index_v
+        if not moving.any():
+            continue
+        faster, harder = v.copy(), a.copy()
+        faster[:, index] += np.copysign(noise.velocity[k], v[:, index]) * moving[places]
+        step = max(float(noise.acceleration[k]), 1e-3)
+        harder[:, index] += step
+        by_velocity = efforts(faster, a) - plain
+        by_acceleration = (efforts(v, harder) - plain) / step
+        for i in range(plain.shape[1]):
+            gain = np.interp(every, places, by_acceleration[:, i])
+            rest = np.interp(every, places, by_velocity[:, i])
+            variance[:, i] += moving * ((gain * noise.acceleration[k]) ** 2 + rest**2)
+            shift[:, i] += gain * noise.acceleration_shift[:, k]
+    return COVERAGE * np.sqrt(variance) + np.abs(shift)

@@ -1,0 +1,234 @@
+"""The one reader of trajectory files with samples: from a path to a table on which to compute."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import TrajectoryError
+from pinfric.model.yamlfile import brief
+from pinfric.study.trajectory.joint_columns import JointColumn, listing
+from pinfric.study.trajectory.log.bags import is_bag, open_bag
+from pinfric.study.trajectory.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
+from pinfric.study.trajectory.log.files import Cells, Log, open_csv, open_parquet
+from pinfric.study.trajectory.log.motion import settle, unwrapped
+from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
+from pinfric.study.trajectory.log.rows import check_times, counted, gap_problems, ordered_rows
+from pinfric.study.trajectory.log.units import angle_unit, fast_angles, is_clock, time_factor
+from pinfric.study.trajectory.table import TrajectoryTable, mismatch_warning
+
+FloatArray = NDArray[np.float64]
+
+#: Endings of the files that are read here; a bag may be a folder, too.
+SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".db3", ".mcap")
+
+
+@dataclass(frozen=True)
+class LoggedMotion:
+    """What a file with samples says: the joints it names, their table, how it was read."""
+
+    named: tuple[JointColumn, ...]
+    table: TrajectoryTable
+    reading: Reading
+
+
+def read_log(
+    path: Path,
+    joints: Sequence[JointColumn],
+    payloads: Sequence[str],
+    choose: Callable[[Sequence[str], list[str]], tuple[JointColumn, ...]],
+    options: ReadingOptions,
+    problems: list[str],
+) -> LoggedMotion | None:
+    """Read a CSV file, a Parquet file or a bag.
+
+    Args:
+        path: the file, or a bag's folder.
+        joints: all that may have a column.
+        payloads: those that may have a column `payload.<name>`.
+        choose: names of the joints that have positions, problems -> the joints that must have.
+        options: what the person said.
+        problems: everything wrong in the file is appended here; None is returned where it leaves
+            nothing to compute with.
+
+    Raises:
+        TrajectoryError: the file cannot be opened, or holds nothing.
+    """
+    log = _open(path, joints)
+    mapping = read_mapping(path, options.columns)
+    found = find_columns(log.header, log.first, joints, payloads, mapping, problems)
+    named = choose(list(found.position), problems)
+    missing = [column.name for column in named if column.name not in found.position]
+    others = listing(map(brief, found.ignored))
+    if missing and found.position:
+        near = f" (columns not used: {others})" if others else ""
+        problems.append(f"joints without a column: {', '.join(missing)}{near}; name theirs by "
+                        "--columns FILE, or lock them in the scene (robot: locked)")  # fmt: skip
+    named = tuple(column for column in named if column.name in found.position)
+    if not found.time or not named:
+        return None
+    said = [*log.said, *([f"columns not used: {others}"] if others else [])]
+    cells = log.read(found.used(), problems)
+    if len(cells.values) == 0:
+        return None
+    _say_dropped(cells, said)
+    unit = options.unit or (mapping.unit if mapping else None)
+    return _read(log, found, named, cells, options, unit, problems, said)
+
+
+def _open(path: Path, joints: Sequence[JointColumn]) -> Log:
+    if is_bag(path):
+        return open_bag(path, [joint.name for joint in joints])
+    if path.is_dir():
+        raise TrajectoryError(f"{path}: is a folder without metadata.yaml: no bag")
+    suffix = path.suffix.lower()
+    if suffix == ".parquet":
+        return open_parquet(path)
+    if suffix in SUFFIXES:
+        return open_csv(path)
+    raise TrajectoryError(
+        f"{path}: a trajectory ends in .csv, .yaml or .yml; a log in {', '.join(SUFFIXES)}"
+    )
+
+
+def _say_dropped(cells: Cells, said: list[str]) -> None:
+    if cells.dropped:
+        said.append(f"left out {counted(cells.dropped, 'row')} of "
+                    f"{len(cells.values) + cells.dropped}: {cells.why}")  # fmt: skip
+    if cells.absent:
+        said.append(f"{counted(cells.absent, 'row')} without positions passed over")
+
+
+def _read(
+    log: Log,
+    found: Columns,
+    named: tuple[JointColumn, ...],
+    cells: Cells,
+    options: ReadingOptions,
+    unit: str | None,
+    problems: list[str],
+    said: list[str],
+) -> LoggedMotion:
+    """Turn cells into SI, put the rows in order, and settle on the motion behind them."""
+    uses = [found.position[column.name] for column in named]
+    raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
+    known = [use.unit for use in uses]
+    factors = angle_unit(named, raw, known, unit, problems, said)
+    position = _quantity(cells, found.position, named, factors)
+    resolution = np.array([cells.resolution[cells.names.index(use.column)] for use in uses])
+    found.time_unit = options.time_unit or found.time_unit or log.units.get(found.time)
+    t = _seconds(cells, found, _speeds(named, position), problems, said)
+    check_times(t, cells.lines, problems)
+    kept = ordered_rows(t, cells.lines, problems, said)
+    own_plan = found.planned and bool(found.velocity)
+    if not problems and not own_plan and set(factors) == {1.0}:
+        problems += fast_angles(named, t[kept], position[kept], known, unit)
+    position = unwrapped(named, position[kept], said)
+    velocity, acceleration = (
+        _quantity(cells, part, named, factors)[kept]
+        for part in (found.velocity, found.acceleration)
+    )
+    attached = {name: _phase(cells, name, problems)[kept] for name in found.payloads}
+    plan = TrajectoryTable(t[kept], position, velocity, acceleration, attached,
+                           resolution * np.abs(factors))  # fmt: skip
+    if problems:
+        return LoggedMotion(named, plan, Reading(kept.size))
+    if log.recorded or not found.planned:
+        said += _compared(named, plan)
+        nothing = np.full_like(position, np.nan)
+        plan = replace(plan, velocity=nothing, acceleration=nothing)
+    effort = _quantity(cells, found.effort, named)[kept]
+    settled = settle(named, plan, options, problems)
+    if settled.reading.filtered and np.isfinite(plan.velocity).any():
+        said.append("velocities in the file are not used: they come from the filtered positions")
+    if log.recorded:
+        said += _smoothed_already(settled.reading)
+        problems += [gap for gap in gap_problems(plan.t) if gap not in problems]
+    at, rows = settled.rows, np.arange(kept.size)
+    efforts = {column.name: np.interp(at, rows, effort[:, i])
+               for i, column in enumerate(named) if column.name in found.effort}  # fmt: skip
+    dropped = settled.reading.dropped + cells.dropped + len(cells.values) - kept.size
+    reading = replace(settled.reading, dropped=dropped, effort=efforts,
+                      said=(*said, *settled.reading.said))  # fmt: skip
+    return LoggedMotion(named, settled.table, reading)
+
+
+def _smoothed_already(reading: Reading) -> list[str]:
+    """Say that a recording has no noise: something has filtered it before."""
+    if reading.noise_line:
+        return []
+    largest = max(reading.noise.values(), default=0.0)
+    return [
+        f"positions have no noise to speak of ({largest:.1e}): smoothed before, not filtered here"
+    ]
+
+
+def _quantity(
+    cells: Cells,
+    uses: Mapping[str, Use],
+    named: Sequence[JointColumn],
+    factors: Sequence[float] | None = None,
+) -> FloatArray:
+    """Return one quantity of the joints in SI, (rows, nj); NaN where there is no column."""
+    values = np.full((len(cells.values), len(named)), np.nan)
+    for i, column in enumerate(named):
+        if (use := uses.get(column.name)) is not None:
+            factor = use.factor * (1.0 if factors is None else factors[i])
+            values[:, i] = factor * cells.column(use.column) + use.offset
+    return values
+
+
+def _speeds(named: Sequence[JointColumn], position: FloatArray) -> tuple[float, float]:
+    """The largest speed over its limit, and the largest speed, per row."""
+    if len(position) < 2:
+        return 0.0, 0.0
+    steps = np.abs(np.diff(position, axis=0))
+    steps = np.minimum(steps, np.abs(steps - 2.0 * np.pi))  # an angle may wrap
+    largest = np.nanmax(np.where(np.isfinite(steps), steps, 0.0), axis=0)
+    limits = np.array([column.velocity_limit for column in named])
+    return float((largest / limits).max(initial=0.0)), float(largest.max(initial=0.0))
+
+
+def _seconds(
+    cells: Cells,
+    found: Columns,
+    speeds: tuple[float, float],
+    problems: list[str],
+    said: list[str],
+) -> FloatArray:
+    """Return the rows' times in s, those of a clock from its first one on."""
+    t = cells.column(found.time)
+    start = float(cells.origin.get(found.time, 0)) + float(t[0])
+    if found.nanoseconds is not None:
+        return (t - t[0]) + 1e-9 * cells.column(found.nanoseconds)
+    factor = time_factor(found.time, t, start, found.time_unit, speeds, problems, said)
+    if is_clock(start * factor):
+        said.append(f"column {found.time} shows a clock: times count from its first row on")
+        t = t - t[0]
+    return t if factor == 1.0 else t * factor
+
+
+def _phase(cells: Cells, name: str, problems: list[str]) -> NDArray[np.bool_]:
+    values = cells.column(PAYLOAD + name)
+    wrong = np.flatnonzero(np.isfinite(values) & (values != 0.0) & (values != 1.0))
+    if wrong.size:
+        where = listing(f"{values[i]:g} at line {cells.lines[i]}" for i in wrong.tolist())
+        problems.append(f"column {PAYLOAD}{name}: 1 (carried) or 0, found {where}")
+    return values == 1.0
+
+
+def _compared(named: Sequence[JointColumn], plan: TrajectoryTable) -> list[str]:
+    """Say where velocities that were measured do not fit the positions."""
+    if plan.t.size < 2 or (np.diff(plan.t) <= 0.0).any():
+        return []
+    return [
+        line
+        for i, column in enumerate(named)
+        if np.isfinite(plan.velocity[:, i]).all()
+        for line in mismatch_warning(column, plan.t, plan.position[:, i], plan.velocity[:, i],
+                                     plan.resolution[i])
+    ]  # fmt: skip

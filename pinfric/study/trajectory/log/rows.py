@@ -1,0 +1,197 @@
+"""Rows of a log: stamps that repeat, run back, jitter or miss, and the regular time behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.study.trajectory.joint_columns import listing
+from pinfric.study.trajectory.log.files import BAD_SHARE
+
+FloatArray = NDArray[np.float64]
+
+#: A step this many times the median one is a gap: what happened in it would be invented.
+GAP_FACTOR = 20.0
+#: s. Below this a time step is a unit error or rounding: rates from it would be noise.
+_SHORTEST_STEP = 1e-9
+#: s, three centuries. Beyond it a time is a unit error (a clock's milliseconds are), and the steps
+#: between times drown in its rounding.
+_LONGEST_TIME = 1e10
+#: Samples below which rows are not judged: a table that somebody wrote.
+FEWEST = 20
+#: Share of a step by which stamps may miss regular time, RMS.
+_JITTER = 0.5
+#: Where steps vary by a larger share than this (median), a lost or doubled row cannot be told from
+#: jitter, and rows count as taken one step after another.
+_PRECISE = 0.1
+#: Share of a step below which jitter is a clock's rounding: mended, but not worth a word.
+ROUNDED = 1e-3
+#: Share of a step below which stamps stay as they are. Twice the rounding of a clock's seconds
+#: since 1970 (2.4e-7 s) puts 0.5 rad/s^2 into a joint at 2 rad/s that is logged at 500 Hz.
+_REGULAR = 1e-6
+#: Share of the changes that come at one and the same number of rows, where a slower rate is held.
+_SAME_PERIOD = 0.9
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Regular time behind stamps: row i was taken at start + step number[i] but for jitter.
+
+    Args:
+        start, step: s.
+        number: (rows,) increasing whole numbers; one missing is a row that was lost.
+        jitter: RMS of the stamps about regular time, s.
+    """
+
+    start: float
+    step: float
+    number: NDArray[np.int64]
+    jitter: float
+
+    @property
+    def time(self) -> FloatArray:
+        """The regular times, lost rows among them, s."""
+        return self.start + self.step * np.arange(int(self.number[-1]) + 1, dtype=np.float64)
+
+    @property
+    def irregular(self) -> bool:
+        """Whether stamps and regular time differ by more than rounding, or rows are lost."""
+        return self.jitter > _REGULAR * self.step or int(self.number[-1]) + 1 != self.number.size
+
+
+def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> None:
+    """Append times that cannot be meant: beyond 1e10 s, or less than 1 ns apart.
+
+    Args:
+        t: (rows,) s.
+        lines: (rows,) where they stand in the file.
+        problems: lines are appended here.
+    """
+    far = np.flatnonzero(np.isfinite(t) & (np.abs(t) > _LONGEST_TIME))
+    if far.size:
+        where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far.tolist())
+        problems.append(f"times beyond {_LONGEST_TIME:g} s cannot be meant, t is in seconds: "
+                        f"{where}")  # fmt: skip
+        return
+    steps = np.diff(t)
+    tiny = np.flatnonzero((steps > 0.0) & (steps < _SHORTEST_STEP))
+    if tiny.size:
+        where = listing(f"line {lines[i + 1]} ({steps[i]:.3g} s)" for i in tiny.tolist())
+        problems.append(f"time steps below {_SHORTEST_STEP:g} s cannot be meant: {where}")
+
+
+def ordered_rows(
+    t: FloatArray, lines: Sequence[int], problems: list[str], said: list[str]
+) -> NDArray[np.int64]:
+    """Return the rows to keep: those whose stamp is later than all before.
+
+    Stamps that only jitter about the rows' regular time are all kept.
+
+    Args:
+        t: (rows,) s.
+        lines: (rows,) where they stand in the file.
+        problems: more than 1 % of doubled or backward stamps are appended here.
+        said: else what was left out.
+    """
+    every = np.arange(t.size)
+    if not np.isfinite(t).all():  # refused already
+        return every
+    latest = np.maximum.accumulate(t)
+    wrong = np.flatnonzero(t[1:] <= latest[:-1]) + 1
+    if wrong.size == 0 or _only_jitters(t):
+        return every
+    if t.size < FEWEST or wrong.size > BAD_SHARE * t.size:
+        where = listing(
+            f"line {lines[i]} (t = {t[i]:.9g} after {t[i - 1]:.9g})" for i in wrong.tolist()
+        )
+        problems.append(f"time must increase; it does not at {where}")
+        return every
+    said.append(f"left out {counted(wrong.size, 'row')} with doubled or backward stamps, the first "
+                f"in line {lines[int(wrong[0])]}")  # fmt: skip
+    return np.setdiff1d(every, wrong)
+
+
+def _only_jitters(t: FloatArray) -> bool:
+    """Whether rows were taken at regular times one after another, and only their stamps vary."""
+    steps = np.diff(t)
+    middle = float(np.median(steps))
+    if t.size < FEWEST or np.median(np.abs(steps - middle)) <= _PRECISE * middle:
+        return False
+    number = np.arange(t.size)
+    step, start = np.polyfit(number, t, 1)
+    return bool(step > 0.0 and np.std(t - start - step * number) <= _JITTER * step)
+
+
+def regular_time(t: FloatArray) -> Timing | None:
+    """Return the regular time behind stamps; None where there is none.
+
+    Steps are rounded to multiples of the median one and summed, then a line is fitted: rounding
+    the stamps themselves would drift past lost rows.
+
+    Args:
+        t: (rows,) s.
+    """
+    if t.size < FEWEST:
+        return None
+    if _only_jitters(t):
+        number = np.arange(t.size)
+    else:
+        steps = np.diff(t)
+        whole = np.rint(steps / np.median(steps)).astype(np.int64)
+        if (whole <= 0).any() or whole.sum() > GAP_FACTOR * t.size:
+            return None
+        number = np.concatenate(([0], np.cumsum(whole)))
+    step, start = np.polyfit(number, t, 1)
+    off = t - start - step * number
+    jitter = float(np.sqrt(np.mean(off**2)))
+    if step <= 0.0 or jitter > _JITTER * step:
+        return None
+    return Timing(float(start), float(step), number, jitter)
+
+
+def held_rate(position: FloatArray) -> slice | None:
+    """Return every how many rows positions change, where a slower source was held between them.
+
+    A coarse encoder at slow speed repeats itself too, but neither regularly nor by steps of many
+    counts.
+
+    Args:
+        position: (rows, nj) rad or m.
+    """
+    change = (np.diff(position, axis=0) != 0.0).any(axis=1)
+    places = np.flatnonzero(change) + 1
+    if places.size < FEWEST:
+        return None
+    periods = np.diff(places)
+    period = int(np.median(periods))
+    if period < 2 or np.mean(periods % period == 0) < _SAME_PERIOD:
+        return None
+    sizes = np.abs(np.diff(position, axis=0))
+    least = np.min(sizes, axis=0, where=sizes > 0.0, initial=np.inf)
+    if np.median(sizes[places - 1] / least) < 3.0:
+        return None
+    phase = int(np.bincount(places % period).argmax())
+    return slice(phase, None, period)
+
+
+def gap_problems(t: FloatArray) -> list[str]:
+    """Return one line that names the gaps longer than 20 sample periods; none where there are none.
+
+    Args:
+        t: (rows,) s.
+    """
+    steps = np.diff(t)
+    far = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
+    if far.size == 0:
+        return []
+    where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in far)
+    return [f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; what the joints did there "
+            "is not in the file: cut the log there, or give the missing rows"]  # fmt: skip
+
+
+def counted(count: int, noun: str) -> str:
+    """Return "1 row", "2 rows"."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

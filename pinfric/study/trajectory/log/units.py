@@ -1,0 +1,177 @@
+"""Units of a log: recognised where the evidence is clear, else the choice is put to the person."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.study.trajectory.joint_columns import LIMIT_TOLERANCE, JointColumn, listing
+from pinfric.study.trajectory.log.reading import ANGLE_UNITS, TIME_UNITS
+
+FloatArray = NDArray[np.float64]
+
+#: Hz; robots log at no less and no more than these.
+_SLOWEST, _FASTEST = 20.0, 20_000.0
+#: Hz; slower logs exist where a clock counts ms, us or ns.
+_SLOWEST_CLOCK = 2.0
+#: Fewer samples than this are a table that somebody wrote, in seconds.
+_FEWEST = 20
+#: rad: no joint turns twice round one way and twice the other, but for those without limits.
+_TWO_TURNS = 4.0 * np.pi
+#: rad: an angle below this says nothing about its unit.
+_SMALL = 0.02
+#: Times its velocity limit, no joint moves; nor at this speed (rad/s or m/s) without a limit.
+_TOO_FAST, _FASTEST_JOINT = 3.0, 30.0
+#: rad/s or m/s: no recording has no joint faster than this.
+_CREEP = 0.01
+#: s since 1970, of the years 2001 to 2096: what a clock shows.
+_EPOCH = (1e9, 4e9)
+
+
+def time_factor(
+    name: str,
+    t: FloatArray,
+    start: float,
+    given: str | None,
+    speeds: tuple[float, float],
+    problems: list[str],
+    said: list[str],
+) -> float:
+    """Return s per unit of a time column.
+
+    In s at 20 Hz or more they are s. Else one of ms, us, ns may make 2 Hz to 20 kHz of the steps,
+    and the joints' speeds must tell: no joint is so fast, no recording so slow.
+
+    Args:
+        name: the column's.
+        t: (T,) what stands in it, `start` perhaps subtracted.
+        start: its first number.
+        given: the unit, where somebody said it.
+        speeds: the largest way over velocity limit of the joints, and the largest way, between
+            two rows (s; rad or m).
+        problems, said: lines are appended here.
+    """
+    if given is not None:
+        return TIME_UNITS[given]
+    with np.errstate(over="ignore"):  # times that cannot be meant are refused elsewhere
+        steps = np.diff(t[np.isfinite(t)])
+    steps = steps[steps > 0.0]
+    if steps.size < _FEWEST - 1:
+        return 1.0
+    step = float(np.median(steps))
+    if 1.0 / step >= _SLOWEST or is_clock(start):
+        return 1.0
+    rates = {unit: 1.0 / (step * factor) for unit, factor in TIME_UNITS.items() if unit != "s"}
+    fits = [unit for unit, rate in rates.items() if _SLOWEST_CLOCK <= rate <= _FASTEST]
+    clocks = [unit for unit in fits if is_clock(start * TIME_UNITS[unit])]
+    possible = [unit for unit in fits if _possible(speeds, rates[unit])]
+    creeps = 0.0 < speeds[1] / step < _CREEP
+    chosen = clocks or (possible if creeps and step > 1.0 else [])
+    if len(chosen) == 1:
+        said.append(f"column {name} is in {chosen[0]}: steps of {step:.6g} are "
+                    f"{rates[chosen[0]]:.6g} Hz")  # fmt: skip
+        return TIME_UNITS[chosen[0]]
+    counts = creeps and bool((t == np.rint(t)).all())
+    if not possible or (step <= 1.0 and not counts):
+        return 1.0
+    choice = ", ".join(f"{unit} ({rates[unit]:.6g} Hz)" for unit in possible)
+    options = ", ".join(f"--time-unit {unit}" for unit in possible)
+    problems.append(f"column {name}: steps of {step:.6g} may be {choice} or s ({1.0 / step:.3g} "
+                    f"Hz); say which: {options} or --time-unit s")  # fmt: skip
+    return 1.0
+
+
+def _possible(speeds: tuple[float, float], rate: float) -> bool:
+    """Whether joints can be as fast as their ways per row are at so many rows a second."""
+    of_limits, speed = (rate * way for way in speeds)
+    return of_limits <= _TOO_FAST if of_limits > 0.0 else speed <= _FASTEST_JOINT
+
+
+def is_clock(start: float) -> bool:
+    """Whether a time in s is one that a clock shows, since 1970."""
+    return _EPOCH[0] <= start <= _EPOCH[1]
+
+
+def angle_unit(
+    columns: Sequence[JointColumn],
+    position: FloatArray,
+    known: Sequence[str | None],
+    given: str | None,
+    problems: list[str],
+    said: list[str],
+) -> list[float]:
+    """Return rad per unit of each joint's positions, 1 for joints that slide.
+
+    Degrees are clear where a joint is far beyond its limits (and beyond two turns) as radians and
+    all joints are within theirs as degrees.
+
+    Args:
+        columns: (nj,) the joints.
+        position: (T, nj) what stands in the file; NaN is passed over.
+        known: (nj,) units that names or a mapping say.
+        given: the unit of all others, where somebody said it.
+        problems, said: lines are appended here.
+    """
+    turning = [c.unit == "rad" for c in columns]
+    factors = [ANGLE_UNITS[k or given or "rad"] if turns else 1.0
+               for k, turns in zip(known, turning, strict=True)]  # fmt: skip
+    open_ = [i for i, k in enumerate(known) if turning[i] and k is None and given is None]
+    if not open_ or position.shape[0] == 0:
+        return factors
+    size = np.nanmax(np.abs(np.where(np.isfinite(position), position, 0.0)), axis=0)
+    beyond = [i for i in open_ if size[i] > max(_TWO_TURNS, _reach(columns[i]) + LIMIT_TOLERANCE)]
+    degree = ANGLE_UNITS["deg"]
+    if not beyond or any(size[i] * degree > _reach(columns[i]) + _SMALL for i in open_):
+        return factors  # what is out of its limits either way is an error of its own
+    names = listing(f"{columns[i].name} {size[i]:.4g}" for i in beyond)
+    unclear = [i for i in open_ if _SMALL < size[i] <= 2.0 * np.pi]
+    if not unclear:
+        said.append(f"angles are in degrees (as radians beyond the limits: {names})")
+        return [degree if i in open_ else factor for i, factor in enumerate(factors)]
+    others = listing(f"{columns[i].name} {size[i]:.4g}" for i in unclear)
+    problems.append(
+        f"angles look like degrees ({names}), but may be radians ({others}): say which: --unit deg "
+        "for all, or `unit` by joint in a file given by --columns"
+    )
+    return factors
+
+
+def _reach(column: JointColumn) -> float:
+    """The largest angle a joint's limits allow; infinite without limits."""
+    return max(abs(column.lower), abs(column.upper))
+
+
+def fast_angles(
+    columns: Sequence[JointColumn],
+    t: FloatArray,
+    position: FloatArray,
+    known: Sequence[str | None],
+    given: str | None,
+) -> list[str]:
+    """Return one line where joints whose unit nobody said would be far too fast in rad/s.
+
+    Small ways in degrees lie within the limits of radians; only their speeds tell.
+
+    Args:
+        columns: (nj,) the joints.
+        t: (T,) s.
+        position: (T, nj) rad or m, taken as radians where nobody said otherwise.
+        known, given: as in `angle_unit`.
+    """
+    steps = np.diff(t)
+    if given is not None or t.size < _FEWEST or not (steps > 0.0).all():
+        return []
+    ways = np.abs(np.diff(position, axis=0))
+    ways = np.minimum(ways, np.abs(ways - 2.0 * np.pi))  # an angle may wrap
+    speeds = np.quantile(ways / steps[:, None], 0.99, axis=0)
+    fast = [
+        f"{column.name} {speed:.3g} rad/s, limit {column.velocity_limit:.3g}"
+        for column, speed, unit in zip(columns, speeds.tolist(), known, strict=True)
+        if column.unit == "rad" and unit is None and speed > _TOO_FAST * column.velocity_limit
+    ]
+    if not fast:
+        return []
+    return [f"no joint is so fast ({listing(fast)}): the angles may be degrees; say which: "
+            "--unit deg or --unit rad"]  # fmt: skip

@@ -1,0 +1,151 @@
+"""A motion as a table of numbers, one per joint: its derivatives, and what spoils them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.study.trajectory.derivatives import (
+    acceleration_noise,
+    find_holds,
+    position_derivatives,
+    velocity_derivative,
+)
+from pinfric.study.trajectory.joint_columns import JointColumn, listing
+from pinfric.study.trajectory.log.rows import GAP_FACTOR
+
+FloatArray = NDArray[np.float64]
+
+#: Share of a joint's peak acceleration that may be rounding noise before it is pointed out.
+_NOISE_SHARE = 0.05
+#: Share of a joint's peak speed by which its velocities may miss those of its positions (RMS).
+_MISMATCH_SHARE = 0.1
+#: Fewer samples than this say too little about noise or about a mismatch.
+_FEWEST_SAMPLES = 20
+
+
+@dataclass(frozen=True)
+class TrajectoryTable:
+    """A motion with one number per joint, (T, nj); a column of NaN is one that was not given.
+
+    `attached` holds the payload columns there are, (T,) bool each; `resolution` (nj,) the last
+    digit printed of each joint's positions (0: not rounded).
+    """
+
+    t: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    attached: dict[str, NDArray[np.bool_]]
+    resolution: FloatArray
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is refused as not finite
+def complete_derivatives(
+    columns: Sequence[JointColumn],
+    table: TrajectoryTable,
+    problems: list[str],
+    warnings: list[str],
+) -> tuple[FloatArray, FloatArray]:
+    """Return velocities and accelerations (T, nj), those not given from splines (`derivatives`).
+
+    Args:
+        columns: (nj,) the joints.
+        table: the motion; its time increases and its positions are finite.
+        problems: what cannot be derived is appended here.
+        warnings: where rounding spoils an acceleration, or velocities do not fit the positions,
+            is appended here.
+    """
+    v, a = table.velocity.copy(), table.acceleration.copy()
+    for i, column in enumerate(columns):
+        if not np.isnan(v[0, i]):
+            warnings += mismatch_warning(
+                column, table.t, table.position[:, i], v[:, i], table.resolution[i]
+            )
+    missing = [i for i in range(len(columns)) if np.isnan(v[0, i]) or np.isnan(a[0, i])]
+    if missing and table.t.size == 1:
+        names = ", ".join(columns[i].name for i in missing)
+        problems.append(f"one sample says nothing about derivatives: give .v and .a for {names}")
+        return v, a
+    gaps = _gaps(table.t) if missing else []
+    for i in missing:
+        q, resolution = table.position[:, i], table.resolution[i]
+        holds = find_holds(q, resolution)
+        problems += _moved_across(columns[i], table.t, q, gaps)
+        try:
+            if not np.isnan(v[0, i]):
+                a[:, i] = velocity_derivative(table.t, v[:, i], holds)
+                continue
+            fitted_v, fitted_a = position_derivatives(table.t, q, holds)
+        except ValueError as problem:  # SciPy: numbers too far apart for a spline
+            problems.append(f"joint {columns[i].name}: no spline goes through its samples "
+                            f"({problem}); give .v and .a")  # fmt: skip
+            continue
+        v[:, i] = fitted_v
+        if np.isnan(a[0, i]):
+            a[:, i] = fitted_a
+            warnings += _noise_warning(columns[i], table.t, fitted_a, resolution)
+    return v, a
+
+
+def _gaps(t: FloatArray) -> list[int]:
+    """Return the samples after which a step is far longer than the median one."""
+    steps = np.diff(t)
+    return [int(i) for i in np.flatnonzero(steps > GAP_FACTOR * np.median(steps))]
+
+
+def _moved_across(
+    column: JointColumn, t: FloatArray, q: FloatArray, gaps: Iterable[int]
+) -> list[str]:
+    moved = [i for i in gaps if q[i] != q[i + 1]]
+    if not moved:
+        return []
+    where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in moved)
+    return [f"joint {column.name}: moves across gaps in time ({where}), where its derivatives "
+            "would be invented; give .v and .a, or the missing samples"]  # fmt: skip
+
+
+def mismatch_warning(
+    column: JointColumn, t: FloatArray, q: FloatArray, v: FloatArray, resolution: float
+) -> list[str]:
+    """Compare the mean velocity of each time step by positions and by velocities.
+
+    Both are of second order in the step, which is as fine as a share of a tenth asks for, and cost
+    little where a motion has millions of samples.
+    """
+    if t.size < _FEWEST_SAMPLES:
+        return []
+    steps, moves = np.diff(t), np.diff(q)
+    if column.nq == 2:  # an angle may be written within +-pi
+        moves -= 2.0 * np.pi * np.round(moves / (2.0 * np.pi))
+    dense = steps <= GAP_FACTOR * np.median(steps)
+    by_position = moves[dense] / steps[dense]
+    by_velocity = 0.5 * (v[1:] + v[:-1])[dense]
+    # two roundings of resolution / sqrt(12) each, and three standard deviations
+    noise = 3.0 * resolution / np.sqrt(6.0) / float(np.median(steps))
+    peak = max(float(np.abs(by_position).max()) - noise, float(np.abs(v).max()))
+    miss = float(np.sqrt(np.mean((by_position - by_velocity) ** 2)))
+    if miss <= _MISMATCH_SHARE * peak + noise:
+        return []
+    return [
+        f"joint {column.name}: the velocities given do not fit the positions: they differ by "
+        f"{miss:.3g} {column.unit}/s (RMS) at speeds up to {peak:.3g}; check units, order and "
+        "sign, or leave the velocities out"
+    ]
+
+
+def _noise_warning(
+    column: JointColumn, t: FloatArray, acceleration: FloatArray, resolution: float
+) -> list[str]:
+    noise, peak = acceleration_noise(t, resolution), float(np.abs(acceleration).max())
+    # where a joint stands still throughout, its accelerations are 0 and hold no noise
+    if t.size < _FEWEST_SAMPLES or peak == 0.0 or noise <= _NOISE_SHARE * peak:
+        return []
+    return [
+        f"joint {column.name}: positions rounded to {resolution:.1g} {column.unit} leave noise of "
+        f"about {noise:.2g} {column.unit}/s^2 in accelerations that peak at {peak:.3g}; give more "
+        "digits, or .v and .a columns"
+    ]

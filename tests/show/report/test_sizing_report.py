@@ -1,0 +1,272 @@
+"""The sizing report: JSON, tables, and the page, drawn by a browser where there is one."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+from sizing_cases import MOTOR, one_drive, trapezoid, turntable, write_catalog
+
+import pinfric as pf
+from pinfric.show.report.sizing import passes, sizing_json, sizing_report, tightest
+from pinfric.show.sizing_page.figures import pareto_front, torque_speed
+from pinfric.show.sizing_page.page import save_sizing_page, sizing_page
+from pinfric.study.sizing.catalog import load_catalog
+
+BROWSER = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome", "chrome")
+     if (path := shutil.which(name))), None,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """One joint, a catalogue in which one motor fits, one fails and one lacks its mass."""
+    motors = {
+        "fits <b>": MOTOR,  # a name that must not become markup
+        "weak": {**MOTOR, "continuous_torque": 0.05},
+        "no mass": {k: v for k, v in MOTOR.items() if k != "mass"},
+        "heavy": {**MOTOR, "mass": 1.5, "continuous_torque": 1.0, "rotor_inertia": 2e-4},
+    }
+    path = write_catalog(tmp_path_factory.mktemp("sizing") / "catalog.yaml", motors)
+    scene = turntable()
+    return pf.size(scene, trapezoid(scene), load_catalog(path))
+
+
+@pytest.fixture(scope="module")
+def panda():
+    from pinfric.model.scene_file import bundled_folder
+
+    scene = pf.load_scene("panda_pick_and_place.yaml")
+    file = bundled_folder() / "panda_pick_and_place.csv"
+    return pf.size(scene, pf.load_trajectory(file, scene), "default")
+
+
+def test_json_has_the_promised_figures_of_every_joint(panda):
+    answer = json.loads(json.dumps(sizing_json(panda, ["noticed"]), allow_nan=False))
+    assert [joint["name"] for joint in answer["joints"]] == list(panda.scene.actuator_names)
+    for entry, joint in zip(answer["joints"], panda.joints, strict=True):
+        assert {"peak", "rms", "breakaway", "holding", "speed", "choice", "margins",
+                "rejected"} <= entry.keys()  # fmt: skip
+        assert entry["peak"] == joint.demand.peak
+        least, worst = entry["holding"]
+        assert 0 <= least <= worst <= entry["peak"]
+        assert entry["choice"] == joint.choice.candidate.name
+        assert min(m for m in entry["margins"].values() if m is not None) >= 0
+        assert entry["margins"]["winding temperature"] is None  # not checked: never a number
+        assert entry["not_checked"] >= list(entry["margins"].values()).count(None) - 1
+        assert {"name", "why"} == entry["rejected"][0].keys()
+        assert all(r["why"] for r in entry["rejected"])
+        names = {r["name"] for r in entry["rejected"]} | {a["name"] for a in entry["alternatives"]}
+        assert len(names) + 1 == len(joint.assessments)
+    assert answer["warnings"] == ["noticed"]
+    assert answer["catalog"] == "default"
+
+
+def test_json_without_a_catalogue_is_the_demand(tmp_path):
+    scene = turntable()
+    answer = sizing_json(pf.size(scene, trapezoid(scene)))
+    (joint,) = answer["joints"]
+    assert joint["peak"] == pytest.approx(15.0)
+    assert joint["choice"] is None
+    assert joint["rejected"] == []
+    assert answer["catalog"] is None
+
+
+def test_rejections_say_why_and_what_is_missing(report):
+    (joint,) = sizing_json(report)["joints"]
+    why = {entry["name"]: entry["why"] for entry in joint["rejected"]}
+    assert re.match(
+        r"continuous torque: needs 0\.09\d+ N m, has 0\.05 N m \(short by ", why["weak + G"]
+    )
+    assert why["no mass + G"] == "mass: not known"
+    assert joint["choice"] == "fits <b> + G"
+    assert [a["name"] for a in joint["alternatives"]] == ["heavy + G"]
+
+
+def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
+    scene = turntable()
+    with pytest.warns(pf.PinfricWarning, match="nearest miss"):
+        report = pf.size(scene, trapezoid(scene), one_drive(tmp_path, {"peak_torque": 0.6}),
+                         conditions={"peak_factor": 5})  # fmt: skip
+    (joint,) = sizing_json(report)["joints"]
+    assert joint["choice"] is None
+    assert "peak torque: needs " in joint["nearest_miss"]
+    assert joint["margins"]["peak torque"] < 0
+    page = sizing_page(report)
+    assert "No drive fits." in page
+    assert "does not fit: nearest miss" in page
+    console = Console(file=StringIO(), width=80)
+    console.print(*sizing_report(report), sep="\n")
+    assert "none; nearest M + G" in " ".join(console.file.getvalue().split())
+
+
+def test_tables_fit_eighty_columns(panda):
+    console = Console(file=StringIO(), width=80)
+    console.print(*sizing_report(panda), sep="\n")
+    text = console.file.getvalue()
+    assert max(map(len, text.splitlines())) <= 80
+    for word in ("panda_joint7", "break-", "fit", "kg of drives", "not checked: no figure"):
+        assert word in text
+
+
+def test_console_prints_the_notes(panda):
+    console = Console(file=StringIO(), width=80)
+    console.print(*sizing_report(panda), sep="\n")
+    text = " ".join(console.file.getvalue().split())
+    assert len(panda.notes) > 3
+    for note in panda.notes:
+        assert f"note: {note}" in text
+    assert "count twice. Name their masses in conditions.mass_in_urdf" in text
+
+
+def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):
+    scene = turntable()
+    t = np.linspace(0.0, 1.0, 51)[:, None]
+    motion = pf.Trajectory.from_arrays(scene, t[:, 0], 2 * t, 2 + 0 * t, 0 * t)
+    open_ = pf.size(scene, motion, load_catalog(write_catalog(tmp_path / "catalog.yaml")))
+    text = "table ends 2 rad from where it began"
+    assert sizing_json(open_)["unclosed"] == [text]
+    assert any(text in note for note in sizing_json(open_)["notes"])
+    demand = pf.size(scene, motion)  # without a catalogue, too
+    for report in (open_, demand):
+        console = Console(file=StringIO(), width=80)
+        console.print(*sizing_report(report), sep="\n")
+        printed = " ".join(console.file.getvalue().split())
+        assert "repeated, though it does not close" in printed
+        assert text in printed
+    page = sizing_page(open_)
+    assert "repeated, though it does not close" in page
+    assert f"<b>The cycle does not close.</b> {text}" in page
+
+
+def test_passes_in_words(report):
+    assert passes(report).startswith("settled after ")
+    assert passes(replace(report, passes=1)) == "settled after 1 pass"
+    alternates = replace(report, passes=10, settled=False)
+    assert passes(alternates) == "not settled after 10 passes: it alternates"
+    assert "not settled after 10 passes" in sizing_page(alternates)
+
+
+def test_what_vanishes_beside_the_peak_prints_as_0(panda):
+    demand = panda.joint("panda_joint7").demand
+    assert 1e-9 < demand.holding_frictionless < 1e-4 * demand.peak
+    assert not re.search(r"<td>[^<]*<small>[^<]*e-\d", sizing_page(panda))
+
+
+def test_page_defines_holding(report):
+    assert "“Holding” is while every joint of the robot stands still" in sizing_page(report)
+
+
+def test_tightest_criterion_is_that_of_the_least_margin(report):
+    choice = report.joints[0].choice
+    assert tightest(choice).margin == pytest.approx(choice.margin)
+
+
+def test_pareto_front_is_lighter_or_better(panda):
+    fitting = [a for a in panda.joints[0].assessments if a.fits]
+    front = pareto_front(fitting)
+    assert front[0].candidate.mass == min(a.candidate.mass for a in fitting)
+    assert front[-1].margin == max(a.margin for a in fitting)
+    for lighter, heavier in itertools.pairwise(front):
+        assert lighter.candidate.mass < heavier.candidate.mass
+        assert lighter.margin < heavier.margin
+    for a in fitting:
+        assert any(f.candidate.mass <= a.candidate.mass and f.margin >= a.margin for f in front)
+
+
+def test_envelope_is_the_line_of_the_bus_voltage_cut_by_the_peak_torque(report):
+    traces = {trace["name"]: trace for trace in torque_speed(report.joints[0], report)["data"]}
+    x, y = np.array(traces["envelope"]["x"]), np.array(traces["envelope"]["y"])
+    hot = report.joints[0].motor.figures.hot
+    k, r = MOTOR["torque_constant"], hot * MOTOR["resistance"]
+    line = np.minimum(k * (48.0 - k * x) / r, MOTOR["peak_torque"])[:201]
+    np.testing.assert_allclose(y[:201], np.maximum(line, 0), atol=2e-3)
+    # the interval at rest stands upright at speed 0
+    bars = traces["interval at rest"]
+    assert set(bars["x"]) == {0.0, None}
+    assert max(v for v in bars["y"] if v is not None) == pytest.approx(3 / 0.8 / 100, rel=1e-2)
+
+
+def test_legend_says_that_no_speed_torque_line_is_known(tmp_path):
+    scene = turntable()
+    catalog = one_drive(tmp_path, {"resistance": None, "thermal": None})
+    report = pf.size(scene, trapezoid(scene), catalog)
+    names = [trace["name"] for trace in torque_speed(report.joints[0], report)["data"]]
+    assert names[0] == "envelope (no speed-torque line known)"
+
+
+def test_page_needs_no_network_and_escapes_names(report):
+    page = sizing_page(report)
+    assert "fits <b>" not in page
+    assert "fits &lt;b&gt; + G" in page
+    assert not re.search(r"<(script|link|img|iframe)[^>]*\b(src|href)=", page)
+    assert page.count("plotly.js v") == 1
+    for text in ("Harmonic Drive engineering data", "not checked", "T<sub>av</sub>", "√("):
+        assert text in page
+
+
+def test_page_says_what_to_install(report, monkeypatch):
+    import pinfric.show.sizing_page.page as module
+
+    def missing(name):
+        raise ImportError(name)
+
+    monkeypatch.setattr(module, "import_module", missing)
+    with pytest.raises(pf.PinfricError, match=r"pip install 'pinfric\[report\]'"):
+        sizing_page(report)
+
+
+def test_saved_page_is_whole_or_not_there(report, tmp_path, monkeypatch):
+    path = save_sizing_page(report, tmp_path / "report.html")
+    assert path.read_text(encoding="utf-8").rstrip().endswith("</html>")
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+#: Notes what lies at the middle of the first plot, once all are drawn.
+_PROBE = """<script>
+const wait = setInterval(() => {
+  if (!document.documentElement.dataset.drawn) return;
+  clearInterval(wait);
+  const plot = document.getElementById("envelope-0");
+  plot.scrollIntoView({block: "center"});
+  const box = plot.getBoundingClientRect();
+  const hit = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+  document.documentElement.dataset.hit = hit ? hit.getAttribute("class") : "nothing";
+}, 20);
+</script></body>"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is installed")
+def test_browser_draws_every_figure_without_errors(report, tmp_path):
+    path = save_sizing_page(report, tmp_path / "report.html")
+    page = path.read_text(encoding="utf-8").rpartition("</body>")
+    path.write_text(page[0] + _PROBE + page[2], encoding="utf-8")
+    done = subprocess.run(
+        [BROWSER, "--headless", "--no-sandbox", "--use-angle=swiftshader",
+         "--enable-unsafe-swiftshader", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync", "--no-first-run",
+         "--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr", "--v=0",
+         f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1200,900",
+         "--virtual-time-budget=5000", "--dump-dom", path.as_uri()],
+        capture_output=True, text=True, timeout=90,
+    )  # fmt: skip
+    dom = done.stdout
+    assert 'data-drawn="4"' in dom  # envelope, effort, temperature, candidates
+    for kind in ("envelope-0", "effort-0", "heat-0", "trade-0"):
+        assert re.search(rf'<div id="{kind}"[^>]*class="js-plotly-plot"', dom)
+    assert dom.count('class="main-svg"') >= 4
+    # the mouse reaches the plot, not a mode bar that covers it
+    (hit,) = re.findall(r'data-hit="([^"]*)"', dom)
+    assert "drag" in hit
+    assert "modebar" not in hit
+    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    assert not [line for line in console if "rror" in line]

@@ -1,0 +1,222 @@
+"""Tables fit the width they are printed at, cut no number, and cut names so that each is one."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from rich.console import Console
+
+import pinfric as pf
+from pinfric.show.report.inverse import digits, inverse_json, inverse_report, span
+from pinfric.show.report.names import affixes, least_room, shortened
+from pinfric.show.report.sizing import beside, sizing_json, sizing_report, span_beside
+from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.terminal import show
+
+WIDTHS = (40, 60, 80, 120)
+#: As a humanoid's hands have them, and longer.
+FINGERS = [
+    f"{side}_hand_{finger}_{part}_joint"
+    for side in ("left", "right")
+    for finger in ("thumb", "index", "middle", "ring", "little", "auxiliary")
+    for part in ("abduction", "virtual_1", "proximal_flexion", "virtual_2")
+]
+
+
+def printed(renderables, width):
+    console = Console(file=io.StringIO(), width=width, highlight=False)
+    console.print(*renderables, sep="\n", crop=False)
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]
+
+
+def chain(names):
+    """Links of 0.1 m in a row; every third joint slides."""
+    model = pin.Model()
+    parent = 0
+    for i, name in enumerate(names):
+        joint = pin.JointModelPY() if i % 3 == 2 else pin.JointModelRZ()
+        place = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
+        parent = model.addJoint(parent, joint, place, name)
+        inertia = pin.Inertia.FromBox(0.1, 0.1, 0.02, 0.02)
+        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+    return model
+
+
+@pytest.fixture(scope="module")
+def humanoid():
+    """48 joints with long names, of which some hold still."""
+    assert len(FINGERS) == 48
+    friction = {
+        name: {"coulomb": {"static": 0.12 + 0.01 * i, "kinetic": 0.1}}
+        for i, name in enumerate(FINGERS)
+    }
+    scene = pf.Scene(model=chain(FINGERS), friction=friction, source="humanoid.yaml")
+    t = np.linspace(0.0, 2.0, 201)
+    reach = 0.1 / (1 + np.arange(48))
+    q = reach * (1 - np.cos(np.pi * t))[:, None]
+    v = reach * np.pi * np.sin(np.pi * t)[:, None]
+    a = reach * np.pi**2 * np.cos(np.pi * t)[:, None]
+    q[:, ::5] = v[:, ::5] = a[:, ::5] = 0.0
+    return scene, pf.Trajectory.from_arrays(scene, t, q, v, a)
+
+
+@pytest.fixture(scope="module")
+def sized(humanoid):
+    return pf.size(*humanoid, "default", on_miss="ignore")
+
+
+def cells(lines, title):
+    """Row by row what the table below a title says, its blocks side by side: [[name, ...], ...]."""
+    start = next(i for i, line in enumerate(lines) if line.startswith(title))
+    rows, rules = [], 0
+    for line in lines[start:]:
+        if line.startswith("──"):
+            rules, row = rules + 1, 0
+        elif rules and not line:
+            row = None
+            continue
+        elif rules and row is not None:
+            found = re.split(r" {2,}", line.strip())
+            if len(rows) <= row:
+                rows.append([found[0]])
+            assert rows[row][0] == found[0]  # the same name in every block
+            rows[row] += found[1:]
+            row += 1
+        elif rules and not re.search(r"\S {2,}\S|^\s", line):
+            break  # prose below the table
+    return rows
+
+
+def whole_names(lines, short, names):
+    """The names that a table's names stand for: with what was left out, around the ellipsis."""
+    note = next((line for line in lines if line.startswith("left out of each name")), "")
+    front = (re.search(r"(\S+)…(?= and|$)", note) or [None, ""])[1]
+    back = (re.search(r"…(\S+)$", note) or [None, ""])[1]
+    found = []
+    for name in short:
+        pattern = re.escape(front) + re.escape(name).replace("…", ".+") + re.escape(back)
+        (one,) = [x for x in names if re.fullmatch(pattern, x)]
+        found.append(one)
+    return found
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_every_figure_of_48_joints_is_printed_whole_beside_a_name_that_is_one_joints(
+    humanoid, width
+):
+    scene, motion = humanoid
+    result = pf.inverse_dynamics(scene, motion)
+    lines = printed(inverse_report(result, "fingers.csv"), width)
+    assert max(map(len, lines)) <= width
+    rows = cells(lines, "humanoid")
+    joints = inverse_json(result, "fingers.csv")["joints"]
+    assert len(rows) == len(joints) == 48
+    assert whole_names(lines, [row[0] for row in rows], FINGERS) == FINGERS
+    largest = max(np.abs(x).max() for x in (result.effort_lower, result.effort_upper))
+    for row, joint in zip(rows, joints, strict=True):
+        figures = [x for x in row[1:] if x not in ("N", "N m")]
+        zero = 1e-9 * largest
+        assert figures == [
+            digits(joint["peak"], zero), span(joint["rms_least"], joint["rms"], zero),
+            f"{digits(joint['peak_frictionless'], zero)}, "
+            f"{digits(joint['rms_frictionless'], zero)}",
+            f"{100 * joint['friction_share']:.0f} %", digits(joint["stick_time"]),
+            digits(joint["max_interval"], zero),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_sizing_clips_no_number_at_any_width(sized, width):
+    report = sized
+    lines = printed(sizing_report(report), width)
+    assert max(map(len, lines)) <= width
+    rows = cells(lines, "humanoid")
+    joints = sizing_json(report)["joints"]
+    assert len(rows) == len(joints) == 48
+    for row, d in zip(rows, joints, strict=True):
+        peak = d["peak"]
+        assert [x for x in row[1:] if x not in ("N", "N m")] == [
+            digits(peak), span_beside(d["rms_least"], d["rms"], peak),
+            f"{beside(d['frictionless']['peak'], peak)}, "
+            f"{beside(d['frictionless']['rms'], peak)}",
+            span_beside(*d["holding"], peak) if d["holding"] else "-",
+            beside(d["breakaway"], peak) if d["breakaway"] is not None else "-",
+            digits(d["speed"]),
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_panda_fits(width):
+    scene = pf.load_scene("panda_pick_and_place")
+    result = pf.inverse_dynamics(scene, pf.load_trajectory("panda_pick_and_place.csv", scene))
+    lines = printed(inverse_report(result, "panda_pick_and_place.csv"), width)
+    assert max(map(len, lines)) <= width
+    whole = [line for line in lines if line.startswith("panda_joint1 ")]
+    # at 80 columns in one block, names and all; at 40 in several, still with their names
+    assert len(whole) == {40: 4, 60: 3, 80: 2, 120: 2}[width]
+    assert not any("left out" in line for line in lines)
+
+
+def test_a_table_too_wide_for_any_terminal_loses_no_digit(monkeypatch, capsys):
+    table = Table("", [Column("joint", Kind.NAME), Column("effort")], [("elbow", "1234567.891011")])
+    assert "1234567.891011" in "\n".join(printed([table], 10))
+    monkeypatch.setenv("COLUMNS", "10")
+    show([table])
+    assert "1234567.891011" in capsys.readouterr().out
+
+
+def test_brackets_in_a_name_are_no_markup():
+    table = Table("", [Column("joint", Kind.NAME), Column("x")], [("arm[0]", "1"), ("[red]", "2")])
+    assert [line.split()[0] for line in printed([table], 80)[2:]] == ["arm[0]", "[red]"]
+
+
+def test_names_no_cut_tells_apart_are_folded_whole():
+    names = [f"{'a' * 60}{i}{'z' * 60}" for i in range(3)]
+    assert affixes(names) == ("", "")
+    table = Table("", [Column("joint", Kind.NAME), Column("x")], [(n, "1.5") for n in names])
+    lines = printed([table], 40)
+    assert max(map(len, lines)) <= 40
+    assert "".join(line.split()[0] for line in lines[2:]) == "".join(names)
+
+
+def test_affixes_end_at_separators_and_leave_something():
+    assert affixes(["panda_joint1", "panda_joint2"]) == ("panda_", "")
+    assert affixes(["arm_1_joint", "head_joint"]) == ("", "_joint")
+    assert affixes(["ns/arm/q.pos", "ns/leg/q.pos"]) == ("ns/", "/q.pos")
+    assert affixes(["a_joint", "a_joint"]) == ("", "")
+    assert affixes(["left", "lever"]) == ("", "")
+    assert affixes(["abc_", "abc_d"]) == ("", "")
+
+
+def test_a_name_cut_in_its_middle_is_one_name_only():
+    room = least_room(FINGERS)
+    for size in (room, room + 3, 40):
+        for short, name in zip(shortened(FINGERS, size), FINGERS, strict=True):
+            assert len(short) <= size
+            pattern = re.escape(short).replace("…", ".+")
+            assert [x for x in FINGERS if re.fullmatch(pattern, x)] == [name]
+    assert any("…" in name for name in shortened(FINGERS, room))
+    assert shortened(["short", "names"], 16) == ["short", "names"]
+    assert len(shortened(["x" * 50], 10)[0]) == 10
+
+
+def test_width_is_the_terminals_of_a_pipe_eighty_and_columns_beats_both(monkeypatch, capsys):
+    def none_of_the_streams_is_a_terminal(stream):
+        raise OSError
+
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(os, "get_terminal_size", none_of_the_streams_is_a_terminal)
+    wide = Table("", [Column(f"{i}\n" + "x" * 12) for i in range(12)], [["1"] * 12])
+    show([wide])
+    assert 60 < max(map(len, capsys.readouterr().out.splitlines())) <= 80
+    monkeypatch.setattr(os, "get_terminal_size", lambda stream: os.terminal_size((120, 24)))
+    show([wide])
+    assert 80 < max(map(len, capsys.readouterr().out.splitlines())) <= 120
+    monkeypatch.setenv("COLUMNS", "60")
+    show([wide])
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 60

@@ -1,0 +1,364 @@
+"""Criteria of one drive against figures worked out by hand (see `sizing_cases`)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from sizing_cases import (
+    ACCELERATION,
+    COULOMB,
+    CYCLE,
+    GEAR,
+    INERTIA,
+    MOTOR,
+    PAUSE,
+    PLATEAU,
+    RAMP,
+    RATE,
+    one_drive,
+    trapezoid,
+    turntable,
+)
+
+import pinfric as pf
+from pinfric.study.sizing.criteria import (
+    Status,
+    check,
+    compare,
+    gear_life,
+    load_factor,
+    optimum_ratio,
+    optimum_ratio_for_inertia,
+    resonance,
+)
+from pinfric.study.sizing.demand import DriveCycle
+from pinfric.study.sizing.drivetrain import gear_transmission, motor_cycle, motor_with_gear
+
+# efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
+UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
+RATIO, ETA, ETA_BACK = GEAR["ratio"], GEAR["efficiency"], GEAR["back_efficiency"]
+ROTOR = MOTOR["rotor_inertia"] + GEAR["input_inertia"]
+# at the motor: driving quadrants divide by eta, the braking one multiplies by eta_b
+SPIN = RATIO * ROTOR * ACCELERATION
+MOTOR_UP, MOTOR_RUN = UP / ETA / RATIO + SPIN, RUN / ETA / RATIO
+MOTOR_DOWN, MOTOR_REST = DOWN * ETA_BACK / RATIO - SPIN, COULOMB / ETA / RATIO
+PARTS = np.array([RAMP, PLATEAU, RAMP, PAUSE])
+ANGLE = np.array([RATE * RAMP / 2, RATE * PLATEAU, RATE * RAMP / 2])  # turned in each part, rad
+
+
+def sized(tmp_path, motor=None, gear=None, conditions=None, scene=None):
+    scene = scene or turntable()
+    catalog = one_drive(tmp_path, motor, gear)
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, conditions=conditions).joints
+    return joint
+
+
+def criterion(joint, name):
+    (found,) = [c for c in joint.assessments[0].criteria if c.name == name]
+    return found
+
+
+def test_rms_and_peak_of_the_motor_in_driving_and_braking_quadrants(tmp_path):
+    joint = sized(tmp_path)
+    torques = np.array([MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST])
+    expected = np.sqrt(PARTS @ torques**2 / CYCLE)
+    assert criterion(joint, "continuous torque").required == pytest.approx(expected, rel=1e-6)
+    assert criterion(joint, "peak torque").required == pytest.approx(1.2 * MOTOR_UP, rel=1e-9)
+    v, lower, upper = joint.cycle.velocity, joint.motor.torque_lower, joint.motor.torque_upper
+    a = joint.cycle.acceleration
+    for moving, torque in (((v > 0) & (a > 0), MOTOR_UP), ((v > 0) & (a == 0), MOTOR_RUN),
+                           ((v > 0) & (a < 0), MOTOR_DOWN)):  # fmt: skip
+        np.testing.assert_allclose(lower[moving], torque, rtol=1e-9)
+        np.testing.assert_allclose(upper[moving], torque, rtol=1e-9)
+    np.testing.assert_allclose(upper[v == 0], MOTOR_REST, rtol=1e-9)
+    np.testing.assert_allclose(lower[v == 0], -MOTOR_REST, rtol=1e-9)
+
+
+def test_cubic_mean_and_life_of_the_gear(tmp_path):
+    joint = sized(tmp_path)
+    mean_cubic = np.cbrt(ANGLE @ np.abs([UP, RUN, DOWN]) ** 3 / ANGLE.sum())
+    speed = RATIO * ANGLE.sum() / CYCLE
+    assert joint.demand.mean_cubic == pytest.approx(mean_cubic, rel=1e-6)
+    assert criterion(joint, "gear average torque").margin == pytest.approx(
+        1 - mean_cubic / GEAR["average_torque"], rel=1e-6
+    )
+    assert criterion(joint, "gear average input speed").required == pytest.approx(speed, rel=1e-6)
+    assert criterion(joint, "gear maximum input speed").required == pytest.approx(RATIO * RATE)
+    l50 = GEAR["nominal_life"] * GEAR["rated_speed"] / speed
+    l50 *= (GEAR["rated_torque"] / mean_cubic) ** 3
+    assert criterion(joint, "gear life L10").available == pytest.approx(l50 / 5, rel=1e-6)
+    # L50 = 35 000 h x 200/56.25 x 27 000/702 = 4.786e6 h
+    assert l50 == pytest.approx(35000 * (200 / 56.25) * (27000 / 702), rel=1e-12)
+
+
+def test_rated_point_has_the_nominal_life():
+    l10, l50 = gear_life(50_000.0, 209.44, 87.0, 209.44, 87.0)
+    assert (l10, l50) == pytest.approx((10_000.0, 50_000.0))
+    assert gear_life(50_000.0, 209.44, 87.0, 0.0, 10.0) == (np.inf, np.inf)
+
+
+def test_winding_temperature_of_the_cycle(tmp_path):
+    joint = sized(tmp_path)
+    thermal, alpha, ambient = MOTOR["thermal"], 0.0039, 25.0
+    g1, g2 = 1 / thermal["winding_housing"], 1 / thermal["housing_ambient"]
+    c1, c2 = thermal["winding_time"] * g1, thermal["housing_time"] * g2
+    cycle, at_ends = np.eye(3), []
+    for torque, span in zip((MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST), PARTS, strict=True):
+        p = MOTOR["resistance"] * (torque / MOTOR["torque_constant"]) ** 2
+        A = np.array([[(alpha * p - g1) / c1, g1 / c1, p / c1], [g1 / c2, -(g1 + g2) / c2, 0],
+                      [0, 0, 0]])  # fmt: skip
+        cycle = expm(A * span) @ cycle
+        at_ends.append(cycle.copy())
+    start = np.append(np.linalg.solve(np.eye(2) - cycle[:2, :2], cycle[:2, 2]), 1.0)
+    hottest = ambient + max((end @ start)[0] for end in at_ends)
+    found = joint.motor.figures.peak_temperature
+    assert found - ambient == pytest.approx(hottest - ambient, rel=1e-6)
+    limit = thermal["max_winding"] - ambient
+    assert criterion(joint, "winding temperature").margin == pytest.approx(
+        1 - (hottest - ambient) / limit, rel=1e-6
+    )
+
+
+def test_voltage_along_the_speed_torque_line(tmp_path):
+    joint = sized(tmp_path, motor={"thermal": None})
+    k, r = MOTOR["torque_constant"], MOTOR["resistance"]
+    # the corner: full torque at full speed, the end of speeding up
+    needed = r * MOTOR_UP / k + k * RATIO * RATE
+    assert criterion(joint, "speed-torque line").required == pytest.approx(needed, rel=1e-6)
+    with pytest.warns(pf.PinfricWarning, match=r"speed-torque line: needs .*short by 1.01 %"):
+        low = sized(tmp_path, motor={"thermal": None}, conditions={"bus_voltage": needed * 0.99})
+    assert criterion(low, "speed-torque line").status == Status.FAILS
+    # the same line from no-load speed and stall torque at 24 V
+    printed = {"nominal_voltage": 24.0, "no_load_speed": 24 / k, "stall_torque": 24 * k / r}
+    printed |= dict.fromkeys(("thermal", "resistance", "torque_constant"))
+    again = sized(tmp_path, motor=printed, conditions={"bus_voltage": 24.0})
+    assert criterion(again, "speed-torque line").required == pytest.approx(needed, rel=1e-6)
+
+
+def test_hot_winding_takes_more_voltage(tmp_path):
+    joint = sized(tmp_path)
+    k, r = MOTOR["torque_constant"], MOTOR["resistance"]
+    hot = 1 + 0.0039 * (joint.motor.figures.peak_temperature - 25)
+    assert criterion(joint, "speed-torque line").required == pytest.approx(
+        hot * r * MOTOR_UP / k + k * RATIO * RATE, rel=1e-6
+    )
+
+
+def test_electrical_energy_drawn_and_regenerated(tmp_path):
+    figures = sized(tmp_path, motor={"thermal": None}).motor.figures
+    k, r, omega = MOTOR["torque_constant"], MOTOR["resistance"], RATIO * RATE
+    copper = r * (np.array([MOTOR_UP, MOTOR_RUN, MOTOR_DOWN, MOTOR_REST]) / k) ** 2
+    assert figures.driving_power == pytest.approx(MOTOR_UP * omega + copper[0], rel=1e-6)
+    assert figures.braking_power == pytest.approx(-MOTOR_DOWN * omega - copper[2], rel=1e-6)
+    # slowing down, the motor feeds back until copper loss eats it: from omega to omega_0
+    least = copper[2] / -MOTOR_DOWN
+    back = -MOTOR_DOWN * (omega - least) ** 2 / 2 * RAMP / omega
+    assert figures.regenerated == pytest.approx(back, rel=1e-6)
+    tail = -MOTOR_DOWN * least**2 / 2 * RAMP / omega
+    drawn = MOTOR_UP * omega * RAMP / 2 + MOTOR_RUN * omega * PLATEAU + tail
+    drawn += copper[0] * RAMP + copper[1] * PLATEAU + copper[3] * PAUSE
+    assert figures.energy == pytest.approx(drawn, rel=1e-6)
+
+
+def test_inertia_ratio_and_resonance(tmp_path):
+    joint = sized(tmp_path)
+    found = criterion(joint, "inertia ratio")
+    assert found.required == pytest.approx(INERTIA / RATIO**2 / ROTOR)
+    assert found.formula == "max J_load / (ratio^2 (J_motor + J_gear input))"
+    assert "motor's side of the compliance" in found.source
+    hertz = np.sqrt(GEAR["stiffness"] / INERTIA) / (2 * np.pi)
+    assert criterion(joint, "gear resonance").available == pytest.approx(hertz)
+    assert resonance(4 * np.pi**2, 1.0) == pytest.approx(1.0)
+
+
+def test_optimum_ratio_of_a_pure_inertia_is_the_root_of_the_inertias():
+    t = np.linspace(0, 2, 401)
+    a = 3 * np.sin(np.pi * t)
+    v, load, rotor = -3 / np.pi * (np.cos(np.pi * t) - 1), 1.8, 5e-4
+    nothing = np.zeros(len(t), dtype=bool)
+    cycle = DriveCycle(t, load * a, load * a, load * a, v, a, nothing, nothing, 0.0)
+    best = optimum_ratio(cycle, load * a, rotor)
+    assert best == pytest.approx(np.sqrt(load / rotor), rel=1e-12)
+    assert optimum_ratio_for_inertia(load, rotor) == pytest.approx(60.0)
+    # it is the least of T_m = T*/r + r J a, and the least T_rms^2/J is the load factor
+
+    def torque(r):
+        return np.sqrt(np.trapezoid((load * a / r + r * rotor * a) ** 2, t) / 2)
+
+    assert torque(best) < min(torque(best * 1.01), torque(best / 1.01))
+    assert torque(best) ** 2 / rotor == pytest.approx(load_factor(cycle, load * a), rel=1e-9)
+    hardly = replace(cycle, acceleration=1e-322 * a)  # times the rotor's inertia it is 0
+    assert optimum_ratio(hardly, load * a, rotor) == np.inf
+
+
+def test_catalogue_efficiency_and_no_load_torque_do_not_count_twice(tmp_path):
+    # Schaeffler RT1-H-CS 25: 87 N m, 77 %, 195 mN m running at 2000 rpm, 69 mN m starting
+    gear = one_drive(tmp_path, gear={
+        "rated_torque": 87.0, "repeated_peak_torque": 204.0, "momentary_peak_torque": 369.0,
+        "efficiency": 0.77, "back_efficiency": None, "no_load_running_torque": 0.195,
+        "no_load_speed": 209.44, "starting_torque": 0.069,
+    }).gears["G"]  # fmt: skip
+    transmission, text = gear_transmission(gear, 100.0, 0.0)
+    assert transmission.efficiency == pytest.approx(0.87 / (0.87 / 0.77 - 0.195), rel=1e-12)
+    assert transmission.efficiency == pytest.approx(0.93, abs=0.005)
+    assert transmission.no_load_torque == 0.069
+    # at rated torque and speed the input takes what the catalogue's efficiency says
+    at_input = 0.87 / transmission.efficiency + transmission.no_load_torque
+    at_input += transmission.motor_viscous * 209.44
+    assert at_input == pytest.approx(0.87 / 0.77, rel=1e-12)
+    assert transmission.back_efficiency == pytest.approx(2 - 1 / transmission.efficiency)
+    assert "assumed" in text
+
+
+def test_missing_figure_is_never_a_pass(tmp_path):
+    for figure, name in (
+        ("average_torque", "gear average torque"), ("stiffness", "gear resonance"),
+        ("nominal_life", "gear life L10"), ("max_input_speed", "gear maximum input speed"),
+        ("average_input_speed", "gear average input speed"),
+        ("repeated_peak_torque", "gear repeated peak torque"),
+    ):  # fmt: skip
+        found = criterion(sized(tmp_path, gear={figure: None}), name)
+        assert (found.status, found.margin) == (Status.NOT_CHECKED, None)
+        assert found.note.startswith("no figure (")
+    for figure, name in (("peak_torque", "peak torque"), ("thermal", "winding temperature"),
+                         ("max_speed", "motor speed"),
+                         ("resistance", "speed-torque line")):  # fmt: skip
+        found = criterion(sized(tmp_path, motor={figure: None}), name)
+        assert (found.status, found.margin) == (Status.NOT_CHECKED, None)
+    momentary = criterion(sized(tmp_path), "gear momentary peak torque")
+    assert momentary.status == Status.NOT_CHECKED  # no collision was stated
+
+
+def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
+    for part in ({"gear": {"efficiency": None, "back_efficiency": None}},
+                 {"gear": {"input_inertia": None}}, {"motor": {"rotor_inertia": None}},
+                 {"motor": {"continuous_torque": None}}, {"motor": {"mass": None}}):  # fmt: skip
+        with pytest.warns(pf.PinfricWarning, match="no candidate could be judged"):
+            joint = sized(tmp_path, **part)
+        assert joint.choice is None
+        assert joint.assessments[0].lacking
+        assert not joint.assessments[0].failed
+
+
+def test_mean_heat_can_refuse_a_motor_without_time_constants_but_not_pass_it(tmp_path):
+    thermal = {"winding_housing": 2.0, "housing_ambient": 3.0, "max_winding": 125.0}
+    found = criterion(sized(tmp_path, motor={"thermal": thermal}), "winding temperature")
+    assert found.status == Status.NOT_CHECKED
+    assert "at the mean heat" in found.note
+    hot = {**thermal, "winding_housing": 60.0, "housing_ambient": 90.0}
+    with pytest.warns(pf.PinfricWarning, match="winding temperature"):
+        found = criterion(sized(tmp_path, motor={"thermal": hot}), "winding temperature")
+    assert found.status == Status.FAILS
+
+
+def test_run_away_fails_whatever_the_limit(tmp_path):
+    for times in ({"winding_time": 20.0, "housing_time": 300.0}, {}):
+        thermal = {"winding_housing": 600.0, "housing_ambient": 900.0, **times}
+        with pytest.warns(pf.PinfricWarning, match="winding temperature: runs away"):
+            found = criterion(sized(tmp_path, motor={"thermal": thermal}), "winding temperature")
+        assert found.status == Status.FAILS
+        assert found.available is None
+
+
+def test_resistance_at_the_mean_heat_where_no_peak_is_known(tmp_path):
+    thermal = {"winding_housing": 2.0, "housing_ambient": 3.0}
+    figures = sized(tmp_path, motor={"thermal": thermal}).motor.figures
+    assert figures.peak_temperature is None
+    assert figures.hot == pytest.approx(1 + 0.0039 * (figures.mean_temperature - 25))
+    assert figures.hot > 1.01
+
+
+def test_ambient_derates_the_continuous_torque(tmp_path):
+    hot = sized(tmp_path, conditions={"ambient": 75.0})
+    found = criterion(hot, "continuous torque")
+    assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(50 / 100))
+    assert "0.707 of the rating at 25 C" in found.note
+    # no rating grows in the cold
+    cold = criterion(sized(tmp_path, conditions={"ambient": 0.0}), "continuous torque")
+    assert (cold.available, cold.note) == (MOTOR["continuous_torque"], "")
+    # the limit of the conditions stands in for the maker's; without one it is said
+    bare = {"thermal": None}
+    limit = {"ambient": 75.0, "max_winding": 125.0}
+    found = criterion(sized(tmp_path, bare, conditions=limit), "continuous torque")
+    assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(0.5))
+    found = criterion(sized(tmp_path, bare, conditions={"ambient": 100}), "continuous torque")
+    assert found.available == MOTOR["continuous_torque"]
+    assert found.note == "rated at 25 C, not checked at 100 C"
+
+
+def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):
+    with pytest.warns(pf.PinfricWarning, match="as hot as the winding may be") as caught:
+        joint = sized(tmp_path, conditions={"ambient": 130.0})
+    text = "the surroundings, 130 C, are as hot as the winding may be, 125 C"
+    for name in ("continuous torque", "short-term torque", "winding temperature"):
+        assert criterion(joint, name).why == f"{name}: {text}"
+    assert not any("e+09" in str(w.message) for w in caught)
+
+
+def test_bus_voltage_far_above_the_motors_own(tmp_path):
+    motor = {"nominal_voltage": 48.0}
+    assert criterion(sized(tmp_path), "bus voltage").status == Status.NOT_CHECKED
+    joint = sized(tmp_path, motor, conditions={"bus_voltage": 72.0})
+    assert criterion(joint, "bus voltage").status == Status.PASSES
+    assert joint.choice.margin > 0  # at its limit, but that is no tightness
+    with pytest.warns(pf.PinfricWarning, match="bus voltage: needs 400 V, has 72 V"):
+        joint = sized(tmp_path, motor, conditions={"bus_voltage": 400.0})
+    assert joint.choice is None
+
+
+def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
+    t, zero, nobody = np.linspace(0, 1, 11), np.zeros(11), np.zeros(11, dtype=bool)
+    catalog = one_drive(tmp_path)
+    candidate = motor_with_gear("M", catalog.motors["M"], "G", catalog.gears["G"], RATIO)
+    effort = np.where(t < 0.25, 80.0, 5.0)  # 80 N m/100/0.8 = 1 N m at the motor
+    cycle = DriveCycle(t, effort, effort, effort, zero, zero, ~nobody, nobody, 0.0)
+    motor = motor_cycle(candidate, cycle, catalog.conditions)
+    assert motor.figures.holding is None
+    assert motor.figures.standing == pytest.approx(80 / RATIO / ETA)
+    found = check(candidate, sized(tmp_path).demand, cycle, motor, 1.0, False, catalog.conditions)
+    assert "standing still it takes up to 1 N m" in found[0].note
+    # one sample at v = 0 is a reversal, not a stop
+    turning = DriveCycle(t, effort, effort, effort, t - 0.5, zero, nobody, nobody, 0.0)
+    assert not turning.standing.any()
+
+
+def test_back_driving_demanded_and_forbidden(tmp_path):
+    def status(gear=None, **conditions):
+        return criterion(sized(tmp_path, gear=gear, conditions=conditions), "back-driving").status
+
+    locking = {"back_efficiency": -0.2}
+    assert status() == Status.NOT_REQUIRED
+    assert status(back_driving="required") == Status.PASSES
+    assert status(locking, back_driving="forbidden") == Status.PASSES
+    with pytest.warns(pf.PinfricWarning, match="back-driving"):
+        assert status(locking, back_driving="required") == Status.FAILS
+    with pytest.warns(pf.PinfricWarning, match="needs a brake"):
+        assert status(back_driving="forbidden") == Status.FAILS
+
+
+def test_collision_is_held_against_the_momentary_peak(tmp_path):
+    found = criterion(sized(tmp_path, conditions={"collision_effort": {"table": 80.0}}),
+                      "gear momentary peak torque")  # fmt: skip
+    assert found.margin == pytest.approx(0.2)
+    assert found.status == Status.PASSES
+
+
+def test_margin_is_the_part_of_the_limit_that_is_left():
+    assert compare("x", 3.0, 4.0, "N m", "", "").margin == pytest.approx(0.25)
+    fails = compare("x", 5.0, 4.0, "N m", "", "")
+    assert fails.margin == pytest.approx(-0.25)
+    assert fails.status == Status.FAILS
+    assert fails.why == "x: needs 5 N m, has 4 N m (short by 25 %)"
+    assert compare("x", 4.0, 4.0, "N m", "", "").status == Status.PASSES
+    assert compare("x", np.inf, 4.0, "N m", "", "").status == Status.FAILS
+
+
+def test_candidate_says_whose_figures_it_uses(tmp_path):
+    catalog = one_drive(tmp_path, gear={"stand_ins": {"efficiency": "gear H"}})
+    candidate = motor_with_gear("M", catalog.motors["M"], "G", catalog.gears["G"], 100.0)
+    assert candidate.stand_ins == ("efficiency: gear H",)
+    assert candidate.mass == pytest.approx(1.5)
+    assert candidate.rotor_inertia == pytest.approx(ROTOR)

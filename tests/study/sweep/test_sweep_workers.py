@@ -1,0 +1,207 @@
+"""Sweeps on processes and clusters: the same figures, whatever is lost on the way."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import textwrap
+import threading
+from pathlib import Path
+from time import monotonic
+
+import numpy as np
+import pytest
+from processes import children
+from sweep_cases import pushed_block, steady, sweep_of, uniform
+
+import pinfric as pf
+from pinfric.errors import SweepError
+
+distributed = pytest.importorskip("distributed")
+pytest.importorskip("pyarrow")
+# one after the other: each starts processes of its own
+pytestmark = [
+    pytest.mark.xdist_group("cluster"),
+    pytest.mark.filterwarnings("ignore::RuntimeWarning:distributed"),
+]
+
+#: No test may wait for longer (s): a stalled cluster must fail, not hang.
+LIMIT = 90
+SAMPLES = 120
+SWEEP = sweep_of(
+    SAMPLES,
+    speed=uniform(0.8, 1.2),
+    payload__box__mass=uniform(1.0, 3.0),
+    friction__all__coulomb=uniform(0.5, 2.0, each=True),
+    mounting__roll=uniform(-0.05, 0.05),
+)
+
+
+@pytest.fixture(autouse=True)
+def _limit():
+    def stop(*_):
+        raise TimeoutError(f"not done after {LIMIT} s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(LIMIT)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture(scope="module")
+def panda():
+    scene = pf.load_scene("panda_pick_and_place")
+    return scene, pf.load_trajectory("panda_pick_and_place.csv", scene)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(panda):
+    return pf.sweep(*panda, SWEEP, processes=1)
+
+
+def computing(pid):
+    """The worker processes that nannies have spawned below a process."""
+    return [p for p in children(pid)
+            if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]  # fmt: skip
+
+
+class KillOne:
+    """Progress that kills one worker in the middle of the run."""
+
+    def __init__(self, workers):
+        self.workers, self.killed, self.counts = workers, None, []
+
+    def __call__(self, done, total):
+        self.counts.append(done)
+        if self.killed is None and 0 < done < total / 2:
+            self.killed = self.workers()[0]
+            os.kill(self.killed, signal.SIGKILL)
+
+
+def check_undisturbed(found, undisturbed, progress):
+    assert progress.killed is not None
+    assert progress.counts == sorted(set(progress.counts))  # every batch came once
+    assert progress.counts[-1] == SAMPLES
+    np.testing.assert_array_equal(found.figures, undisturbed.figures)
+    np.testing.assert_array_equal(found.values, undisturbed.values)
+    assert found.solved.all()
+
+
+def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undisturbed, tmp_path):
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+        silence_logs=50,
+    ) as cluster:  # fmt: skip
+        with distributed.Client(cluster, set_as_default=False) as client:
+            pids = list(client.run(os.getpid).values())
+        assert len(set(pids)) == 2
+        assert os.getpid() not in pids
+        progress = KillOne(lambda: pids)
+        found = pf.sweep(*panda, SWEEP, scheduler=cluster.scheduler_address, out=tmp_path,
+                         progress=progress)  # fmt: skip
+        with distributed.Client(cluster, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=30)
+            now = set(client.run(os.getpid).values())
+    assert progress.killed not in now  # it is gone; its nanny has started another
+    assert len(now) == 2
+    check_undisturbed(found, undisturbed, progress)
+    assert found.processes == 0
+
+
+def test_own_processes_survive_a_lost_one_and_end_with_the_sweep(panda, undisturbed):
+    before = set(children(os.getpid()))
+    progress = KillOne(lambda: computing(os.getpid()))
+    found = pf.sweep(*panda, SWEEP, processes=2, progress=progress)
+    check_undisturbed(found, undisturbed, progress)
+    assert found.processes == 2
+    assert set(children(os.getpid())) <= before
+
+
+def test_scheduler_lost_in_the_run_is_said_and_nothing_finished_is_lost(
+    panda, undisturbed, tmp_path
+):
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+        silence_logs=50,
+    )  # fmt: skip
+    counts = []
+
+    def close(done, total):
+        counts.append(done)
+        if done and len(counts) == 4:
+            cluster.close()
+
+    with pytest.raises(SweepError, match=r"connection to the scheduler is lost.*run again"):
+        pf.sweep(*panda, SWEEP, scheduler=cluster.scheduler_address, out=tmp_path, progress=close)
+    found = pf.sweep(*panda, SWEEP, processes=1, out=tmp_path)
+    assert found.resumed >= counts[-1] > 0
+    np.testing.assert_array_equal(found.figures, undisturbed.figures)
+
+
+@pytest.mark.parametrize(
+    "address", ["closed", "silent", "nonsense", "nobody.invalid:8786", "http", "ssh"]
+)
+def test_scheduler_that_cannot_be_reached_is_said_within_ten_seconds(address, monkeypatch):
+    if address in ("closed", "nobody.invalid:8786"):  # "silent" waits for as long as users do
+        monkeypatch.setattr("pinfric.study.sweep.workers._CONNECT_TIMEOUT", 0.5)
+    scene = pushed_block()
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        port = listener.getsockname()[1]
+        if address in ("silent", "ssh"):  # takes the connection and says nothing, or its own name
+            listener.listen()
+        if address == "ssh":
+            threading.Thread(target=_greet_as_ssh, args=(listener,), daemon=True).start()
+        here = f"tcp://127.0.0.1:{port}"
+        named = {"closed": here, "silent": here, "ssh": here,
+                 "http": f"http://127.0.0.1:{port}"}.get(address, address)  # fmt: skip
+        start = monotonic()
+        with pytest.raises(SweepError, match="cannot be reached") as caught:
+            pf.sweep(scene, steady(scene), sweep_of(speed=uniform(1, 2)), scheduler=named)
+    assert monotonic() - start < 10
+    assert named in str(caught.value)
+    assert ("is no Dask scheduler" in str(caught.value)) == (address == "ssh")
+
+
+def _greet_as_ssh(listener):
+    held = []
+    with contextlib.suppress(OSError):  # the test closes the listener
+        while True:
+            held.append(listener.accept()[0])
+            held[-1].sendall(b"SSH-2.0-OpenSSH_9.2p1\r\n")
+
+
+def test_script_without_a_main_guard_runs_on_processes(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        textwrap.dedent(f"""
+        import sys
+        sys.path.insert(0, {str(Path(__file__).parents[2])!r})
+        from sweep_cases import pushed_block, steady, sweep_of, uniform
+        import pinfric as pf
+        scene = pushed_block()
+        found = pf.sweep(scene, steady(scene), sweep_of(40, speed=uniform(1, 2)), processes=2)
+        print("once", found.solved.sum(), found.processes)
+    """)
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=100,
+                          check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["once 40 2"]
+    assert done.stderr == ""
+
+
+def test_without_the_extra_one_process_computes_and_more_are_refused(monkeypatch):
+    monkeypatch.setattr("pinfric.study.sweep.workers.installed", lambda: False)
+    monkeypatch.setattr("pinfric.study.sweep.run.installed", lambda: False)
+    monkeypatch.setattr("pinfric.study.sweep.run._SHORT", 0.0)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
+    scene = pushed_block()
+    sweep = sweep_of(8, speed=uniform(1, 2))
+    with pytest.warns(pf.PinfricWarning, match=r"one process.*pinfric\[cluster\]"):
+        assert pf.sweep(scene, steady(scene), sweep).processes == 1
+    with pytest.raises(SweepError, match=r"pip install \"pinfric\[cluster\]\""):
+        pf.sweep(scene, steady(scene), sweep, processes=2)

@@ -1,0 +1,483 @@
+"""Logs in the dialects of robots and their tools: columns, units, rows, bags, and bad files."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinfric as pf
+from pinfric.errors import TrajectoryError
+from pinfric.study.trajectory.log.judged import judge_log
+from pinfric.study.trajectory.log.reading import ReadingOptions
+
+SHARED = Path(__file__).parents[4] / "shared" / "data" / "ur10"
+T = np.arange(400) / 200.0
+Q = np.column_stack((0.8 * np.sin(2 * T), 0.3 + 0.2 * np.cos(3 * T)))
+V = np.column_stack((1.6 * np.cos(2 * T), -0.6 * np.sin(3 * T)))
+
+
+def arm(lower=-2.0, upper=2.0, speed=4.0):
+    """Two joints, `base_turn` and `arm_lift`, both limited."""
+    model = pin.Model()
+    for i, name in enumerate(("base_turn", "arm_lift")):
+        model.addJoint(i, pin.JointModelRZ() if i == 0 else pin.JointModelRY(), pin.SE3.Identity(),
+                       name, np.array([100.0]), np.array([speed]), np.array([lower]),
+                       np.array([upper]))  # fmt: skip
+        model.appendBodyToJoint(i + 1, pin.Inertia(2.0, np.array([0.3, 0, 0]), 0.02 * np.eye(3)),
+                                pin.SE3.Identity())  # fmt: skip
+    return pf.Scene(model=model)
+
+
+def table(header, *columns, mark=",", form="%.12g"):
+    lines = [mark.join(form % x for x in row) for row in np.column_stack(columns)]
+    return "\n".join([mark.join(header), *lines]) + "\n"
+
+
+def load(folder, text, name="log.csv", scene=None, **options):
+    (folder / name).write_text(text)
+    return pf.load_trajectory(folder / name, scene or arm(), ReadingOptions(**options))
+
+
+def refused(folder, text, **options):
+    with pytest.raises(TrajectoryError) as caught:
+        load(folder, text, **options)
+    return str(caught.value)
+
+
+NAMES = ("base_turn", "arm_lift")
+PLAIN = table(("t", *NAMES), T, Q)
+JUGGLED = [f"/joint_states/{n}/{k}" for k in ("position", "velocity") for n in NAMES]
+WANTED = [f"desired/{name}/position" for name in NAMES]
+PAIRS = list(zip(T.tolist(), *Q.T.tolist(), strict=True))
+DIALECTS = {
+    "semicolons": table(("time", *NAMES), T, Q, mark=";"),
+    "tabs": table(("timestamp", *NAMES), T, Q, mark="\t"),
+    "decimal commas": table(("t", *NAMES), T, Q, mark=";").replace(".", ","),
+    "plotjuggler": table(("__time", *JUGGLED), T, Q, V),
+    "dots": table(("Time", *(f"joint_states.{n}.pos" for n in NAMES)), T, Q),
+    "brackets": table(("time [s]", *(f"{n} [rad]" for n in NAMES)), T, Q),
+    "prefix": table(("t", *(f"q_{n}" for n in NAMES)), T, Q),
+    "degrees by name": table(("t", *(f"{n} [deg]" for n in NAMES)), T, np.degrees(Q)),
+    "milliseconds by name": table(("t_ms", *NAMES), 1e3 * T, Q),
+    "a desired one beside": table(("t", *NAMES, *WANTED), T, Q, -Q),
+    "numbered": "time,name_0,name_1,position_0,position_1\n"
+    + "".join(f"{t!r},arm_lift,base_turn,{b!r},{a!r}\n" for t, a, b in PAIRS),
+    "ros header": "header.stamp.secs,header.stamp.nsecs,base_turn,arm_lift\n"
+    + "".join(f"{1700000000 + int(t)},{round(t % 1 * 1e9)},{a!r},{b!r}\n" for t, a, b in PAIRS),
+    "ns since 1970": "timestamp,base_turn,arm_lift\n"
+    + "".join(f"{1700000000123456789 + round(t * 1e9)},{a!r},{b!r}\n" for t, a, b in PAIRS),
+}
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_dialects_give_the_motion_of_the_plain_file(dialect, tmp_path):
+    plain, motion = load(tmp_path, PLAIN), load(tmp_path, DIALECTS[dialect])
+    np.testing.assert_allclose(motion.t, plain.t, atol=1e-9)
+    np.testing.assert_allclose(motion.q, plain.q, atol=1e-11)
+    np.testing.assert_allclose(motion.v, plain.v, atol=1e-7)
+    np.testing.assert_allclose(motion.a, plain.a, atol=1e-4)
+
+
+def test_decimal_commas_beside_points_are_refused(tmp_path):
+    text = DIALECTS["decimal commas"].replace("0,3", "1.000,3", 1)
+    assert "has both commas and points" in refused(tmp_path, text)
+
+
+def test_extra_columns_are_named_in_one_line(tmp_path):
+    motion = load(tmp_path, table(("t", *NAMES, "temperature", "mode"), T, Q, Q))
+    assert motion.warnings == ("columns not used: 'temperature', 'mode'",)
+
+
+@pytest.mark.parametrize("quantities", [1, 2, 3])
+def test_what_ros2_topic_echo_writes_has_no_header(quantities, tmp_path):
+    numbers = [Q, V, 7.0 * V][:quantities]
+    rows = [[str(1_700_000_000 + k // 200), str(k % 200 * 5_000_000), "base", *NAMES,
+             *(f"{x:.12g}" for part in numbers for x in part[k])] for k in range(400)]  # fmt: skip
+    motion = load(tmp_path, "\n".join(map(",".join, rows)) + "\n")
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    np.testing.assert_allclose(motion.q, Q, atol=1e-10)
+    assert ("arm_lift" in motion.reading.effort) == (quantities == 3)
+    assert motion.warnings[0].startswith("columns not used: 'header.frame_id'")
+    assert "name_0" not in motion.warnings[0]
+
+
+def test_a_table_of_efforts_is_a_motion_again_without_a_word(tmp_path):
+    motion = load(tmp_path, PLAIN)
+    efforts = pf.inverse_dynamics(arm(), motion).to_dataframe().to_csv(index=False)
+    again = load(tmp_path, efforts)
+    assert again.warnings == ()
+    np.testing.assert_allclose(again.a, motion.a, atol=1e-12)
+    scene = pf.Scene(model=arm().model, friction={"arm_lift": {"viscous": 0.1}})
+    falls = (
+        pf.simulate(scene, [0.1, 0.2], [0.0, 0.0], [0.0, 0.0], 0.2)
+        .to_dataframe()
+        .to_csv(index=False)
+    )
+    assert not any("columns not used" in line for line in load(tmp_path, falls).warnings)
+
+
+def test_parquet(tmp_path):
+    import pandas as pd
+
+    stamps = pd.to_datetime(1_700_000_000_000_000_000 + np.rint(T * 1e9).astype(np.int64))
+    frame = pd.DataFrame({"timestamp": stamps, "base_turn": Q[:, 0], "arm_lift": Q[:, 1]})
+    frame.to_parquet(tmp_path / "log.parquet")
+    motion = pf.load_trajectory(tmp_path / "log.parquet", arm())
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    np.testing.assert_array_equal(motion.q, Q)
+    (tmp_path / "cut.parquet").write_bytes((tmp_path / "log.parquet").read_bytes()[:-100])
+    with pytest.raises(TrajectoryError, match="no Parquet file that can be read") as caught:
+        pf.load_trajectory(tmp_path / "cut.parquet", arm())
+    assert "\n" not in str(caught.value)
+
+
+def test_a_mapping_says_what_names_do_not(tmp_path):
+    text = table(
+        ("stamp_us", "J1", "J2", "I2"), 1e6 * T, -np.degrees(Q[:, 0]) + 10.0, Q[:, 1], 2 * V
+    )
+    (tmp_path / "log.csv").write_text(text.replace("I2\n", "I1,I2\n", 1))
+    (tmp_path / "log.columns.yaml").write_text("""
+time: {column: stamp_us, unit: us}
+joints:
+  base_turn: {position: J1, sign: -1, unit: deg, offset: -0.17453292519943295}
+  arm_lift: {position: J2, current: I2, effort_scale: 11.5}
+""")
+    motion = pf.load_trajectory(tmp_path / "log.csv", arm())
+    np.testing.assert_allclose(motion.t, T, atol=1e-12)
+    np.testing.assert_allclose(motion.q, Q, atol=1e-9)
+    np.testing.assert_allclose(motion.reading.effort["arm_lift"], 11.5 * 2 * V[:, 1], atol=1e-9)
+    (tmp_path / "other.yaml").write_text("joints: {base_turn: J9, arm_lft: J2}")
+    with pytest.raises(TrajectoryError) as caught:
+        pf.load_trajectory(tmp_path / "log.csv", arm(),
+                           ReadingOptions(columns=tmp_path / "other.yaml"))  # fmt: skip
+    assert "there is no column 'J9'" in str(caught.value)
+    assert "no joint 'arm_lft'; did you mean 'arm_lift'" in str(caught.value)
+
+
+# --- units ----------------------------------------------------------------------------------------
+
+
+def test_degrees_are_recognised_by_the_limits(tmp_path):
+    motion = load(tmp_path, table(("t", *NAMES), T, np.degrees(Q)))
+    assert motion.warnings[0].startswith("angles are in degrees (as radians beyond the limits: ")
+    np.testing.assert_allclose(motion.q, Q, atol=1e-10)
+
+
+def test_mixed_angles_are_refused_with_the_choice(tmp_path):
+    text = table(("t", *NAMES), T, np.degrees(Q[:, 0]), Q[:, 1])
+    assert (
+        "angles look like degrees (base_turn 45.84), but may be radians (arm_lift 0.5)"
+        in refused(tmp_path, text)
+    )
+    assert "--unit deg" in refused(tmp_path, text)
+    assert np.abs(load(tmp_path, text, unit="deg").q[:, 1]).max() < 0.01
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_time_units_are_recognised_by_the_step(unit, factor, tmp_path):
+    motion = load(tmp_path, table(("timestamp", *NAMES), factor * T, Q))
+    assert motion.warnings == (
+        f"column timestamp is in {unit}: steps of {factor / 200:.6g} are 200 Hz",
+    )
+    np.testing.assert_allclose(motion.t, T, atol=1e-12)
+
+
+def test_steps_that_may_be_either_are_refused(tmp_path):
+    still = table(("time", *NAMES), 5.0 * np.arange(400), np.full((400, 2), 0.5))
+    message = refused(tmp_path, still)
+    assert "steps of 5 may be ms (200 Hz) or s (0.2 Hz); say which: --time-unit ms or" in message
+    assert load(tmp_path, still, time_unit="s").duration == 1995.0
+    assert load(tmp_path, still, time_unit="ms").duration == pytest.approx(1.995)
+
+
+@pytest.mark.parametrize("name", ["t", "timestamp"])
+def test_milliseconds_of_slow_logs_are_recognised(name, tmp_path):
+    motion = load(tmp_path, table((name, *NAMES), 1e3 * T[::20], Q[::20]))
+    assert motion.warnings == (f"column {name} is in ms: steps of 100 are 10 Hz",)
+    np.testing.assert_allclose(motion.t, T[::20], atol=1e-12)
+
+
+def test_whole_numbers_that_count_by_one_may_be_milliseconds(tmp_path):
+    t = np.arange(2000) / 1000.0
+    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    text = table(("t", *NAMES), np.arange(2000), q)
+    assert "steps of 1 may be ms (1000 Hz) or s (1 Hz); say which" in refused(tmp_path, text)
+    np.testing.assert_allclose(load(tmp_path, text, time_unit="ms").t, t)
+
+
+def test_a_clock_of_seconds_stays_one(tmp_path):
+    slow = table(("t", *NAMES), 1.7e9 + 5.0 * np.arange(400), Q)
+    assert load(tmp_path, slow).duration == 1995.0
+
+
+def test_small_angles_in_degrees_are_found_by_their_speed(tmp_path):
+    text = table(("t", *NAMES), T, np.degrees(0.25 * Q))  # 11.5 at most
+    model = arm(lower=-12.5, upper=12.5)
+    with pytest.raises(TrajectoryError, match=r"base_turn 22\.9 rad/s, limit 4\).*--unit deg or"):
+        load(tmp_path, text, scene=model)
+    np.testing.assert_allclose(load(tmp_path, text, scene=model, unit="deg").q, 0.25 * Q)
+    assert load(tmp_path, text, scene=model, unit="rad").q[:, 0].max() > 11.0
+
+
+# --- rows -----------------------------------------------------------------------------------------
+
+
+def rows_of(text):
+    head, *rows = text.splitlines()
+    return head, rows
+
+
+def test_few_torn_rows_and_stamps_are_left_out_and_said(tmp_path):
+    head, rows = rows_of(PLAIN)
+    rows[100] = rows[100][:9]  # torn
+    rows.insert(200, rows[200])  # doubled
+    rows[300] = rows[300].replace(rows[300].split(",")[1], "nan")
+    motion = load(tmp_path, "\n".join([head, *rows]))
+    assert motion.reading.dropped == 3
+    assert motion.reading.samples == len(motion.t) == 398
+    assert (
+        "left out 2 rows of 401: the header has 3 columns; rows with another" in motion.warnings[0]
+    )
+    assert "left out 1 row with doubled or backward stamps, the first in line" in motion.warnings[1]
+    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=1e-3)
+
+
+def test_many_torn_rows_are_an_error_that_names_them(tmp_path):
+    head, rows = rows_of(PLAIN)
+    for i in range(10, 60, 10):
+        rows[i] = "0.5"
+    message = refused(tmp_path, "\n".join([head, *rows]))
+    assert "rows with another number of cells: line 12 (1), line 22 (1)" in message
+    rows = rows_of(PLAIN)[1]
+    for i in range(10, 60, 10):
+        rows[i] = rows[i - 1]
+    assert "time must increase; it does not at line 12" in refused(
+        tmp_path, "\n".join([head, *rows])
+    )
+
+
+def test_a_log_cut_off_while_it_was_written(tmp_path):
+    motion = load(tmp_path, PLAIN.rstrip()[:-25])
+    assert motion.reading.dropped == 1
+    assert len(motion.t) == 399
+
+
+def noisy(t, seed=5):
+    rng = np.random.default_rng(seed)
+    return np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t))) + 1e-5 * rng.normal(
+        size=(t.size, 2)
+    )
+
+
+def test_lost_rows_of_a_noisy_log_are_interpolated(tmp_path):
+    t = np.delete(T, [50, 51, 210])
+    motion = load(tmp_path, table(("t", *NAMES), t, noisy(t)))
+    assert motion.reading.resampled == 3
+    assert "3 lost rows interpolated, the first at 0.25 s" in motion.warnings
+    np.testing.assert_allclose(motion.t, T, atol=1e-9)
+    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * T), atol=0.2)
+
+
+def test_a_long_gap_in_a_noisy_log_is_refused(tmp_path):
+    t = np.delete(T, np.arange(100, 130))
+    assert "gaps longer than 20 sample periods: 0.495 to 0.65 s" in refused(
+        tmp_path, table(("t", *NAMES), t, noisy(t))
+    )
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_a_clock_that_rounds_stamps_adds_no_acceleration(noise, tmp_path):
+    """Stamps off by 0.4 us at 500 Hz would be 0.8 rad/s^2 (RMS) by a spline through them."""
+    t = np.arange(1000) / 500.0
+    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q += noise * np.random.default_rng(5).normal(size=q.shape)
+    stamps = 1.7e9 + t + 4e-7 * np.random.default_rng(6).normal(size=t.size)
+    motion = load(tmp_path, table(("__time", *NAMES), stamps, q, form="%.17g"))
+    assert motion.reading.resampled == 0
+    np.testing.assert_allclose(motion.a[100:-100, 0], -3.2 * np.sin(2 * t)[100:-100], atol=0.1)
+
+
+def test_a_recording_of_few_rows_says_that_it_is_not_judged(tmp_path):
+    motion = load(tmp_path, table(("t", *NAMES), T[:15], noisy(T)[:15]))
+    assert motion.warnings == ("15 rows: too few to tell noise from motion, not filtered",)
+    assert not load(tmp_path, table(("t", *NAMES), T[:15] * 20, Q[:15])).warnings  # by hand
+
+
+def test_positions_held_from_a_slower_source(tmp_path):
+    held = Q[np.arange(400) // 4 * 4]
+    motion = load(tmp_path, table(("t", *NAMES), T, held))
+    assert motion.warnings[0].startswith("positions change in every 4th row only: the 300 rows")
+    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.01)
+
+
+@pytest.mark.parametrize("joint", [pin.JointModelRZ, pin.JointModelRUBZ])
+def test_wrapped_angles_take_no_effort(joint, tmp_path):
+    """At constant speed about a vertical axis nothing is needed, also where the angle wraps."""
+    model = pin.Model()
+    model.addJoint(0, joint(), pin.SE3.Identity(), "wheel")
+    model.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.5 * np.eye(3)), pin.SE3.Identity())
+    wrapped = np.angle(np.exp(1j * (2.0 + 1.5 * T)))
+    motion = load(tmp_path, table(("t", "wheel"), T, wrapped), scene=pf.Scene(model=model))
+    effort = pf.inverse_dynamics(pf.Scene(model=model), motion).effort_upper
+    assert np.abs(effort).max() < 1e-3  # 12 digits are written
+    assert motion.warnings[0] == "joint wheel: 1 jump of a whole turn taken out"
+
+
+def test_short_logs_are_judged_too(tmp_path):
+    motion = load(tmp_path, table(("t", *NAMES), T[:25], noisy(T)[:25]))
+    assert "filtered at" in motion.warnings[0]
+    assert np.abs(motion.a).max() < 6.0  # 19 by a spline; 1.8 is true
+
+
+def test_a_log_in_which_nothing_moves_is_a_hold(tmp_path):
+    rows = 0.5 + 1e-5 * np.random.default_rng(0).normal(size=Q.shape)
+    motion = load(tmp_path, table(("t", *NAMES), T, rows))
+    assert motion.warnings == ("every joint stands still, noise 1.0e-05 to 1.1e-05 rad",)
+    assert [(hold.first, hold.last) for hold in motion.holds()] == [(0, 399)]
+
+
+@pytest.mark.parametrize("cutoff", ["100", "0.5"])
+def test_cutoffs_that_cannot_be(cutoff, tmp_path):
+    message = refused(tmp_path, table(("t", *NAMES), T, noisy(T)), cutoff=cutoff)
+    assert f"--cutoff {cutoff}: this log can be filtered from 1 to 100 Hz" in message
+
+
+# --- bags -----------------------------------------------------------------------------------------
+
+
+def write_bag(folder, storage, topic="/joint_states", kind="sensor_msgs/msg/JointState"):
+    """A bag of the arm's motion, as ros2 bag record writes it."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types = get_typestore(Stores.LATEST)
+    make, plugin = types.types, getattr(StoragePlugin, storage)
+    with Writer(folder, version=9, storage_plugin=plugin) as writer:
+        connection = writer.add_connection(topic, kind, typestore=types)
+        for t, q in zip(T, Q, strict=True):
+            at = 1_700_000_000_000_000_000 + round(t * 1e9)
+            if kind.endswith("JointState"):
+                stamp = make["builtin_interfaces/msg/Time"](sec=at // 10**9, nanosec=at % 10**9)
+                message = make[kind](
+                    header=make["std_msgs/msg/Header"](stamp=stamp, frame_id=""),
+                    name=["arm_lift", "gripper", "base_turn"],
+                    position=np.array([q[1], 0.0, q[0]]), velocity=np.array([]),
+                    effort=np.array([1.0, 0.0, 2.0]),
+                )  # fmt: skip
+            else:
+                message = make[kind](data=float(t))
+            writer.write(connection, at, types.serialize_cdr(message, kind))
+    return folder
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_bags_as_folder_and_as_file(storage, tmp_path):
+    folder = write_bag(tmp_path / "bag", storage)
+    file = next(p for p in folder.iterdir() if p.suffix in (".db3", ".mcap"))
+    alone = shutil.copy(file, tmp_path / file.name)
+    for path in (folder, file, alone):
+        motion = pf.load_trajectory(path, arm())
+        np.testing.assert_allclose(motion.t, T, atol=1e-9)
+        np.testing.assert_array_equal(motion.q, Q)
+        np.testing.assert_array_equal(motion.reading.effort["base_turn"], 2.0)
+        assert "columns not used: 'gripper', 'gripper/effort'" in motion.warnings
+    renamed = {"arm_lift": "base_turn", "base_turn": "arm_lift"}
+    (tmp_path / "names.yaml").write_text(f"joints: {renamed}")
+    other = pf.load_trajectory(folder, arm(), ReadingOptions(columns=tmp_path / "names.yaml"))
+    np.testing.assert_array_equal(other.q, Q[:, ::-1])
+    np.testing.assert_array_equal(other.reading.effort["arm_lift"], 2.0)
+    cut = tmp_path / f"cut{file.suffix}"
+    cut.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with pytest.raises(TrajectoryError, match="the bag is damaged or cut off") as caught:
+        pf.load_trajectory(cut, arm())
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bag_without_joint_states_says_what_it_has(tmp_path):
+    folder = write_bag(tmp_path / "bag", "SQLITE3", "/battery", "std_msgs/msg/Float64")
+    with pytest.raises(TrajectoryError, match=r"no sensor_msgs/msg/JointState; its topics: "
+                       r"/battery \(std_msgs/msg/Float64\)"):  # fmt: skip
+        pf.load_trajectory(folder, arm())
+
+
+@pytest.mark.parametrize(("name", "package"), [("log.db3", "rosbags.highlevel"),
+                                              ("log.parquet", "pyarrow.parquet")])  # fmt: skip
+def test_a_missing_reader_names_the_extra(name, package, tmp_path, monkeypatch):
+    (tmp_path / name).write_bytes(b"")
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(TrajectoryError, match=r"pip install 'pinfric\[logs\]'"):
+        pf.load_trajectory(tmp_path / name, arm())
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="real logs are not in the repository")
+def test_a_real_ur10_beside_its_measured_efforts(tmp_path):
+    urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
+    (tmp_path / "ur10.yaml").write_text(f'pinfric: 1\nrobot: {{urdf: "{urdf}"}}\n')
+    scene = pf.load_scene(tmp_path / "ur10.yaml")
+    motion = pf.load_trajectory(SHARED / "ur10_exciting_trajectory.db3", scene)
+    assert (motion.reading.samples, motion.reading.dropped, motion.reading.resampled) == (
+        3441,
+        0,
+        0,
+    )
+    assert max(motion.reading.noise.values()) < 1e-11
+    assert not motion.reading.filtered
+    measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
+    for joint, plain in (("shoulder_lift_joint", 0.33), ("elbow_joint", 0.51)):
+        assert measured[joint].relative_error == pytest.approx(plain, abs=0.02)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="real logs are not in the repository")
+def test_a_real_panda_is_filtered_to_its_advantage(tmp_path):
+    """Under the names of another release; sampled at 30 Hz with glitches of up to 5e-3 rad."""
+    names = {f"panda_joint{i}": f"fer_joint{i}" for i in range(1, 8)}
+    (tmp_path / "names.yaml").write_text(f"joints: {names}")
+    scene = pf.load_scene("panda_pick_and_place")
+    bag, off = SHARED / "panda_exciting_trajectory.db3", {}
+    for cutoff in (None, "none"):
+        options = ReadingOptions(columns=tmp_path / "names.yaml", cutoff=cutoff)
+        motion = pf.load_trajectory(bag, scene, options)
+        measured = judge_log(pf.inverse_dynamics(scene, motion), motion.reading).measured
+        off[cutoff] = [measured[joint].relative_error for joint in motion.joint_names]
+    assert all(here < plain for here, plain in zip(off[None], off["none"], strict=True))
+    assert off[None][1] < 0.11
+    assert off["none"][1] > 0.2
+
+
+# --- bad input ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "parts"),
+    [
+        (NAMES, (Q,), ("there is no column t (time, s)", "there are: base_turn, arm_lift",
+                       "`time: NAME`")),
+        (("time", "timestamp", *NAMES), (T, T, Q), ("'time', 'timestamp' may all be the time",
+                                                   "`time: time`")),
+        (("t", "joint_a", "joint_b"), (T, Q), ("no column is a joint of the scene (base_turn, "
+                                               "arm_lift); there are: t, joint_a, joint_b",
+                                               "joints: {base_turn: COLUMN}")),
+        (("t", "base_turn", "elbow"), (T, Q), ("joints without a column: arm_lift (columns not "
+                                               "used: 'elbow')",)),
+        (("t", "base_turn/effort", "arm_lift/effort"), (T, Q), ("has effort of the joints, but no "
+                                                                "positions",)),
+        (("t", "a/base_turn/position", "b/base_turn/position", "arm_lift"), (T, Q, Q[:, 0]),
+         ("'a/base_turn/position', 'b/base_turn/position' may all be the position of joint "
+          "base_turn", "--columns")),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_known_is_refused_in_one_line(header, columns, parts, tmp_path):
+    message = refused(tmp_path, table(header, *columns))
+    for part in parts:
+        assert part in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("options", [{"unit": "grad"}, {"time_unit": "min"}, {"cutoff": "0"},
+                                     {"cutoff": "fast"}])  # fmt: skip
+def test_options_that_say_nothing_are_refused(options):
+    with pytest.raises(TrajectoryError, match=r"^--"):
+        ReadingOptions(**options)
