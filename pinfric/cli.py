@@ -436,7 +436,7 @@ def explain(
 ) -> None:
     """Say which effects a scene calls for, why, and what each costs and changes."""
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.report.inverse import explain_json, explain_report
+    from pinfric.show.report.explain import explain_json, explain_report
     from pinfric.study.explain import explain as measure
 
     scene = load_scene(scene_name)

@@ -90,7 +90,7 @@ def test_json_has_the_figures_of_every_joint(files, capsys):
 
 
 def test_numbers_that_are_none_are_null():
-    from pinfric.show.report.inverse import json_safe
+    from pinfric.show.report.values import json_safe
 
     given = {"a": np.array([1.0, np.nan]), "b": np.float64("inf"), "c": [np.int64(3), True, None]}
     assert json.dumps(json_safe(given), allow_nan=False) == (
@@ -104,7 +104,7 @@ def test_numbers_that_are_none_are_null():
      (float("nan"), "n/a"), (99.95, "100"), (3e9, "3.00e9")],
 )  # fmt: skip
 def test_figures_have_three_digits(x, text):
-    from pinfric.show.report.inverse import digits
+    from pinfric.show.report.values import digits
 
     assert digits(x) == text
 

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pinfric
+
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
@@ -28,14 +30,10 @@ class Shown:
 
     def plot(self, **options: Any) -> Figure:
         """Return the figure that `--out` writes, a `matplotlib.figure.Figure`: `pf.plot`."""
-        import pinfric
-
         return pinfric.plot(self, **options)
 
     def summary(self) -> pd.DataFrame:
         """Return the figures of each drive, a row a drive, SI units: `pf.summary`."""
-        import pinfric
-
         return pinfric.summary(self)
 
 

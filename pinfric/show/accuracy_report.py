@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.show.report.inverse import digits, json_safe
 from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, json_safe
 from pinfric.study.accuracy import Accuracy
 from pinfric.study.coupled import CoupledRun
 from pinfric.study.ladder import Rung

@@ -16,8 +16,9 @@ import numpy as np
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
 from pinfric.model.files import write_file
-from pinfric.show.report.inverse import digits, log_lines, span
+from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import affixes, left_out, shortened, without
+from pinfric.show.report.values import digits, span
 from pinfric.study.summary import (
     ActuatorSummary,
     ends_by_magnitude,

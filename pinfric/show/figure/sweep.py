@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.figure.efforts import largest
-from pinfric.show.report.inverse import digits
 from pinfric.show.report.names import least_room, shortened
 from pinfric.show.report.sweep import (
     own,
@@ -17,6 +16,7 @@ from pinfric.show.report.sweep import (
     shaft_units,
     strengths,
 )
+from pinfric.show.report.values import digits
 from pinfric.study.sweep.motors import Trial
 from pinfric.study.sweep.result import SweepResult
 

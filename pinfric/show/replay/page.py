@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pinfric import __version__
 from pinfric.model.scene import Scene
 from pinfric.show.replay import markers, stage, surfaces
 from pinfric.show.replay.frames import Frames
 from pinfric.show.replay.stage import Stage
 from pinfric.show.replay.window import RecordingWindow
-from pinfric.show.report.inverse import json_safe
+from pinfric.show.report.values import json_safe
 
 
 def replay_html(scene: Scene, frames: Frames, title: str) -> str:
@@ -37,14 +38,12 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
     """
     import meshcat
 
-    import pinfric
-
     window = RecordingWindow()
     staged = stage.set_stage(meshcat.Visualizer(window=window), scene, frames.placement)
     viewer = Path(meshcat.__file__).parent / "viewer/dist/main.min.js"
     return _fill(
         _template("replay.html"),
-        version=pinfric.__version__,
+        version=__version__,
         title=html.escape(title),
         heading=re.sub(r"([_/-]+)", r"\1<wbr>", html.escape(title)),  # may break there
         style=_template("replay.css"),

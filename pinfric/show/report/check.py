@@ -7,8 +7,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pinfric import __version__
 from pinfric.model.brief import counted
-from pinfric.show.report.inverse import json_safe
+from pinfric.show.report.values import json_safe
 from pinfric.study.check.findings import CheckReport, Finding, Severity
 
 if TYPE_CHECKING:
@@ -21,14 +22,12 @@ _MOST_NAMES = 4
 
 def check_json(report: CheckReport) -> dict[str, Any]:
     """Return everything `pinfric check --json` prints."""
-    import pinfric
-
     findings = [
         {**asdict(finding), "severity": finding.severity.name.lower(), "text": finding.text}
         for finding in report.findings
     ]
     return json_safe({
-        "pinfric": pinfric.__version__,
+        "pinfric": __version__,
         "source": report.source,
         "robot": report.figures,
         "errors": report.count(Severity.ERROR),

@@ -1,4 +1,4 @@
-"""What a result says in words and figures: tables for people, a dictionary for machines."""
+"""What inverse dynamics says: tables for people, a dictionary for machines."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pinfric import __version__
 from pinfric.dynamics.result import InverseResult, Status, runs
 from pinfric.model.brief import counted
 from pinfric.show.report.tables import Column, Kind, Table
-from pinfric.study.explain import Explanation
+from pinfric.show.report.values import digits, json_safe, rough, span
 from pinfric.study.summary import (
     ROUNDING,
     ActuatorSummary,
@@ -47,12 +48,10 @@ def inverse_json(
     Raises:
         StateError: the result has no times.
     """
-    import pinfric
-
     summaries = summarize(result)
     assert result.t is not None  # summarize refuses a result without
     return json_safe({
-        "pinfric": pinfric.__version__,
+        "pinfric": __version__,
         "scene": result.scene.source,
         "trajectory": trajectory,
         "samples": len(result.t),
@@ -88,19 +87,6 @@ def _input_json(log: JudgedLog) -> dict[str, Any]:
         "measured": {name: asdict(found) for name, found in log.measured.items()},
         "said": list(reading.said),
     }
-
-
-def json_safe(value: Any) -> Any:
-    """Return `value` in types of JSON: arrays as lists, NaN and infinity as None."""
-    if isinstance(value, dict):
-        return {str(key): json_safe(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_safe(entry) for entry in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return json_safe(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def inverse_report(
@@ -144,7 +130,7 @@ def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:
     known = ""
     if log.peak_uncertainty:
         name = max(log.peak_uncertainty, key=log.peak_uncertainty.__getitem__)
-        known = f", peak efforts known to ±{_rough(log.peak_uncertainty[name])} {units[name]}"
+        known = f", peak efforts known to ±{rough(log.peak_uncertainty[name])} {units[name]}"
     return [f"{log.reading.noise_line}{known}"]
 
 
@@ -199,7 +185,7 @@ def _peak(summary: ActuatorSummary, zero: float, log: JudgedLog | None) -> str:
     uncertain = 0.0 if log is None else log.peak_uncertainty.get(summary.name, 0.0)
     if uncertain <= max(_UNCERTAIN_SHARE * summary.peak, zero):
         return text
-    return f"{text} ±{_rough(uncertain)}"
+    return f"{text} ±{rough(uncertain)}"
 
 
 def _motor_table(geared: Sequence[ActuatorSummary]) -> Table:
@@ -233,79 +219,3 @@ def _footer(result: InverseResult) -> list[str]:
     if sites:
         lines.append("share: RMS of friction / (RMS of friction + frictionless RMS)")
     return lines
-
-
-def digits(x: float, zero: float = 0.0) -> str:
-    """Return x with three significant digits and no needless exponent; "n/a" for NaN.
-
-    Args:
-        x: the number.
-        zero: what is not larger prints as 0; see `rounding`.
-    """
-    if not math.isfinite(x):
-        return "n/a"
-    if abs(x) <= zero:
-        return "0"
-    size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
-    if -3 <= size <= 5:
-        return f"{x:.{max(2 - size, 0)}f}"
-    mantissa, exponent = f"{x:.2e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
-
-
-def _rough(x: float) -> str:
-    """Return x with two significant digits: an uncertainty is known no better."""
-    return f"{float(f'{x:.1e}'):g}"
-
-
-def span(least: float, worst: float, zero: float = 0.0) -> str:
-    """Return "least–worst", or one number where the two print alike."""
-    low, high = digits(least, zero), digits(worst, zero)
-    return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range
-
-
-def explain_json(
-    explanation: Explanation, scene: str, warnings: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return everything `pinfric explain --json` prints; SI units but for `_us` (microseconds).
-
-    Args:
-        explanation: what was measured.
-        scene: its file.
-        warnings: what was noticed on the way.
-    """
-    return json_safe({"scene": scene, **asdict(explanation), "warnings": list(warnings)})
-
-
-def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]:
-    """Return the tables and lines that `pinfric explain` prints, for a rich console."""
-    from rich.text import Text
-
-    name = Path(scene).stem
-    called = Table(
-        f"{name}: the effects it calls for",
-        (Column("effect", Kind.LABEL), Column("", Kind.LABEL), Column("why", Kind.WORDS)),
-        [(row.name, "on" if row.on else "off", row.why) for row in explanation.effects],
-        faint=frozenset(i for i, row in enumerate(explanation.effects) if not row.on),
-    )
-    measured = Table(
-        f"{name}: what they cost and change",
-        (Column("effect", Kind.LABEL), Column("cost\nus"), Column("peak\nchange"),
-         Column("RMS\nchange"), Column("of", Kind.NAME)),
-        [(row.name, f"{row.cost_us:.2f}", _signed(row.peak_change), _signed(row.rms_change),
-          f"{row.drive}{' (motor)' if row.motor_side else ''}")
-         for row in explanation.effects if math.isfinite(row.cost_us)],
-    )  # fmt: skip
-    lines = [
-        f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
-        f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
-        "cost: what leaving it out saves; change: what it adds to the worst effort of the drive "
-        "where the RMS changes most",
-    ]
-    if any(row.name == "coupling" and row.on for row in explanation.effects):
-        lines.append("coupling: against one pass with the loads that there are without friction")
-    return [called, Text(), measured, Text(), *(Text(line) for line in lines)]
-
-
-def _signed(x: float) -> str:
-    return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x))}"

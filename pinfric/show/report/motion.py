@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from pinfric.dynamics.motion import Motion
 from pinfric.model.brief import counted
-from pinfric.show.report.inverse import digits, json_safe
 from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, json_safe
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.show.report.inverse import digits, json_safe, span
+from pinfric import __version__
 from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, json_safe, span
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.criteria import Criterion, load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
@@ -35,13 +36,11 @@ def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str,
         report: of `size`.
         warnings: what was noticed on the way.
     """
-    import pinfric
-
     t = report.result.t
     assert t is not None  # size refuses a motion without times
     return json_safe(
         {
-            "pinfric": pinfric.__version__,
+            "pinfric": __version__,
             "scene": report.given.source,
             "trajectory": report.trajectory,
             "catalog": None if report.catalog is None else report.catalog.source,

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.show.report.inverse import digits, json_safe
+from pinfric import __version__
 from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, json_safe
 from pinfric.study.sweep.cycle import DEMANDS
 from pinfric.study.sweep.motors import Trial
 from pinfric.study.sweep.result import Probability, SweepResult
@@ -33,10 +34,8 @@ def sweep_json(result: SweepResult, warnings: Sequence[str] = ()) -> dict[str, A
         result: of `sweep`.
         warnings: what was noticed on the way.
     """
-    import pinfric
-
     content: dict[str, Any] = {
-        "pinfric": pinfric.__version__,
+        "pinfric": __version__,
         "scene": result.scene,
         "trajectory": result.trajectory,
         "sweep": result.sweep,

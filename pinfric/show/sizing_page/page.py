@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from pinfric import __version__
 from pinfric.errors import PinfricError
 from pinfric.model.files import write_file
-from pinfric.show.report.inverse import digits
 from pinfric.show.report.sizing import (
     ROUNDING,
     beside,
@@ -22,6 +22,7 @@ from pinfric.show.report.sizing import (
     span_beside,
     tightest,
 )
+from pinfric.show.report.values import digits
 from pinfric.show.sizing_page.figures import (
     Figure,
     effort_over_time,
@@ -73,7 +74,7 @@ def sizing_page(report: SizingReport) -> str:
         sources=_sources(report),
         plotly=offline.get_plotlyjs(),
         figures=_script_safe(figures),
-        version=import_module("pinfric").__version__,
+        version=__version__,
         Status=Status,
     )
     return page

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from pinfric import __version__
 from pinfric.errors import PinfricWarning, SweepError
 from pinfric.model.scene import Scene
 from pinfric.study.summary import effort_unit
@@ -173,11 +174,9 @@ class _Run:
 
 
 def _store(study: Study, values: np.ndarray, out: str | Path | None) -> Store | None:
-    import pinfric
-
     if out is None:
         return None
-    return Store(Path(out), identity(study, values, pinfric.__version__),
+    return Store(Path(out), identity(study, values, __version__),
                  tuple(target.name for target in study.targets),
                  study.scene.actuator_names)  # fmt: skip
 

@@ -9,8 +9,8 @@ import pytest
 import pinfric as pf
 from pinfric.errors import PinfricError
 from pinfric.show.figure.efforts import brief_ticks, effort_figure, save, thinned
-from pinfric.show.report.inverse import digits
 from pinfric.show.report.names import shortened
+from pinfric.show.report.values import digits
 from pinfric.study.summary import summarize
 
 DRY = {"coulomb": {"static": 3.0, "kinetic": 2.0}}

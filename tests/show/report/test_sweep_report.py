@@ -9,8 +9,8 @@ from sweep_cases import BOX, pushed_block, steady, steps, sweep_of, uniform
 
 import pinfric as pf
 from pinfric.show.figure.sweep import sweep_figure
-from pinfric.show.report.inverse import digits
 from pinfric.show.report.sweep import sweep_json, sweep_report
+from pinfric.show.report.values import digits
 from pinfric.terminal import as_text, show
 
 

@@ -12,10 +12,11 @@ import pytest
 from rich.console import Console
 
 import pinfric as pf
-from pinfric.show.report.inverse import digits, inverse_json, inverse_report, span
+from pinfric.show.report.inverse import inverse_json, inverse_report
 from pinfric.show.report.names import affixes, least_room, shortened
 from pinfric.show.report.sizing import beside, sizing_json, sizing_report, span_beside
 from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, span
 from pinfric.terminal import show
 
 WIDTHS = (40, 60, 80, 120)

@@ -1,0 +1,50 @@
+"""Numbers as reports print them, and values as JSON takes them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+
+def digits(x: float, zero: float = 0.0) -> str:
+    """Return x with three significant digits and no needless exponent; "n/a" for NaN.
+
+    Args:
+        x: the number.
+        zero: what is not larger prints as 0; see `rounding`.
+    """
+    if not math.isfinite(x):
+        return "n/a"
+    if abs(x) <= zero:
+        return "0"
+    size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
+    if -3 <= size <= 5:
+        return f"{x:.{max(2 - size, 0)}f}"
+    mantissa, exponent = f"{x:.2e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def rough(x: float) -> str:
+    """Return x with two significant digits: an uncertainty is known no better."""
+    return f"{float(f'{x:.1e}'):g}"
+
+
+def span(least: float, worst: float, zero: float = 0.0) -> str:
+    """Return "least–worst", or one number where the two print alike."""
+    low, high = digits(least, zero), digits(worst, zero)
+    return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range
+
+
+def json_safe(value: Any) -> Any:
+    """Return `value` in types of JSON: arrays as lists, NaN and infinity as None."""
+    if isinstance(value, dict):
+        return {str(key): json_safe(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_safe(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return json_safe(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
