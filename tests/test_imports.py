@@ -58,6 +58,16 @@ def test_every_public_name_can_be_had():
     assert "inverse_dynamics" in done.stdout.split()
 
 
+def test_reading_a_robot_and_a_motion_loads_no_reader_of_meshes_and_no_optimiser():
+    code = (
+        "import sys, pinfric as pf; s = pf.load_scene('panda_pick_and_place')\n"
+        "pf.inverse_dynamics(s, pf.load_trajectory('panda_pick_and_place.csv', s))\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"trimesh", "scipy.optimize", "matplotlib", "pandas"} & set(done.stdout.split())
+
+
 def test_importing_pinfric_loads_nothing_heavy():
     code = "import pinfric, sys; print(*{m.split('.')[0] for m in sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -18,6 +18,7 @@ import pinocchio as pin
 from pinfric.errors import PinfricWarning, RobotError, choose_from
 from pinfric.model.schema import Payload
 from pinfric.model.urdf import read_document, reductions, warn_of_missing_meshes
+from pinfric.model.urdf_document import Document, Mimic, UrdfDynamics
 from pinfric.model.urdf_file import read_xml
 from pinfric.model.yamlfile import brief, brief_path
 
@@ -27,14 +28,6 @@ _ROUNDING = 1e-12
 
 #: What a bundled robot's name begins with.
 BUNDLED = "example-robot-data:"
-
-
-@dataclass(frozen=True)
-class UrdfDynamics:
-    """What a URDF's `<dynamics>` says of one joint: friction (N m or N) and damping."""
-
-    friction: float
-    damping: float
 
 
 @dataclass(frozen=True)
@@ -107,11 +100,8 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
     warn_of_missing_meshes(document, urdf, package_dirs)
     model = _build(root, urdf, document, locked)
     dynamics = {
-        joint.name: UrdfDynamics(float(joint.dynamics.friction or 0.0),
-                                 float(joint.dynamics.damping or 0.0))
-        for joint in document.joints
-        if joint.dynamics is not None
-    }  # fmt: skip
+        joint.name: joint.dynamics for joint in document.joints if joint.dynamics is not None
+    }
     return Robot(model, urdf, package_dirs, dynamics, reductions(root), locked)
 
 
@@ -122,7 +112,7 @@ def mesh_folders(urdf: Path) -> tuple[Path, ...]:
 
 
 def _build(
-    root: ElementTree.Element, urdf: Path, document: Any, locked: Mapping[str, float]
+    root: ElementTree.Element, urdf: Path, document: Document, locked: Mapping[str, float]
 ) -> pin.Model:
     movable = [j.name for j in document.joints if j.type != "fixed"]
     for name in locked:
@@ -174,14 +164,14 @@ def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
         )
 
 
-def _with_followers(locked: Mapping[str, float], followers: Mapping[str, Any]) -> dict[str, float]:
+def _with_followers(
+    locked: Mapping[str, float], followers: Mapping[str, Mimic]
+) -> dict[str, float]:
     """`locked`, plus each mimic joint whose leader is locked, at the position it follows to."""
     positions = dict(locked)
     for name, mimic in followers.items():
         if mimic.joint in locked:
-            multiplier = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
-            offset = 0.0 if mimic.offset is None else float(mimic.offset)
-            positions[name] = multiplier * locked[mimic.joint] + offset
+            positions[name] = mimic.multiplier * locked[mimic.joint] + mimic.offset
     return positions
 
 

@@ -1,8 +1,7 @@
-"""The URDF as a document: what Pinocchio and yourdfpy would pass over or say badly is said here."""
+"""The URDF, checked: what Pinocchio would pass over or say badly is said here."""
 
 from __future__ import annotations
 
-import io
 import logging
 import math
 import os
@@ -17,6 +16,7 @@ import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
 from pinfric.model.magnitudes import LARGEST
+from pinfric.model.urdf_document import Document, Joint, Link, parse_document
 from pinfric.model.urdf_file import NAMELESS
 from pinfric.model.yamlfile import brief
 
@@ -27,8 +27,8 @@ _INERTIA_FLOOR = 1e-9
 _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating")
 
 
-def read_document(root: ElementTree.Element, urdf: Path) -> Any:
-    """Return a URDF as yourdfpy's data classes, checked; no meshes, no scene graph.
+def read_document(root: ElementTree.Element, urdf: Path) -> Document:
+    """Return what a URDF says of links and joints, checked; its meshes are not read.
 
     A robot without a name gets one in `root`. Mimicry of joints that are not there is taken out
     of it, and bodies that no matter could form are kept, each with one `PinfricWarning`: other
@@ -45,18 +45,10 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
     if not root.get("name"):
         root.set("name", NAMELESS)
     _release_followers(root, urdf)
-    import yourdfpy  # 1.2 s: only where a URDF is read
-
-    logging.getLogger("yourdfpy").addHandler(logging.NullHandler())  # it prints what it raises
     try:
-        with np.errstate(all="ignore"):  # of visuals, which only pictures look at
-            document = yourdfpy.URDF.load(
-                io.BytesIO(ElementTree.tostring(root)), build_scene_graph=False, load_meshes=False,
-                build_collision_scene_graph=False,
-            ).robot  # fmt: skip
-    except Exception as problem:  # yourdfpy lets ValueError, TypeError, AttributeError through
-        reason = " ".join(f"{type(problem).__name__}: {problem}".split())
-        raise RobotError(f"{urdf}: is not a valid URDF: {brief(reason)}") from None
+        document = parse_document(root)
+    except ValueError as problem:
+        raise RobotError(f"{urdf}: {problem}") from None
     _check_tree(document, urdf)
     _check_joints(document, urdf)
     _check_mimics(document, urdf)
@@ -67,8 +59,7 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
 def reductions(root: ElementTree.Element) -> dict[str, float]:
     """Return joint -> mechanical reduction (motor turns per joint turn) of a URDF's transmissions.
 
-    yourdfpy leaves the element out; where it stands beside the joint and beside the actuator, the
-    actuator's counts, as in ROS.
+    Where one stands beside the joint and one beside the actuator, the actuator's counts, as in ROS.
     """
     found: dict[str, float] = {}
     for transmission in root.findall("transmission"):
@@ -170,11 +161,11 @@ def _number(word: str) -> float | None:
         return None
 
 
-def _check_tree(document: Any, urdf: Path) -> None:
+def _check_tree(document: Document, urdf: Path) -> None:
     links = [link.name for link in document.links]
     if not links:
         raise RobotError(f"{urdf}: has no <link>")
-    parents: dict[str, Any] = {}
+    parents: dict[str, Joint] = {}
     for joint in document.joints:
         for end in (joint.parent, joint.child):
             if end not in links:
@@ -195,7 +186,7 @@ def _check_tree(document: Any, urdf: Path) -> None:
         raise RobotError(f"{urdf}: links {lost} hang in a ring that no joint ties to {roots[0]!r}")
 
 
-def _reachable(start: Sequence[str], joints: Iterable[Any]) -> set[str]:
+def _reachable(start: Sequence[str], joints: Iterable[Joint]) -> set[str]:
     """Links reached from `start` along the joints, downwards."""
     reached = set(start)
     joints = list(joints)
@@ -204,22 +195,21 @@ def _reachable(start: Sequence[str], joints: Iterable[Any]) -> set[str]:
     return reached
 
 
-def _check_joints(document: Any, urdf: Path) -> None:
+def _check_joints(document: Document, urdf: Path) -> None:
     for joint in document.joints:
         where = f"{urdf}: joint {joint.name!r}"
         if joint.type in ("fixed", "floating"):
             continue
-        axis = np.asarray((1.0, 0.0, 0.0) if joint.axis is None else joint.axis, dtype=float)
-        if not 1e-9 < np.abs(axis).max() < 1e9:
-            raise RobotError(f"{where} has the axis {axis.tolist()}; give a direction")
+        if not 1e-9 < np.abs(joint.axis).max() < 1e9:
+            raise RobotError(f"{where} has the axis {joint.axis.tolist()}; give a direction")
         limit = joint.limit
         if limit is None or limit.lower is None or limit.upper is None:
             continue
-        if joint.type in ("revolute", "prismatic") and float(limit.lower) > float(limit.upper):
+        if joint.type in ("revolute", "prismatic") and limit.lower > limit.upper:
             raise RobotError(f"{where}: limits lower {limit.lower} > upper {limit.upper}")
 
 
-def _check_mimics(document: Any, urdf: Path) -> None:
+def _check_mimics(document: Document, urdf: Path) -> None:
     joints = {joint.name: joint for joint in document.joints}
     for name, joint in joints.items():
         if joint.mimic is None:
@@ -227,17 +217,17 @@ def _check_mimics(document: Any, urdf: Path) -> None:
         where, leader = f"{urdf}: joint {name!r}", joint.mimic.joint
         if leader == name:
             raise RobotError(f"{where} mimics itself")
-        if joints[leader].mimic is not None:
+        if (above := joints[leader].mimic) is not None:
             raise RobotError(
-                f"{where} mimics {leader!r}, which mimics {joints[leader].mimic.joint!r}: "
-                f"Pinocchio takes no chains; mimic {joints[leader].mimic.joint!r} directly"
+                f"{where} mimics {leader!r}, which mimics {above.joint!r}: "
+                f"Pinocchio takes no chains; mimic {above.joint!r} directly"
             )
         if joints[leader].type not in ("revolute", "prismatic"):
             raise RobotError(
                 f"{where} mimics {leader!r}, a {joints[leader].type} joint; Pinocchio takes "
                 "revolute and prismatic leaders: give it limits"
             )
-        if joint.mimic.multiplier is not None and float(joint.mimic.multiplier) == 0.0:
+        if joint.mimic.multiplier == 0.0:
             raise RobotError(f"{where} mimics with the multiplier 0: make it a fixed joint")
 
 
@@ -270,7 +260,7 @@ def _release_followers(root: ElementTree.Element, urdf: Path) -> None:
     )
 
 
-def implausible_links(document: Any) -> dict[str, str]:
+def implausible_links(document: Document) -> dict[str, str]:
     """Return link -> why no rigid body has its mass and inertia; links that never move left out."""
     still = still_links(document)
     bodies = {link.name: mass_and_inertia(link) for link in document.links
@@ -278,7 +268,7 @@ def implausible_links(document: Any) -> dict[str, str]:
     return {name: why for name, body in bodies.items() if (why := implausible_body(*body))}
 
 
-def _check_inertias(document: Any, urdf: Path) -> None:
+def _check_inertias(document: Document, urdf: Path) -> None:
     """Refuse negative masses; warn once of other bodies that cannot be."""
     problems = implausible_links(document)
     for link in document.links:
@@ -295,22 +285,17 @@ def _check_inertias(document: Any, urdf: Path) -> None:
         )
 
 
-def still_links(document: Any) -> set[str]:
+def still_links(document: Document) -> set[str]:
     """Return the links that never move: the root and what is fixed to it."""
     children = {joint.child for joint in document.joints}
     roots = [link.name for link in document.links if link.name not in children]
     return _reachable(roots, (joint for joint in document.joints if joint.type == "fixed"))
 
 
-def mass_and_inertia(link: Any) -> tuple[float, np.ndarray]:
+def mass_and_inertia(link: Link) -> tuple[float, np.ndarray]:
     """Return a link's mass (kg) and its inertia (3, 3) about its centre of mass, zeros if none."""
     given = link.inertial
-    mass = None if given is None else given.mass
-    inertia = None if given is None else given.inertia
-    return (
-        0.0 if mass is None else float(mass),
-        np.zeros((3, 3)) if inertia is None else np.asarray(inertia, dtype=float),
-    )
+    return (0.0, np.zeros((3, 3))) if given is None else (given.mass, given.inertia)
 
 
 def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
@@ -342,19 +327,17 @@ def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
     return None
 
 
-def missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Path]) -> list[str]:
+def missing_meshes(document: Document, urdf: Path, package_dirs: Sequence[Path]) -> list[str]:
     """Return the mesh names of a URDF whose files are not there, sorted."""
-    missing = {
-        geometry.mesh.filename or "(a <mesh> without a filename)"
-        for link in document.links
-        for shape in (*link.visuals, *link.collisions)
-        if (geometry := shape.geometry) is not None and geometry.mesh is not None
-        if mesh_file(geometry.mesh.filename, urdf, package_dirs) is None
-    }
-    return sorted(missing)
+    names = {shape.mesh for link in document.links for shape in link.shapes} - {None}
+    return sorted(
+        name or "(a <mesh> without a filename)"
+        for name in names
+        if mesh_file(name, urdf, package_dirs) is None
+    )
 
 
-def warn_of_missing_meshes(document: Any, urdf: Path, package_dirs: Sequence[Path]) -> None:
+def warn_of_missing_meshes(document: Document, urdf: Path, package_dirs: Sequence[Path]) -> None:
     """Warn once, naming them, of mesh files that are not there; the dynamics do without them."""
     if missing := missing_meshes(document, urdf, package_dirs):
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""

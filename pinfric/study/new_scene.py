@@ -21,12 +21,12 @@ import pinocchio as pin
 from pinfric.errors import PinfricError, RobotError
 from pinfric.model.robot import (
     Robot,
-    UrdfDynamics,
     example_robot_data,
     read_robot,
     urdf_file,
 )
 from pinfric.model.scene import Scene
+from pinfric.model.urdf_document import UrdfDynamics
 from pinfric.study.check.joint_loads import JointLoad, joint_loads
 from pinfric.study.trajectory.followers import Follower, find_followers
 from pinfric.study.trajectory.joint_columns import JointColumn, joint_columns

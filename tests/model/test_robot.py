@@ -56,6 +56,12 @@ def scene(tmp_path, text):
         ([link("arm"), joint().replace(' xyz="0 0 1"', "")], "'swing' has an <axis> without xyz"),
         ([link("arm").replace("</link>", '<visual><geometry><box size="1 2"/></geometry></visual>'
                               "</link>"), joint()], "'arm': <box size='1 2'> should be 3 finite"),
+        ([link("arm").replace("</link>", "<visual/></link>"), joint()],
+         "'arm': a <visual> needs a <geometry>, of box, cylinder, sphere, mesh"),
+        ([link("arm").replace("</link>", "<collision><geometry><cone/></geometry></collision>"
+                              "</link>"), joint()], "'arm': a <collision> needs a <geometry>"),
+        ([link("arm").replace("</link>", '<visual><geometry><cylinder radius="1"/></geometry>'
+                              "</visual></link>"), joint()], "'arm'.*<cylinder> without length"),
         ([link("arm"), joint(axis="1e200 1e200 0")], "'swing'.*should be at most 1e.12"),
         ([link("arm"), joint(axis="1e10 0 0")], "'swing' has the axis"),
         ([link("arm", mass="1e304"), joint()], "'arm': <mass value='1e304'> should be at most"),

@@ -206,7 +206,10 @@ def _rgba(material: ElementTree.Element) -> tuple[float, ...] | None:
     color = material.find("color")
     if color is None:
         return None
-    values = tuple(float(x) for x in color.get("rgba", "").split())
+    try:
+        values = tuple(float(x) for x in color.get("rgba", "").split())
+    except ValueError:
+        return None  # a colour that is none stops no replay
     return values if len(values) == 4 else None
 
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.urdf import mesh_file, read_mesh_scene
+from pinfric.model.urdf_document import Document, Shape
 
 _CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
 
@@ -47,7 +47,7 @@ class Extent:
 
 
 def link_extents(
-    document: Any, urdf: Path, folders: Sequence[Path]
+    document: Document, urdf: Path, folders: Sequence[Path]
 ) -> tuple[dict[str, Extent], dict[str, str]]:
     """Return link -> its extent where it has shapes, and mesh -> why it cannot be read.
 
@@ -60,13 +60,13 @@ def link_extents(
     unread: dict[str, str] = {}
     for link in document.links:
         corners = []
-        for shape in (*link.visuals, *link.collisions):
-            box = _shape_box(shape.geometry, urdf, folders, unread)
+        for shape in link.shapes:
+            box = _shape_box(shape, urdf, folders, unread)
             if box is not None:
-                origin = np.eye(4) if shape.origin is None else np.asarray(shape.origin)
+                turn, place = shape.origin[:3, :3], shape.origin[:3, 3]
                 center, size = box
                 with np.errstate(all="ignore"):
-                    points = (center + _CORNERS * size) @ origin[:3, :3].T + origin[:3, 3]
+                    points = (center + _CORNERS * size) @ turn.T + place
                 if impossible(points, LARGEST).any():
                     unread[f"a shape of {link.name}"] = "its sizes or places are of no machine"
                     continue
@@ -78,30 +78,20 @@ def link_extents(
 
 
 def _shape_box(
-    geometry: Any, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
+    shape: Shape, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Centre and edges of the box that holds a shape, in the shape's frame."""
-    none = np.zeros(3)
-    if geometry is None:
-        return None
-    if geometry.box is not None:
-        return none, np.asarray(geometry.box.size, dtype=float)
-    if geometry.cylinder is not None:
-        across = 2.0 * float(geometry.cylinder.radius)
-        return none, np.array([across, across, float(geometry.cylinder.length)])
-    if geometry.sphere is not None:
-        return none, np.full(3, 2.0 * float(geometry.sphere.radius))
-    if geometry.mesh is None:
-        return None
-    path = mesh_file(geometry.mesh.filename, urdf, folders)
+    if shape.size is not None:
+        return np.zeros(3), shape.size
+    path = mesh_file(shape.mesh, urdf, folders)
     if path is None:
         return None  # said where the robot is read
     bounds = _mesh_bounds(path)
     if isinstance(bounds, str):
-        unread[geometry.mesh.filename] = bounds
+        unread[str(shape.mesh)] = bounds
         return None
-    scale = np.ones(3) if geometry.mesh.scale is None else np.asarray(geometry.mesh.scale, float)
-    return scale * (bounds[0] + bounds[1]) / 2.0, np.abs(scale * (bounds[1] - bounds[0]))
+    low, high = shape.scale * bounds
+    return (low + high) / 2.0, np.abs(high - low)
 
 
 @lru_cache(maxsize=512)

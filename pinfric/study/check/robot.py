@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from pinfric.model.urdf import (
     read_document,
     still_links,
 )
+from pinfric.model.urdf_document import Document, Joint
 from pinfric.model.urdf_file import read_xml
 from pinfric.study.check.link_extent import Extent, link_extents
 
@@ -74,7 +74,7 @@ class RobotFacts:
 
     urdf: Path
     root: ElementTree.Element
-    document: Any
+    document: Document
     nameless: bool
     lost: dict[str, str]
     missing: list[str]
@@ -106,7 +106,7 @@ class RobotFacts:
     @cached_property
     def reach(self) -> float:
         """The longest way from the root along the joints' origins, m."""
-        below: dict[str, list[Any]] = {}
+        below: dict[str, list[Joint]] = {}
         for joint in self.document.joints:
             below.setdefault(joint.parent, []).append(joint)
         far = {link: 0.0 for link in {link.name for link in self.document.links}
@@ -115,7 +115,7 @@ class RobotFacts:
         while ahead:
             link = ahead.pop()
             for joint in below.get(link, ()):
-                far[joint.child] = far[link] + offset(joint)
+                far[joint.child] = far[link] + float(np.linalg.norm(joint.offset))
                 ahead.append(joint.child)
         return max(far.values())
 
@@ -145,18 +145,17 @@ class RobotFacts:
             mass, inertia = bodies[link.name]
             total = whole[self._body(link.name)]
             shares = np.divide([mass, np.trace(inertia)], total, np.zeros(2), where=total > 0)
-            origin = link.inertial.origin
-            com = np.zeros(3) if origin is None else np.asarray(origin, dtype=float)[:3, 3]
+            com = link.inertial.com
             shapes = self.extents.get(link.name)
             if shapes is not None and shapes.diagonal < _STAND_IN * self.reach:
                 shapes = None
             found.append(LinkFacts(
-                link.name, mass, inertia, com, origin is not None,
+                link.name, mass, inertia, np.zeros(3) if com is None else com, com is not None,
                 shapes or self._around(), shapes is not None, *map(float, shares),
             ))  # fmt: skip
         return tuple(found)
 
-    def moved_mass(self, joint: Any) -> float:
+    def moved_mass(self, joint: Joint) -> float:
         """Return the mass beyond a joint, kg."""
         masses = {x.name: mass_and_inertia(x)[0] for x in self.document.links}
         beyond, ahead = 0.0, [joint.child]
@@ -185,8 +184,3 @@ class RobotFacts:
         """Where a link without shapes surely ends: its length is not known, only the others'."""
         half = np.full(3, BEYOND * self.reach)
         return Extent(-half, half)
-
-
-def offset(joint: Any) -> float:
-    """Return the distance from the parent link's origin to a joint's, m."""
-    return 0.0 if joint.origin is None else float(np.linalg.norm(np.asarray(joint.origin)[:3, 3]))

@@ -160,7 +160,7 @@ def _positions(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
             joint = joints.get(name)
             if joint is None or joint.type == "continuous" or joint.limit is None:
                 continue
-            low, high = float(joint.limit.lower or 0.0), float(joint.limit.upper or 0.0)
+            low, high = joint.limit.lower or 0.0, joint.limit.upper or 0.0
             if low == high == 0.0 or low - 1e-6 <= position <= high + 1e-6:
                 continue
             sliding = joint.type == "prismatic"
