@@ -302,17 +302,13 @@ def replay(
     The page is one file that plays without a network.
     """
     from pinfric.dynamics.motion import Motion
-    from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
     from pinfric.show.replay.live import simulate_live
     from pinfric.show.replay.replay import motion_to_replay, replay_json, replay_lines
     from pinfric.show.replay.replay import replay as make_replay
 
     scene = load_scene(scene_name)
-    if html is not None and not html.name:
-        raise typer.BadParameter("is no file's name", param_hint="--html")
-    html = html or Path(f"{Path(scene.source).stem}.replay.html")
-    check_writable(html.parent, [html.name])
+    html = _page(html, scene.source)
     if live and motion_name is not None:
         raise typer.BadParameter(
             "is for the scene's own simulation, not for a motion that is there already",
@@ -335,6 +331,17 @@ def replay(
             print_line(line)
     if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
         raise typer.Exit(INTERRUPTED)
+
+
+def _page(html: Path | None, scene: str) -> Path:
+    """Where the page of a scene's replay is to be; refused before any work if it cannot."""
+    from pinfric.model.files import check_writable
+
+    if html is not None and not html.name:
+        raise typer.BadParameter("is no file's name", param_hint="--html")
+    html = html or Path(f"{Path(scene).stem}.replay.html")
+    check_writable(html.parent, [html.name])
+    return html
 
 
 @app.command()

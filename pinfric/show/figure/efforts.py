@@ -7,7 +7,7 @@ extremes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -121,13 +121,17 @@ def effort_figure(
         if phases:
             for column in range(columns):
                 _draw_phases(grid.strip(column), phases, result.t)
-        units = " and ".join(dict.fromkeys(s.unit for s in chosen.values()))
-        text = f"effort of each drive at its joint, in {units}"
-        if always:
-            text += f"; carries {', '.join(always)} all the way"
         known = "; ".join(["", *log_lines(log, {s.name: s.unit for s in summarize(result)})])
-        _head(figure, total, result, trajectory, text + left + note + known)
+        text = f"{_subject(chosen.values(), always)}{left}{note}{known}"
+        _head(figure, total, result, trajectory, text)
     return figure
+
+
+def _subject(drawn: Iterable[ActuatorSummary], always: Sequence[str]) -> str:
+    """What is drawn, in which units, and what is carried `always`."""
+    units = " and ".join(dict.fromkeys(summary.unit for summary in drawn))
+    carried = f"; carries {', '.join(always)} all the way" if always else ""
+    return f"effort of each drive at its joint, in {units}{carried}"
 
 
 def _labels(names: Sequence[str], width: float) -> tuple[list[str], str]:

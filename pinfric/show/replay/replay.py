@@ -19,6 +19,7 @@ from pinfric.errors import StateError, TrajectoryError
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 from pinfric.show.replay.frames import RATE, make_frames
+from pinfric.show.replay.page import replay_html
 from pinfric.study.scene_run import run_scene
 from pinfric.study.trajectory.log.reading import ReadingOptions
 from pinfric.study.trajectory.trajectory import load_trajectory
@@ -92,8 +93,6 @@ def replay(
         StateError: the motion has no times, or is of another scene.
         PinfricError: the file cannot be written.
     """
-    from pinfric.show.replay.page import replay_html
-
     check_same_scene(scene, motion)
     frames = make_frames(scene, motion, rate)
     page = replay_html(scene, frames, title or Path(scene.source).stem)

@@ -57,9 +57,9 @@ def sweep(
 ) -> SweepResult:
     """Return how the drives' peak and RMS vary with parameters drawn from distributions.
 
-    Monte Carlo, Sobol (Saltelli) or grid over coefficients of friction, payload,
-    speed and mounting (`parameters`). The samples depend on the seed only, their figures on
-    nothing else: the same on any number of processes, whatever is lost on the way.
+    Monte Carlo, Sobol (Saltelli) or grid over coefficients of friction, payload, speed and
+    mounting (`parameters`). The samples depend on the seed only, their figures on nothing else:
+    the same on any number of processes, whatever is lost on the way.
 
     Args:
         scene: the robot; drives of a catalogue on trial add their masses to it, once.
@@ -81,12 +81,7 @@ def sweep(
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
     """
     entries, source = load_sweep(sweep)
-    if processes is not None and processes < 1:
-        raise SweepError(f"processes = {processes}; should be at least 1")
-    if processes is not None and scheduler is not None:
-        raise SweepError("give either `scheduler` or `processes`: a cluster has its own")
-    if scheduler is not None:
-        check_scheduler(scheduler)
+    _check_where(processes, scheduler)
     targets = resolve(scene, entries, source)
     equipped, trials = motors_on_trial(scene, entries, source)
     study = Study(equipped, trajectory, targets)
@@ -100,8 +95,7 @@ def sweep(
     result = SweepResult(
         scene=scene.source, trajectory=trajectory.source, sweep=source,
         sampling=entries.sampling, seed=entries.seed,
-        parameter_names=tuple(target.name for target in targets),
-        actuator_names=scene.actuator_names,
+        parameter_names=tuple(t.name for t in targets), actuator_names=scene.actuator_names,
         units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
         values=values, figures=run.figures, unsolved=run.unsolved, problems=tuple(run.problems),
         trials=trials, percentiles=entries.percentiles, processes=used, resumed=run.resumed,
@@ -110,6 +104,15 @@ def sweep(
     for note in result.notes:
         warnings.warn(note, PinfricWarning, stacklevel=2)
     return result
+
+
+def _check_where(processes: int | None, scheduler: str | None) -> None:
+    if processes is not None and processes < 1:
+        raise SweepError(f"processes = {processes}; should be at least 1")
+    if processes is not None and scheduler is not None:
+        raise SweepError("give either `scheduler` or `processes`: a cluster has its own")
+    if scheduler is not None:
+        check_scheduler(scheduler)
 
 
 class _Run:
