@@ -1,3 +1,7 @@
 """pinfric first: it sets OMP_WAIT_POLICY, which counts only if set before Pinocchio loads."""
 
 import pinfric  # noqa: F401
+from pinfric.model import compiled
+
+# What a command prints is compared word for word, be the kernels compiled already or not.
+compiled.say_compiling = lambda again="": None

@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import sys
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 
 from pinfric.errors import PinfricWarning
 
@@ -34,9 +36,28 @@ def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
     made: Callable[..., Any] = numba.njit(**options)(function)
-    with suppress(RuntimeError):  # numba finds no folder to cache in (a read-only installation)
+    try:
         vars(made)["_cache"] = _CheckedCache(function)
+    except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
+        vars(made)["_cache"] = _NoCache()
     return made
+
+
+@cache
+def say_compiling(again: str = "once") -> None:
+    """Say on stderr, once a process, why nothing seems to happen; never where all is cached."""
+    print(
+        f"pinfric: compiling kernels for this machine, {again}: seconds, or a minute",
+        file=sys.stderr, flush=True,
+    )  # fmt: skip
+
+
+class _NoCache(NullCache):
+    """Where nothing can be kept."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> None:
+        """Find nothing: numba compiles next."""
+        say_compiling("in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)")
 
 
 class _CheckedCache(FunctionCache):
@@ -52,6 +73,13 @@ class _CheckedCache(FunctionCache):
             self._cache_path, f"{self._impl.filename_base}.checked",
             self._impl.locator.get_source_stamp(),
         )  # fmt: skip
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what was kept; where that is None, numba compiles next."""
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            say_compiling()
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what was compiled, where there is room: a full disk stops no computation."""

@@ -1,4 +1,4 @@
-"""Kernels outlive a damaged cache: it is said, and they are compiled anew."""
+"""Kernels outlive a damaged cache; what compiles is said, what is cached is not."""
 
 from __future__ import annotations
 
@@ -26,12 +26,16 @@ if __name__ == "__main__":
 """
 
 
-def run(folder):
-    done = subprocess.run(
-        [sys.executable, "kernel_of_a_test.py"], cwd=folder, capture_output=True, text=True,
+def python(folder, *arguments):
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(folder / "cache")},
-        check=True, timeout=60,
+        check=True, timeout=120,
     )  # fmt: skip
+
+
+def run(folder):
+    done = python(folder, "kernel_of_a_test.py")
     answer, hits, *said = done.stdout.split(maxsplit=2)
     return float(answer), int(hits), "".join(said)
 
@@ -56,3 +60,22 @@ def test_a_damaged_cache_is_said_and_compiled_anew(suffix, damage, tmp_path):
     assert (answer, hits) == (42.0, 0)
     assert f"{file}: a compiled kernel in numba's cache is damaged" in said
     assert run(tmp_path) == (42.0, 1, "")  # mended
+
+
+def test_what_compiles_is_said_on_a_pipe_and_once(tmp_path):
+    command = "-m", "pinfric", "inverse", "pendulum", "pendulum.waypoints.yaml"
+    first, second = python(tmp_path, *command), python(tmp_path, *command)
+    assert first.stderr == (
+        "pinfric: compiling kernels for this machine, once: seconds, or a minute\n"
+    )
+    assert second.stderr == ""
+    assert first.stdout == second.stdout
+
+
+def test_what_cannot_be_kept_is_said(tmp_path):
+    done = python(tmp_path, "-c", KERNEL)  # numba caches no code that is in no file
+    assert done.stdout.split()[0] == "42.0"
+    assert (
+        "in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)" in done.stderr
+    )
+    assert done.stderr.count("\n") == 1

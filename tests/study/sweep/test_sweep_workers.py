@@ -191,7 +191,7 @@ def test_script_without_a_main_guard_runs_on_processes(tmp_path):
                           check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ["once 40 2"]
-    assert done.stderr == ""
+    assert [line for line in done.stderr.splitlines() if ": compiling kernels" not in line] == []
 
 
 def test_without_the_extra_one_process_computes_and_more_are_refused(monkeypatch):
