@@ -49,7 +49,7 @@ class LoadWeights:
 
 
 def load_weights(bearing: Bearing | None) -> LoadWeights:
-    """Return the weights of a bearing's normal load (design 3.1; `pin` is the paper's Fig. 3).
+    """Return the weights of a bearing's normal load (`pin` is the paper's Fig. 3).
 
     Args:
         bearing: the scene's entry; None is a joint without a load-carrying bearing.

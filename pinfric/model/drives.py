@@ -2,7 +2,7 @@
 
 `effort` is what the drive delivers at the joint, `motor_torque` what its motor must give at its
 shaft. With t = effort, ratio r and no-load torque n (at the motor, so n|r| at the joint), the
-motor's torque times r is (design 2.3)
+motor's torque times r is
 
     moving forward    upper(t) = max(t/eta, eta_b t) + n|r|
     moving backward   lower(t) = min(t/eta, eta_b t) - n|r|

@@ -2,8 +2,8 @@
 
 A scene becomes an explicit list of effects, and the dynamics evaluate what is on: without friction
 one plain RNEA batch, with constant friction no wrenches, with bearings the twin, with loops or
-drives off the joints the iteration (design 6). `with_effects` takes effects out of a scene, for
-study; loops stay, for without them a mechanism is another one, and so does coupling.
+drives off the joints the iteration. `with_effects` takes effects out of a scene, for study; loops
+stay, for without them a mechanism is another one, and so does coupling.
 """
 
 from __future__ import annotations

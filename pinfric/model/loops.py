@@ -7,7 +7,7 @@ wrench that joint j transmits, and the generalized effort, by
 
     w_j += X_j x,     tau += J^T x,     J^T = -E^T X
 
-(design 2.1, 2.2; paper eq. 10-15 for forces between two bodies). Joints that carry both sides feel
+(paper eq. 10-15 for forces between two bodies). Joints that carry both sides feel
 nothing: the two wrenches cancel there exactly. Columns stand in the order: drives off the joints,
 multipliers lambda of the loops, friction of the loops' joints.
 """

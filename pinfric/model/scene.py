@@ -100,8 +100,8 @@ class Scene:
         simulation: what `pinfric simulate` runs.
         source: the file's name, for messages.
         loops: joints that close loops, as `Loop` or as the mappings a scene file holds.
-        redundancy_length: l of design 2.2 (m): where reactions are not unique, the sum over all
-            joints of |F|^2 + |M/l|^2 is least.
+        redundancy_length: l (m): where reactions are not unique, the sum over all joints of
+            |F|^2 + |M/l|^2 is least.
 
     Raises:
         SceneError: an entry that cannot be, or that names a joint or link that is not there.

@@ -1,4 +1,4 @@
-"""The scene's file format: one frozen pydantic model per section (design 3.1).
+"""The scene's file format: one frozen pydantic model per section.
 
 Nothing here knows a robot. Checks that need one (does the joint exist, does the bearing fit its
 kind) live in `scene.py`; what a single entry can get wrong by itself is refused here.
@@ -75,7 +75,7 @@ class RobotEntry(Entry):
 
 
 class Bearing(Entry):
-    """Where a joint's load is carried; turns the joint's wrench into a normal load (design 3.1)."""
+    """Where a joint's load is carried; turns the joint's wrench into a normal load."""
 
     kind: Literal["pin", "guide", "linear", "ball"]
     radius: NonNegative | None = None

@@ -1,4 +1,4 @@
-"""Transmissions in all quadrants, by hand (design 2.3)."""
+"""Transmissions in all quadrants, by hand."""
 
 from __future__ import annotations
 

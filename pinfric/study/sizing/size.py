@@ -198,9 +198,10 @@ def size(
 ) -> SizingReport:
     """Return what a repeated cycle demands of each drive and which drives of a catalogue meet it.
 
-    For every joint, from its effort interval (design 2.3, 2.4): peak, RMS, power, holding and
-    break-away effort. With a catalogue: every motor with every gear, checked by `criteria.check`;
-    the lightest that fits is chosen, tip to base, with the chosen drives' mass in the model.
+    For every joint, from its effort interval (paper eq. 16, 17; at rest 21, 22): peak, RMS, power,
+    holding and break-away effort. With a catalogue: every motor with every gear, checked by
+    `criteria.check`; the lightest that fits is chosen, tip to base, with the chosen drives' mass
+    in the model.
 
     Args:
         scene: the robot with its friction. Its links are taken to be without drives, but for
