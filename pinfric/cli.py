@@ -159,9 +159,9 @@ def paper(
     --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
     """
     from pinfric.model.files import check_writable
-    from pinfric.show.paper_figures import paper_figures
-    from pinfric.show.paper_report import literal_report, paper_report
-    from pinfric.study.paper import EXAMPLES, paper_json, read_literally, reproduce
+    from pinfric.paper.figures import paper_figures
+    from pinfric.paper.report import literal_report, paper_report
+    from pinfric.paper.reproduction import EXAMPLES, paper_json, read_literally, reproduce
 
     if reading not in ("consistent", "literal"):
         raise typer.BadParameter(
@@ -407,23 +407,23 @@ def accuracy(
     """
     from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.accuracy_report import accuracy_frame, accuracy_json, accuracy_report
-    from pinfric.study.accuracy import accuracy as study
+    from pinfric.paper.reproduction import absolute_judge
+    from pinfric.show.accuracy.report import accuracy_frame, accuracy_json, accuracy_report
+    from pinfric.study.accuracy.study import accuracy as study
 
     if out is not None:
         check_writable(out)
     scene = load_scene(scene_name)
     trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     with working("measuring, for half a minute or more; minutes where loops close"):
-        found = study(scene, trajectory, peers=peers)
+        found = study(scene, trajectory, second=absolute_judge(scene), peers=peers)
     summary = accuracy_json(found, noticed)
     if out is not None:
-        from pinfric.show.accuracy_figure import accuracy_figure
+        from pinfric.show.accuracy.figure import accuracy_figure
 
-        frame, figure = accuracy_frame(found), accuracy_figure(found)
         write(out, {
-            "accuracy.png": figure.savefig,
-            "accuracy.csv": lambda path: frame.to_csv(path, index=False),
+            "accuracy.png": accuracy_figure(found).savefig,
+            "accuracy.csv": lambda path: accuracy_frame(found).to_csv(path, index=False),
             "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
         })  # fmt: skip
     show(summary if as_json else accuracy_report(found))

@@ -12,17 +12,9 @@ from pinfric.dynamics.result import InverseResult
 from pinfric.errors import StateError
 from pinfric.model.effects import STRUCTURAL, Effect, effects, with_effects
 from pinfric.model.scene import Scene
-from pinfric.study.ladder import (
-    Efforts,
-    effort_change,
-    hardly_rubbing,
-    one_pass,
-    repeated_times,
-    solve,
-    timed_repeats,
-)
-from pinfric.study.precision import interleaved
+from pinfric.study.timing import interleaved, repeated_times, timed_repeats
 from pinfric.study.trajectory.trajectory import Trajectory
+from pinfric.study.variants import Efforts, effort_change, hardly_rubbing, one_pass, solve
 
 _ROUNDS = 9
 #: Samples a timing takes at least; a short motion is repeated to that length, unless that takes

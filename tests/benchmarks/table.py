@@ -173,7 +173,7 @@ def swinging_ur5():
 
 def peers():
     """Time of `event` to an error of q below a bound, against the quickest peer that gets there."""
-    from pinfric.study import peers as module
+    from pinfric.study.accuracy import peers as module
 
     rows = []
     cases = {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.dynamics.result import runs
-from pinfric.study.paper import Reproduction
+from pinfric.paper.reproduction import Reproduction
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import ast
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from pinfric.dynamics import absolute
-from pinfric.dynamics.absolute import (
+from pinfric.errors import PinfricError
+from pinfric.paper.bodies import (
     GROUND,
+    Actuator,
     Body,
     Mechanism,
-    NoConsistentFriction,
     PinFriction,
     RevoluteJoint,
-)
-from pinfric.dynamics.absolute_bodies import (
-    Actuator,
     acceleration_bias,
     actuator_forces,
     body_speeds,
@@ -31,9 +25,10 @@ from pinfric.dynamics.absolute_bodies import (
     partial_velocity_matrix,
     place,
 )
-from pinfric.errors import PinfricError
+from pinfric.paper.examples import pendulum, three_link
+from pinfric.paper.forward import NoConsistentFriction, forward
+from pinfric.paper.inverse import FixedPointError, inverse
 
-SIBLINGS = ("bodies", "forward", "simulate")
 PENDULUM_LENGTH, PENDULUM_MASS, PENDULUM_J, PIN_RADIUS = 0.25, 1.0, 0.4, 0.1
 
 
@@ -106,30 +101,17 @@ def pin_load(pin: PinFriction, axis, wrench) -> float:
     return pin.radius * ends
 
 
-@pytest.mark.parametrize("module", ["", "_bodies", "_forward", "_simulate"])
-def test_judge_is_independent(module):
-    """Numpy, scipy and its own files: nothing of what it judges, and no Pinocchio."""
-    tree = ast.parse(Path(absolute.__file__).with_name(f"absolute{module}.py").read_text())
-    imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
-    names = {
-        getattr(node, "module", None) or alias.name for node in imports for alias in node.names
-    }
-    ours = {"pinfric.errors", *(f"pinfric.dynamics.absolute_{m}" for m in SIBLINGS)}
-    foreign = {n for n in names - ours if n.split(".")[0] not in {"numpy", "scipy"}}
-    assert foreign <= set(sys.stdlib_module_names) | {"collections.abc"}
-
-
 # ---------------------------------------------------------------- coordinates and constraints
 
 
 def test_initial_state_is_the_papers_tables():
-    case = absolute.three_link()
+    case = three_link()
     q = place(case.mechanism, case.angle[None])
     speed = body_speeds(*joint_jacobians(case.mechanism, q), case.rate[None]).reshape(3, 6)
     table = [[-0.2, 0, 0, 0, 0, 1], [-0.4, -0.25, 0, -1, 0, 1], [-0.4, -0.35, -0.15, -1, 1, 1]]
     np.testing.assert_allclose(speed, table, atol=1e-15)
     np.testing.assert_array_equal(q.euler_parameters[0], np.tile([0, 0, 0, 1.0], (4, 1)))
-    case = absolute.pendulum()
+    case = pendulum()
     q = place(case.mechanism, case.angle[None])
     speed = body_speeds(*joint_jacobians(case.mechanism, q), case.rate[None])[0]
     np.testing.assert_allclose(q.position[0, 0, :2], [0.217, 0.125], atol=6e-4)  # as printed
@@ -157,7 +139,7 @@ def test_speeds_and_accelerations_are_the_derivatives_of_the_placement(seed):
     omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
     np.testing.assert_allclose(bodies[:, :3], np.tensordot(first, r, 1) / h, atol=1e-9)
     np.testing.assert_allclose(bodies[:, 3:], omega, atol=1e-9)
-    result = absolute.inverse(mechanism, angle, rate, acceleration)
+    result = inverse(mechanism, angle, rate, acceleration)
     accelerations = result.body_acceleration.reshape(-1, 6)
     np.testing.assert_allclose(accelerations[:, :3], np.tensordot(second, r, 1) / h**2, atol=1e-7)
     gamma = acceleration_bias(mechanism, here, speed)
@@ -214,10 +196,8 @@ def test_dependent_constraints_are_refused():
 @pytest.mark.parametrize("rate", [-1.3, 0.0, 0.7])
 def test_pendulum_effort_and_reaction_in_closed_form(rate):
     angle, acceleration = np.linspace(-3, 3, 13), np.linspace(4, -5, 13)
-    case = absolute.pendulum()
-    result = absolute.inverse(
-        case.mechanism, angle[:, None], np.full((13, 1), rate), acceleration[:, None]
-    )
+    case = pendulum()
+    result = inverse(case.mechanism, angle[:, None], np.full((13, 1), rate), acceleration[:, None])
     tangential = PENDULUM_MASS * (PENDULUM_LENGTH * acceleration + 9.81 * np.sin(angle))
     inward = PENDULUM_MASS * (PENDULUM_LENGTH * rate**2 + 9.81 * np.cos(angle))
     about_pin = PENDULUM_J + PENDULUM_MASS * PENDULUM_LENGTH**2
@@ -240,7 +220,7 @@ def test_tree_agrees_with_newton_euler(seed):
     mechanism = random_tree(seed, bodies=5)
     motion = random_motion(mechanism, seed)
     motion[1, 0, 1:3] = 0.0  # two joints at rest in the first sample
-    result = absolute.inverse(mechanism, *motion)
+    result = inverse(mechanism, *motion)
     for t in range(motion.shape[1]):
         wrench = newton_euler(mechanism, *motion[:, t])
         np.testing.assert_allclose(result.wrench[t], wrench, rtol=1e-12, atol=1e-11)
@@ -277,7 +257,7 @@ def test_ground_carries_the_rate_of_change_of_momentum():
     for k, body in enumerate(mechanism.bodies):
         weight = body.mass * np.asarray(mechanism.gravity)
         change -= np.concatenate([weight, np.cross(q.position[3, k], weight)])
-    result = absolute.inverse(mechanism, angle, rate, acceleration)
+    result = inverse(mechanism, angle, rate, acceleration)
     carried = np.zeros(6)
     for k in grounded:
         child = [b.name for b in mechanism.bodies].index(mechanism.joints[k].child)
@@ -289,7 +269,7 @@ def test_ground_carries_the_rate_of_change_of_momentum():
 
 def pushed_pendulum(static: float = 0.35, kinetic: float = 0.30) -> Mechanism:
     """A pendulum of 0.5 m pushed at 0.3 m across by a force: its reaction depends on the push."""
-    mechanism = absolute.pendulum().mechanism
+    mechanism = pendulum().mechanism
     joint = replace(mechanism.joints[0], friction=PinFriction(0.1, None, static, kinetic))
     push = Actuator("push", GROUND, "bar", (0.3, 0.0, 0.0), force=(0.0, 1.0, 0.0))
     return replace(mechanism, joints=(joint,), actuators=(push,))
@@ -313,7 +293,7 @@ def push_in_closed_form(angle, rate, acceleration, coefficient) -> float:
 @pytest.mark.parametrize("rate", [-2.0, 0.0, 2.0])
 def test_reaction_that_depends_on_the_effort_is_iterated(rate):
     mechanism = pushed_pendulum()
-    result = absolute.inverse(mechanism, [0.8], [rate], [3.0])
+    result = inverse(mechanism, [0.8], [rate], [3.0])
     if rate == 0:
         ends = [push_in_closed_form(0.8, 0, 3.0, c) for c in (-0.35, 0.35)]
     else:
@@ -327,7 +307,7 @@ def test_reaction_that_depends_on_the_effort_is_iterated(rate):
 
 def test_ends_of_coupled_intervals_hold_every_admissible_friction():
     """Two sticking pins whose loads depend on both efforts: corners, not one site at a time."""
-    case = absolute.three_link()
+    case = three_link()
     pin = PinFriction(0.08, 0.1, 0.35, 0.30)
     joints = tuple(replace(j, friction=pin) for j in case.mechanism.joints)
     actuators = tuple(
@@ -339,7 +319,7 @@ def test_ends_of_coupled_intervals_hold_every_admissible_friction():
         )
     )
     mechanism = replace(case.mechanism, joints=joints, actuators=actuators)
-    result = absolute.inverse(mechanism, [0.3, -0.4, 0.5], [0.0, 0.7, 0.0], [1.0, -2.0, 0.5])
+    result = inverse(mechanism, [0.3, -0.4, 0.5], [0.0, 0.7, 0.0], [1.0, -2.0, 0.5])
     np.testing.assert_array_equal(result.sticking, [[True, False, True]])
     reached = []
     for effort in ([1, 1], [1, -1], [-1, 1], [-1, -1]):
@@ -347,7 +327,7 @@ def test_ends_of_coupled_intervals_hold_every_admissible_friction():
         pins = [PinFriction(0.08, 0.1, 0.9, c, 1e-15) for c in (0.35, 0.30, 0.35)]
         moving = tuple(replace(j, friction=p) for j, p in zip(joints, pins, strict=True))
         rate = [-1e-12 * effort[0], 0.7, -1e-12 * effort[1]]
-        corner = absolute.inverse(
+        corner = inverse(
             replace(mechanism, joints=moving), [0.3, -0.4, 0.5], rate, [1.0, -2.0, 0.5]
         )
         reached.append(corner.effort_lower[0])
@@ -356,7 +336,7 @@ def test_ends_of_coupled_intervals_hold_every_admissible_friction():
 
 
 def test_effort_that_settles_at_once_does_not_stop_the_others():
-    pushed, plain = pushed_pendulum(), absolute.pendulum().mechanism
+    pushed, plain = pushed_pendulum(), pendulum().mechanism
     twin = replace(plain.joints[0], name="twin_pin", child="twin")
     mechanism = replace(
         pushed,
@@ -367,25 +347,25 @@ def test_effort_that_settles_at_once_does_not_stop_the_others():
             replace(plain.actuators[0], child="twin", through="twin_pin"),
         ),
     )
-    result = absolute.inverse(mechanism, [0.8, 0.8], [2.0, 2.0], [3.0, 3.0])
-    alone = [absolute.inverse(m, [0.8], [2.0], [3.0]).effort_lower[0, 0] for m in (pushed, plain)]
+    result = inverse(mechanism, [0.8, 0.8], [2.0, 2.0], [3.0, 3.0])
+    alone = [inverse(m, [0.8], [2.0], [3.0]).effort_lower[0, 0] for m in (pushed, plain)]
     np.testing.assert_allclose(result.effort_lower[0], alone, rtol=1e-12)
 
 
 def test_units_of_an_effort_do_not_matter():
     mechanism = pushed_pendulum()
-    in_newton = absolute.inverse(mechanism, [0.8], [2.0], [3.0])
+    in_newton = inverse(mechanism, [0.8], [2.0], [3.0])
     tera = replace(mechanism.actuators[0], force=(0.0, 1e12, 0.0))
     pico = replace(mechanism.actuators[0], force=(0.0, 1e-12, 0.0))
     for actuator, unit in ((tera, 1e12), (pico, 1e-12)):
-        scaled = absolute.inverse(replace(mechanism, actuators=(actuator,)), [0.8], [2.0], [3.0])
+        scaled = inverse(replace(mechanism, actuators=(actuator,)), [0.8], [2.0], [3.0])
         np.testing.assert_allclose(scaled.effort_lower * unit, in_newton.effort_lower, rtol=1e-12)
 
 
 def test_iteration_that_cannot_settle_says_where():
     mechanism = pushed_pendulum(static=9.0, kinetic=9.0)
-    with pytest.raises(absolute.FixedPointError) as caught:
-        absolute.inverse(mechanism, [[0.8], [0.8]], [[2.0], [2.0]], [[3.0], [3.0]])
+    with pytest.raises(FixedPointError) as caught:
+        inverse(mechanism, [[0.8], [0.8]], [[2.0], [2.0]], [[3.0], [3.0]])
     np.testing.assert_array_equal(caught.value.samples, [0, 1])
 
 
@@ -396,8 +376,8 @@ def test_iteration_that_cannot_settle_says_where():
 def test_forward_dynamics_is_undone_by_inverse_dynamics(seed):
     mechanism = random_tree(seed)
     angle, rate, effort = (x[0] for x in random_motion(mechanism, seed))
-    instant = absolute.forward(mechanism, angle, rate, effort)
-    result = absolute.inverse(mechanism, angle, rate, instant.acceleration)
+    instant = forward(mechanism, angle, rate, effort)
+    result = inverse(mechanism, angle, rate, instant.acceleration)
     np.testing.assert_array_equal(instant.modes, np.sign(rate))
     np.testing.assert_allclose(result.effort_lower[0], effort, atol=1e-11)
     np.testing.assert_allclose(result.friction_upper[0], instant.friction, atol=1e-11)
@@ -408,51 +388,51 @@ def test_forward_dynamics_is_undone_by_inverse_dynamics(seed):
 
 def test_pushed_pendulum_forward_is_undone_by_inverse_dynamics():
     mechanism = pushed_pendulum()
-    instant = absolute.forward(mechanism, [0.8], [2.0], [7.0])
+    instant = forward(mechanism, [0.8], [2.0], [7.0])
     push = push_in_closed_form(0.8, 2.0, instant.acceleration[0], 0.30)
     assert push == pytest.approx(7.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_pendulum_at_rest_breaks_away_at_the_static_limit(side):
-    mechanism = absolute.pendulum().mechanism
+    mechanism = pendulum().mechanism
     limit = 0.35 * PIN_RADIUS * 9.81  # at rest the pin carries the weight
     weight = PENDULUM_LENGTH * 9.81 * np.sin(0.524)
-    held = absolute.forward(mechanism, [0.524], [0.0], [weight + side * limit * (1 - 1e-9)])
+    held = forward(mechanism, [0.524], [0.0], [weight + side * limit * (1 - 1e-9)])
     assert held.modes == [0]
     assert held.friction[0] == pytest.approx(-side * limit, rel=1e-8)
     assert abs(held.acceleration[0]) < 1e-14
-    gone = absolute.forward(mechanism, [0.524], [0.0], [weight + side * limit * (1 + 1e-9)])
+    gone = forward(mechanism, [0.524], [0.0], [weight + side * limit * (1 + 1e-9)])
     assert gone.modes == [side]
     assert gone.friction[0] == pytest.approx(-side * 0.30 * gone.normal_load[0], rel=1e-12)
     assert side * gone.acceleration[0] > 0.1
 
 
 def test_joints_at_rest_stick_and_slip_each_for_itself():
-    case = absolute.three_link()
+    case = three_link()
     pin = PinFriction(0.08, 0.1, 0.35, 0.30)
     joints = tuple(replace(j, friction=pin) for j in case.mechanism.joints)
     mechanism = replace(case.mechanism, joints=joints)
-    rest = absolute.inverse(mechanism, np.zeros(3), np.zeros(3), np.zeros(3))
-    held = absolute.forward(mechanism, np.zeros(3), np.zeros(3), rest.effort_frictionless[0])
+    rest = inverse(mechanism, np.zeros(3), np.zeros(3), np.zeros(3))
+    held = forward(mechanism, np.zeros(3), np.zeros(3), rest.effort_frictionless[0])
     np.testing.assert_array_equal(held.modes, [0, 0, 0])
     np.testing.assert_allclose(held.friction, 0, atol=1e-13)
     effort = rest.effort_frictionless[0] + [0, 0, 1.2 * 0.35 * rest.normal_load[0, 2]]
-    slipping = absolute.forward(mechanism, np.zeros(3), np.zeros(3), effort)
+    slipping = forward(mechanism, np.zeros(3), np.zeros(3), effort)
     np.testing.assert_array_equal(slipping.modes, [0, 0, 1])
     np.testing.assert_allclose(slipping.acceleration[:2], 0, atol=1e-13)
     assert slipping.acceleration[2] > 0
-    again = absolute.inverse(mechanism, np.zeros(3), [0, 0, 1e-5], slipping.acceleration)
+    again = inverse(mechanism, np.zeros(3), [0, 0, 1e-5], slipping.acceleration)
     assert again.effort_lower[0, 2] == pytest.approx(effort[2], abs=1e-8)
     assert np.all(again.effort_lower[0, :2] < effort[:2])
     assert np.all(effort[:2] < again.effort_upper[0, :2])
 
 
 def test_static_below_kinetic_leaves_no_consistent_mode():
-    mechanism = absolute.pendulum("literal").mechanism
+    mechanism = pendulum("literal").mechanism
     effort = PENDULUM_LENGTH * 9.81 * np.sin(0.524) + 0.32 * PIN_RADIUS * 9.81
     with pytest.raises(NoConsistentFriction) as caught:
-        absolute.forward(mechanism, [0.524], [0.0], [effort])
+        forward(mechanism, [0.524], [0.0], [effort])
     assert caught.value.consistent == []
     assert caught.value.time is None
 
@@ -464,18 +444,18 @@ def test_two_consistent_choices_are_an_error_that_shows_both():
     mechanism = replace(mechanism, joints=tuple(replace(j, friction=pin) for j in mechanism.joints))
     angle, effort = [1.71, -0.715, 1.643], [2.022, -0.152, 1.618]
     with pytest.raises(NoConsistentFriction) as caught:
-        absolute.forward(mechanism, angle, np.zeros(3), effort)
+        forward(mechanism, angle, np.zeros(3), effort)
     both = [tuple(modes) for modes in caught.value.consistent]
     assert both == [(1, 0, 1), (1, 1, 0)]
     for modes in both:
-        instant = absolute.forward(mechanism, angle, np.zeros(3), effort, modes)
+        instant = forward(mechanism, angle, np.zeros(3), effort, modes)
         limit = np.where(np.array(modes) == 0, 0.8, 0.7) * instant.normal_load
         assert np.all(np.abs(instant.friction) <= limit * (1 + 1e-12))
         assert np.all(np.array(modes) * instant.acceleration >= -1e-12)
 
 
 def test_input_that_cannot_be_is_refused():
-    case = absolute.three_link()
+    case = three_link()
     bodies, joints = case.mechanism.bodies, case.mechanism.joints
     with pytest.raises(PinfricError, match="no earlier joint places 'link_1'"):
         Mechanism(bodies, joints[1:], (0, 0, 0))
@@ -484,9 +464,9 @@ def test_input_that_cannot_be_is_refused():
     with pytest.raises(PinfricError, match="link_3"):
         Mechanism(bodies, joints[:2], (0, 0, 0))
     with pytest.raises(PinfricError, match="angle must be"):
-        absolute.inverse(case.mechanism, [0, 0], [0, 0], [0, 0])
+        inverse(case.mechanism, [0, 0], [0, 0], [0, 0])
     with pytest.raises(PinfricError, match="consistent, literal"):
-        absolute.three_link("printed")
+        three_link("printed")
     idle = Actuator("idle", GROUND, "bar", (0.0, 0.0, 0.0), force=(0.0, 1.0, 0.0))
     with pytest.raises(PinfricError, match="undriven"):
-        absolute.inverse(replace(pushed_pendulum(), actuators=(idle,)), [0.8], [2.0], [3.0])
+        inverse(replace(pushed_pendulum(), actuators=(idle,)), [0.8], [2.0], [3.0])

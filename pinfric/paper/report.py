@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from pinfric.paper.reproduction import READINGS, LiteralReading, Reproduction
 from pinfric.show.report.tables import Column, Kind, Table
-from pinfric.study.paper import READINGS, LiteralReading, Reproduction
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

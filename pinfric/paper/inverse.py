@@ -3,29 +3,22 @@
 Absolute coordinates with Euler parameters, full pivoting of Phi_q, the partial velocity matrix B,
 and the fixed-point iteration between efforts (16) and multipliers (17). Imports neither Pinocchio
 nor any other part of pinfric, so that agreement with the rest of the package means something.
-The paper's two examples are at the end; forward dynamics is in
-`absolute_forward` and `absolute_simulate`, and can be had from here too.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pinfric.dynamics.absolute_bodies import (
-    GROUND,
-    Actuator,
+from pinfric.errors import PinfricError
+from pinfric.paper.bodies import (
     Array,
-    Body,
     Indices,
     Mechanism,
-    PinFriction,
     Placement,
-    RevoluteJoint,
     acceleration_bias,
     actuator_forces,
     applied_forces,
@@ -40,34 +33,6 @@ from pinfric.dynamics.absolute_bodies import (
     reactions,
     solve,
 )
-from pinfric.dynamics.absolute_forward import (
-    AbsoluteInstant,
-    NoConsistentFriction,
-    forward,
-)
-from pinfric.dynamics.absolute_simulate import AbsoluteMotion, Phase, simulate
-from pinfric.errors import PinfricError
-
-__all__ = [
-    "GROUND",
-    "AbsoluteInstant",
-    "AbsoluteInverse",
-    "AbsoluteMotion",
-    "Actuator",
-    "Body",
-    "Example",
-    "FixedPointError",
-    "Mechanism",
-    "NoConsistentFriction",
-    "Phase",
-    "PinFriction",
-    "RevoluteJoint",
-    "forward",
-    "inverse",
-    "pendulum",
-    "simulate",
-    "three_link",
-]
 
 MOST_STICKING = 10  # 2^10 corners of static limits at one sample
 
@@ -324,74 +289,3 @@ def _samples(mechanism: Mechanism, name: str, values: ArrayLike) -> Array:
     if array.ndim != 2 or array.shape[1] != len(mechanism.joints):
         raise PinfricError(f"{name} must be (T, {len(mechanism.joints)}), not {array.shape}")
     return array
-
-
-# ---------------------------------------------------------------- the paper's two examples
-
-
-@dataclass(frozen=True, eq=False)
-class Example:
-    """A mechanism with the start and the efforts the paper gives it."""
-
-    mechanism: Mechanism
-    angle: Array  # (nj,) rad at t = 0
-    rate: Array  # (nj,) rad/s at t = 0
-    effort: Callable[[float], Array]  # time s -> (na,) N m
-    t_end: float  # s
-
-
-# The printed coefficients (static 0.3, kinetic 0.35) contradict the printed stick times; the
-# consistent reading exchanges them and takes the pendulum's J about its centre of mass.
-COEFFICIENTS = {
-    "consistent": {"static": 0.35, "kinetic": 0.30},
-    "literal": {"static": 0.30, "kinetic": 0.35},
-}
-
-
-def pendulum(reading: str = "consistent", gravity: float = 9.81) -> Example:
-    """Example 1: a bar on a pin, gravity (m/s^2) along +X, angle from X about Z (Fig. 4, Table 1).
-
-    The printed J is about the centre of mass in the "consistent" reading and about the pin, as
-    printed, in the "literal" one. It turns about Z only, so J stands for all three axes.
-    """
-    about_center = 0.400 if _known_reading(reading) == "consistent" else 0.400 - 1.00 * 0.25**2
-    bar = Body("bar", 1.00, about_center * np.eye(3), (0.25, 0.0, 0.0))
-    pin = PinFriction(radius=0.1, length=None, **COEFFICIENTS[reading])
-    joint = RevoluteJoint("joint_1", GROUND, "bar", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), pin)
-    return Example(
-        mechanism=Mechanism((bar,), (joint,), (gravity, 0.0, 0.0)),
-        angle=np.array([0.524]),
-        rate=np.array([1.00]),
-        effort=lambda time: np.array([2 * np.sin(2 * time)]),
-        t_end=1.5,
-    )
-
-
-def three_link(reading: str = "consistent", gravity: float = 9.81) -> Example:
-    """Example 2: three links about Z, X and Y, friction in joint 1-2 (Fig. 7, Table 2).
-
-    Gravity (m/s^2) is along -Y; the readings differ in the coefficients only.
-    """
-    coefficients = COEFFICIENTS[_known_reading(reading)]
-    link_1 = Body("link_1", 4.00, np.diag([0.500, 0.200, 0.500]), (0.0, 0.2, 0.0))
-    link_2 = Body("link_2", 3.00, np.diag([0.400, 0.400, 0.150]), (0.0, 0.4, -0.25))
-    link_3 = Body("link_3", 1.00, np.diag([0.100, 0.200, 0.200]), (0.15, 0.4, -0.5))
-    pin = PinFriction(radius=0.08, length=0.1, **coefficients)
-    joints = (
-        RevoluteJoint("joint_01", GROUND, "link_1", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-        RevoluteJoint("joint_12", "link_1", "link_2", (0.0, 0.4, 0.0), (1.0, 0.0, 0.0), pin),
-        RevoluteJoint("joint_23", "link_2", "link_3", (0.0, 0.4, -0.5), (0.0, 1.0, 0.0)),
-    )
-    return Example(
-        mechanism=Mechanism((link_1, link_2, link_3), joints, (0.0, -gravity, 0.0)),
-        angle=np.zeros(3),
-        rate=np.array([1.0, -1.0, 1.0]),
-        effort=lambda time: 5 * np.sin(np.array([1.0, 2.0, 3.0]) * time),
-        t_end=1.0,
-    )
-
-
-def _known_reading(reading: str) -> str:
-    if reading not in COEFFICIENTS:
-        raise PinfricError(f"reading must be one of {', '.join(COEFFICIENTS)}, not {reading!r}")
-    return reading

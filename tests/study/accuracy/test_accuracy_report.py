@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 from pinfric import cli
-from pinfric.show.accuracy_figure import accuracy_figure
-from pinfric.study import coupled, peers, precision
-from pinfric.study.accuracy import Accuracy
-from pinfric.study.precision import Run
+from pinfric.show.accuracy.figure import accuracy_figure
+from pinfric.study.accuracy import coupled, peers, precision
+from pinfric.study.accuracy.precision import Run
+from pinfric.study.accuracy.study import Accuracy
 
-ROBOTS = Path(__file__).parents[2] / "robots"
+ROBOTS = Path(__file__).parents[3] / "robots"
 
 
 @pytest.fixture(autouse=True)

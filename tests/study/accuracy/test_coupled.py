@@ -13,15 +13,15 @@ import pytest
 from cases import drawer_forces, jamming_drawer, turning_four_bar
 
 import pinfric as pf
-from pinfric.show.accuracy_report import accuracy_report
-from pinfric.study.accuracy import Accuracy
-from pinfric.study.coupled import (
+from pinfric.show.accuracy.report import accuracy_report
+from pinfric.study.accuracy.coupled import (
     SHARES,
     TOLERANCES,
     coupled,
     solve_by_fixed_point,
     solve_by_newton,
 )
+from pinfric.study.accuracy.study import Accuracy
 
 WEIGHT, LEVER = 4.0 * 9.81, 2 * 0.3 / 0.3  # m g, 2 e / L
 
@@ -115,7 +115,7 @@ def test_a_four_bar_jams_beyond_its_certificate():
 
 
 def test_passes_without_end_are_rows_with_a_reason(monkeypatch):
-    from pinfric.study import coupled as module
+    from pinfric.study.accuracy import coupled as module
 
     few = {"fixed point": (solve_by_fixed_point, 100), "Newton": (solve_by_newton, 60)}
     monkeypatch.setattr(module, "_SOLVERS", few)

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 import pinfric as pf
-from pinfric.dynamics import absolute
+from pinfric.paper.bodies import PinFriction
+from pinfric.paper.examples import pendulum, three_link
+from pinfric.paper.inverse import inverse
 
 STICK = 1e-6
 
@@ -37,7 +39,7 @@ def motions(degrees, seed):
 
 def assert_equal_formulations(scene, mechanism, motion, friction_of):
     """Compare efforts (both ends), loads, friction and reactions, to 1e-9 of the largest effort."""
-    judge = absolute.inverse(mechanism, *motion)
+    judge = inverse(mechanism, *motion)
     result = pf.inverse_dynamics(scene, *motion)
     plain = ~result.reversal.any(axis=1)  # between samples: the paper knows single states only
     scale = np.abs(judge.effort_upper).max()
@@ -62,25 +64,25 @@ def assert_equal_formulations(scene, mechanism, motion, friction_of):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_pendulum(seed):
-    example = absolute.pendulum()
+    example = pendulum()
     scene = pf.load_scene("pendulum")
     assert_equal_formulations(scene, example.mechanism, motions(1, seed), [0])
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_three_link_robot(seed):
-    example = absolute.three_link()
+    example = three_link()
     scene = pf.load_scene("three_link")
     assert_equal_formulations(scene, example.mechanism, motions(3, seed), [1])
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_three_link_robot_with_friction_in_every_joint(seed):
-    mechanism = absolute.three_link().mechanism
+    mechanism = three_link().mechanism
     pins = [
-        absolute.PinFriction(0.05, 0.12, static=0.4, kinetic=0.25),
-        absolute.PinFriction(0.08, 0.10, static=0.35, kinetic=0.30),
-        absolute.PinFriction(0.03, None, static=0.2, kinetic=0.2),
+        PinFriction(0.05, 0.12, static=0.4, kinetic=0.25),
+        PinFriction(0.08, 0.10, static=0.35, kinetic=0.30),
+        PinFriction(0.03, None, static=0.2, kinetic=0.2),
     ]
     joints = [
         dataclasses.replace(joint, friction=friction)

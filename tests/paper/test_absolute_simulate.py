@@ -9,25 +9,29 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pinfric.dynamics import absolute
-from pinfric.dynamics.absolute import (
+from pinfric.paper import examples
+from pinfric.paper.bodies import (
     GROUND,
     Body,
     Mechanism,
-    NoConsistentFriction,
     PinFriction,
     RevoluteJoint,
+    body_speeds,
+    joint_jacobians,
+    place,
 )
-from pinfric.dynamics.absolute_bodies import body_speeds, joint_jacobians, place
-from pinfric.dynamics.absolute_simulate import _Run
+from pinfric.paper.examples import Case, pendulum, three_link
+from pinfric.paper.forward import NoConsistentFriction, forward
+from pinfric.paper.inverse import inverse
+from pinfric.paper.simulate import AbsoluteMotion, _Run, simulate
 
 PENDULUM_LENGTH, PENDULUM_MASS, PENDULUM_J, PIN_RADIUS = 0.25, 1.0, 0.4, 0.1
 
 
 @cache
-def simulated(example: str) -> tuple[absolute.Example, absolute.AbsoluteMotion]:
-    case = getattr(absolute, example)()
-    motion = absolute.simulate(
+def simulated(example: str) -> tuple[Case, AbsoluteMotion]:
+    case = getattr(examples, example)()
+    motion = simulate(
         case.mechanism, case.angle, case.rate, case.effort, case.t_end, sample_step=4e-3
     )
     return case, motion
@@ -37,7 +41,7 @@ def spinning_rotor(ratio: float) -> Mechanism:
     """No gravity, no effort; kappa = mu R m l / (J + m l^2) is the ratio given."""
     about_pin = PENDULUM_J + PENDULUM_MASS * PENDULUM_LENGTH**2
     mu = ratio * about_pin / (PIN_RADIUS * PENDULUM_MASS * PENDULUM_LENGTH)
-    case = absolute.pendulum()
+    case = pendulum()
     joint = replace(case.mechanism.joints[0], friction=PinFriction(PIN_RADIUS, None, mu, mu))
     return replace(case.mechanism, joints=(joint,), gravity=(0.0, 0.0, 0.0))
 
@@ -46,7 +50,7 @@ def spinning_rotor(ratio: float) -> Mechanism:
 def test_rotor_slows_down_in_closed_form(ratio):
     """a = -kappa sqrt(a^2 + w^4), so w = w0 / (1 + b w0 t) with b = kappa / sqrt(1 - kappa^2)."""
     mechanism, b = spinning_rotor(ratio), ratio / np.sqrt(1 - ratio**2)
-    motion = absolute.simulate(mechanism, [0.1], [3.0], lambda _: [0.0], 0.3, sample_step=0.1)
+    motion = simulate(mechanism, [0.1], [3.0], lambda _: [0.0], 0.3, sample_step=0.1)
     rate = 3.0 / (1 + b * 3.0 * motion.t)
     np.testing.assert_allclose(motion.rate[:, 0], rate, rtol=1e-9)
     np.testing.assert_allclose(
@@ -57,7 +61,7 @@ def test_rotor_slows_down_in_closed_form(ratio):
 
 def test_rotor_beyond_the_critical_friction_has_no_acceleration():
     with pytest.raises(NoConsistentFriction) as caught:
-        absolute.forward(spinning_rotor(1.01), [0.1], [3.0], [0.0])
+        forward(spinning_rotor(1.01), [0.1], [3.0], [0.0])
     np.testing.assert_array_equal(caught.value.rate, [3.0])
 
 
@@ -92,7 +96,7 @@ def test_pendulum_sticks_when_its_scalar_equation_says():
 def test_inverse_dynamics_recovers_the_efforts_of_the_motion(example):
     case, motion = simulated(example)
     geo = case.mechanism.geometry
-    result = absolute.inverse(case.mechanism, motion.angle, motion.rate, motion.acceleration)
+    result = inverse(case.mechanism, motion.angle, motion.rate, motion.acceleration)
     stuck = result.sticking.any(axis=1)
     assert 5 < stuck.sum() < 0.2 * len(stuck)
     for end in (result.effort_lower, result.effort_upper):
@@ -117,10 +121,10 @@ def energy(mechanism: Mechanism, angle, rate) -> np.ndarray:
 
 
 def test_energy_is_kept_without_friction_and_effort():
-    mechanism = absolute.three_link().mechanism
+    mechanism = three_link().mechanism
     joints = tuple(replace(joint, friction=None) for joint in mechanism.joints)
     mechanism = replace(mechanism, joints=joints)
-    motion = absolute.simulate(
+    motion = simulate(
         mechanism, np.ones(3), [1.0, -2.0, 1.0], lambda _: np.zeros(3), 0.5, sample_step=0.05
     )
     kept = energy(mechanism, motion.angle, motion.rate)
@@ -145,9 +149,9 @@ def test_energy_changes_by_the_work_of_efforts_and_friction():
 
 
 def test_literal_reading_ends_where_nothing_is_consistent():
-    case = absolute.pendulum("literal")
+    case = pendulum("literal")
     with pytest.raises(NoConsistentFriction) as caught:
-        absolute.simulate(case.mechanism, case.angle, case.rate, case.effort, case.t_end)
+        simulate(case.mechanism, case.angle, case.rate, case.effort, case.t_end)
     # it sticks for a while; past mu_s N = 0.30 N stick is over, and slip would need 0.35 N
     assert 0.3 < caught.value.time < 1.5
     assert caught.value.rate[0] == 0
@@ -158,13 +162,11 @@ def test_literal_reading_ends_where_nothing_is_consistent():
 
 def test_equal_coefficients_release_without_a_jump():
     """At mu_s = mu_k the acceleration starts from zero: the guard must not fire again there."""
-    mechanism = absolute.pendulum().mechanism
+    mechanism = pendulum().mechanism
     pin = PinFriction(0.1, None, 0.3, 0.3)
     mechanism = replace(mechanism, joints=(replace(mechanism.joints[0], friction=pin),))
     release = 0.3 * PIN_RADIUS * 9.81
-    motion = absolute.simulate(
-        mechanism, [0.0], [0.0], lambda t: [t], release + 0.05, sample_step=0.1
-    )
+    motion = simulate(mechanism, [0.0], [0.0], lambda t: [t], release + 0.05, sample_step=0.1)
     assert [p.modes.tolist() for p in motion.phases] == [[0], [1]]
     assert motion.phases[0].end == pytest.approx(release, rel=1e-12)
     # the effort beyond the limit grows as t; the weight has hardly begun to pull back
@@ -173,8 +175,8 @@ def test_equal_coefficients_release_without_a_jump():
 
 def test_reversal_without_sticking_is_one_event():
     """Thrown up against gravity far from balance: the pin cannot hold it at the top."""
-    mechanism = absolute.pendulum().mechanism
-    motion = absolute.simulate(mechanism, [1.2], [1.0], lambda _: [0.0], 0.8, sample_step=0.1)
+    mechanism = pendulum().mechanism
+    motion = simulate(mechanism, [1.2], [1.0], lambda _: [0.0], 0.8, sample_step=0.1)
     assert [p.modes.tolist() for p in motion.phases] == [[1], [-1]]
     assert motion.stick_intervals("joint_1") == []
     angle, rate, instant = motion.sample(motion.phases[1].start)
@@ -194,7 +196,7 @@ def test_break_away_of_one_joint_takes_another_along():
         RevoluteJoint("outer", "a", "b", (0.5, 0.0, 0.0), (0.0, 0.0, 1.0), outer),
     )
     mechanism = Mechanism(bars, joints, (9.81, 0.0, 0.0))
-    motion = absolute.simulate(
+    motion = simulate(
         mechanism, [0, 0], [0, 0], lambda t: np.sin(6 * t) * np.array([1.0, 7.0]), 0.2
     )
     assert [phase.modes.tolist() for phase in motion.phases] == [[0, 0], [-1, 1]]
@@ -213,9 +215,7 @@ def test_two_pendulums_that_change_together_are_two_single_ones():
         joints=(pin, replace(pin, name="twin_pin", child="twin", point=(0.0, 0.0, 1.0))),
         actuators=(),
     )
-    motion = absolute.simulate(
-        mechanism, [0.524] * 2, [1.0] * 2, lambda t: np.tile(case.effort(t), 2), 1.3
-    )
+    motion = simulate(mechanism, [0.524] * 2, [1.0] * 2, lambda t: np.tile(case.effort(t), 2), 1.3)
     for joint in ("joint_1", "twin_pin"):
         np.testing.assert_allclose(
             motion.stick_intervals(joint), single.stick_intervals("joint_1"), atol=1e-11
@@ -223,14 +223,14 @@ def test_two_pendulums_that_change_together_are_two_single_ones():
 
 
 def test_pendulum_without_any_load_stays_at_rest():
-    mechanism = replace(absolute.pendulum().mechanism, gravity=(0.0, 0.0, 0.0))
-    motion = absolute.simulate(mechanism, [0.3], [0.0], lambda _: [0.0], 0.5, sample_step=0.1)
+    mechanism = replace(pendulum().mechanism, gravity=(0.0, 0.0, 0.0))
+    motion = simulate(mechanism, [0.3], [0.0], lambda _: [0.0], 0.5, sample_step=0.1)
     assert motion.stick_intervals("joint_1") == [(0.0, 0.5)]
     np.testing.assert_array_equal(motion.angle, 0.3)
 
 
 def test_guard_that_starts_from_zero_is_located_where_it_returns_to_zero():
-    run = _Run(absolute.pendulum().mechanism, lambda _: [0.0], 1e-8, 1e-10, 0.1)
+    run = _Run(pendulum().mechanism, lambda _: [0.0], 1e-8, 1e-10, 0.1)
     slip = np.array([1])
     located = run.locate(lambda t: np.array([0.0, t * (0.01 - t)]), 0.0, 0.05, slip, 0, np.zeros(1))
     assert located == pytest.approx(0.01, rel=1e-12)
@@ -238,11 +238,11 @@ def test_guard_that_starts_from_zero_is_located_where_it_returns_to_zero():
 
 
 def test_three_frictional_joints_obey_the_law_at_every_sample():
-    case = absolute.three_link()
+    case = three_link()
     pin = PinFriction(0.02, 0.1, 0.35, 0.30)
     joints = tuple(replace(j, friction=pin) for j in case.mechanism.joints)
     mechanism = replace(case.mechanism, joints=joints, gravity=(0.0, 0.0, -9.81))
-    motion = absolute.simulate(
+    motion = simulate(
         mechanism,
         np.zeros(3),
         np.zeros(3),

@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike
 from scipy.integrate import DOP853, OdeSolution
 from scipy.optimize import brentq
 
-from pinfric.dynamics.absolute_bodies import Array, Mechanism
-from pinfric.dynamics.absolute_forward import (
+from pinfric.errors import PinfricError
+from pinfric.paper.bodies import Array, Mechanism
+from pinfric.paper.forward import (
     AbsoluteInstant,
     Modes,
     NoConsistentFriction,
@@ -26,7 +27,6 @@ from pinfric.dynamics.absolute_forward import (
     forward,
     prepare,
 )
-from pinfric.errors import PinfricError
 
 MOST_EVENTS = 1000
 GUARD_POINTS = 4  # looks at each guard within one step of the integration

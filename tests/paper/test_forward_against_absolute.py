@@ -12,17 +12,21 @@ import pinocchio as pin
 import pytest
 
 import pinfric as pf
-from pinfric.dynamics import absolute, absolute_simulate
 from pinfric.errors import AccelerationError
+from pinfric.paper import examples
+from pinfric.paper.bodies import PinFriction
+from pinfric.paper.examples import three_link
+from pinfric.paper.forward import NoConsistentFriction, forward
+from pinfric.paper.simulate import simulate
 
 
 def three_pins(static=(0.4, 0.35, 0.2)):
     """The paper's robot with friction in every joint, for both."""
-    mechanism = absolute.three_link().mechanism
+    mechanism = three_link().mechanism
     pins = [
-        absolute.PinFriction(0.05, 0.12, static=static[0], kinetic=0.25),
-        absolute.PinFriction(0.08, 0.10, static=static[1], kinetic=0.30),
-        absolute.PinFriction(0.03, None, static=static[2], kinetic=0.2),
+        PinFriction(0.05, 0.12, static=static[0], kinetic=0.25),
+        PinFriction(0.08, 0.10, static=static[1], kinetic=0.30),
+        PinFriction(0.03, None, static=static[2], kinetic=0.2),
     ]
     joints = [dataclasses.replace(j, friction=f)
               for j, f in zip(mechanism.joints, pins, strict=True)]  # fmt: skip
@@ -54,8 +58,8 @@ def test_one_instant(seed):
     v[rng.random(3) < 0.6] = 0.0
     u = efforts(scene, rng, q)
     try:
-        judge = absolute.forward(mechanism, q, v, u)
-    except absolute.NoConsistentFriction:
+        judge = forward(mechanism, q, v, u)
+    except NoConsistentFriction:
         with pytest.raises(AccelerationError):
             pf.forward_dynamics(scene, q, v, u)
         return
@@ -83,9 +87,9 @@ def test_the_instants_above_are_of_every_kind():
 
 @pytest.mark.parametrize("name", ["pendulum", "three_link"])
 def test_the_paper_s_examples(name):
-    example = getattr(absolute, name)()
+    example = getattr(examples, name)()
     end = 1.3 if name == "pendulum" else 0.7
-    judge = absolute_simulate.simulate(example.mechanism, example.angle, example.rate,
+    judge = simulate(example.mechanism, example.angle, example.rate,
                                        example.effort, end)  # fmt: skip
     motion = pf.simulate(pf.load_scene(name), example.angle, example.rate, None, end,
                          rtol=1e-10, atol=1e-12)  # fmt: skip
@@ -109,7 +113,7 @@ def test_friction_in_every_joint_through_several_sticks():
     def effort(t):
         return hold + np.array([4 * np.sin(9 * t), 2 * np.cos(7 * t), 0.1 * np.sin(11 * t)])
 
-    judge = absolute_simulate.simulate(mechanism, *start, effort, 1.0)
+    judge = simulate(mechanism, *start, effort, 1.0)
     motion = pf.simulate(scene, *start, lambda t, q, v: effort(t), 1.0, rtol=1e-10, atol=1e-12)
     kinds = [(e.kind, e.name) for e in motion.events]
     assert len(kinds) == 14

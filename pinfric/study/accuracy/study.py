@@ -1,6 +1,6 @@
 """What accuracy costs in time: simulation, sampling of a trajectory, and models of friction.
 
-Studies of one scene (design 6, 9): `precision` simulates it by three methods with many settings,
+Studies of one scene: `precision` simulates it by three methods with many settings,
 `sampling` thins its motion, `coupled` solves its coupled friction to many tolerances, `ladder`
 climbs from no friction to all of it. `peers` adds MuJoCo and Drake on the constant friction that
 they can express.
@@ -18,18 +18,19 @@ from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.states import MotionLike
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.scene import Scene
-from pinfric.study.coupled import CoupledRun, coupled
-from pinfric.study.ladder import Rung, fitted_constants, ladder, solve
-from pinfric.study.precision import (
+from pinfric.study.accuracy.coupled import CoupledRun, coupled
+from pinfric.study.accuracy.ladder import Rung, ladder
+from pinfric.study.accuracy.precision import (
+    Judge,
     Run,
-    absolute_judge,
     compete,
     contestants,
     judge_of,
     reference,
 )
-from pinfric.study.sampling import Sampled, sampling
+from pinfric.study.accuracy.sampling import Sampled, sampling
 from pinfric.study.trajectory.trajectory import Trajectory
+from pinfric.study.variants import fitted_constants, solve
 
 #: Samples of the scene's own motion where no trajectory is given.
 _SAMPLES = 2001
@@ -64,13 +65,19 @@ class Accuracy:
 
 
 def accuracy(
-    scene: Scene, trajectory: Trajectory | None = None, *, peers: bool = False, rounds: int = 3
+    scene: Scene,
+    trajectory: Trajectory | None = None,
+    *,
+    second: Judge | None = None,
+    peers: bool = False,
+    rounds: int = 3,
 ) -> Accuracy:
     """Measure what accuracy costs in time.
 
     Args:
         scene: the robot; its `simulation` section is what is simulated.
         trajectory: what inverse dynamics is studied on; None takes the simulated motion.
+        second: judges the simulations, too, and is compared with the reference.
         peers: simulate with MuJoCo and Drake, too (extra `bench`).
         rounds: timings of each contestant, of which the median counts.
 
@@ -87,7 +94,7 @@ def accuracy(
     found: dict[str, Any] = {"runs": (), "reference_difference": float("nan"), "peers": (),
                              "constants": {}}  # fmt: skip
     if motion is not None:
-        found |= _simulations(scene, motion, rounds)
+        found |= _simulations(scene, motion, second, rounds)
         if peers:
             found |= _peers(scene, motion, rounds, notes)
     given: MotionLike
@@ -122,8 +129,8 @@ def _reference(scene: Scene, notes: list[str]) -> Motion | None:
         return None
 
 
-def _simulations(scene: Scene, motion: Motion, rounds: int) -> dict[str, Any]:
-    judge, second = judge_of(motion), absolute_judge(scene)
+def _simulations(scene: Scene, motion: Motion, second: Judge | None, rounds: int) -> dict[str, Any]:
+    judge = judge_of(motion)
     difference = float("nan")
     if second is not None:
         times = np.linspace(0.0, motion.t[-1], 201)
@@ -133,7 +140,7 @@ def _simulations(scene: Scene, motion: Motion, rounds: int) -> dict[str, Any]:
 
 
 def _peers(scene: Scene, motion: Motion, rounds: int, notes: list[str]) -> dict[str, Any]:
-    from pinfric.study.peers import compete_with_peers
+    from pinfric.study.accuracy.peers import compete_with_peers
 
     sampled = motion.sample(np.linspace(0.0, motion.t[-1], _SAMPLES))
     constants = fitted_constants(solve(scene, sampled))

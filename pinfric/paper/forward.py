@@ -1,10 +1,10 @@
-"""Forward dynamics of the paper's examples in absolute coordinates: eq. (3) with stiction.
+"""Forward dynamics in absolute coordinates: eq. (3) with stiction.
 
 A sliding joint has friction -sign(rate) mu_k N(lambda), implicit because lambda depends on it. A
 sticking joint gets one more constraint, and is released when the multiplier of that constraint
 exceeds mu_s N (constraint addition-deletion: Wu, Yang, Haug 1984, the paper's reference 1).
 
-`absolute_simulate` carries this on in time.
+`simulate` carries this on in time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 
-from pinfric.dynamics.absolute_bodies import (
+from pinfric.errors import PinfricError
+from pinfric.paper.bodies import (
     Array,
     Mechanism,
     Placement,
@@ -33,7 +34,6 @@ from pinfric.dynamics.absolute_bodies import (
     place,
     reactions,
 )
-from pinfric.errors import PinfricError
 
 Modes = NDArray[np.int_]
 

@@ -1,18 +1,14 @@
 """Work against precision in simulation: what a smaller error costs, method by method.
 
-The reference is the `event` method two decades tighter than the tightest contestant; the paper's
-examples are judged by absolute coordinates, too, which share no code with any contestant. What
-fails is a row with its reason.
+The reference is the `event` method two decades tighter than the tightest contestant; a second judge
+that shares no code with any contestant may be given, too. What fails is a row with its reason.
 """
 
 from __future__ import annotations
 
-import statistics
 import time
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -21,8 +17,8 @@ from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.result import StickInterval
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
-from pinfric.study.paper import EXAMPLES
 from pinfric.study.scene_run import run_whole
+from pinfric.study.timing import interleaved
 
 #: Relative tolerances of `event`; the absolute ones are a hundredth of them.
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
@@ -36,7 +32,6 @@ _COMPARED, _LOOKS = 400, 2000
 #: A run that takes longer than this (s) is timed once.
 _PATIENCE = 2.0
 _NAN = float("nan")
-_Key = TypeVar("_Key", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -53,8 +48,8 @@ class Run:
         missed: stick intervals of the reference without a counterpart.
         wall_s: median of the rounds (s).
         rhs: right-hand sides or steps computed.
-        error_absolute, stick_error_absolute: the first and third judged by absolute coordinates;
-            NaN where the scene is none of the paper's.
+        error_absolute, stick_error_absolute: the first and third by the second judge, absolute
+            coordinates; NaN where there is none.
         problem: why it failed; empty where it did not.
     """
 
@@ -161,34 +156,6 @@ def judge_of(motion: Motion) -> Judge:
         return motion.sample(np.minimum(times, motion.t[-1])).q
 
     return Judge("event", motion.scene, at, motion.stick_intervals())
-
-
-def absolute_judge(scene: Scene) -> Judge | None:
-    """Return the paper's own formulation as a judge of its two examples; None for other scenes."""
-    from pinfric.dynamics import absolute
-    from pinfric.model.scene_file import bundled_folder
-
-    assert scene.simulation is not None
-    own = {str(bundled_folder() / f"{example.name}.yaml"): example for example in EXAMPLES}
-    example = own.get(str(Path(scene.source).resolve()))
-    if example is None:
-        return None
-    judged = example.judge()
-    t_end = scene.simulation.t_end
-    motion = absolute.simulate(judged.mechanism, judged.angle, judged.rate, judged.effort, t_end,
-                               rtol=1e-12, atol=1e-14, sample_step=t_end)  # fmt: skip
-    starts = np.array([phase.start for phase in motion.phases])
-
-    def at(times: np.ndarray) -> np.ndarray:
-        phases = np.maximum(starts.searchsorted(times, side="right") - 1, 0)
-        states = [motion.phases[p].solution(t) for p, t in zip(phases, times, strict=True)]
-        return np.array(states)[:, : scene.model.nq]
-
-    sticks = tuple(
-        StickInterval(example.site, start, end)
-        for start, end in motion.stick_intervals(example.site)
-    )
-    return Judge("absolute coordinates", scene, at, sticks)
 
 
 def contestants(scene: Scene, methods: Iterable[str] | None = None) -> list[Contestant]:
@@ -300,14 +267,3 @@ def _judged(entry: Contestant, judge: Judge, second: Judge | None) -> Run:
 def _largest(errors: Sequence[float]) -> float:
     """The largest of errors; NaN if one is; 0 of none."""
     return float(np.max(errors)) if len(errors) else 0.0
-
-
-def interleaved(contestants: Mapping[_Key, Callable[[], object]], rounds: int) -> dict[_Key, float]:
-    """Return median seconds of each, all timed in every round: a busy machine slows all alike."""
-    times: dict[_Key, list[float]] = {name: [] for name in contestants}
-    for _ in range(rounds):
-        for name, run in contestants.items():
-            start = time.perf_counter()
-            run()
-            times[name].append(time.perf_counter() - start)
-    return {name: statistics.median(values) for name, values in times.items()}

@@ -11,11 +11,11 @@ import numpy as np
 
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, json_safe
-from pinfric.study.accuracy import Accuracy
-from pinfric.study.coupled import CoupledRun
-from pinfric.study.ladder import Rung
-from pinfric.study.precision import Run
-from pinfric.study.sampling import Sampled
+from pinfric.study.accuracy.coupled import CoupledRun
+from pinfric.study.accuracy.ladder import Rung
+from pinfric.study.accuracy.precision import Run
+from pinfric.study.accuracy.sampling import Sampled
+from pinfric.study.accuracy.study import Accuracy
 
 if TYPE_CHECKING:
     import pandas as pd

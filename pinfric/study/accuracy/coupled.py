@@ -2,7 +2,7 @@
 
     x = G(x) = -sign(v) (mu c(x) + coulomb) - viscous v,    c(x) = sum |p_0 + P x| + const
 
-(design 2.3; paper eq. 16, 17). Each pass of the fixed point leaves the error times the slope of G
+(the paper's 16 and 17). Each pass of the fixed point leaves the error times the slope of G
 at the solution, and that tends to 1 towards the jam: of the drawer, to mu / critical mu there.
 Newton's passes stay few. Both are written out here, without the safeguards of `dynamics.coupling`,
 whose solution is the reference.
@@ -23,7 +23,7 @@ from pinfric.dynamics.dense import solve_dense
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.solutions import one_sample
 from pinfric.model.compiled import kernel
-from pinfric.study.precision import interleaved
+from pinfric.study.timing import interleaved
 
 #: Coefficients of friction as shares of those at which the mechanism jams.
 SHARES = (0.2, 0.6, 0.9, 0.98, 0.9998)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.study.accuracy import Accuracy
-from pinfric.study.coupled import CoupledRun
-from pinfric.study.ladder import Rung
-from pinfric.study.precision import Run
-from pinfric.study.sampling import Sampled
+from pinfric.study.accuracy.coupled import CoupledRun
+from pinfric.study.accuracy.ladder import Rung
+from pinfric.study.accuracy.precision import Run
+from pinfric.study.accuracy.sampling import Sampled
+from pinfric.study.accuracy.study import Accuracy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,14 +16,15 @@ import pinfric as pf
 from pinfric.dynamics.result import StickInterval
 from pinfric.errors import SceneError, SimulationError
 from pinfric.model.schema import Simulation
-from pinfric.show.accuracy_figure import accuracy_figure
-from pinfric.show.accuracy_report import accuracy_frame, accuracy_json, accuracy_report
-from pinfric.study import accuracy as accuracy_module
-from pinfric.study import precision
-from pinfric.study.accuracy import accuracy
-from pinfric.study.ladder import fitted_constants, ladder, solve
-from pinfric.study.precision import Contestant, Judge, Track, compete, contestants
-from pinfric.study.sampling import missed_stick, sampling
+from pinfric.paper.reproduction import absolute_judge
+from pinfric.show.accuracy.figure import accuracy_figure
+from pinfric.show.accuracy.report import accuracy_frame, accuracy_json, accuracy_report
+from pinfric.study.accuracy import precision
+from pinfric.study.accuracy import study as accuracy_module
+from pinfric.study.accuracy.ladder import fitted_constants, ladder, solve
+from pinfric.study.accuracy.precision import Contestant, Judge, Track, compete, contestants
+from pinfric.study.accuracy.sampling import missed_stick, sampling
+from pinfric.study.accuracy.study import accuracy
 from pinfric.study.trajectory.trajectory import Trajectory
 
 _FEW_STEPS = (50, 500)
@@ -37,7 +38,8 @@ def pendulum():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(precision, "STEPS", _FEW_STEPS)
         patch.setattr(precision, "VELOCITIES", (1e-1, 1e-2))
-        return accuracy(pf.load_scene("pendulum"), rounds=1)
+        scene = pf.load_scene("pendulum")
+        return accuracy(scene, second=absolute_judge(scene), rounds=1)
 
 
 def of(runs, method):
@@ -235,7 +237,7 @@ def test_a_trajectory_alone_is_studied():
 
 
 def test_a_peer_that_is_not_there_is_one_line(monkeypatch):
-    from pinfric.study import peers
+    from pinfric.study.accuracy import peers
 
     monkeypatch.setattr(peers, "find_spec", lambda name: None)
     monkeypatch.setattr(precision, "STEPS", (50,))
@@ -251,7 +253,7 @@ def test_a_peer_that_is_not_there_is_one_line(monkeypatch):
 def test_peers_converge_to_the_same_motion(monkeypatch):
     pytest.importorskip("mujoco")
     pytest.importorskip("pydrake")
-    from pinfric.study import peers
+    from pinfric.study.accuracy import peers
 
     monkeypatch.setattr(precision, "STEPS", (500,))
     monkeypatch.setattr(precision, "TOLERANCES", (1e-4, 1e-8))
@@ -273,7 +275,7 @@ def test_peers_converge_to_the_same_motion(monkeypatch):
 
 def test_loops_are_not_handed_to_peers():
     from pinfric.errors import PinfricError
-    from pinfric.study.peers import compete_with_peers
+    from pinfric.study.accuracy.peers import compete_with_peers
 
     base = pf.load_scene("four_bar")
     scene = dataclasses.replace(base, simulation=Simulation(start=base.simulation.start, t_end=1.0))

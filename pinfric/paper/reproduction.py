@@ -11,16 +11,22 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from pinfric.dynamics import absolute
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.reactions import joint_wrenches
 from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.model.scene import Scene
-from pinfric.model.scene_file import load_scene
+from pinfric.model.scene_file import bundled_folder, load_scene
+from pinfric.paper.bodies import Mechanism
+from pinfric.paper.examples import Case, pendulum, three_link
+from pinfric.paper.forward import NoConsistentFriction
+from pinfric.paper.inverse import inverse
+from pinfric.paper.simulate import simulate
+from pinfric.study.accuracy.precision import Judge
 from pinfric.study.scene_run import run_whole
 
 #: Samples per second at which the forward motion is handed to inverse dynamics.
@@ -42,13 +48,13 @@ class Example:
 
     name: str
     site: str
-    judge: Callable[..., absolute.Example]
+    judge: Callable[..., Case]
     printed: tuple[float, float]
 
 
 EXAMPLES = (
-    Example("pendulum", "joint_1", absolute.pendulum, (1.07, 1.21)),
-    Example("three_link", "joint_12", absolute.three_link, (0.521, 0.558)),
+    Example("pendulum", "joint_1", pendulum, (1.07, 1.21)),
+    Example("three_link", "joint_12", three_link, (0.521, 0.558)),
 )
 
 
@@ -102,9 +108,7 @@ def reproduce(example: Example) -> Reproduction:
     width = (result.effort_upper - result.effort_lower)[stuck, drive]
     limit = 2 * scene.sites[site].law.mu_static * result.normal_load[stuck, site]
     judged = example.judge()
-    forward = absolute.simulate(
-        judged.mechanism, judged.angle, judged.rate, judged.effort, whole.t[-1]
-    )
+    forward = simulate(judged.mechanism, judged.angle, judged.rate, judged.effort, whole.t[-1])
     return Reproduction(
         example=example,
         scene=scene,
@@ -124,7 +128,7 @@ def _first(intervals: tuple[StickInterval, ...], site: str) -> tuple[float, floa
     return next((i.start, i.end) for i in intervals if i.site == site)
 
 
-def formulation_difference(result: InverseResult, mechanism: absolute.Mechanism) -> float:
+def formulation_difference(result: InverseResult, mechanism: Mechanism) -> float:
     """Return the largest difference of the two formulations along a motion (N m, N).
 
     Compared are both ends of the efforts, the normal loads, both ends of the friction, and the
@@ -132,7 +136,7 @@ def formulation_difference(result: InverseResult, mechanism: absolute.Mechanism)
     formulation knows single states only.
     """
     states = result.states
-    judge = absolute.inverse(mechanism, states.q, states.v, states.a)
+    judge = inverse(mechanism, states.q, states.v, states.a)
     pairs = (
         (result.effort_lower, judge.effort_lower),
         (result.effort_upper, judge.effort_upper),
@@ -170,12 +174,12 @@ def read_literally(example: Example) -> LiteralReading:
     arguments = judged.mechanism, judged.angle, judged.rate, judged.effort
     stops_at: float | None = None
     try:
-        motion = absolute.simulate(*arguments, judged.t_end)
-    except absolute.NoConsistentFriction as stop:
+        motion = simulate(*arguments, judged.t_end)
+    except NoConsistentFriction as stop:
         if stop.time is None:
             raise
         stops_at = stop.time
-        motion = absolute.simulate(*arguments, stop.time - 1e-6)
+        motion = simulate(*arguments, stop.time - 1e-6)
     start, end = motion.stick_intervals(example.site)[0]
     in_it = stops_at is not None and stops_at - end < 1e-3
     return LiteralReading(example, (start, stops_at if in_it and stops_at else end), stops_at)
@@ -215,3 +219,27 @@ def paper_json(
             for r in reproductions
         ],
     }
+
+
+def absolute_judge(scene: Scene) -> Judge | None:
+    """Return the paper's own formulation as a judge of its two examples; None for other scenes."""
+    own = {str(bundled_folder() / f"{example.name}.yaml"): example for example in EXAMPLES}
+    example = own.get(str(Path(scene.source).resolve()))
+    if example is None or scene.simulation is None:
+        return None
+    judged = example.judge()
+    t_end = scene.simulation.t_end
+    motion = simulate(judged.mechanism, judged.angle, judged.rate, judged.effort, t_end,
+                               rtol=1e-12, atol=1e-14, sample_step=t_end)  # fmt: skip
+    starts = np.array([phase.start for phase in motion.phases])
+
+    def at(times: np.ndarray) -> np.ndarray:
+        phases = np.maximum(starts.searchsorted(times, side="right") - 1, 0)
+        states = [motion.phases[p].solution(t) for p, t in zip(phases, times, strict=True)]
+        return np.array(states)[:, : scene.model.nq]
+
+    sticks = tuple(
+        StickInterval(example.site, start, end)
+        for start, end in motion.stick_intervals(example.site)
+    )
+    return Judge("absolute coordinates", scene, at, sticks)

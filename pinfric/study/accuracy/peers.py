@@ -24,8 +24,7 @@ from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
 from pinfric.model.twin import PRISMATIC
-from pinfric.study.ladder import with_constant_friction
-from pinfric.study.precision import (
+from pinfric.study.accuracy.precision import (
     Contestant,
     Run,
     Track,
@@ -41,6 +40,7 @@ from pinfric.study.trajectory.joint_columns import (
     joint_columns,
     single_positions,
 )
+from pinfric.study.variants import with_constant_friction
 
 #: Speeds (rad/s or m/s) below which a peer's joint may count as at rest, for none of them stands
 #: still; of these the one is taken that serves the peer best.

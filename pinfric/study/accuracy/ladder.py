@@ -6,9 +6,7 @@ frictionless -> a constant fitted to the same motion -> radial load -> + bending
 
 from __future__ import annotations
 
-import dataclasses
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,15 +17,19 @@ from pinfric.dynamics.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
 from pinfric.model.effects import NAMES, effects, with_effects
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Coefficients, Friction
-from pinfric.study.precision import interleaved
-from pinfric.study.summary import ends_by_magnitude
+from pinfric.study.timing import interleaved, repeated_times, timed_repeats
+from pinfric.study.variants import (
+    Efforts,
+    effort_change,
+    fitted_constants,
+    one_pass,
+    solve,
+    with_constant_friction,
+)
 
 #: Samples a timing takes at least; a short motion is repeated to that length, unless that takes
 #: longer than so many seconds.
 _TIMED, _PATIENCE = 2000, 0.2
-#: A coefficient so small that the load it reports is that without friction.
-_HARDLY = 1e-9
 _NAN = float("nan")
 
 
@@ -59,21 +61,6 @@ class Rung:
     motor_side: bool = False
     distance: float = _NAN
     problem: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Efforts:
-    """(T, na) ends of the efforts at the joints and at the motors' shafts."""
-
-    lower: np.ndarray
-    upper: np.ndarray
-    motor_lower: np.ndarray
-    motor_upper: np.ndarray
-
-    @classmethod
-    def of(cls, r: InverseResult) -> Efforts:
-        """Return the efforts of a result."""
-        return cls(r.effort_lower, r.effort_upper, r.motor_torque_lower, r.motor_torque_upper)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,91 +146,6 @@ def _step(name: str, why: str, scene: Scene, motion: MotionLike) -> _Step:
         return _Step(name, why, None, None, " ".join(str(problem).split()))
 
 
-def solve(scene: Scene, motion: MotionLike) -> InverseResult:
-    """Return inverse dynamics on one thread; the motion's payloads as it carries them."""
-    attached = attached_columns(scene, motion)
-    return inverse_dynamics(
-        scene, motion.q, motion.v, motion.a, t=motion.t, attached=attached, threads=1
-    )
-
-
-def fitted_constants(result: InverseResult) -> dict[str, float]:
-    """Return for each site the constant nearest to its friction while it slides (N m or N).
-
-    The F of least squares in phi = -sign(v) F: the mean of |phi|; 0 where it never slides.
-    """
-    slides = ~(result.sticking | result.reversal)
-    size = 0.5 * np.abs(result.friction_lower + result.friction_upper)
-    count = np.maximum(slides.sum(axis=0), 1)
-    means = np.nansum(np.where(slides, size, 0.0), axis=0) / count
-    return dict(zip(result.site_names, means.tolist(), strict=True))
-
-
-def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scene:
-    """Return the scene with constant friction only, ideal drives and its payloads.
-
-    Args:
-        scene: stays as it is.
-        constants: site -> friction, static as kinetic (N m or N).
-    """
-    friction = {
-        name: Friction(coulomb=Coefficients(static=F, kinetic=F))
-        for name, F in constants.items() if F > 0.0
-    }  # fmt: skip
-    return dataclasses.replace(with_effects(scene, only=["payload"]), friction=friction)
-
-
-def hardly_rubbing(scene: Scene) -> Scene:
-    """Return the scene with coefficients so small that loads are those without friction."""
-    friction = {
-        name: entry.model_copy(update={"mu": Coefficients(static=_HARDLY, kinetic=_HARDLY)})
-        if entry.mu is not None else entry
-        for name, entry in scene.friction.items()
-    }  # fmt: skip
-    return dataclasses.replace(scene, friction=friction)
-
-
-def one_pass(radial: Scene, motion: MotionLike) -> Efforts:
-    """Return efforts with loads without friction, friction from them, and no look back.
-
-    What coupling corrects. Efforts are linear in friction: a site's share comes from a constant at
-    that site alone. Kinetic friction, also at sites that stick.
-
-    Args:
-        radial: a scene whose only friction is that of loads.
-        motion: with t, q, v, a.
-    """
-    plain = solve(with_effects(radial, only=["payload"]), motion)
-    loads = solve(hardly_rubbing(radial), motion).normal_load
-    efforts = plain.effort_lower.copy()
-    for s, name in enumerate(radial.site_names):
-        mu = radial.friction[name].mu
-        if mu is None:
-            continue
-        alone = solve(with_constant_friction(radial, {name: 1.0}), motion)
-        unit = 0.5 * (alone.effort_lower + alone.effort_upper) - plain.effort_lower
-        efforts += unit * mu.kinetic * loads[:, s : s + 1]
-    return Efforts(efforts, efforts, efforts, efforts)
-
-
-def timed_repeats(run: Callable[[], object], samples: int, wanted: int, patience: float) -> int:
-    """Return how often a motion is repeated in a timing: to `wanted` samples, within `patience` s.
-
-    0 where the motion once takes longer than `patience`: then once is enough, and one round.
-    """
-    run()  # kernels are read from disk, or compiled
-    start = time.perf_counter()
-    run()
-    seconds = time.perf_counter() - start
-    return min(-(-wanted // samples), int(patience / seconds))
-
-
-def repeated_times(t: np.ndarray, repeats: int) -> np.ndarray:
-    """Return the times (s) of a motion repeated end to start, the mean step between two runs."""
-    period = (t[-1] - t[0]) * len(t) / (len(t) - 1) if len(t) > 1 else 1.0
-    return np.asarray(np.tile(t, repeats) + np.repeat(np.arange(repeats) * period, len(t)))
-
-
 def _timed(scene: Scene | None, motion: MotionLike, repeats: int) -> Callable[[], object]:
     assert scene is not None
     n = max(repeats, 1)
@@ -252,21 +154,6 @@ def _timed(scene: Scene | None, motion: MotionLike, repeats: int) -> Callable[[]
     attached = attached_columns(scene, motion)
     carried = None if attached is None else np.tile(attached, (n, 1))
     return lambda: inverse_dynamics(scene, q, v, a, t=t, attached=carried, threads=1)
-
-
-def effort_change(
-    scene: Scene, here: Efforts, below: Efforts, motor: bool
-) -> tuple[float, float, str]:
-    """Changes of peak and RMS of the worst end, of the drive where its RMS changes most."""
-    worst = [
-        ends_by_magnitude(*((e.motor_lower, e.motor_upper) if motor else (e.lower, e.upper)))[0]
-        for e in (here, below)
-    ]
-    peaks = [np.nanmax(np.abs(w), axis=0) for w in worst]
-    rms = [np.sqrt(np.nanmean(w**2, axis=0)) for w in worst]
-    i = int(np.argmax(np.abs(rms[0] - rms[1])))
-    name = scene.actuator_names[i]
-    return float((peaks[0] - peaks[1])[i]), float((rms[0] - rms[1])[i]), name
 
 
 def _distance(whole: Efforts, here: Efforts) -> float:

@@ -1,0 +1,1 @@
+"""What the studies of accuracy look like: table and picture."""
