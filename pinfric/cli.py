@@ -159,9 +159,9 @@ def paper(
     --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
     """
     from pinfric.model.files import check_writable
+    from pinfric.paper import reproduction as made
     from pinfric.paper.figures import paper_figures
     from pinfric.paper.report import literal_report, paper_report
-    from pinfric.paper.reproduction import EXAMPLES, paper_json, read_literally, reproduce
 
     if reading not in ("consistent", "literal"):
         raise typer.BadParameter(
@@ -171,13 +171,13 @@ def paper(
         check_writable(out)
     if reading == "literal":
         with working("simulating both examples as printed"):
-            literal = [read_literally(example) for example in EXAMPLES]
-        summary = paper_json([], literal)
-        report, figures = literal_report(literal), {}
+            literal = [made.read_literally(example) for example in made.EXAMPLES]
+        summary, report, figures = made.literal_json(literal), literal_report(literal), {}
     else:
         with working("simulating both examples, twice"):
-            found = [reproduce(example) for example in EXAMPLES]
-        summary, report = paper_json(found), paper_report(found)
+            found = [made.reproduce(example) for example in made.EXAMPLES]
+            loop = made.closed_loop_difference()
+        summary, report = made.paper_json(found, loop), paper_report(found, loop)
         figures = paper_figures(*found) if out is not None else {}
     if out is not None:
         write(out, {

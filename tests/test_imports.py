@@ -12,7 +12,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "pinfric"
 LAYERS = ["errors", "model", "dynamics", "study", "show", "paper", "terminal", "cli", "__main__"]
 #: The files of `paper/` that are its formulation; the others set it beside ours.
-JUDGE = ("bodies", "inverse", "forward", "simulate", "examples")
+JUDGE = ("bodies", "equations", "inverse", "forward", "simulate", "examples")
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 

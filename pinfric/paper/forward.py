@@ -18,21 +18,20 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import root
 
 from pinfric.errors import PinfricError
-from pinfric.paper.bodies import (
-    Array,
-    Mechanism,
+from pinfric.paper.bodies import Array, Mechanism
+from pinfric.paper.equations import (
     Placement,
+    Relative,
     acceleration_bias,
     actuator_forces,
     applied_forces,
     apply,
     body_speeds,
     contact_forces,
-    joint_jacobians,
-    mass_matrix,
     normal_load,
     place,
     reactions,
+    relative_jacobian,
 )
 
 Modes = NDArray[np.int_]
@@ -43,22 +42,27 @@ MOST_AT_REST = 8  # 3^8 combinations of stick and slip
 
 
 class NoConsistentFriction(PinfricError):  # noqa: N818 - it names a finding about the mechanism
-    """Neither stick nor slip obeys the law of friction (or several do): `time` s, `angle`, `rate`.
+    """Neither stick nor slip obeys the law of friction (or several do).
 
-    `consistent` are the modes that do; empty where there are none. `time` is None outside a
-    simulation.
+    At `time` s (None outside a simulation), `position` and `rate`; `consistent` are the modes that
+    do, empty where there are none.
     """
 
     def __init__(
-        self, time: float | None, angle: Array, rate: Array, effort: Array, consistent: list[Modes]
+        self,
+        time: float | None,
+        position: Array,
+        rate: Array,
+        effort: Array,
+        consistent: list[Modes],
     ) -> None:
-        self.time, self.angle, self.rate = time, angle, rate
+        self.time, self.position, self.rate = time, position, rate
         self.effort, self.consistent = effort, consistent
         found = f"{len(consistent)} combinations" if consistent else "no combination"
         when = "" if time is None else f" at t = {time:.6g} s"
         super().__init__(
-            f"{found} of stick and slip fit the law of friction{when}: angle {angle.tolist()}, "
-            f"rate {rate.tolist()}, effort {effort.tolist()}"
+            f"{found} of stick and slip fit the law of friction{when}: position "
+            f"{position.tolist()}, rate {rate.tolist()}, effort {effort.tolist()}"
         )
 
 
@@ -66,14 +70,14 @@ class NoConsistentFriction(PinfricError):  # noqa: N818 - it names a finding abo
 class AbsoluteInstant:
     """Accelerations, reactions and friction at one state under given efforts."""
 
-    acceleration: Array  # (nj,) rad/s^2
+    acceleration: Array  # (nj,) rad/s^2 or m/s^2, along what the joints leave free
     body_acceleration: Array  # (n,) q'' of (3)
-    multipliers: Array  # (5 nj,) lambda of (3)
-    friction: Array  # (ns,) N m on the child about the axis
-    normal_load: Array  # (ns,) N m
+    multipliers: Array  # (m,) lambda of (3)
+    friction: Array  # (ns,) N m or N on the child about or along the axis
+    normal_load: Array  # (ns,) N m or N
     wrench: Array  # (nj, 6) parent on child, joint's point, child's axes, linear first
     modes: Modes  # (ns,) the sign of the slip, 0 where the joint sticks
-    rounding: Array  # (nj,) rad/s^2 below which an acceleration counts as zero
+    rounding: Array  # (nj,) rad/s^2 or m/s^2 below which an acceleration counts as zero
 
 
 # ---------------------------------------------------------------- eq. (3) in given modes
@@ -85,22 +89,24 @@ class State:
 
     mechanism: Mechanism
     placement: Placement
-    constraint: Array  # Phi_q (m, n)
-    axis: Array  # (nj, n)
-    bias: Array  # gamma (m,)
+    jacobian: Relative  # of one sample
+    bias: Relative
     force: Array  # Q^A + Q^E (n,)
     effort: Array  # (na,)
+    site_rate: Array  # (ns,) rad/s or m/s
 
 
-def prepare(mechanism: Mechanism, angle: Array, rate: Array, effort: Array) -> State:
-    """Everything of (3) at angles (nj,), rates (nj,) and efforts (na,) that modes do not change."""
-    placement = place(mechanism, angle[None])
-    constraint, axis = joint_jacobians(mechanism, placement)
-    speed = body_speeds(constraint, axis, rate[None])
-    bias = acceleration_bias(mechanism, placement, speed)[0]
+def prepare(mechanism: Mechanism, position: Array, rate: Array, effort: Array) -> State:
+    """Everything of (3) that modes do not change; positions, rates (nt,) and efforts (na,)."""
+    placement = place(mechanism, position[None])
+    jacobian = relative_jacobian(mechanism, placement)
+    speed = body_speeds(jacobian, rate[None])
+    bias = acceleration_bias(mechanism, placement, speed)
     force = apply(actuator_forces(mechanism, placement)[0], effort)
     force = force + applied_forces(mechanism, speed)[0]
-    return State(mechanism, placement, constraint[0], axis[0], bias, force, effort)
+    rates = np.concatenate([rate, jacobian.axis[0, len(rate) :] @ speed[0]])
+    sites = mechanism.geometry.sites
+    return State(mechanism, placement, jacobian, bias, force, effort, rates[sites])
 
 
 def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
@@ -109,20 +115,26 @@ def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
     A sticking joint adds its axis row to Phi_q; minus that row's multiplier is its friction. The
     solution is affine in the sliding friction, which is then found by `_sliding_friction`.
     """
-    geo, constraint = state.mechanism.geometry, state.constraint
+    geo, constraint, axis = (
+        state.mechanism.geometry,
+        state.jacobian.constraint[0],
+        state.jacobian.axis[0],
+    )
+    axis_bias = state.bias.axis[0]
     stuck, sliding = modes == 0, modes != 0
-    rows = np.concatenate([constraint, state.axis[geo.sites[stuck]]])
-    torque = state.axis[geo.sites[sliding]]
+    rows = np.concatenate([constraint, axis[geo.sites[stuck]]])
+    slip_force = axis[geo.sites[sliding]]
     n, m = constraint.shape[1], len(constraint)
     kkt = np.zeros((n + len(rows),) * 2)
-    kkt[:n, :n], kkt[:n, n:], kkt[n:, :n] = mass_matrix(state.mechanism), rows.T, rows
-    right = np.zeros((len(kkt), 1 + len(torque)))
-    right[:n, 0], right[n : n + m, 0], right[:n, 1:] = state.force, state.bias, torque.T
+    kkt[:n, :n], kkt[:n, n:], kkt[n:, :n] = geo.mass_matrix, rows.T, rows
+    right = np.zeros((len(kkt), 1 + len(slip_force)))
+    right[:n, 0], right[:n, 1:] = state.force, slip_force.T
+    right[n:, 0] = np.concatenate([state.bias.constraint[0], axis_bias[geo.sites[stuck]]])
     # the first row is the solution without sliding friction, the others what unit friction adds
     columns = np.asarray(np.linalg.solve(kkt, right).T, np.float64)
     # the joints' constraint wrenches and contact forces, linear in lambda
     multipliers = columns[:, n : n + m]
-    wrench = reactions(state.mechanism, state.placement, constraint[None], multipliers)
+    wrench = reactions(state.mechanism, state.placement, state.jacobian, multipliers)
     contact = contact_forces(state.mechanism, wrench)
     factor = -(modes * geo.kinetic * geo.radius)[sliding]
     slip = _sliding_friction(contact[0, sliding], contact[1:, sliding], factor)
@@ -135,10 +147,10 @@ def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
     friction[sliding], friction[stuck] = slip, -solution[n + m :]
     through = apply(geo.through, state.effort)
     through[geo.sites] += friction
-    wrench[:, 3:] += through[:, None] * geo.triad[:, 2]
-    terms = np.abs(share) @ np.abs(columns[:, :n]) @ np.abs(state.axis).T
+    wrench += through[:, None] * geo.direction
+    terms = np.abs(share) @ np.abs(columns[:, :n]) @ np.abs(axis).T
     return AbsoluteInstant(
-        acceleration=state.axis @ solution[:n],
+        acceleration=axis @ solution[:n] - axis_bias,
         body_acceleration=solution[:n],
         multipliers=solution[n : n + m],
         friction=friction,
@@ -150,7 +162,7 @@ def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
 
 
 def _sliding_friction(constant: Array, slope: Array, factor: Array) -> Array | None:
-    """Friction phi (k,) with phi = factor sum |p|, p = constant (k, 2, 3) + phi slope (k, k, 2, 3).
+    """Friction phi (k,) with phi = factor sum |p|, p = constant (k, 3, 3) + phi slope (k, k, 3, 3).
 
     Fixed point first; where that is slow or diverges, Powell's hybrid method. None where neither
     reaches the tolerance.
@@ -231,7 +243,7 @@ def find_modes(
 
 def forward(
     mechanism: Mechanism,
-    angle: ArrayLike,
+    position: ArrayLike,
     rate: ArrayLike,
     effort: ArrayLike,
     modes: ArrayLike | None = None,
@@ -243,9 +255,9 @@ def forward(
 
     Args:
         mechanism: bodies, joints, gravity and actuators.
-        angle: (nj,) rad about the joints' axes, child relative to parent.
-        rate: (nj,) rad/s.
-        effort: (na,) N m for a joint drive.
+        position: (nt,) rad about the joints' axes or m along them, child relative to parent.
+        rate: (nt,) rad/s or m/s.
+        effort: (na,) N m, or N for a unit force.
         modes: (ns,) prescribes 0 (sticks) or the sign of the slip, unchecked; None finds them.
 
     Raises:
@@ -253,16 +265,18 @@ def forward(
 
     Source: the paper, (3), (4), (21); its reference 1 for the change of constraints.
     """
-    angle, rate, effort = (np.asarray(x, float) for x in (angle, rate, effort))
-    state = prepare(mechanism, angle, rate, effort)
-    where = (None, angle, rate)
+    position, rate, effort = (np.asarray(x, float) for x in (position, rate, effort))
+    state = prepare(mechanism, position, rate, effort)
+    where = (None, position, rate)
     if modes is not None:
         instant = _solve_modes(state, np.asarray(modes, int))
         if instant is None:
             raise NoConsistentFriction(*where, effort, [])
         return instant
     geo = mechanism.geometry
-    site_rate = rate[geo.sites]
-    at_rest = np.abs(site_rate) <= geo.stick_velocity
-    signs = np.where(at_rest, 0, np.sign(site_rate)).astype(int)
+    at_rest = np.abs(state.site_rate) <= geo.stick_velocity
+    if at_rest.any() and mechanism.loops:
+        raise PinfricError("joints at rest in a loop share their friction in more ways than one: "
+                           "forward dynamics takes loops in motion only")  # fmt: skip
+    signs = np.where(at_rest, 0, np.sign(state.site_rate)).astype(int)
     return find_modes(state, signs, at_rest, at_rest, where)

@@ -14,23 +14,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pinfric.errors import PinfricError
-from pinfric.paper.bodies import (
-    Array,
-    Indices,
-    Mechanism,
+from pinfric.paper.bodies import Array, Indices, Mechanism
+from pinfric.paper.equations import (
     Placement,
+    Relative,
     acceleration_bias,
     actuator_forces,
     applied_forces,
     apply,
+    body_accelerations,
     body_speeds,
+    check_loops,
     full_pivoting,
-    joint_jacobians,
-    mass_matrix,
     normal_load,
     partial_velocity_matrix,
     place,
     reactions,
+    relative_jacobian,
     solve,
 )
 
@@ -56,16 +56,16 @@ class AbsoluteInverse:
     sticking joints; with joint drives they are the same anywhere in the interval.
     """
 
-    effort_lower: Array  # (T, na) N m for a joint drive, N for a unit force
+    effort_lower: Array  # (T, na) N m, or N for a unit force
     effort_upper: Array  # (T, na)
     effort_frictionless: Array  # (T, na)
-    normal_load: Array  # (T, ns) N m, radius-weighted sum of contact forces
-    friction_lower: Array  # (T, ns) N m, on the child about the axis
+    normal_load: Array  # (T, ns) radius-weighted sum of contact forces, N m (N along an axis)
+    friction_lower: Array  # (T, ns) N m or N, on the child about or along the axis
     friction_upper: Array  # (T, ns)
     wrench: Array  # (T, nj, 6) parent on child, at the joint's point, child's axes, linear first
     sticking: np.ndarray  # (T, ns) bool
     iterations: np.ndarray  # (T,) solutions of (16), the most of all static limits tried
-    multipliers: Array  # (T, 5 nj) lambda of (17)
+    multipliers: Array  # (T, m) lambda of (17)
     body_acceleration: Array  # (T, n) r'' in ground axes and omega' in body axes, body by body
 
 
@@ -74,14 +74,14 @@ class _Known:
     """Step 2: everything the motion fixes, samples first."""
 
     placement: Placement
-    constraint: Array  # Phi_q (T, m, n)
-    axis: Array  # (T, nj, n), transposed the generalized forces of unit torques about the axes
+    jacobian: Relative  # Phi_q among its rows; transposed: forces along and about the joints
     dependent: Indices  # (T, m)
     B: Array  # (T, n, n - m)
     inertial: Array  # M q'' - Q^E (T, n)
     drive: Array  # (Q^A)_FA (T, n, na)
     reduced_drive: Array  # B^T (Q^A)_FA (T, n - m, na)
-    scale: Array  # (T,) size of the terms of (16), what "small" is measured by
+    effort_terms: Array  # (T, na) size of the terms that efforts are sums of, without friction
+    rate: Array  # (T, ns) at the sites, rad/s or m/s
     acceleration: Array  # q'' (T, n)
 
     def take(self, samples: Indices) -> _Known:
@@ -89,38 +89,43 @@ class _Known:
         placement = Placement(
             *(getattr(self.placement, f.name)[samples] for f in fields(Placement))
         )
-        rest = {f.name: getattr(self, f.name)[samples] for f in fields(self)[1:]}
-        return _Known(placement=placement, **rest)
+        jacobian = replace(self.jacobian, rows=self.jacobian.rows[samples])
+        rest = {f.name: getattr(self, f.name)[samples] for f in fields(self)[2:]}
+        return _Known(placement=placement, jacobian=jacobian, **rest)
 
 
-def _step_2(mechanism: Mechanism, angle: Array, rate: Array, acceleration: Array) -> _Known:
-    placement = place(mechanism, angle)
-    constraint, axis = joint_jacobians(mechanism, placement)
-    speed = body_speeds(constraint, axis, rate)
-    driven = np.concatenate([constraint, axis], axis=1)
+def _step_2(mechanism: Mechanism, position: Array, rate: Array, acceleration: Array) -> _Known:
+    geo = mechanism.geometry
+    placement = place(mechanism, position)
+    jacobian = relative_jacobian(mechanism, placement)
+    speed = body_speeds(jacobian, rate)
     bias = acceleration_bias(mechanism, placement, speed)
-    body_acceleration = solve(driven, np.concatenate([bias, acceleration], axis=1))
-    dependent, independent = full_pivoting(constraint)
-    B = partial_velocity_matrix(constraint, dependent, independent)
-    inertia_force = body_acceleration @ mass_matrix(mechanism)
+    body_acceleration = body_accelerations(jacobian, bias, acceleration)
+    check_loops(mechanism, placement, jacobian, bias, speed, body_acceleration)
+    dependent, independent = full_pivoting(jacobian.constraint)
+    B = partial_velocity_matrix(jacobian.constraint, dependent, independent)
+    B_transposed = np.swapaxes(B, 1, 2)
+    inertia_force = body_acceleration @ geo.mass_matrix
     applied = applied_forces(mechanism, speed)
     drive = actuator_forces(mechanism, placement)
-    reduced_drive = np.swapaxes(B, 1, 2) @ drive
-    sums = np.swapaxes(np.abs(B), 1, 2) @ np.abs(drive)
+    reduced_drive = B_transposed @ drive
+    sums = np.abs(B_transposed) @ np.abs(drive)
     relative = reduced_drive / sums.max(axis=1, keepdims=True)  # efforts may have different units
     if np.any(np.linalg.svd(relative, compute_uv=False)[:, -1] < 1e-10):
         raise PinfricError("the actuators leave a motion of the mechanism undriven")
-    terms = apply(np.swapaxes(np.abs(B), 1, 2), np.abs(inertia_force) + np.abs(applied))
+    terms = apply(np.abs(B_transposed), np.abs(inertia_force) + np.abs(applied))
+    tree = rate.shape[1]  # its rates as they were given; the loops' follow
+    rates = np.concatenate([rate, apply(jacobian.axis[:, tree:], speed)], axis=1)
     return _Known(
         placement=placement,
-        constraint=constraint,
-        axis=axis,
+        jacobian=jacobian,
         dependent=dependent,
         B=B,
         inertial=inertia_force - applied,
         drive=drive,
         reduced_drive=reduced_drive,
-        scale=terms.max(axis=1),
+        effort_terms=apply(np.abs(np.linalg.inv(reduced_drive)), terms),
+        rate=rates[:, geo.sites],
         acceleration=body_acceleration,
     )
 
@@ -135,26 +140,28 @@ class _Solution:
     iterations: np.ndarray
 
 
-def _effort_16(mechanism: Mechanism, known: _Known, friction: Array) -> tuple[Array, Array]:
-    """F_A of B^T (Q^A)_FA F_A = chi (16), and chi = B^T (M q'' - Q^F - Q^E) (9)."""
+def _friction_force(mechanism: Mechanism, known: _Known, friction: Array) -> Array:
+    """Q^F (T, n) of (4): friction on the child about or along its axis, opposite on the parent."""
+    unit_force = known.jacobian.axis[:, mechanism.geometry.sites]
+    return apply(np.swapaxes(unit_force, 1, 2), friction)
+
+
+def _effort_16(mechanism: Mechanism, known: _Known, friction: Array) -> Array:
+    """F_A of B^T (Q^A)_FA F_A = chi (16), with chi = B^T (M q'' - Q^F - Q^E) (9)."""
     q_friction = _friction_force(mechanism, known, friction)
-    chi = apply(np.swapaxes(known.B, 1, 2), known.inertial - q_friction)
-    return solve(known.reduced_drive, chi), chi
+    return solve(
+        known.reduced_drive, apply(np.swapaxes(known.B, 1, 2), known.inertial - q_friction)
+    )
 
 
 def _multipliers_17(mechanism: Mechanism, known: _Known, effort: Array, friction: Array) -> Array:
     """Lambda of Phi_q^T lambda = Q - M q'' (17), from the rows of the dependent coordinates."""
     right = apply(known.drive, effort) + _friction_force(mechanism, known, friction)
     right = right - known.inertial
-    dependent = np.take_along_axis(known.constraint, known.dependent[:, None, :], axis=2)
+    constraint = known.jacobian.constraint
+    dependent = np.take_along_axis(constraint, known.dependent[:, None, :], axis=2)
     picked = np.take_along_axis(right, known.dependent, axis=1)
     return solve(np.swapaxes(dependent, 1, 2), picked)
-
-
-def _friction_force(mechanism: Mechanism, known: _Known, friction: Array) -> Array:
-    """Q^F (T, n): a torque on the child about the joint's axis, the opposite on the parent."""
-    unit_torque = known.axis[:, mechanism.geometry.sites]
-    return apply(np.swapaxes(unit_torque, 1, 2), friction)
 
 
 def _fixed_point(
@@ -165,28 +172,30 @@ def _fixed_point(
     tolerance: float,
     max_iterations: int,
 ) -> _Solution:
-    """Steps 3 to 6 with friction = coefficient x load, until (16) does not change any more."""
+    """Steps 3 to 6 with friction = coefficient x load, until F_A does not change any more."""
     iterations = np.zeros(len(load), int)
-    before = np.full(known.inertial.shape[:1] + known.reduced_drive.shape[2:], np.inf)
+    before = np.full(known.effort_terms.shape, np.inf)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging iteration may overflow
         for count in range(1, max_iterations + 1):
-            friction = coefficient * load
-            effort, chi = _effort_16(mechanism, known, friction)
+            friction = coefficient * load  # step 3
+            effort = _effort_16(mechanism, known, friction)  # step 4
+            # step 5: each effort's change against the size of its own terms, whatever its unit
+            size = known.effort_terms + np.abs(effort)
+            settled = np.all(np.abs(effort - before) <= tolerance * size, axis=1)
+            # step 6, for the reactions to the last efforts, too
             multipliers = _multipliers_17(mechanism, known, effort, friction)
-            wrench = reactions(mechanism, known.placement, known.constraint, multipliers)
+            wrench = reactions(mechanism, known.placement, known.jacobian, multipliers)
             load = normal_load(mechanism, wrench)
-            scale = known.scale + np.abs(chi).max(axis=1)
-            settled = np.abs(chi - before).max(axis=1) <= tolerance * scale
             iterations[settled & (iterations == 0)] = count
             if np.all(settled):
                 return _Solution(effort, friction, load, wrench, multipliers, iterations)
-            before = chi
+            before = effort
     raise FixedPointError(np.nonzero(~settled)[0], max_iterations)
 
 
 def inverse(
     mechanism: Mechanism,
-    angle: ArrayLike,
+    position: ArrayLike,
     rate: ArrayLike,
     acceleration: ArrayLike,
     tolerance: float = 1e-13,
@@ -204,35 +213,36 @@ def inverse(
 
     Args:
         mechanism: bodies, joints, gravity and actuators.
-        angle: (T, nj) rad about the joints' axes, child relative to parent.
-        rate: (T, nj) rad/s.
-        acceleration: (T, nj) rad/s^2.
-        tolerance: change of (16) at which the iteration ends, relative to the size of its terms.
+        position: (T, nt) rad about the joints' axes or m along them, child relative to parent;
+            joints that close loops follow.
+        rate: (T, nt) rad/s or m/s.
+        acceleration: (T, nt) rad/s^2 or m/s^2.
+        tolerance: change of F_A at which the iteration ends (step 5), each effort relative to the
+            size of the terms that it is a sum of.
         max_iterations: solutions of (16) allowed.
 
     Raises:
         FixedPointError: the iteration does not settle.
-        PinfricError: shapes do not fit, or more than ten joints stick at one sample.
+        PinfricError: shapes do not fit, a loop is open, constraints depend on each other, or more
+            than ten joints stick at one sample.
 
     Source: the paper, (1)-(17) and steps 1-7.
     """
-    angle, rate, acceleration = (
+    position, rate, acceleration = (
         _samples(mechanism, name, values)
-        for name, values in (("angle", angle), ("rate", rate), ("acceleration", acceleration))
+        for name, values in (("position", position), ("rate", rate), ("acceleration", acceleration))
     )
     geo = mechanism.geometry
-    known = _step_2(mechanism, angle, rate, acceleration)
-    site_rate = rate[:, geo.sites]
-    sticking = np.abs(site_rate) <= geo.stick_velocity
-    zero = np.zeros(site_rate.shape)
+    known = _step_2(mechanism, position, rate, acceleration)  # steps 1 and 2
+    sticking = np.abs(known.rate) <= geo.stick_velocity
+    zero = np.zeros(known.rate.shape)
     free = _fixed_point(mechanism, known, zero, zero, tolerance, max_iterations)
-    sliding = np.where(sticking, 0.0, -np.sign(site_rate) * geo.kinetic)
+    sliding = np.where(sticking, 0.0, -np.sign(known.rate) * geo.kinetic)
     middle = _fixed_point(mechanism, known, sliding, free.load, tolerance, max_iterations)
     ends = _static_limits(mechanism, known, sticking, sliding, middle, tolerance, max_iterations)
-    wrench = middle.wrench.copy()
     through = apply(geo.through, middle.effort)
     through[:, geo.sites] += middle.friction
-    wrench[..., 3:] += through[..., None] * geo.triad[:, 2]
+    wrench = middle.wrench + through[..., None] * geo.direction
     return AbsoluteInverse(
         effort_lower=ends[0].effort,
         effort_upper=ends[1].effort,

@@ -22,17 +22,22 @@ from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import bundled_folder, load_scene
 from pinfric.paper.bodies import Mechanism
-from pinfric.paper.examples import Case, pendulum, three_link
+from pinfric.paper.examples import Case, pendulum, slider_crank, three_link
 from pinfric.paper.forward import NoConsistentFriction
 from pinfric.paper.inverse import inverse
 from pinfric.paper.simulate import simulate
 from pinfric.study.accuracy.precision import Judge
 from pinfric.study.scene_run import run_whole
+from pinfric.study.trajectory.joint_columns import joint_columns, single_positions
+from pinfric.study.trajectory.trajectory import load_trajectory
 
 #: Samples per second at which the forward motion is handed to inverse dynamics.
 SAMPLE_RATE = 2000
 #: What a torque may lie outside its interval by rounding, N m.
 SLACK = 1e-9
+
+#: The bundled scene of a closed loop, and every how many samples of its motion one is compared.
+CLOSED_LOOP, LOOP_STRIDE = "slider_crank", 10
 
 #: The three places where the printed data are ambiguous, and the reading that fits its results.
 READINGS = (
@@ -108,7 +113,7 @@ def reproduce(example: Example) -> Reproduction:
     width = (result.effort_upper - result.effort_lower)[stuck, drive]
     limit = 2 * scene.sites[site].law.mu_static * result.normal_load[stuck, site]
     judged = example.judge()
-    forward = simulate(judged.mechanism, judged.angle, judged.rate, judged.effort, whole.t[-1])
+    forward = simulate(judged.mechanism, judged.position, judged.rate, judged.effort, whole.t[-1])
     return Reproduction(
         example=example,
         scene=scene,
@@ -132,21 +137,43 @@ def formulation_difference(result: InverseResult, mechanism: Mechanism) -> float
     """Return the largest difference of the two formulations along a motion (N m, N).
 
     Compared are both ends of the efforts, the normal loads, both ends of the friction, and the
-    reaction wrenches of all joints. Reversals between samples are left out: the paper's
-    formulation knows single states only.
+    reaction wrenches at the sites, without loops those of all joints. Reversals between samples are
+    left out: the paper's formulation knows single states only.
     """
-    states = result.states
-    judge = inverse(mechanism, states.q, states.v, states.a)
-    pairs = (
+    states, scene = result.states, result.scene
+    columns = {column.name: column for column in joint_columns(scene.loaded_model(), scene.source)}
+    single = single_positions(states.q, [column.nq for column in columns.values()])
+    tree = [list(columns).index(joint.name) for joint in mechanism.joints]
+    speeds = [columns[joint.name].index_v for joint in mechanism.joints]
+    judge = inverse(mechanism, single[:, tree], states.v[:, speeds], states.a[:, speeds])
+    names = [joint.name for joint in (*mechanism.joints, *mechanism.loops)]
+    joints = [names.index(site) for site in result.site_names]
+    sites = [mechanism.geometry.sites.tolist().index(joint) for joint in joints]
+    pairs = [
         (result.effort_lower, judge.effort_lower),
         (result.effort_upper, judge.effort_upper),
-        (result.normal_load, judge.normal_load),
-        (result.friction_lower, judge.friction_lower),
-        (result.friction_upper, judge.friction_upper),
-        (joint_wrenches(result.scene, states.q, states.v, states.a), judge.wrench),
-    )
+        (result.normal_load, judge.normal_load[:, sites]),
+        (result.friction_lower, judge.friction_lower[:, sites]),
+        (result.friction_upper, judge.friction_upper[:, sites]),
+    ]
+    if mechanism.loops:
+        assert result.wrench is not None  # where loops close, something always looks at them
+        pairs.append((result.wrench, judge.wrench[:, joints]))
+    else:
+        pairs.append((joint_wrenches(scene, states.q, states.v, states.a), judge.wrench))
     plain = ~result.reversal.any(axis=1)
     return float(max(np.abs(ours - theirs)[plain].max() for ours, theirs in pairs))
+
+
+def closed_loop_difference() -> float:
+    """Return the same (N m, N) of the slider-crank along its bundled motion, moving and at rest.
+
+    The paper's equations hold for closed loops and translational joints; its examples have neither.
+    """
+    scene = load_scene(CLOSED_LOOP)
+    motion = load_trajectory(f"{CLOSED_LOOP}.waypoints.yaml", scene)
+    q, v, a = (values[::LOOP_STRIDE] for values in (motion.q, motion.v, motion.a))
+    return formulation_difference(inverse_dynamics(scene, q, v, a), slider_crank())
 
 
 @dataclass(frozen=True)
@@ -171,7 +198,7 @@ def read_literally(example: Example) -> LiteralReading:
     held it: at the end of the first stick no motion is consistent.
     """
     judged = example.judge(reading="literal")
-    arguments = judged.mechanism, judged.angle, judged.rate, judged.effort
+    arguments = judged.mechanism, judged.position, judged.rate, judged.effort
     stops_at: float | None = None
     try:
         motion = simulate(*arguments, judged.t_end)
@@ -185,23 +212,8 @@ def read_literally(example: Example) -> LiteralReading:
     return LiteralReading(example, (start, stops_at if in_it and stops_at else end), stops_at)
 
 
-def paper_json(
-    reproductions: list[Reproduction], literal: list[LiteralReading] | None = None
-) -> dict[str, object]:
+def paper_json(reproductions: list[Reproduction], loop_difference: float) -> dict[str, object]:
     """Return everything `pinfric paper --json` prints; SI units."""
-    if literal is not None:
-        return {
-            "reading": "literal",
-            "examples": [
-                {
-                    "name": read.example.name,
-                    "stick": list(read.stick),
-                    "printed": list(read.example.printed),
-                    "no_consistent_acceleration_at": read.stops_at,
-                }
-                for read in literal
-            ],
-        }
     return {
         "reading": "consistent",
         "readings": list(READINGS),
@@ -218,6 +230,23 @@ def paper_json(
             }
             for r in reproductions
         ],
+        "closed_loop": {"name": CLOSED_LOOP, "max_formulation_difference": loop_difference},
+    }
+
+
+def literal_json(literal: list[LiteralReading]) -> dict[str, object]:
+    """Return everything `pinfric paper --reading literal --json` prints; SI units."""
+    return {
+        "reading": "literal",
+        "examples": [
+            {
+                "name": read.example.name,
+                "stick": list(read.stick),
+                "printed": list(read.example.printed),
+                "no_consistent_acceleration_at": read.stops_at,
+            }
+            for read in literal
+        ],
     }
 
 
@@ -229,7 +258,7 @@ def absolute_judge(scene: Scene) -> Judge | None:
         return None
     judged = example.judge()
     t_end = scene.simulation.t_end
-    motion = simulate(judged.mechanism, judged.angle, judged.rate, judged.effort, t_end,
+    motion = simulate(judged.mechanism, judged.position, judged.rate, judged.effort, t_end,
                                rtol=1e-12, atol=1e-14, sample_step=t_end)  # fmt: skip
     starts = np.array([phase.start for phase in motion.phases])
 

@@ -1,6 +1,6 @@
 """Simulation of stick and slip in absolute coordinates: what the paper's forward curves come from.
 
-Drift is kept out by construction: what is integrated are the joint angles and rates, from which
+Drift is kept out by construction: what is integrated are the joint positions and rates, from which
 the absolute coordinates and speeds are made anew at every evaluation; accelerations come from (3)
 alone, by `forward`, and are then read off along the joint axes. Guards are watched and located
 here, not by SciPy's event search, which fires again when it is restarted exactly on a guard.
@@ -39,7 +39,7 @@ class Phase:
     start: float  # s
     end: float  # s
     modes: Modes  # (ns,)
-    solution: OdeSolution  # time s -> angles and rates (2 nj,)
+    solution: OdeSolution  # time s -> positions and rates (2 nj,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +53,13 @@ class AbsoluteMotion:
     phases: tuple[Phase, ...]
     drive: Callable[[float], ArrayLike]
     t: Array  # (T,) s
-    angle: Array  # (T, nj) rad
-    rate: Array  # (T, nj) rad/s
-    acceleration: Array  # (T, nj) rad/s^2
+    position: Array  # (T, nj) rad or m
+    rate: Array  # (T, nj) rad/s or m/s
+    acceleration: Array  # (T, nj) rad/s^2 or m/s^2
     effort: Array  # (T, na)
     modes: Modes  # (T, ns)
-    friction: Array  # (T, ns) N m
-    normal_load: Array  # (T, ns) N m
+    friction: Array  # (T, ns) N m or N
+    normal_load: Array  # (T, ns) N m or N
     evaluations: int  # right-hand sides computed
 
     def stick_intervals(self, joint: str) -> list[tuple[float, float]]:
@@ -77,7 +77,7 @@ class AbsoluteMotion:
         return intervals
 
     def sample(self, time: float) -> tuple[Array, Array, AbsoluteInstant]:
-        """Angles (nj,), rates (nj,) and the instant at a time s; after the change, at a change."""
+        """Positions and rates (nj,) and the instant at a time s; after the change, at a change."""
         if not self.phases[0].start <= time <= self.phases[-1].end:
             raise PinfricError(f"the motion does not contain t = {time} s")
         phase = next(p for p in reversed(self.phases) if p.start <= time)
@@ -87,14 +87,14 @@ class AbsoluteMotion:
 def _sample(
     mechanism: Mechanism, phase: Phase, drive: Callable[[float], ArrayLike], time: float
 ) -> tuple[Array, Array, AbsoluteInstant]:
-    angle, rate = np.split(phase.solution(time), 2)
+    position, rate = np.split(phase.solution(time), 2)
     rate[mechanism.geometry.sites[phase.modes == 0]] = 0.0
-    return angle, rate, forward(mechanism, angle, rate, drive(time), phase.modes)
+    return position, rate, forward(mechanism, position, rate, drive(time), phase.modes)
 
 
 def simulate(
     mechanism: Mechanism,
-    angle: ArrayLike,
+    position: ArrayLike,
     rate: ArrayLike,
     effort: Callable[[float], ArrayLike],
     t_end: float,
@@ -105,26 +105,29 @@ def simulate(
 ) -> AbsoluteMotion:
     """Integrate a motion from t = 0 with stick and slip changing at located instants.
 
-    theta'' from (3) by `forward`; guards are mode x rate = 0 for a joint that slips and
+    Accelerations from (3) by `forward`; guards are mode x rate = 0 for a joint that slips and
     mu_s N - |friction| = 0 for one that sticks, located on the integrator's dense output.
 
     Args:
         mechanism: bodies, joints, gravity and actuators.
-        angle: (nj,) rad at t = 0.
-        rate: (nj,) rad/s at t = 0.
+        position: (nj,) rad or m at t = 0.
+        rate: (nj,) rad/s or m/s at t = 0.
         effort: time s -> (na,) N m.
         t_end: s.
         rtol: relative tolerance of the Dormand-Prince 8(5,3) steps.
-        atol: absolute tolerance, rad and rad/s.
+        atol: absolute tolerance, rad, m and per second.
         max_step: s; each step looks at the guards four times.
         sample_step: s between the samples of the result.
 
     Raises:
         NoConsistentFriction: with time and state, where neither stick nor slip is consistent.
+        PinfricError: the mechanism has loops, whose joints' positions would drift apart.
 
     Source: the paper, (3), (20), (21) and its reference 1.
     """
-    state = np.concatenate([np.asarray(angle, float), np.asarray(rate, float)])
+    if mechanism.loops:
+        raise PinfricError("simulate: takes mechanisms without loops")
+    state = np.concatenate([np.asarray(position, float), np.asarray(rate, float)])
     run = _Run(mechanism, effort, rtol, atol, max_step)
     modes = run.modes_at_start(0.0, state)
     time, phases = 0.0, []
@@ -152,7 +155,7 @@ def _sampled(run: _Run, phases: tuple[Phase, ...], sample_step: float) -> Absolu
         phases=phases,
         drive=run.drive,
         t=np.array([row[0] for row in rows]),
-        angle=np.array([row[1] for row in rows]),
+        position=np.array([row[1] for row in rows]),
         rate=np.array([row[2] for row in rows]),
         acceleration=np.array([i.acceleration for i in instants]),
         effort=np.array([np.asarray(run.drive(row[0]), float) for row in rows]),
@@ -188,10 +191,12 @@ class _Run:
         try:
             return forward(self.mechanism, y[: self.joints], rate, self.drive(time), modes)
         except NoConsistentFriction as error:
-            raise NoConsistentFriction(time, error.angle, error.rate, error.effort, []) from error
+            raise NoConsistentFriction(
+                time, error.position, error.rate, error.effort, []
+            ) from error
 
     def derivative(self, time: float, y: Array, modes: Modes) -> Array:
-        """Of angles and rates (2 nj,)."""
+        """Of positions and rates (2 nj,)."""
         acceleration = self.instant(time, y, modes).acceleration.copy()
         acceleration[self.sites[modes == 0]] = 0.0  # not their rounding errors
         return np.concatenate([y[self.joints :], acceleration])
@@ -207,12 +212,12 @@ class _Run:
 
     def modes_at_start(self, time: float, y: Array) -> Modes:
         """The modes of the first phase; rates of joints that stick become exactly zero in y."""
-        angle, rate = np.split(y, 2)
+        position, rate = np.split(y, 2)
         try:
-            found = forward(self.mechanism, angle, rate, self.drive(time))
+            found = forward(self.mechanism, position, rate, self.drive(time))
         except NoConsistentFriction as error:
             raise NoConsistentFriction(
-                time, error.angle, error.rate, error.effort, error.consistent
+                time, error.position, error.rate, error.effort, error.consistent
             ) from error
         y[self.joints + self.sites[found.modes == 0]] = 0.0
         return found.modes
@@ -283,6 +288,6 @@ class _Run:
         free[event] = modes[event] != 0
         if modes[event] == 0:  # released: friction opposes the slip it could not prevent
             trial[event] = -np.sign(self.instant(time, y, modes).friction[event])
-        angle, rate = np.split(y, 2)
-        state = prepare(self.mechanism, angle, rate, np.asarray(self.drive(time), float))
-        return y, find_modes(state, trial, free, at_rest, (time, angle, rate)).modes
+        position, rate = np.split(y, 2)
+        state = prepare(self.mechanism, position, rate, np.asarray(self.drive(time), float))
+        return y, find_modes(state, trial, free, at_rest, (time, position, rate)).modes

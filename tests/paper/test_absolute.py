@@ -14,26 +14,32 @@ from pinfric.paper.bodies import (
     GROUND,
     Actuator,
     Body,
+    GuideFriction,
     Mechanism,
     PinFriction,
     RevoluteJoint,
+    TranslationalJoint,
+)
+from pinfric.paper.equations import (
     acceleration_bias,
     actuator_forces,
     body_speeds,
     full_pivoting,
-    joint_jacobians,
     partial_velocity_matrix,
     place,
+    relative_jacobian,
 )
 from pinfric.paper.examples import pendulum, three_link
 from pinfric.paper.forward import NoConsistentFriction, forward
 from pinfric.paper.inverse import FixedPointError, inverse
 
+#: Which joints of a random tree are translational, by its seed.
+SLIDING = ((), (1,), (0, 2), (0, 1, 2, 3), (0, 3, 4))
 PENDULUM_LENGTH, PENDULUM_MASS, PENDULUM_J, PIN_RADIUS = 0.25, 1.0, 0.4, 0.1
 
 
-def random_tree(seed: int, bodies: int = 4) -> Mechanism:
-    """A random tree of revolute joints, branching, with pins of both kinds."""
+def random_tree(seed: int, bodies: int = 4, translational: tuple[int, ...] = ()) -> Mechanism:
+    """A random tree of joints, branching, with pins of both kinds, and guides where they slide."""
     rng = np.random.default_rng(seed)
     parts, joints, names = [], [], [GROUND]
     for k in range(bodies):
@@ -42,8 +48,11 @@ def random_tree(seed: int, bodies: int = 4) -> Mechanism:
         parts.append(Body(f"body_{k}", 0.5 + rng.random(), inertia, rng.normal(size=3) * 0.3))
         pin = PinFriction(0.02, 0.1 if k % 2 else None, 0.4, 0.3)
         parent = names[rng.integers(max(0, k - 1), k + 1)]
-        point, axis = rng.normal(size=3) * 0.3, rng.normal(size=3)
-        joints.append(RevoluteJoint(f"joint_{k}", parent, f"body_{k}", point, axis, pin))
+        place = f"joint_{k}", parent, f"body_{k}", rng.normal(size=3) * 0.3, rng.normal(size=3)
+        if k in translational:
+            joints.append(TranslationalJoint(*place, GuideFriction(0.2, 0.06, 0.04, width=0.3)))
+        else:
+            joints.append(RevoluteJoint(*place, pin))
         names.append(f"body_{k}")
     return Mechanism(tuple(parts), tuple(joints), (1.0, -2.0, -9.0))
 
@@ -65,12 +74,16 @@ def newton_euler(mechanism: Mechanism, angle, rate, acceleration) -> np.ndarray:
     for k, joint in enumerate(mechanism.joints):
         A, p, w, dw, acc = state[joint.parent]
         axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
-        arm = A @ (np.asarray(joint.point) - reference[joint.parent])
+        slides = isinstance(joint, TranslationalJoint)
+        arm = A @ (np.asarray(joint.point) - reference[joint.parent] + slides * angle[k] * axis)
         k_axis = A @ axis
         acc = acc + np.cross(dw, arm) + np.cross(w, np.cross(w, arm))
-        dw = dw + k_axis * acceleration[k] + np.cross(w, k_axis) * rate[k]
-        w = w + k_axis * rate[k]
-        A = A @ Rotation.from_rotvec(axis * angle[k]).as_matrix()
+        if slides:
+            acc = acc + k_axis * acceleration[k] + 2 * np.cross(w, k_axis) * rate[k]
+        else:
+            dw = dw + k_axis * acceleration[k] + np.cross(w, k_axis) * rate[k]
+            w = w + k_axis * rate[k]
+            A = A @ Rotation.from_rotvec(axis * angle[k]).as_matrix()
         state[joint.child] = (A, p + arm, w, dw, acc)
         reference[joint.child] = np.asarray(joint.point)
         b = body[joint.child]
@@ -90,10 +103,13 @@ def newton_euler(mechanism: Mechanism, angle, rate, acceleration) -> np.ndarray:
     return wrench
 
 
-def pin_load(pin: PinFriction, axis, wrench) -> float:
-    """The design's `pin`, from its definition."""
+def normal_load(pin: PinFriction | GuideFriction, axis, wrench) -> float:
+    """The load of a pin (N m) or a guide (N), from its definition."""
     k = np.asarray(axis) / np.linalg.norm(axis)
     force = wrench[:3] - k * (k @ wrench[:3])
+    if isinstance(pin, GuideFriction):
+        ends = np.array([force / 2 + sign * np.cross(wrench[3:], k) / 0.2 for sign in (1, -1)])
+        return np.linalg.norm(ends, axis=1).sum() + 2 * abs(k @ wrench[3:]) / 0.3
     if pin.length is None:
         return pin.radius * np.linalg.norm(force)
     couple = np.cross(wrench[3:], k) / pin.length
@@ -106,21 +122,21 @@ def pin_load(pin: PinFriction, axis, wrench) -> float:
 
 def test_initial_state_is_the_papers_tables():
     case = three_link()
-    q = place(case.mechanism, case.angle[None])
-    speed = body_speeds(*joint_jacobians(case.mechanism, q), case.rate[None]).reshape(3, 6)
+    q = place(case.mechanism, case.position[None])
+    speed = body_speeds(relative_jacobian(case.mechanism, q), case.rate[None]).reshape(3, 6)
     table = [[-0.2, 0, 0, 0, 0, 1], [-0.4, -0.25, 0, -1, 0, 1], [-0.4, -0.35, -0.15, -1, 1, 1]]
     np.testing.assert_allclose(speed, table, atol=1e-15)
     np.testing.assert_array_equal(q.euler_parameters[0], np.tile([0, 0, 0, 1.0], (4, 1)))
     case = pendulum()
-    q = place(case.mechanism, case.angle[None])
-    speed = body_speeds(*joint_jacobians(case.mechanism, q), case.rate[None])[0]
+    q = place(case.mechanism, case.position[None])
+    speed = body_speeds(relative_jacobian(case.mechanism, q), case.rate[None])[0]
     np.testing.assert_allclose(q.position[0, 0, :2], [0.217, 0.125], atol=6e-4)  # as printed
     np.testing.assert_allclose(speed[[0, 1, 5]], [-0.125, 0.217, 1.0], atol=6e-4)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_speeds_and_accelerations_are_the_derivatives_of_the_placement(seed):
-    mechanism = random_tree(seed)
+    mechanism = random_tree(seed, translational=SLIDING[seed])
     angle, rate, acceleration = (x[0] for x in random_motion(mechanism, seed))
     h = 2e-3
     steps = h * np.arange(-3, 4)[:, None]
@@ -131,8 +147,8 @@ def test_speeds_and_accelerations_are_the_derivatives_of_the_placement(seed):
         np.array([2, -27, 270, -490, 270, -27, 2]) / 180,
     )
     here = place(mechanism, angle[None])
-    constraint, axis = joint_jacobians(mechanism, here)
-    speed = body_speeds(constraint, axis, rate[None])
+    jacobian = relative_jacobian(mechanism, here)
+    speed = body_speeds(jacobian, rate[None])
     bodies = speed.reshape(-1, 6)
     A = q.orientation[:, :-1]
     spin = np.einsum("bij,bik->bjk", A[3], np.tensordot(first, A, 1) / h)  # omega~ in body axes
@@ -142,16 +158,17 @@ def test_speeds_and_accelerations_are_the_derivatives_of_the_placement(seed):
     result = inverse(mechanism, angle, rate, acceleration)
     accelerations = result.body_acceleration.reshape(-1, 6)
     np.testing.assert_allclose(accelerations[:, :3], np.tensordot(second, r, 1) / h**2, atol=1e-7)
-    gamma = acceleration_bias(mechanism, here, speed)
+    gamma = acceleration_bias(mechanism, here, speed).constraint
     np.testing.assert_allclose(
-        np.einsum("tmn,tn->tm", constraint, result.body_acceleration), gamma, atol=1e-12
+        np.einsum("tmn,tn->tm", jacobian.constraint, result.body_acceleration), gamma, atol=1e-12
     )
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_partial_velocity_matrix_is_a_basis_of_the_null_space(seed):
-    mechanism = random_tree(seed, bodies=5)
-    constraint, _ = joint_jacobians(mechanism, place(mechanism, random_motion(mechanism, seed)[0]))
+    mechanism = random_tree(seed, bodies=5, translational=SLIDING[seed])
+    placement = place(mechanism, random_motion(mechanism, seed)[0])
+    constraint = relative_jacobian(mechanism, placement).constraint
     dependent, independent = full_pivoting(constraint)
     B = partial_velocity_matrix(constraint, dependent, independent)
     assert np.abs(constraint @ B).max() < 1e-13
@@ -164,13 +181,13 @@ def test_partial_velocity_matrix_is_a_basis_of_the_null_space(seed):
 
 def test_actuators_work_on_the_relative_motion_of_what_they_act_on():
     """Power of a unit effort: g . (v_j - v_i) at the point + h . (omega_j - omega_i), (10)-(15)."""
-    mechanism = random_tree(1)
+    mechanism = random_tree(1, translational=(1,))
     point, g, h = np.array([0.2, -0.1, 0.3]), np.array([1.0, 2.0, -1.0]), np.array([0.5, 0.0, 2.0])
     between = Actuator("between", "body_1", "body_3", point, g, h)
     mechanism = replace(mechanism, actuators=(*mechanism.actuators[:3], between))
     angle, rate, _ = random_motion(mechanism, 1)
     q = place(mechanism, angle)
-    speed = body_speeds(*joint_jacobians(mechanism, q), rate)
+    speed = body_speeds(relative_jacobian(mechanism, q), rate)
     power = np.einsum("tna,tn->ta", actuator_forces(mechanism, q), speed)
     np.testing.assert_allclose(power[:, :3], rate[:, :3], atol=1e-13)
     arm = point - np.asarray(mechanism.bodies[3].center_of_mass)
@@ -185,7 +202,8 @@ def test_actuators_work_on_the_relative_motion_of_what_they_act_on():
 
 
 def test_dependent_constraints_are_refused():
-    constraint, _ = joint_jacobians(random_tree(0), place(random_tree(0), np.zeros((1, 4))))
+    placement = place(random_tree(0), np.zeros((1, 4)))
+    constraint = relative_jacobian(random_tree(0), placement).constraint
     with pytest.raises(PinfricError, match="depend on each other"):
         full_pivoting(np.concatenate([constraint, constraint[:, 2:3] - constraint[:, 7:8]], axis=1))
 
@@ -217,7 +235,7 @@ def test_pendulum_effort_and_reaction_in_closed_form(rate):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_tree_agrees_with_newton_euler(seed):
-    mechanism = random_tree(seed, bodies=5)
+    mechanism = random_tree(seed, bodies=5, translational=SLIDING[seed])
     motion = random_motion(mechanism, seed)
     motion[1, 0, 1:3] = 0.0  # two joints at rest in the first sample
     result = inverse(mechanism, *motion)
@@ -226,10 +244,11 @@ def test_tree_agrees_with_newton_euler(seed):
         np.testing.assert_allclose(result.wrench[t], wrench, rtol=1e-12, atol=1e-11)
         for k, joint in enumerate(mechanism.joints):
             axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
-            load = pin_load(joint.friction, axis, wrench[k])
-            total, rate = axis @ wrench[k, 3:], motion[1, t, k]
-            spread = 0.4 * load if rate == 0 else 0.0
-            middle = total + 0.3 * load * np.sign(rate)
+            load = normal_load(joint.friction, axis, wrench[k])
+            part = slice(3) if isinstance(joint, TranslationalJoint) else slice(3, 6)
+            total, rate = axis @ wrench[k, part], motion[1, t, k]
+            spread = joint.friction.static * load if rate == 0 else 0.0
+            middle = total + joint.friction.kinetic * load * np.sign(rate)
             assert result.normal_load[t, k] == pytest.approx(load, rel=1e-12)
             assert result.effort_frictionless[t, k] == pytest.approx(total, rel=1e-12, abs=1e-11)
             assert result.effort_lower[t, k] == pytest.approx(middle - spread, rel=1e-12, abs=1e-11)
@@ -239,14 +258,14 @@ def test_tree_agrees_with_newton_euler(seed):
 
 
 def test_ground_carries_the_rate_of_change_of_momentum():
-    mechanism = random_tree(3, bodies=4)
+    mechanism = random_tree(3, bodies=4, translational=(0, 2))
     grounded = [k for k, j in enumerate(mechanism.joints) if j.parent == GROUND]
     angle, rate, acceleration = (x[0] for x in random_motion(mechanism, 3))
     h = 2e-3
     steps = h * np.arange(-3, 4)[:, None]
     angles = angle + rate * steps + acceleration * steps**2 / 2
     q = place(mechanism, angles)
-    speed = body_speeds(*joint_jacobians(mechanism, q), rate + acceleration * steps)
+    speed = body_speeds(relative_jacobian(mechanism, q), rate + acceleration * steps)
     momentum = np.zeros((7, 6))
     for k, body in enumerate(mechanism.bodies):
         r, A, v = q.position[:, k], q.orientation[:, k], speed[:, 6 * k : 6 * k + 6]
@@ -262,7 +281,8 @@ def test_ground_carries_the_rate_of_change_of_momentum():
     for k in grounded:
         child = [b.name for b in mechanism.bodies].index(mechanism.joints[k].child)
         force, moment = (q.orientation[3, child] @ x for x in np.split(result.wrench[0, k], 2))
-        point = np.asarray(mechanism.joints[k].point)
+        arm = np.asarray(mechanism.joints[k].point) - mechanism.bodies[child].center_of_mass
+        point = q.position[3, child] + q.orientation[3, child] @ arm  # that of the child
         carried += np.concatenate([force, moment + np.cross(point, force)])
     np.testing.assert_allclose(carried, change, atol=1e-8)
 
@@ -374,7 +394,7 @@ def test_iteration_that_cannot_settle_says_where():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_forward_dynamics_is_undone_by_inverse_dynamics(seed):
-    mechanism = random_tree(seed)
+    mechanism = random_tree(seed, translational=SLIDING[seed])
     angle, rate, effort = (x[0] for x in random_motion(mechanism, seed))
     instant = forward(mechanism, angle, rate, effort)
     result = inverse(mechanism, angle, rate, instant.acceleration)
@@ -463,7 +483,7 @@ def test_input_that_cannot_be_is_refused():
         Mechanism(bodies, (joints[0], joints[0]), (0, 0, 0))
     with pytest.raises(PinfricError, match="link_3"):
         Mechanism(bodies, joints[:2], (0, 0, 0))
-    with pytest.raises(PinfricError, match="angle must be"):
+    with pytest.raises(PinfricError, match="position must be"):
         inverse(case.mechanism, [0, 0], [0, 0], [0, 0])
     with pytest.raises(PinfricError, match="consistent, literal"):
         three_link("printed")

@@ -10,16 +10,8 @@ import numpy as np
 import pytest
 
 from pinfric.paper import examples
-from pinfric.paper.bodies import (
-    GROUND,
-    Body,
-    Mechanism,
-    PinFriction,
-    RevoluteJoint,
-    body_speeds,
-    joint_jacobians,
-    place,
-)
+from pinfric.paper.bodies import GROUND, Body, Mechanism, PinFriction, RevoluteJoint
+from pinfric.paper.equations import body_speeds, place, relative_jacobian
 from pinfric.paper.examples import Case, pendulum, three_link
 from pinfric.paper.forward import NoConsistentFriction, forward
 from pinfric.paper.inverse import inverse
@@ -32,7 +24,7 @@ PENDULUM_LENGTH, PENDULUM_MASS, PENDULUM_J, PIN_RADIUS = 0.25, 1.0, 0.4, 0.1
 def simulated(example: str) -> tuple[Case, AbsoluteMotion]:
     case = getattr(examples, example)()
     motion = simulate(
-        case.mechanism, case.angle, case.rate, case.effort, case.t_end, sample_step=4e-3
+        case.mechanism, case.position, case.rate, case.effort, case.t_end, sample_step=4e-3
     )
     return case, motion
 
@@ -54,7 +46,7 @@ def test_rotor_slows_down_in_closed_form(ratio):
     rate = 3.0 / (1 + b * 3.0 * motion.t)
     np.testing.assert_allclose(motion.rate[:, 0], rate, rtol=1e-9)
     np.testing.assert_allclose(
-        motion.angle[:, 0], 0.1 + np.log1p(b * 3.0 * motion.t) / b, rtol=1e-9
+        motion.position[:, 0], 0.1 + np.log1p(b * 3.0 * motion.t) / b, rtol=1e-9
     )
     np.testing.assert_allclose(motion.acceleration[:, 0], -b * rate**2, rtol=1e-8)
 
@@ -96,7 +88,7 @@ def test_pendulum_sticks_when_its_scalar_equation_says():
 def test_inverse_dynamics_recovers_the_efforts_of_the_motion(example):
     case, motion = simulated(example)
     geo = case.mechanism.geometry
-    result = inverse(case.mechanism, motion.angle, motion.rate, motion.acceleration)
+    result = inverse(case.mechanism, motion.position, motion.rate, motion.acceleration)
     stuck = result.sticking.any(axis=1)
     assert 5 < stuck.sum() < 0.2 * len(stuck)
     for end in (result.effort_lower, result.effort_upper):
@@ -110,7 +102,7 @@ def test_inverse_dynamics_recovers_the_efforts_of_the_motion(example):
 
 def energy(mechanism: Mechanism, angle, rate) -> np.ndarray:
     q = place(mechanism, angle)
-    speed = body_speeds(*joint_jacobians(mechanism, q), rate).reshape(len(angle), -1, 6)
+    speed = body_speeds(relative_jacobian(mechanism, q), rate).reshape(len(angle), -1, 6)
     total = np.zeros(len(angle))
     for k, body in enumerate(mechanism.bodies):
         omega = speed[:, k, 3:]
@@ -127,14 +119,14 @@ def test_energy_is_kept_without_friction_and_effort():
     motion = simulate(
         mechanism, np.ones(3), [1.0, -2.0, 1.0], lambda _: np.zeros(3), 0.5, sample_step=0.05
     )
-    kept = energy(mechanism, motion.angle, motion.rate)
+    kept = energy(mechanism, motion.position, motion.rate)
     assert np.ptp(motion.rate, axis=0).min() > 0.5
     np.testing.assert_allclose(kept, kept[0], rtol=1e-9)
 
 
 def test_energy_changes_by_the_work_of_efforts_and_friction():
     case, motion = simulated("three_link")
-    change = np.diff(energy(case.mechanism, motion.angle[[0, -1]], motion.rate[[0, -1]]))[0]
+    change = np.diff(energy(case.mechanism, motion.position[[0, -1]], motion.rate[[0, -1]]))[0]
     nodes, weights = np.polynomial.legendre.leggauss(64)
     work = lost = 0.0
     for phase in motion.phases:
@@ -151,12 +143,12 @@ def test_energy_changes_by_the_work_of_efforts_and_friction():
 def test_literal_reading_ends_where_nothing_is_consistent():
     case = pendulum("literal")
     with pytest.raises(NoConsistentFriction) as caught:
-        simulate(case.mechanism, case.angle, case.rate, case.effort, case.t_end)
+        simulate(case.mechanism, case.position, case.rate, case.effort, case.t_end)
     # it sticks for a while; past mu_s N = 0.30 N stick is over, and slip would need 0.35 N
     assert 0.3 < caught.value.time < 1.5
     assert caught.value.rate[0] == 0
     needed = 2 * np.sin(2 * caught.value.time)
-    needed -= PENDULUM_LENGTH * 9.81 * np.sin(caught.value.angle[0])
+    needed -= PENDULUM_LENGTH * 9.81 * np.sin(caught.value.position[0])
     assert abs(needed) == pytest.approx(0.30 * PIN_RADIUS * 9.81, rel=1e-10)
 
 
@@ -226,7 +218,7 @@ def test_pendulum_without_any_load_stays_at_rest():
     mechanism = replace(pendulum().mechanism, gravity=(0.0, 0.0, 0.0))
     motion = simulate(mechanism, [0.3], [0.0], lambda _: [0.0], 0.5, sample_step=0.1)
     assert motion.stick_intervals("joint_1") == [(0.0, 0.5)]
-    np.testing.assert_array_equal(motion.angle, 0.3)
+    np.testing.assert_array_equal(motion.position, 0.3)
 
 
 def test_guard_that_starts_from_zero_is_located_where_it_returns_to_zero():

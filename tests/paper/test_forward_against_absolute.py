@@ -89,9 +89,9 @@ def test_the_instants_above_are_of_every_kind():
 def test_the_paper_s_examples(name):
     example = getattr(examples, name)()
     end = 1.3 if name == "pendulum" else 0.7
-    judge = simulate(example.mechanism, example.angle, example.rate,
+    judge = simulate(example.mechanism, example.position, example.rate,
                                        example.effort, end)  # fmt: skip
-    motion = pf.simulate(pf.load_scene(name), example.angle, example.rate, None, end,
+    motion = pf.simulate(pf.load_scene(name), example.position, example.rate, None, end,
                          rtol=1e-10, atol=1e-12)  # fmt: skip
     site = motion.site_names[0]
     (interval,), (expected,) = motion.stick_intervals(), judge.stick_intervals(site)

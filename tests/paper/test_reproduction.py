@@ -43,6 +43,11 @@ def test_the_paper_is_reproduced(printed, name):
     assert example["max_formulation_difference"] < 1e-8
 
 
+def test_both_formulations_close_a_loop_alike(printed):
+    assert printed[0]["closed_loop"]["name"] == "slider_crank"
+    assert 0.0 < printed[0]["closed_loop"]["max_formulation_difference"] < 1e-10
+
+
 def test_the_readings_are_stated_and_the_figures_drawn(printed):
     answer, folder = printed
     assert len(answer["readings"]) == 3
