@@ -172,7 +172,8 @@ def acceleration_bias(mechanism: Mechanism, q: Placement, speed: Array) -> Relat
     Of k . d, with k one of f, g, h:
         -[k.(w_j x (w_j x s_j) - w_i x (w_i x s_i0)) + 2 (w_i x k).d' + d.(w_i x (w_i x k))],
     of k . h_j: -[k.(w_j x (w_j x h_j)) + 2 (w_i x k).(w_j x h_j) + h_j.(w_i x (w_i x k))],
-    of the turn: -(w_i x h).(w_j - w_i); s_i0 runs to the parent's own point of the joint.
+    s_i0 to the parent's own point of the joint. None of the turn: h' . (w_j - w_i) = 0, because
+    w_j - w_i is zero or along h.
     """
     geo = mechanism.geometry
     pairs = _pairs(geo, q)
@@ -185,7 +186,7 @@ def acceleration_bias(mechanism: Mechanism, q: Placement, speed: Array) -> Relat
     d_rate = velocity[:, geo.child] + child - velocity[:, geo.parent] - parent
     apart = cross(w_j, child) - cross(w_i, parent)
     h_rate = cross(w_j, pairs.h_j)
-    gamma = np.empty((*w_i.shape[:2], 6))
+    gamma = np.zeros((*w_i.shape[:2], 6))
     for row in range(3):
         k = pairs.triad[..., row, :]
         k_rate = cross(w_i, k)
@@ -194,8 +195,6 @@ def acceleration_bias(mechanism: Mechanism, q: Placement, speed: Array) -> Relat
         if row < 2:
             terms = k * cross(w_j, h_rate) + 2 * k_rate * h_rate + pairs.h_j * k_bias
             gamma[..., 3 + row] = -np.sum(terms, axis=-1)
-        else:
-            gamma[..., TURN] = -np.sum(k_rate * (w_j - w_i), axis=-1)
     return Relative(geo, gamma)
 
 
@@ -339,6 +338,18 @@ def reactions(mechanism: Mechanism, q: Placement, jacobian: Relative, multiplier
     force = apply(np.swapaxes(q.orientation[:, geo.child], -1, -2), on_child[..., :3])
     moment = on_child[..., 3:] - cross(geo.arm_child, force)
     return np.concatenate([force, moment], axis=-1)
+
+
+def transmitted(mechanism: Mechanism, wrench: Array, effort: Array, friction: Array) -> Array:
+    """The whole wrench (..., nj, 6) of each joint on its child: constraints, drives, friction.
+
+    Constraints leave the joint's free direction without any; there act friction (..., ns) and what
+    passes through the joint of the efforts (..., na).
+    """
+    geo = mechanism.geometry
+    through = effort @ geo.through.T
+    through[..., geo.sites] += friction
+    return wrench + through[..., None] * geo.direction
 
 
 def contact_forces(mechanism: Mechanism, wrench: Array) -> Array:

@@ -32,6 +32,7 @@ from pinfric.paper.equations import (
     place,
     reactions,
     relative_jacobian,
+    transmitted,
 )
 
 Modes = NDArray[np.int_]
@@ -145,9 +146,6 @@ def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
     load = normal_load(state.mechanism, wrench)
     friction = np.zeros(len(modes))
     friction[sliding], friction[stuck] = slip, -solution[n + m :]
-    through = apply(geo.through, state.effort)
-    through[geo.sites] += friction
-    wrench += through[:, None] * geo.direction
     terms = np.abs(share) @ np.abs(columns[:, :n]) @ np.abs(axis).T
     return AbsoluteInstant(
         acceleration=axis @ solution[:n] - axis_bias,
@@ -155,7 +153,7 @@ def _solve_modes(state: State, modes: Modes) -> AbsoluteInstant | None:
         multipliers=solution[n : n + m],
         friction=friction,
         normal_load=load,
-        wrench=wrench,
+        wrench=transmitted(state.mechanism, wrench, state.effort, friction),
         modes=modes,
         rounding=ROUNDING * terms,
     )

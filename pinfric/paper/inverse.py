@@ -8,7 +8,9 @@ nor any other part of pinfric, so that agreement with the rest of the package me
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +34,7 @@ from pinfric.paper.equations import (
     reactions,
     relative_jacobian,
     solve,
+    transmitted,
 )
 
 MOST_STICKING = 10  # 2^10 corners of static limits at one sample
@@ -147,7 +150,7 @@ def _friction_force(mechanism: Mechanism, known: _Known, friction: Array) -> Arr
 
 
 def _effort_16(mechanism: Mechanism, known: _Known, friction: Array) -> Array:
-    """F_A of B^T (Q^A)_FA F_A = chi (16), with chi = B^T (M q'' - Q^F - Q^E) (9)."""
+    """F_A of B^T (Q^A)_FA F_A = chi (7, 8, 16), with chi = B^T (M q'' - Q^F - Q^E) (9)."""
     q_friction = _friction_force(mechanism, known, friction)
     return solve(
         known.reduced_drive, apply(np.swapaxes(known.B, 1, 2), known.inertial - q_friction)
@@ -215,16 +218,14 @@ def inverse(
         mechanism: bodies, joints, gravity and actuators.
         position: (T, nt) rad about the joints' axes or m along them, child relative to parent;
             joints that close loops follow.
-        rate: (T, nt) rad/s or m/s.
-        acceleration: (T, nt) rad/s^2 or m/s^2.
+        rate, acceleration: (T, nt) the same per second, and per second squared.
         tolerance: change of F_A at which the iteration ends (step 5), each effort relative to the
             size of the terms that it is a sum of.
         max_iterations: solutions of (16) allowed.
 
     Raises:
         FixedPointError: the iteration does not settle.
-        PinfricError: shapes do not fit, a loop is open, constraints depend on each other, or more
-            than ten joints stick at one sample.
+        PinfricError: shapes do not fit, a loop is open, more than ten joints stick at one sample.
 
     Source: the paper, (1)-(17) and steps 1-7.
     """
@@ -233,41 +234,38 @@ def inverse(
         for name, values in (("position", position), ("rate", rate), ("acceleration", acceleration))
     )
     geo = mechanism.geometry
-    known = _step_2(mechanism, position, rate, acceleration)  # steps 1 and 2
+    known = _step_2(mechanism, position, rate, acceleration)
+    settle = partial(_fixed_point, mechanism, tolerance=tolerance, max_iterations=max_iterations)
     sticking = np.abs(known.rate) <= geo.stick_velocity
     zero = np.zeros(known.rate.shape)
-    free = _fixed_point(mechanism, known, zero, zero, tolerance, max_iterations)
-    sliding = np.where(sticking, 0.0, -np.sign(known.rate) * geo.kinetic)
-    middle = _fixed_point(mechanism, known, sliding, free.load, tolerance, max_iterations)
-    ends = _static_limits(mechanism, known, sticking, sliding, middle, tolerance, max_iterations)
-    through = apply(geo.through, middle.effort)
-    through[:, geo.sites] += middle.friction
-    wrench = middle.wrench + through[..., None] * geo.direction
+    free = settle(known, zero, zero)  # step 1
+    sliding = np.where(sticking, 0.0, -np.sign(known.rate) * geo.kinetic)  # (20)
+    middle = settle(known, sliding, free.load)
+    lower, upper = _static_limits(settle, known, sticking, sliding, geo.static, middle)
     return AbsoluteInverse(
-        effort_lower=ends[0].effort,
-        effort_upper=ends[1].effort,
+        effort_lower=lower.effort,
+        effort_upper=upper.effort,
         effort_frictionless=free.effort,
         normal_load=middle.load,
-        friction_lower=ends[0].friction,
-        friction_upper=ends[1].friction,
-        wrench=wrench,
+        friction_lower=lower.friction,
+        friction_upper=upper.friction,
+        wrench=transmitted(mechanism, middle.wrench, middle.effort, middle.friction),
         sticking=sticking,
-        iterations=ends[1].iterations,
+        iterations=upper.iterations,
         multipliers=middle.multipliers,
         body_acceleration=known.acceleration,
     )
 
 
 def _static_limits(
-    mechanism: Mechanism,
+    settle: Callable[[_Known, Array, Array], _Solution],
     known: _Known,
     sticking: np.ndarray,
     sliding: Array,
+    static: Array,
     middle: _Solution,
-    tolerance: float,
-    max_iterations: int,
 ) -> tuple[_Solution, _Solution]:
-    """Least and greatest efforts and friction over all combinations of static limits (step 3)."""
+    """Least and greatest efforts and friction over all combinations of static limits (21, 22)."""
     most = int(sticking.sum(axis=1).max(initial=0))
     if most > MOST_STICKING:
         raise PinfricError(f"{most} joints stick at one sample, {MOST_STICKING} is the most")
@@ -283,10 +281,8 @@ def _static_limits(
         rows = stuck[np.all(sticking[stuck] | (np.array(signs) > 0), axis=1)]
         if len(rows) == 0:
             continue
-        limit = np.where(sticking[rows], signs * mechanism.geometry.static, sliding[rows])
-        corner = _fixed_point(
-            mechanism, known.take(rows), limit, middle.load[rows], tolerance, max_iterations
-        )
+        limit = np.where(sticking[rows], signs * static, sliding[rows])  # (21)
+        corner = settle(known.take(rows), limit, middle.load[rows])
         for name in ("effort", "friction"):
             low, high, value = (getattr(end, name) for end in (lower, upper, corner))
             low[rows], high[rows] = np.minimum(low[rows], value), np.maximum(high[rows], value)

@@ -179,6 +179,25 @@ def test_trees_of_both_kinds_of_joint_against_pinfric(seed):
     assert not judge.sticking[:10].any()
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_what_sticks_on_moving_links_stays_forward_as_inverse(seed):
+    """A joint at rest on links that turn keeps its place although its axis accelerates."""
+    mechanism = mixed_chain(seed)
+    position, rate, acceleration = np.random.default_rng(200 + seed).uniform(-1.5, 1.5, (3, 4))
+    stuck = [1 + seed % 2, 3]
+    rate[stuck] = acceleration[stuck] = 0.0
+    judge = inverse(mechanism, position, rate, acceleration)
+    effort = (judge.effort_lower + judge.effort_upper)[0] / 2
+    there = forward(mechanism, position, rate, effort)
+    size = 1e-9 * max(1.0, np.abs(judge.wrench).max())
+    np.testing.assert_array_equal(there.modes, np.sign(rate))
+    np.testing.assert_allclose(there.acceleration, acceleration, atol=size)
+    np.testing.assert_allclose(there.wrench, judge.wrench[0], atol=size)
+    ours = pf.forward_dynamics(scene_of(mechanism), position, rate, effort)
+    np.testing.assert_allclose(ours.a, there.acceleration, atol=size)
+    np.testing.assert_allclose(ours.wrench, there.wrench, atol=size)
+
+
 # ---------------------------------------------------------------- closed loops
 
 

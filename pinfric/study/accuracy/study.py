@@ -20,6 +20,7 @@ from pinfric.errors import PinfricError, SceneError
 from pinfric.model.scene import Scene
 from pinfric.study.accuracy.coupled import CoupledRun, coupled
 from pinfric.study.accuracy.ladder import Rung, ladder
+from pinfric.study.accuracy.peers import compete_with_peers
 from pinfric.study.accuracy.precision import (
     Judge,
     Run,
@@ -140,8 +141,6 @@ def _simulations(scene: Scene, motion: Motion, second: Judge | None, rounds: int
 
 
 def _peers(scene: Scene, motion: Motion, rounds: int, notes: list[str]) -> dict[str, Any]:
-    from pinfric.study.accuracy.peers import compete_with_peers
-
     sampled = motion.sample(np.linspace(0.0, motion.t[-1], _SAMPLES))
     constants = fitted_constants(solve(scene, sampled))
     try:
