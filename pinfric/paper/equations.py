@@ -186,15 +186,13 @@ def acceleration_bias(mechanism: Mechanism, q: Placement, speed: Array) -> Relat
     d_rate = velocity[:, geo.child] + child - velocity[:, geo.parent] - parent
     apart = cross(w_j, child) - cross(w_i, parent)
     h_rate = cross(w_j, pairs.h_j)
+    k_rate = cross(w_i[..., None, :], pairs.triad)
+    k_bias = cross(w_i[..., None, :], k_rate)
     gamma = np.zeros((*w_i.shape[:2], 6))
-    for row in range(3):
-        k = pairs.triad[..., row, :]
-        k_rate = cross(w_i, k)
-        k_bias = cross(w_i, k_rate)
-        gamma[..., row] = -np.sum(k * apart + 2 * k_rate * d_rate + pairs.d * k_bias, axis=-1)
-        if row < 2:
-            terms = k * cross(w_j, h_rate) + 2 * k_rate * h_rate + pairs.h_j * k_bias
-            gamma[..., 3 + row] = -np.sum(terms, axis=-1)
+    gamma[..., :3] -= apply(pairs.triad, apart) + 2 * apply(k_rate, d_rate)
+    gamma[..., :3] -= apply(k_bias, pairs.d)
+    tilt = apply(pairs.triad, cross(w_j, h_rate)) + 2 * apply(k_rate, h_rate)
+    gamma[..., 3:TURN] -= (tilt + apply(k_bias, pairs.h_j))[..., :2]
     return Relative(geo, gamma)
 
 

@@ -254,12 +254,13 @@ def forward(
     Args:
         mechanism: bodies, joints, gravity and actuators.
         position: (nt,) rad about the joints' axes or m along them, child relative to parent.
-        rate: (nt,) rad/s or m/s.
+        rate: (nt,) rad/s or m/s; in a loop those that keep it closed (unchecked).
         effort: (na,) N m, or N for a unit force.
         modes: (ns,) prescribes 0 (sticks) or the sign of the slip, unchecked; None finds them.
 
     Raises:
         NoConsistentFriction: no choice of stick and slip obeys the law of friction, or several do.
+        PinfricError: something is at rest in a mechanism with loops.
 
     Source: the paper, (3), (4), (21); its reference 1 for the change of constraints.
     """

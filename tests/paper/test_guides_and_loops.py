@@ -138,9 +138,9 @@ def test_the_drawer_pushed_at_its_corner_against_pinfric():
     assert judge.effort_upper[2, 0] - judge.effort_lower[2, 0] > 30
 
     simulated = simulate(mechanism, [0.0], [0.0],
-                         lambda t: 28.0 * np.sin(6.0 * np.array([t])), 1.5)  # fmt: skip
+                         lambda t: 28.0 * np.sin(6.0 * np.array([t])), 0.8)  # fmt: skip
     ours = pf.run_scene(dataclasses.replace(
-        scene, simulation=scene.simulation.model_copy(update={"t_end": 1.5})))  # fmt: skip
+        scene, simulation=scene.simulation.model_copy(update={"t_end": 0.8})))  # fmt: skip
     expected = simulated.stick_intervals("slide")
     found = [(one.start, one.end) for one in ours.stick_intervals()]
     assert len(expected) > 1
