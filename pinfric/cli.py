@@ -154,7 +154,7 @@ def paper(
     out: OutFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Reproduce both examples of the paper, forward and inverse, by two formulations.
+    """Reproduce both examples of the paper, forward and inverse, and a loop, by two formulations.
 
     --out writes the paper's figures 5, 6, 8, 9, 10 and summary.json.
     """
