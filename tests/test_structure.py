@@ -22,11 +22,10 @@ LATE = {
     ("pinfric.dynamics.result", "pinfric.dynamics.check"),
     ("pinfric.dynamics.result", "pinfric.dynamics.solutions"),
     ("pinfric.dynamics.workspace", "pinfric.dynamics.linked"),
-    ("pinfric.study.accuracy.study", "pinfric.study.accuracy.peers"),
 }
 #: To be mended: functions of 60 lines or more, or of more than 12 arguments. Nothing is added.
 LARGE = {
-    "paper.inverse.inverse", "dynamics.assembly.assemble", "dynamics.assembly.finish",
+    "dynamics.assembly.assemble", "dynamics.assembly.finish",
     "dynamics.assembly.solve_instant", "dynamics.choices.solve_list",
     "dynamics.constrained._share_least_squares", "dynamics.constrained.map_friction",
     "dynamics.coupled_inverse.solve_coupled", "dynamics.coupling.eliminate",

@@ -26,7 +26,7 @@ from pinfric.paper.examples import slider_crank
 from pinfric.paper.forward import forward
 from pinfric.paper.inverse import inverse
 from pinfric.paper.simulate import simulate
-from pinfric.study.joint_columns import joint_columns, single_positions
+from pinfric.study.trajectory.joint_columns import joint_columns, single_positions
 
 X, Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)
