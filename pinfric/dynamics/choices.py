@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics import coupling, problem
-from pinfric.dynamics.chained import kernel_calling
 from pinfric.dynamics.constrained import Layout, Maps
-from pinfric.dynamics.coupling import solve_given_modes
-from pinfric.dynamics.problem import Problem
+from pinfric.friction.given_modes import solve_given_modes
+from pinfric.friction.problem import Problem
+from pinfric.model.compiled import kernel
 
 #: What a site's friction is in a candidate.
 SLIDES, LOWER, UPPER, NONE = range(4)
@@ -115,7 +114,7 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
     )  # fmt: skip
 
 
-@kernel_calling(coupling, problem)
+@kernel
 def solve_list(
     contact: np.ndarray,
     row: np.ndarray,

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem import contact_maps
+from pinfric.friction.problem import contact_maps
 from pinfric.model.compiled import kernel
 from pinfric.model.loops import Linkage
 from pinfric.model.scene import Scene

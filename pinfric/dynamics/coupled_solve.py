@@ -26,9 +26,9 @@ from pinfric.dynamics.choices import (
     solve_list,
 )
 from pinfric.dynamics.constrained import Layout, Maps
-from pinfric.dynamics.coupling import MOST_SOLUTIONS
-from pinfric.dynamics.problem import empty_problem
 from pinfric.dynamics.result import Status
+from pinfric.friction.given_modes import MOST_SOLUTIONS
+from pinfric.friction.problem import empty_problem
 
 #: Choices of one sample that are all looked at: 2^8.
 ENUMERATED = 256

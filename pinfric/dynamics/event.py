@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.crossing import first_crossing
-from pinfric.dynamics.modes import Found
 from pinfric.dynamics.record import Recorder, along
 from pinfric.dynamics.system import Chart, Settings, System, difference, finite
 from pinfric.errors import AccelerationError, SimulationError
+from pinfric.friction.modes import Found
 
 #: Least number of looks at the guards within a step, both ends included.
 _LOOKS = 6

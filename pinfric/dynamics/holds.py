@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.dynamics.closure import check_closed
-from pinfric.dynamics.consistency import evaluate
 from pinfric.dynamics.forward import vector
-from pinfric.dynamics.holding import Verdict, decide
-from pinfric.dynamics.linked import LinkedWorkspace
 from pinfric.dynamics.reactions import AppliedWrench, applied_wrenches
-from pinfric.dynamics.workspace import Workspace, make_workspace
+from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import AccelerationError
+from pinfric.friction.consistency import evaluate
+from pinfric.friction.holding import Verdict, decide
 from pinfric.model.scene import Scene
 
 #: A joint that needs this share of what the most used one needs is at its limit with it.
@@ -74,7 +73,7 @@ def holds(
     Raises:
         StateError: a wrong shape, a value not finite, an open loop.
     """
-    ws = make_workspace(scene, attached)
+    ws = Workspace(scene, attached)
     q, v = vector("q", q, ws.nq, "nq"), np.zeros(ws.nv)
     u = vector("effort", effort, ws.na, "na")
     applied = applied_wrenches(scene, external, 1) if external else None
@@ -107,8 +106,6 @@ def _decide(
     dry = ws.tables.dry
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True, 0)
-    if not isinstance(ws, LinkedWorkspace):
-        return decide(ws.problem, np.linalg.cholesky(ws.problem.rate_slope).T, dry)
     if not ws.mechanism.ball.any():
         return decide(ws.problem, ws.mechanism.factor, dry)
     # a ball's limit is a sphere: what holds is found as forward dynamics finds it, not proved

@@ -21,7 +21,7 @@ from pinfric.dynamics.regularized import RegularizedIntegration
 from pinfric.dynamics.states import States
 from pinfric.dynamics.system import Settings, System
 from pinfric.dynamics.timestepping import step_through
-from pinfric.dynamics.workspace import make_workspace
+from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import AccelerationError, SimulationError, StateError
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
 from pinfric.model.scene import Scene
@@ -100,7 +100,7 @@ def simulate(
         settings = replace(settings, max_step=longest, look=settings.t_end / 250)
     applied = applied_wrenches(scene, external, 1)
     carried = None if attached is None else tuple(attached)
-    system = System(make_workspace(scene, carried), made, applied)
+    system = System(Workspace(scene, carried), made, applied)
     record = Recorder(scene, system, method, settings.sample_step, carried)
     with _Progress(progress, settings.t_end) as record.progress:
         try:

@@ -16,16 +16,16 @@ from pinfric.dynamics.coupled_inverse import (
     loop_wrenches,
 )
 from pinfric.dynamics.coupled_solve import Solver
-from pinfric.dynamics.coupling import (
+from pinfric.dynamics.reactions import Batch
+from pinfric.dynamics.result import Solution
+from pinfric.friction.dense import spectral_radius_bound
+from pinfric.friction.given_modes import (
     contraction_matrix,
     eliminate,
     newton,
     reduce_contacts,
     slip_law,
 )
-from pinfric.dynamics.dense import spectral_radius_bound
-from pinfric.dynamics.reactions import Batch
-from pinfric.dynamics.result import Solution
 from pinfric.model.loops import Linkage
 
 if TYPE_CHECKING:

@@ -13,10 +13,7 @@ from contextlib import contextmanager
 import numba
 import numpy as np
 
-from pinfric.dynamics import motion_kernels
-from pinfric.dynamics.chained import kernel_calling
 from pinfric.dynamics.motion_kernels import effort_bounds, mark_reversals
-from pinfric.model import bearings, laws, twin
 from pinfric.model.bearings import normal_loads
 from pinfric.model.compiled import parallel_kernel
 from pinfric.model.laws import friction_bounds
@@ -35,7 +32,7 @@ def team(threads: int) -> Iterator[int]:
         numba.set_num_threads(before)
 
 
-@kernel_calling(twin, compiled=parallel_kernel)
+@parallel_kernel
 def embed_in_parts(
     parts: int,
     q: np.ndarray,
@@ -62,7 +59,7 @@ def embed_in_parts(
         )  # fmt: skip
 
 
-@kernel_calling(twin, bearings, laws, compiled=parallel_kernel)
+@parallel_kernel
 def friction_in_parts(
     parts: int,
     wrench: np.ndarray,
@@ -95,7 +92,7 @@ def friction_in_parts(
         )
 
 
-@kernel_calling(motion_kernels, compiled=parallel_kernel)
+@parallel_kernel
 def efforts_in_parts(
     parts: int,
     frictionless: np.ndarray,
@@ -116,7 +113,7 @@ def efforts_in_parts(
         )  # fmt: skip
 
 
-@kernel_calling(motion_kernels, compiled=parallel_kernel)
+@parallel_kernel
 def reversals_in_parts(
     parts: int, velocity: np.ndarray, stick_velocity: np.ndarray, marked: np.ndarray
 ) -> None:

@@ -22,10 +22,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.event import start_velocity
-from pinfric.dynamics.modes import Found, Modes
 from pinfric.dynamics.record import Recorder
 from pinfric.dynamics.system import Settings, System
 from pinfric.dynamics.workspace import Workspace
+from pinfric.friction.modes import Found, Modes
 
 
 def step_through(

@@ -1,26 +1,31 @@
-"""From a state to its coupled friction problem: one batch on the wrench twin, M and h eliminated.
-
-    M a + h - J_ext^T f_ext = u + D phi   gives   a = a_free + a_slope x,   x the friction
-
-(design 2.1, 2.5). Forward dynamics, the integrators and a time step all start here.
-"""
+"""Buffers of one scene, and what forward dynamics and integrators ask at a state."""
 
 from __future__ import annotations
 
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
-import pinocchio as pin
 
-from pinfric.dynamics.assembly import FREE, GIVEN, NOT_FINITE, assemble, finish, solve_instant
-from pinfric.dynamics.consistency import ROUNDING
-from pinfric.dynamics.modes import MOST_ENUMERATED, Found, Modes, only_candidate, pivot, search
-from pinfric.dynamics.problem import Problem, contact_maps, empty_problem
-from pinfric.dynamics.reactions import AppliedWrench, Batch, relieve
+from pinfric.dynamics.layout import make_layout
+from pinfric.dynamics.maps import (
+    FREE,
+    GIVEN,
+    NOT_FINITE,
+    TOGGLE,
+    TURNED,
+    UNDECIDED,
+    assemble,
+    box_tables,
+    box_work,
+    finish,
+    relate,
+    solve_instant,
+)
+from pinfric.dynamics.reactions import AppliedWrench
+from pinfric.dynamics.records import MODE_FIELDS, PROBLEM_FIELDS, Supplier, make_tables, make_work
 from pinfric.errors import (
     AccelerationError,
     AmbiguousAcceleration,
@@ -28,177 +33,149 @@ from pinfric.errors import (
     RollMomentError,
     SceneError,
     StateError,
+    ToggleError,
 )
-from pinfric.model.scene import Scene, Site
-from pinfric.model.twin import Twin, embed, project
+from pinfric.friction import rest
+from pinfric.friction.consistency import ROUNDING
+from pinfric.friction.modes import MOST_ENUMERATED, Found, Modes, only_candidate, pivot, search
+from pinfric.friction.problem import Problem
+from pinfric.friction.rest import Mechanism
+from pinfric.model.closure import RANK, close
+from pinfric.model.scene import Scene
 
-
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """What of a scene the assembly needs, as arrays, and nothing that changes.
-
-    Attributes:
-        coordinate: (ns,) friction coordinate of each site (`problem.py`).
-        coordinate_v: (nc,) index in v of each coordinate.
-        dry: (nc,) bool, whether anything on it can stick.
-        stick_velocity: (nc,) at or below this speed it is at rest (rad/s or m/s).
-        wrench_map, wrench_map_moved: (nt, 3, 6) `contact_maps`; the second times displacement.
-        guides: sites whose bearing cannot resist a moment about its axis.
-        displacement_q, displacement_ratio, displacement_shift: (ns,) how a site's displacement
-            along its axis follows from q; ratio 0 where it does not matter.
-    """
-
-    joint: np.ndarray
-    ratio: np.ndarray
-    law: np.ndarray
-    coordinate: np.ndarray
-    coordinate_v: np.ndarray
-    dry: np.ndarray
-    stick_velocity: np.ndarray
-    contact_site: np.ndarray
-    wrench_map: np.ndarray
-    wrench_map_moved: np.ndarray
-    displacement_q: np.ndarray
-    displacement_ratio: np.ndarray
-    displacement_shift: np.ndarray
-    constant: np.ndarray
-    guides: tuple[int, ...]
-
-
-def make_tables(scene: Scene) -> Tables:
-    """Tabulate a scene's friction for `assemble`."""
-    sites, t, twin = scene.sites, scene.site_tables, scene.twin()
-    coordinate_v, coordinate = np.unique(t.velocity_index, return_inverse=True)
-    dry_sites = np.asarray(t.law[:, :6].any(axis=1))
-    dry, stick = np.zeros(len(coordinate_v), dtype=bool), np.full(len(coordinate_v), np.inf)
-    for s, c in enumerate(coordinate):
-        if dry_sites[s]:
-            dry[c] = True
-            stick[c] = min(stick[c], t.law[s, 9] / abs(t.ratio[s]))
-    loaded = [s for s in range(len(sites)) if t.law[s, :2].any()]
-    maps = [contact_maps(sites[s].weights, sites[s].axis) for s in loaded]
-    contact_site = [s for s, (B, _) in zip(loaded, maps, strict=True) for _ in B]
-    moves = np.asarray(t.weights[:, 8] != 0.0)
-    none = [np.zeros((0, 3, 6))]
-    return Tables(
-        joint=t.joint,
-        ratio=t.ratio,
-        law=t.law,
-        coordinate=coordinate.astype(np.int64),
-        coordinate_v=coordinate_v.astype(np.int64),
-        dry=dry,
-        stick_velocity=stick,
-        contact_site=np.array(contact_site, dtype=np.int64),
-        wrench_map=np.concatenate([B for B, _ in maps] or none),
-        wrench_map_moved=np.concatenate([C for _, C in maps] or none),
-        displacement_q=np.where(moves, twin.q_index[t.joint], 0),
-        displacement_ratio=np.where(moves, twin.ratio[t.joint], 0.0),
-        displacement_shift=np.where(moves, twin.shift[t.joint], 0.0),
-        constant=np.ascontiguousarray(t.weights[:, 6]),
-        guides=tuple(s for s, site in enumerate(sites) if cannot_resist_roll(site)),
-    )
-
-
-def cannot_resist_roll(site: Site) -> bool:
-    """Return whether a site's bearing leaves the moment about its axis to others."""
-    bearing = site.friction.bearing
-    return bearing is not None and bearing.kind == "guide" and bearing.width is None
+#: A stop may change velocities by this many times the stick velocity; more, and it is none.
+_STOP = 100.0
 
 
 class Workspace:
     """Buffers of one scene for one thread: every solve overwrites them.
 
     Attributes:
-        tables: `Tables`.
+        tables: `Layout`.
         problem, modes: the coupled problem and its solution.
-        a_free, a_slope: (nv,), (nv, nc): a = a_free + a_slope x.
+        mechanism: how its coordinates hang together.
+        closed: whether loops close, so that coordinates may depend on each other.
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6) of the solution: accelerations,
-            friction, normal load and wrench of each site.
-        multipliers: (nl,) forces that close loops; none in an open chain.
-        locked: whether what sticks lets nothing move (known where joints are linked).
+            friction, normal load and wrench of each site; one after the other in `out`.
+        multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
+            linkage's rows; none in an open chain.
+        locked: whether what sticks lets nothing move (known where loops close).
         turns_balls: whether the friction of balls that slip is pointed against their motion.
         least, most: (nc,) static limits of the friction x.
-        site_modes: (ns,) int8, -1, 0, 1.
+        site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
     """
 
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
-        self.scene = scene
-        self.twin: Twin = scene.twin(attached)
+        self.scene, self.twin = scene, scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
-        self.multipliers = np.zeros(0)
+        self.tables = t = make_layout(scene)
+        self.linkage, self.closed = scene.linkage, t.solved > t.off_joint
         self.turns_balls, self.locked = True, False
-        self._make(scene)
+        self.supplier = Supplier(self.twin)
+        tables = make_tables(self.twin, scene.linkage, t)
+        self.out, self.work = make_work(self.twin, t, tables)
+        w = self.work
+        self._records = box_tables(tuple(tables)), self.supplier.record, box_work(tuple(w))
+        self.problem = Problem(*(getattr(w, name) for name in PROBLEM_FIELDS))
+        self.modes = Modes(*(getattr(w, name) for name in MODE_FIELDS))
+        self.mechanism = Mechanism(w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry)))
+        self.a, self.phi, self.load, self.wrench = w.a, w.phi, w.load, w.wrench
+        self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
+        self.multipliers = w.multiplier
+        self._balls = np.unique(t.block[t.ball])
 
-    def _make(self, scene: Scene) -> None:
-        self.tables = t = make_tables(scene)
-        nv, nc, ns = self.nv, len(t.coordinate_v), len(t.joint)
-        self.problem: Problem = empty_problem(t.coordinate, t.ratio, t.contact_site, t.constant)
-        self.out = np.zeros(nv + 8 * ns)  # one array, so that an `Instant` is one copy
-        self.a, self.phi = self.out[:nv], self.out[nv : nv + ns]
-        self.wrench = self.out[nv + 2 * ns :].reshape(ns, 6)
-        self.load = self.out[nv + ns : nv + 2 * ns]
-        self.modes = Modes.of(nc, self.load)
-        self.site_modes = np.zeros(ns, dtype=np.int8)
-        self.a_free, self.a_slope = np.zeros(nv), np.zeros((nv, nc))
-        self.least, self.most = np.zeros(nc), np.zeros(nc)
-        self._make_batch()
-        # the kernels' arguments beside the state, in their order
-        self._assembly = (
-            self.batch.wrench, self._rows, self.twin.armature, t.joint, t.law, t.coordinate_v,
-            t.wrench_map, t.wrench_map_moved, t.displacement_q, t.displacement_ratio,
-            t.displacement_shift, np.empty((nv, nv)), self.a_free, self.a_slope,
-        )  # fmt: skip
-        self._solving = (
-            t.dry, t.stick_velocity, *self.modes.arrays(), self.least, self.most, self.phi,
-            self.site_modes, self.a, self.wrench, *self.problem,
-        )  # fmt: skip
+    @property
+    def a_free(self) -> np.ndarray:
+        """(nv,) accelerations without friction."""
+        return self.work.a_map[:, 0]
 
-    def _make_batch(self) -> None:
-        """Samples of the batch: the state at a = 0; at rest with a = 0 and with unit a."""
-        twin = self.twin
-        nv = twin.nv
-        self.batch = batch = Batch.of(twin, nv + 2)
-        self._rows = np.empty((nv + 2, nv))
-        self._embedding = (twin.kind, twin.q_index, twin.v_index, twin.ratio, twin.shift,
-                           twin.axis, twin.components)  # fmt: skip
-        unit = np.zeros((nv + 2, nv))
-        unit[2:] = np.eye(nv)
-        neutral = np.tile(pin.neutral(self.scene.model), (nv + 2, 1))
-        embed(neutral, np.zeros_like(unit), unit, *self._embedding, batch.q, batch.v, batch.a)
-        self._no_acceleration = np.zeros((1, nv))
-        self._first = Batch(batch.q[:1], batch.v[:1], batch.a[:1], batch.wrench[:1])
-        self._columns = batch.q.T, batch.v.T, batch.a.T, batch.wrench.reshape(nv + 2, -1).T
-        self._projection = (batch.wrench, twin.v_index, twin.ratio, twin.axis, twin.components,
-                            self._rows)  # fmt: skip
-        self._pool = None if twin.opened is None else twin.pool(1)
-        self._unit = unit
+    @property
+    def a_slope(self) -> np.ndarray:
+        """(nv, nc) their change per unit friction."""
+        return self.work.a_map[:, 1:]
 
-    def run_batch(
-        self, q: np.ndarray, v: np.ndarray, applied: list[AppliedWrench] | None = None
-    ) -> None:
-        """Compute the batch's wrenches at one state (design 2.1).
+    # ------------------------------------------------------------ kinematics
+
+    def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
+        if self.tables.has_loop_coordinates:
+            self._relate(q, v)
+            return self.work.coordinate_rate.copy()
+        return np.asarray(v[self.tables.coordinate_v])
+
+    def speeds(self, rates: np.ndarray) -> np.ndarray:
+        """Return how fast each coordinate's joint moves (nc,): of a ball, its angular speed."""
+        speed = np.abs(rates)
+        for number in self._balls:
+            here = self.mechanism.block == number
+            speed[here] = np.linalg.norm(rates[here])
+        return speed
+
+    def obey(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the state with loops closed exactly and what sticks exactly at rest."""
+        stuck = self.modes.stuck
+        if not self.closed:
+            return q, self._stopped(v, stuck)
+        assert self.linkage is not None
+        velocity = self.tables.coordinate_v[stuck]
+        held = np.zeros(self.nv, dtype=bool)
+        held[velocity[velocity >= 0]] = True
+        if held.any() and (~held).sum() < self.nv - self.na:
+            held[:] = False  # too few joints are left free to close the loops
+        q = close(self.twin, self.linkage, q, held)
+        self._relate(q, v)
+        return q, self._slowed(v, stuck)
+
+    def _relate(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Write rates, J and D of a state."""
+        q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
+        self.supplier.move(q, v)
+        relate(*self._records, v)
+
+    def _stopped(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:
+        v = v.copy()
+        velocity = self.tables.coordinate_v[stopped]
+        v[velocity[velocity >= 0]] = 0.0
+        return v
+
+    def _slowed(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:
+        """The velocities nearest to v that obey the loops and stop coordinates."""
+        first, last = self.tables.off_joint, self.tables.solved
+        rows = np.concatenate([self.work.J[0, first:last], self.work.D[stopped]])
+        _, size, right = np.linalg.svd(rows, full_matrices=False)
+        rank = int((size > RANK * max(float(size[0]), 1e-300)).sum())
+        if rank == self.nv:
+            return np.zeros(self.nv)
+        return self._stopped(v - right[:rank].T @ (right[:rank] @ v), stopped)
+
+    def stop(
+        self, q: np.ndarray, v: np.ndarray, stopped: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocities with coordinates at rest, and all that are at rest then.
+
+        A joint whose speed is zero because the mechanism passes its dead centre does not stop it:
+        then velocities stay. A ball that merely turns on is not at rest at all.
 
         Args:
-            q, v: (nq,), (nv,), C-ordered.
-            applied: wrenches from outside, one sample each.
+            q, v: state.
+            stopped: (nc,) bool.
         """
-        batch, first = self.batch, self._first
-        embed(q[None], v[None], self._no_acceleration, *self._embedding, first.q, first.v, first.a)
-        batch.q[1:] = batch.q[0]
-        if self._pool is not None:
-            pin.rneaInParallel(1, self._pool, *self._columns)
-        else:
-            self._run_large(q, v)
-        if applied:
-            relieve(self.twin, applied, slice(0, 1), first)
-        project(*self._projection)
+        t, D = self.tables, self.work.D
+        if not self.closed:
+            return self._stopped(v, stopped), stopped
+        self._relate(q, v)
+        slower = self._slowed(v, stopped)
+        before, after = D @ v, D @ slower
+        least = t.stick_velocity[stopped].min(initial=np.inf)
+        allowed = _STOP * least if np.isfinite(least) else 0.0
+        if np.abs(slower - v).max(initial=0.0) > allowed:
+            return v, stopped & ~t.ball
+        still = np.abs(after) <= 1e-3 * np.minimum(t.stick_velocity, 1.0)
+        moved = np.abs(before - after) > 0.0
+        fixed = np.linalg.norm(D, axis=1) == 0.0
+        return slower, stopped | (still & moved & t.dry & ~fixed)
 
-    def _run_large(self, q: np.ndarray, v: np.ndarray) -> None:
-        """The batch of a robot too large to open, sample by sample (see `reactions`)."""
-        data, forces = self.twin.joint_forces()
-        for i, a in enumerate(self._unit):
-            pin.rnea(self.twin.model, data, q, v if i == 0 else 0.0 * v, a)
-            np.concatenate(forces, out=self.batch.wrench[i].reshape(-1))
+    # ------------------------------------------------------------ solving
 
     def solve(
         self,
@@ -207,7 +184,7 @@ class Workspace:
         effort: np.ndarray,
         applied: list[AppliedWrench] | None = None,
     ) -> None:
-        """Find modes, friction and accelerations at one state (design 2.5).
+        """Find modes, friction and accelerations at one state.
 
         Args:
             q, v, effort: (nq,), (nv,), (na,), C-ordered.
@@ -215,17 +192,13 @@ class Workspace:
 
         Raises:
             StateError: a value is not finite; SceneError: the mass matrix is singular.
+            ToggleError: the loops leave more freedoms here than elsewhere.
             NoConsistentAcceleration, AmbiguousAcceleration: see there.
         """
-        self.run_batch(q, v, applied)
-        outcome, solutions, obeying, resting = solve_instant(
-            q, v, effort, FREE, *self._assembly, *self._solving
-        )
+        solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
         if obeying == 1:
             return
-        if outcome:
-            self._refuse(outcome, q, v, effort)
-        found = search(self.problem, self.modes) if resting else only_candidate(solutions, obeying)
+        found = self.search() if resting else only_candidate(solutions, obeying)
         if found != Found.SOLVED:
             raise self.failure(found, q, v, effort)
         self.finish()
@@ -237,18 +210,38 @@ class Workspace:
         effort: np.ndarray,
         applied: list[AppliedWrench] | None = None,
     ) -> None:
-        """Find friction and accelerations with the modes in `modes`, whatever the velocities.
+        """Find friction and accelerations with the modes in `modes`; balls face their motion.
 
         Args, raises: see `solve`.
         """
-        self.run_batch(q, v, applied)
-        outcome, solutions, obeying, _ = solve_instant(
-            q, v, effort, GIVEN, *self._assembly, *self._solving
-        )
-        if outcome:
-            self._refuse(outcome, q, v, effort)
+        turned = TURNED if self._balls.size and self.turns_balls else GIVEN
+        solutions, obeying, resting = self._try(q, v, effort, applied, turned)
+        if resting < 0:
+            solutions, obeying = rest.solve(self.problem, self.modes, self.mechanism)
+            if obeying == 1:
+                self.finish()
         if obeying != 1:
             raise self.failure(only_candidate(solutions, obeying), q, v, effort)
+
+    def _try(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        effort: np.ndarray,
+        applied: list[AppliedWrench] | None,
+        choice: int,
+    ) -> tuple[int, int, int]:
+        """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
+        self._given = q, v, effort, applied, 0.0
+        self.supplier.at(q, v, applied)
+        outcome, solutions, obeying, resting = solve_instant(*self._records, q, v, effort, choice)
+        self.locked = False
+        if outcome == 0:
+            return solutions, obeying, resting
+        if outcome != UNDECIDED:
+            self._refuse(outcome, q, v, effort)
+        self.mechanism.factor = self.work.factor[: self.work.freedoms[0]]
+        return solutions, obeying, resting if choice == FREE else -1
 
     def assemble(
         self,
@@ -266,88 +259,130 @@ class Workspace:
                 relative velocity at the end, with viscous friction implicit.
 
         Raises:
-            StateError: a value is not finite; SceneError: the mass matrix is singular.
+            StateError, SceneError, ToggleError: see `solve`.
         """
-        self.run_batch(q, v, applied)
-        outcome = assemble(q, v, effort, step, *self._assembly, self.problem)
+        self._given = q, v, effort, applied, step
+        self.supplier.at(q, v, applied)
+        outcome = assemble(*self._records, q, v, effort, step)
         if outcome:
             self._refuse(outcome, q, v, effort)
-
-    def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
-        return np.asarray(v[self.tables.coordinate_v])
-
-    def speeds(self, rates: np.ndarray) -> np.ndarray:
-        """Return how fast each coordinate's joint moves (nc,)."""
-        return np.abs(rates)
-
-    def obey(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state with what sticks exactly at rest (and loops closed exactly)."""
-        v = v.copy()
-        v[self.tables.coordinate_v[self.modes.stuck]] = 0.0
-        return q, v
-
-    def stop(
-        self, q: np.ndarray, v: np.ndarray, stopped: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return velocities with coordinates (nc,) bool at rest, and all that are at rest then."""
-        v = v.copy()
-        v[self.tables.coordinate_v[stopped]] = 0.0
-        return v, stopped
+        self.mechanism.factor = self.work.factor[: self.work.freedoms[0]]
 
     def facing(self, rates: np.ndarray) -> np.ndarray:
-        """Return the direction (nc,) in which each coordinate slips at these rates (nc,)."""
-        return self.modes.direction.copy()
+        """Return the direction (nc,) in which each coordinate slips; a ball has a vector."""
+        out = self.modes.direction.copy()
+        if self._balls.size:
+            speed = self.speeds(rates)
+            moves = self.mechanism.ball & ~self.modes.stuck & (speed > 0.0)
+            out[moves] = rates[moves] / speed[moves]
+        return out
 
     def summed(self, parts: np.ndarray) -> np.ndarray:
         """Return parts (nc,) summed over the coordinates of each joint."""
-        return parts
+        out = parts.copy()
+        for number in self._balls:
+            here = self.mechanism.block == number
+            out[here] = parts[here].sum()
+        return out
 
     def breaking_with(self, fired: np.ndarray) -> np.ndarray:
-        """Return the coordinates that break away when those in `fired` do: they alone."""
-        return fired
+        """Return the coordinates that break away when those in `fired` do: one freedom's, all."""
+        return self.mechanism.companions(self.modes.stuck, fired) if self.closed else fired
 
     def way_out(self) -> np.ndarray:
         """Return the direction (nc,) in which what sticks would break away: against friction."""
+        if self.closed:
+            return self.mechanism.way.copy()
         x = self.modes.friction
         return np.where(self.most - x < x - self.least, -1.0, 1.0)
 
     def search(
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> Found:
-        """Search the modes of what is at rest; see `modes.search`."""
-        return search(self.problem, self.modes, forced, held)
+        """Search the modes of what is at rest; see `modes.search`, `rest.search`."""
+        if not self.closed:
+            return search(self.problem, self.modes, forced, held)
+        found = rest.search(self.problem, self.modes, self.mechanism, forced, held)
+        if found == Found.SOLVED:
+            self._leave_dead_centres()
+        return found
+
+    def _leave_dead_centres(self) -> None:
+        """Let joints that rest at their dead centre slip the way the mechanism takes them.
+
+        Their own rates are exactly zero and decide nothing: what they are a moment later, with the
+        velocities v = a dt, has the sign of the rate at v = a.
+        """
+        m = self.modes
+        dead = m.at_rest & m.stuck & ~self.mechanism.factor.any(axis=0)
+        q, v, effort, applied, step = self._given
+        if step > 0.0 or not dead.any():
+            return
+        a = self.a_free + self.a_slope @ m.friction
+        terms = float(np.abs(self.a_free).max(initial=0.0)) + 1e-300
+        if np.abs(a).max(initial=0.0) <= 1e-12 * terms:
+            return
+        kept = m.copy()
+        self.assemble(q, a, effort, applied)
+        way = np.sign(self.problem.rate_free[dead])
+        self.assemble(q, v, effort, applied)
+        m.stuck[dead], m.direction[dead], m.at_rest[dead] = way == 0.0, way, False
+        if rest.solve(self.problem, m, self.mechanism)[1] != 1:
+            m.take(kept)
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        dry = self.tables.dry
-        found = pivot(self.problem, self.modes)
+        m, dry = self.modes, self.tables.dry
+        if not self.closed:
+            found = pivot(self.problem, m)
+        else:
+            start = m.copy()
+            found = rest.follow(self.problem, m, self.mechanism)
+            if found != Found.SOLVED:
+                m.take(start)
+                m.at_rest[:] = dry
+                m.stuck[dry], m.direction[dry] = True, 0.0
+                found = rest.follow(self.problem, m, self.mechanism)
         if found != Found.SOLVED and int(dry.sum()) <= MOST_ENUMERATED:
-            self.modes.at_rest[:] = dry
-            found = search(self.problem, self.modes)
+            m.at_rest[:] = dry
+            if self.closed:
+                return rest.search(self.problem, m, self.mechanism)
+            return search(self.problem, m)
         return found
 
     def set_modes(self, modes: np.ndarray) -> None:
-        """Write modes of sites (ns,) as modes of their coordinates."""
-        self.modes.direction[self.tables.coordinate] = modes * np.sign(self.tables.ratio)
-        self.modes.stuck[:] = (self.modes.direction == 0.0) & self.tables.dry
+        """Write modes of sites (ns,) as modes of their coordinates; a ball's face its motion."""
+        t, m = self.tables, self.modes
+        m.direction[t.entry_coordinate] = modes[t.entry_site] * np.sign(t.entry_ratio)
+        m.stuck[:] = (m.direction == 0.0) & t.dry
+
+    def finish(self) -> None:
+        """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
+        finish(self._records[0], self._records[2])
+        self.locked, stuck, factor = False, self.modes.stuck, self.mechanism.factor
+        if self.closed and stuck.any():
+            size = np.linalg.svd(factor[:, stuck], compute_uv=False)
+            if int((size > RANK * size[:1]).sum()) == len(factor):
+                self.a[:] = 0.0  # nothing can move
+                self.locked = True
 
     def friction_rounding(self) -> np.ndarray:
-        """Return how far friction (nc,) may be off by rounding (N m or N)."""
-        return np.asarray(ROUNDING * (self.most - self.least))
+        """Return how far friction (nc,) may be off by rounding, of the loads that cancel, too."""
+        slope = np.diag(self.problem.rate_slope)
+        terms = self.problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
+        return np.asarray(ROUNDING * (self.most - self.least + terms))
 
     @property
     def guards(self) -> np.ndarray:
         """(nc,) distance of the friction of what sticks from its static limits (N m or N)."""
         x = self.modes.friction
-        return np.asarray(np.minimum(x - self.least, self.most - x))
+        out = np.minimum(x - self.least, self.most - x)
+        for number in self._balls:
+            here = self.mechanism.block == number
+            out[here] = self.most[here] - np.linalg.norm(x[here])
+        return np.asarray(out)
 
-    def finish(self) -> None:
-        """Write a, wrenches and each site's friction from the solution in `modes`."""
-        m = self.modes
-        finish(self.problem, m.stuck, m.direction, m.friction, m.load, self.tables.coordinate_v,
-               self.a_free, self.a_slope, self.batch.wrench, self.tables.joint, self.least,
-               self.most, self.phi, self.site_modes, self.a, self.wrench)  # fmt: skip
+    # ------------------------------------------------------------ what cannot be
 
     def check_roll_moments(self) -> None:
         """Refuse a moment about a guide's axis that nothing resists (beyond rounding).
@@ -370,6 +405,9 @@ class Workspace:
                 raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
         if outcome == NOT_FINITE:
             raise StateError("forward dynamics overflows at this state: values are too large")
+        if outcome == TOGGLE:
+            assert self.linkage is not None
+            raise ToggleError(self.linkage.loops[0].name, int(self.work.freedoms[0]), self.na)
         raise SceneError(
             f"{self.scene.source}: the mass matrix is not positive definite at this state: a joint "
             "moves no mass; give its link an inertia, or lock it"
@@ -380,7 +418,7 @@ class Workspace:
     ) -> AccelerationError:
         """Return the error that says why no single acceleration was found, and where."""
         contraction = self.modes.figures[0]
-        site = self.scene.site_names[self._site_of(self._worst_site())]
+        site = self.scene.site_names[self._worst_site()]
         state = q.copy(), v.copy(), effort.copy()
         growth = (
             f"the loads grow with the friction they cause (contraction {contraction:.4g})"
@@ -395,27 +433,15 @@ class Workspace:
             growth += f"; more than {MOST_ENUMERATED} joints at rest: not every mode was tried"
         return NoConsistentAcceleration(*state, site, growth)
 
-    def _site_of(self, row: int) -> int:
-        """The site of a row of the problem's sites."""
-        return row
-
     def _worst_site(self) -> int:
-        """The row of the site whose load grows most with friction: there it is inconsistent."""
+        """The site whose load grows most with friction: there it is inconsistent."""
         p = self.problem
         growth = np.zeros(len(p.constant))
         norms = np.linalg.norm(p.contact_slope, axis=2).sum(axis=1)
         np.add.at(growth, p.contact_site, norms)
         open_ = ~self.modes.stuck | self.modes.at_rest
-        return int(np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf)))
-
-
-def make_workspace(scene: Scene, attached: Iterable[str] | None = None) -> Workspace:
-    """Return buffers of a scene's own: linked ones where it has loops or drives off the joints."""
-    if scene.linkage is None:
-        return Workspace(scene, attached)
-    from pinfric.dynamics.linked import LinkedWorkspace  # builds on this module
-
-    return LinkedWorkspace(scene, attached)
+        worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
+        return int(self.tables.entry_site[worst])
 
 
 class _Last(threading.local):
@@ -436,7 +462,7 @@ def workspace(scene: Scene, attached: Iterable[str] | None = None) -> Workspace:
     twin = scene.twin(attached)
     key = "forward", threading.get_ident()
     if key not in twin.pools:
-        twin.pools[key] = make_workspace(scene, attached)
+        twin.pools[key] = Workspace(scene, attached)
     found: Workspace = twin.pools[key]
     if attached is None:
         _LAST.scene, _LAST.found = weakref.ref(scene), found

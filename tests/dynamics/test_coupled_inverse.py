@@ -24,9 +24,9 @@ from mechanisms import FOUR_BAR, LENGTHS, MASSES, four_bar, pin_friction
 
 import pinfric as pf
 from pinfric.dynamics.coupled_solve import Solver
-from pinfric.dynamics.coupling import fixed_point, newton
 from pinfric.dynamics.result import Status
 from pinfric.dynamics.solutions import one_sample, reduced_problem
+from pinfric.friction.given_modes import fixed_point, newton
 
 ROBOTS = Path(__file__).parents[2] / "robots"
 

@@ -27,13 +27,13 @@ from mechanisms import four_bar
 
 import pinfric as pf
 from pinfric.dynamics.closure import consistent_motion
-from pinfric.dynamics.sharing import share
 from pinfric.errors import (
     LoopMotionError,
     NoConsistentAcceleration,
     StateError,
     ToggleError,
 )
+from pinfric.friction.sharing import share
 from pinfric.study.scene_run import start_state
 
 MOVING = {

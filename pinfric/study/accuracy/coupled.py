@@ -16,12 +16,10 @@ from functools import partial
 
 import numpy as np
 
-from pinfric.dynamics import dense
-from pinfric.dynamics.chained import kernel_calling
 from pinfric.dynamics.coupled_solve import Solver
-from pinfric.dynamics.dense import solve_dense
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.solutions import one_sample
+from pinfric.friction.dense import solve_dense
 from pinfric.model.compiled import kernel
 from pinfric.study.timing import interleaved
 
@@ -269,7 +267,7 @@ def solve_by_fixed_point(
     return passes
 
 
-@kernel_calling(dense)
+@kernel
 def solve_by_newton(
     free: np.ndarray, slope: np.ndarray, site: np.ndarray, gain: np.ndarray, rest: np.ndarray,
     constant: np.ndarray, tolerance: float, most: int, times: int, x: np.ndarray,

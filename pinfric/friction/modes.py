@@ -17,8 +17,8 @@ from itertools import combinations, product
 
 import numpy as np
 
-from pinfric.dynamics.consistency import SHOULD_STICK, try_modes
-from pinfric.dynamics.problem import Problem
+from pinfric.friction.consistency import SHOULD_STICK, try_modes
+from pinfric.friction.problem import Problem
 
 #: Up to so many coordinates at rest all modes are looked at: 3^8 = 6561 solves.
 MOST_ENUMERATED = 8

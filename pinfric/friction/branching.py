@@ -11,17 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics import least_use, minimax
-from pinfric.dynamics.chained import kernel_calling
-from pinfric.dynamics.least_use import Rest, friction_and_limits
-from pinfric.dynamics.minimax import least_violation
+from pinfric.friction.least_use import Rest, friction_and_limits
+from pinfric.friction.minimax import least_violation
+from pinfric.model.compiled import kernel
 
 #: What is proved is that nothing holds with a use of 1 - _MARGIN; programs are exact to _EXACT.
 _MARGIN, _EXACT = 1e-9, 1e-12
 #: Nodes that may wait.
 _MOST_WAITING = 4096
-
-kernel = kernel_calling(least_use, minimax)
 
 
 class Program(NamedTuple):

@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics import coupling
-from pinfric.dynamics.chained import kernel_calling
-from pinfric.dynamics.coupling import MOST_SOLUTIONS, solve_given_modes
-from pinfric.dynamics.problem import Problem
+from pinfric.friction.given_modes import MOST_SOLUTIONS, solve_given_modes
+from pinfric.friction.problem import Problem
+from pinfric.model.compiled import kernel
 
 #: How far beyond its law a sticking or slipping coordinate may be, relative to the terms: rounding.
 ROUNDING = 1e-11
 #: `judge`'s verdict on a slipping coordinate that moves against its direction.
 SHOULD_STICK = 2
-
-kernel = kernel_calling(coupling)
 
 
 @kernel

@@ -23,14 +23,14 @@ from itertools import combinations, product
 
 import numpy as np
 
-from pinfric.dynamics import modes as independent
-from pinfric.dynamics.anderson import anderson
-from pinfric.dynamics.consistency import ROUNDING, SHOULD_STICK, evaluate, judge, stick_limits
-from pinfric.dynamics.coupling import slip_law
-from pinfric.dynamics.holding import decide
-from pinfric.dynamics.modes import Found, Modes, only_candidate
-from pinfric.dynamics.problem import Problem
-from pinfric.dynamics.sharing import RANK, secular_root, share, share_one
+from pinfric.friction import modes as independent
+from pinfric.friction.anderson import anderson
+from pinfric.friction.consistency import ROUNDING, SHOULD_STICK, evaluate, judge, stick_limits
+from pinfric.friction.given_modes import slip_law
+from pinfric.friction.holding import decide
+from pinfric.friction.modes import Found, Modes, only_candidate
+from pinfric.friction.problem import Problem
+from pinfric.friction.sharing import RANK, secular_root, share, share_one
 
 #: Passes of the search.
 _CHANGES = 60

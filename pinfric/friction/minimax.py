@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics import dense
-from pinfric.dynamics.chained import kernel_calling
-from pinfric.dynamics.dense import solve_dense
+from pinfric.friction.dense import solve_dense
+from pinfric.model.compiled import kernel
 
 #: After so many pivots the smallest index decides (Bland), which cannot cycle.
 _PIVOTS_BEFORE_BLAND, _MOST_PIVOTS = 60, 2000
 #: A violation of a row below this, relative, is rounding; so is such an entry of a pivot's column.
 _OBEYED, _NO_PIVOT = 1e-13, 1e-11
-
-kernel = kernel_calling(dense)
 
 
 @kernel

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.branching import prove
-from pinfric.dynamics.least_use import descend, make_rest
-from pinfric.dynamics.problem import Problem
-from pinfric.dynamics.sharing import RANK
+from pinfric.friction.branching import prove
+from pinfric.friction.least_use import descend, make_rest
+from pinfric.friction.problem import Problem
+from pinfric.friction.sharing import RANK
 
 #: Nodes after which a proof is given up.
 MOST_NODES = 40_000

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics import dense
-from pinfric.dynamics.chained import kernel_calling
-from pinfric.dynamics.dense import largest, solve_dense, spectral_radius_bound
-from pinfric.dynamics.problem import Problem
+from pinfric.friction.dense import largest, solve_dense, spectral_radius_bound
+from pinfric.friction.problem import Problem
+from pinfric.model.compiled import kernel
 
 #: A residual below this many times the size of the terms it is the difference of is rounding.
 _RESIDUAL = 1e-15
@@ -27,8 +26,6 @@ _DISTINCT = 1e-6
 _CERTAIN = 1e-6
 #: Room for the solutions of given modes; a four-bar's four pins can have three.
 MOST_SOLUTIONS = 8
-
-kernel = kernel_calling(dense)
 
 
 @kernel

@@ -10,11 +10,12 @@ from builders import random_friction, random_tree
 from scipy.optimize import root
 
 import pinfric as pf
-from pinfric.dynamics import coupling, dense, modes
 from pinfric.dynamics.check import plain_normal_load
-from pinfric.dynamics.consistency import SHOULD_STICK, evaluate, judge, site_friction, stick_limits
-from pinfric.dynamics.modes import Found, Modes
-from pinfric.dynamics.problem import Problem, contact_maps, empty_problem
+from pinfric.friction import dense, modes
+from pinfric.friction import given_modes as coupling
+from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_friction, stick_limits
+from pinfric.friction.modes import Found, Modes
+from pinfric.friction.problem import Problem, contact_maps, empty_problem
 
 
 def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Problem:

@@ -13,10 +13,10 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, sh
 from scipy.optimize import linprog, minimize
 
 import pinfric as pf
-from pinfric.dynamics.holding import decide
-from pinfric.dynamics.minimax import least_violation
 from pinfric.dynamics.workspace import make_workspace
 from pinfric.errors import StateError
+from pinfric.friction.holding import decide
+from pinfric.friction.minimax import least_violation
 
 G = 9.81
 

@@ -6,6 +6,9 @@ import numpy as np
 
 from pinfric.model.compiled import kernel
 
+#: Pivots below this many times the first one are zero.
+RANK = 1e-9
+
 
 @kernel
 def solve_dense(A: np.ndarray, B: np.ndarray) -> bool:
@@ -81,3 +84,71 @@ def largest(values: np.ndarray) -> float:
     for value in values:
         most = max(most, abs(value))
     return most
+
+
+@kernel
+def factorize(M: np.ndarray) -> bool:
+    """Overwrite the lower triangle of M (n, n) with its Cholesky factor; False: not positive."""
+    n = M.shape[0]
+    for j in range(n):
+        diagonal = M[j, j]
+        pivot = diagonal
+        for k in range(j):
+            pivot -= M[j, k] * M[j, k]
+        if not pivot > 1e-14 * diagonal:
+            return False
+        root = np.sqrt(pivot)
+        M[j, j] = root
+        for i in range(j + 1, n):
+            total = M[i, j]
+            for k in range(j):
+                total -= M[i, k] * M[j, k]
+            M[i, j] = total / root
+    return True
+
+
+@kernel
+def eliminate_full_pivot(A: np.ndarray, ny: int, order: np.ndarray, scale: float) -> int:
+    """Bring the first ny columns of A (nr, ny + more) to reduced echelon form by full pivoting.
+
+    Afterwards y[order[r]] = A[r, ny:] - sum over the free columns f >= rank of A[r, f] y[order[f]].
+
+    Args:
+        A: overwritten; its columns below ny are exchanged.
+        ny: number of unknowns.
+        order: (ny,) int, overwritten: which unknown stands in each column.
+        scale: pivots small beside it, or beside the first one, are zero.
+
+    Returns:
+        The rank.
+    """
+    nr, width = A.shape
+    for c in range(ny):
+        order[c] = c
+    first = 0.0
+    for k in range(min(nr, ny)):
+        best, row, column = 0.0, k, k
+        for i in range(k, nr):
+            for j in range(k, ny):
+                if abs(A[i, j]) > best:
+                    best, row, column = abs(A[i, j]), i, j
+        if k == 0:
+            first = max(best, scale)
+        if not best > RANK * first:
+            return k
+        if row != k:
+            for j in range(width):
+                A[k, j], A[row, j] = A[row, j], A[k, j]
+        if column != k:
+            order[k], order[column] = order[column], order[k]
+            for i in range(nr):
+                A[i, k], A[i, column] = A[i, column], A[i, k]
+        pivot = A[k, k]
+        for j in range(k, width):
+            A[k, j] /= pivot
+        for i in range(nr):
+            factor = A[i, k]
+            if i != k and factor != 0.0:
+                for j in range(k, width):
+                    A[i, j] -= factor * A[k, j]
+    return min(nr, ny)

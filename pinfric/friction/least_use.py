@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics import minimax
-from pinfric.dynamics.chained import kernel_calling
-from pinfric.dynamics.dense import spectral_radius_bound
-from pinfric.dynamics.minimax import least_violation
-from pinfric.dynamics.problem import Problem
+from pinfric.friction.dense import spectral_radius_bound
+from pinfric.friction.minimax import least_violation
+from pinfric.friction.problem import Problem
+from pinfric.model.compiled import kernel
 
 #: Limits are not smaller than this many times the largest one: zero over zero has no use.
 _LEAST_LIMIT = 1e-9
@@ -29,8 +28,6 @@ _STAYS, _PROGRAMS = 1e-9, 60
 _WEDGED = 50.0
 #: Singular values below this many times the largest are zero.
 _FLAT = 1e-9
-
-kernel = kernel_calling(minimax)
 
 
 class Rest(NamedTuple):

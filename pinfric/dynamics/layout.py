@@ -1,0 +1,209 @@
+"""Where everything of a scene stands: freedoms, actions, drives, friction and contact forces.
+
+A tree is a linkage without loops: its actions are none. Friction acts on *coordinates*, relative
+velocities: of a joint of the tree (a mimic's sites share their leader's) or along an action of a
+loop's joint. A site has one *entry* in the problem, a ball three, one along each axis of frame b.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pinfric.friction.problem import contact_maps
+from pinfric.model.scene import Scene, Site
+from pinfric.model.twin import Twin
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The tables of a scene; nothing in it changes.
+
+    Attributes:
+        n_tree: number of joints of the tree; the loops' joints follow them.
+        drive_v, drive_action: (na,) velocity of each drive, its action; -1 where it has none.
+        balanced: (nr,) velocities that no joint drive moves: only actions balance them.
+        off_joint, solved: number of drives off the joints, and with the multipliers.
+        joint: (ns,) row of each site's joint.
+        first_entry, entry_count: (ns,) the entries of each site.
+        entry_site, entry_coordinate: (ne,).
+        entry_ratio: (ne,) site velocity per coordinate velocity; 1 but for mimic joints.
+        coordinate_v, coordinate_action: (nc,) the velocity of a tree's, the action of a loop's;
+            else -1.
+        viscous: (nc,) N m s/rad or N s/m.
+        dry: (nc,) bool, whether anything on it can stick.
+        stick_velocity: (nc,) at or below this speed it is at rest (rad/s or m/s).
+        block, ball: (nc,) first coordinate of its joint; whether that is a ball.
+        law: (ns, 10), `laws.law_table`. constant: (ns,) constant part of each load.
+        contact_site: (nt,) site of each contact force.
+        contact_map, contact_map_moved: (nt, 3, 6), `contact_maps`.
+        displacement_q, displacement_ratio, displacement_shift: (ns,) how a site's displacement
+            along its axis follows from q; ratio 0 where it does not matter.
+        rubs: (ns,) whether its friction depends on its load.
+        varies: (ns,) whether, with the motion given, its load depends on friction, too.
+        guides: sites whose bearing cannot resist a moment about its axis.
+        inverse_length: 1/l of the weights that share reactions of redundant closures (1/m).
+        scale: size of the levers and directions in Jacobians; what is small beside it is 0.
+    """
+
+    n_tree: int
+    drive_v: np.ndarray
+    drive_action: np.ndarray
+    balanced: np.ndarray
+    off_joint: int
+    solved: int
+    joint: np.ndarray
+    first_entry: np.ndarray
+    entry_count: np.ndarray
+    entry_site: np.ndarray
+    entry_coordinate: np.ndarray
+    entry_ratio: np.ndarray
+    coordinate_v: np.ndarray
+    coordinate_action: np.ndarray
+    viscous: np.ndarray
+    dry: np.ndarray
+    stick_velocity: np.ndarray
+    block: np.ndarray
+    ball: np.ndarray
+    law: np.ndarray
+    constant: np.ndarray
+    contact_site: np.ndarray
+    contact_map: np.ndarray
+    contact_map_moved: np.ndarray
+    displacement_q: np.ndarray
+    displacement_ratio: np.ndarray
+    displacement_shift: np.ndarray
+    rubs: np.ndarray
+    varies: np.ndarray
+    guides: tuple[int, ...]
+    inverse_length: float
+    scale: float
+
+    @cached_property
+    def coordinate(self) -> np.ndarray:
+        """(ns,) first coordinate of each site."""
+        return np.asarray(self.entry_coordinate[self.first_entry])
+
+    @cached_property
+    def has_loop_coordinates(self) -> bool:
+        """Whether friction acts at a joint that closes a loop."""
+        return bool((self.coordinate_action >= 0).any())
+
+    @cached_property
+    def entry_v(self) -> np.ndarray:
+        """(ne,) velocity that an entry of the tree acts on; -1 for a loop's."""
+        return np.asarray(self.coordinate_v[self.entry_coordinate])
+
+    @cached_property
+    def entry_action(self) -> np.ndarray:
+        """(ne,) action of a loop's entry; -1 for a tree's."""
+        return np.asarray(self.coordinate_action[self.entry_coordinate])
+
+
+def make_layout(scene: Scene) -> Layout:
+    """Tabulate a scene."""
+    linkage, sites, t = scene.linkage, scene.sites, scene.site_tables
+    n_tree = scene.model.njoints - 1
+    drive_v = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
+    drive_action = np.array([getattr(d, "column", -1) for d in scene.drives], dtype=np.int64)
+    contacts = _contacts(sites)
+    rubs = np.asarray(t.law[:, :2].any(axis=1)) & np.isin(np.arange(len(sites)), contacts[0])
+    # with the motion given, a tree joint's wrench changes with what is solved for only
+    felt = np.zeros(n_tree, dtype=bool)
+    if linkage is not None:
+        felt = np.abs(linkage.support).max(axis=0, initial=0) > 0
+    feels = np.array([s.loop >= 0 or bool(felt[s.joint]) for s in sites], dtype=bool)
+    return Layout(
+        n_tree=n_tree,
+        drive_v=drive_v,
+        drive_action=drive_action,
+        balanced=np.setdiff1d(np.arange(scene.model.nv), drive_v[drive_v >= 0]).astype(np.int64),
+        off_joint=0 if linkage is None else linkage.off_joint,
+        solved=0 if linkage is None else linkage.solved,
+        joint=np.ascontiguousarray(t.joint),
+        law=t.law,
+        constant=np.ascontiguousarray(t.weights[:, 6]),
+        contact_site=contacts[0],
+        contact_map=contacts[1],
+        contact_map_moved=contacts[2],
+        rubs=rubs,
+        varies=rubs & feels,
+        guides=tuple(s for s, site in enumerate(sites) if cannot_resist_roll(site)),
+        inverse_length=1.0 / scene.redundancy_length,
+        scale=1.0 if linkage is None else min(1.0, linkage.size),
+        **_coordinates(scene),
+        **_displacements(scene.twin(), t.joint, np.asarray(t.weights[:, 8] != 0.0)),
+    )
+
+
+def cannot_resist_roll(site: Site) -> bool:
+    """Return whether a site's bearing leaves the moment about its axis to others."""
+    bearing = site.friction.bearing
+    return bearing is not None and bearing.kind == "guide" and bearing.width is None
+
+
+def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
+    """Entries of all sites, and the coordinates they act on."""
+    law, linkage = scene.site_tables.law, scene.linkage
+    keys: list[tuple[int, int]] = []  # (velocity, action) of each coordinate
+    entries: list[tuple[int, int, float]] = []  # (site, coordinate, ratio)
+    first, count = [], []
+    for s, site in enumerate(scene.sites):
+        first.append(len(entries))
+        count.append(3 if site.ball else 1)
+        for i in range(count[-1]):
+            key = (int(site.velocity_index), -1)
+            if site.loop >= 0:
+                assert linkage is not None
+                key = (-1, int(linkage.friction_column[site.loop]) + i)
+            if key not in keys:
+                keys.append(key)
+            entries.append((s, keys.index(key), float(site.ratio)))
+    nc = len(keys)
+    dry, stick, viscous = np.zeros(nc, dtype=bool), np.full(nc, np.inf), np.zeros(nc)
+    block, ball = np.arange(nc), np.zeros(nc, dtype=bool)
+    for s, c, ratio in entries:
+        viscous[c] += ratio**2 * law[s, 6]
+        ball[c] = scene.sites[s].ball
+        block[c] = min(block[c], entries[first[s]][1])
+        if law[s, :6].any():
+            dry[c], stick[c] = True, min(stick[c], law[s, 9] / abs(ratio))
+    return {
+        "first_entry": np.array(first, dtype=np.int64),
+        "entry_count": np.array(count, dtype=np.int64),
+        "entry_site": np.array([s for s, _, _ in entries], dtype=np.int64),
+        "entry_coordinate": np.array([c for _, c, _ in entries], dtype=np.int64),
+        "entry_ratio": np.array([ratio for _, _, ratio in entries], dtype=float),
+        "coordinate_v": np.array([v for v, _ in keys], dtype=np.int64),
+        "coordinate_action": np.array([action for _, action in keys], dtype=np.int64),
+        "viscous": viscous, "dry": dry, "stick_velocity": stick, "block": block, "ball": ball,
+    }  # fmt: skip
+
+
+def _contacts(sites: tuple[Site, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(nt,) site of each contact force, and its maps (nt, 3, 6)."""
+    site, maps, moved = [], [np.zeros((0, 3, 6))], [np.zeros((0, 3, 6))]
+    for s, one in enumerate(sites):
+        if one.friction.bearing is None:
+            continue
+        if one.ball:  # the whole force counts, whatever its direction
+            B = one.weights.radial * np.eye(3, 6)[None]
+            C = np.zeros_like(B)
+        else:
+            B, C = contact_maps(one.weights, one.axis)
+        site += [s] * len(B)
+        maps.append(B)
+        moved.append(C)
+    return np.array(site, dtype=np.int64), np.concatenate(maps), np.concatenate(moved)
+
+
+def _displacements(twin: Twin, joint: np.ndarray, moves: np.ndarray) -> dict[str, np.ndarray]:
+    moves = moves & (joint < twin.n_joints)
+    row = np.where(moves, joint, 0)
+    return {
+        "displacement_q": np.where(moves, twin.q_index[row], 0).astype(np.int64),
+        "displacement_ratio": np.where(moves, twin.ratio[row], 0.0),
+        "displacement_shift": np.where(moves, twin.shift[row], 0.0),
+    }

@@ -1,0 +1,915 @@
+"""From a state to its coupled friction problem: everything at one instant, affine in what is unknown.
+
+    M a + h = S u + J_c^T lambda + D x,     J_c a + gamma = 0,
+    w_j = f_j + W_j a + X_j [u off the joints; lambda; x of loops]       (paper eq. 1-7, 16, 17)
+
+M, h, the bias wrenches f, poses and composite inertias are Pinocchio's. Column i of W_j is the
+composite inertia of what both joints carry times the motion of freedom i (Featherstone, Rigid Body
+Dynamics Algorithms, 6.2), so no difference against gravity is taken. Friction x is what is left:
+a = a[:, 0] + a[:, 1:] x, and so on for wrenches, multipliers and contact forces. A tree is a linkage
+without closures.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pinfric.friction.consistency import site_friction, stick_limits, try_modes
+from pinfric.friction.dense import eliminate_full_pivot, factorize
+from pinfric.friction.problem import Problem
+from pinfric.model.compiled import kernel, record
+from pinfric.model.kinematics import act_on_joints, relate_pairs
+
+#: What says which modes `solve_instant` tries: velocities; `Work`; `Work`, but balls face their way.
+FREE, GIVEN, TURNED = range(3)
+#: Outcomes of `solve_instant`, beside 0: all is written.
+NOT_FINITE, SINGULAR, TOGGLE, UNDECIDED = 1, 2, 3, 4
+#: A joint whose share in the mechanism's motion is this small stands at its dead centre.
+_IDLE = 1e-4
+#: So small a share is none.
+_DEAD = 1e-13
+
+
+class Tables(NamedTuple):
+    """A scene for the kernels: `layout.Layout`, `loops.Linkage` and the freedoms of its joints.
+
+    Attributes:
+        carries: (nj, nj) int8, whether joint i carries joint j or is j itself.
+        mass: (nj,) of all that each joint carries (kg).
+        gravity: (3,) m/s^2.
+        freedom_joint, freedom_v, freedom_ratio: (nf,) whose joint, which velocity, times what.
+        freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
+        wrench_row: (nr,) joints whose wrenches are wanted, the loops' after the tree's.
+        contact_row: (nt,) row of its joint among those wanted. contact_site: its entry.
+        site_row: (ns,) row of each site's joint among those wanted.
+        others: see `Layout`, `Linkage`, `Twin`.
+    """
+
+    carries: np.ndarray
+    mass: np.ndarray
+    gravity: np.ndarray
+    freedom_joint: np.ndarray
+    freedom_v: np.ndarray
+    freedom_ratio: np.ndarray
+    freedom_axis: np.ndarray
+    drive_v: np.ndarray
+    drive_action: np.ndarray
+    entry_site: np.ndarray
+    entry_coordinate: np.ndarray
+    coordinate_v: np.ndarray
+    coordinate_action: np.ndarray
+    viscous: np.ndarray
+    dry: np.ndarray
+    stick_velocity: np.ndarray
+    block: np.ndarray
+    ball: np.ndarray
+    law: np.ndarray
+    wrench_row: np.ndarray
+    contact_row: np.ndarray
+    contact_site: np.ndarray
+    contact_map: np.ndarray
+    contact_map_moved: np.ndarray
+    displacement_q: np.ndarray
+    displacement_ratio: np.ndarray
+    displacement_shift: np.ndarray
+    site_row: np.ndarray
+    first_entry: np.ndarray
+    pair_kind: np.ndarray
+    rotation: np.ndarray
+    frame_joint: np.ndarray
+    frame_p: np.ndarray
+    frame_R: np.ndarray  # noqa: N815 - a rotation matrix
+    pair_axis: np.ndarray
+    column_pair: np.ndarray
+    unit: np.ndarray
+    support: np.ndarray
+    v_index: np.ndarray
+    ratio: np.ndarray
+    axis: np.ndarray
+    components: np.ndarray
+    off_joint: int
+    multipliers: int
+    inverse_length: float
+    scale: float
+
+
+class Supply(NamedTuple):
+    """Pinocchio's figures at one state: views of its `Data` after `crba` (world) and `rnea`.
+
+    The first row of each is the ground's, as in Pinocchio.
+
+    Attributes:
+        R, p: (1 + nj, 3, 3), (1 + nj, 3) of the joints' child frames in the world.
+        velocity, acceleration: (1 + nj, 6) of the links in their joints' frames; accelerations at
+            a = 0, of a ground that accelerates against gravity.
+        force: (1 + nj, 6) wrench of each joint at a = 0, in its child's frame.
+        lever, inertia: (1 + nj, 3), (1 + nj, 6) centre of mass of what a joint carries, and its inertia
+            about that (xx, xy, yy, xz, yz, zz), in world axes.
+        M: (nv nv,), column after column; its upper triangle counts. h: (nv,).
+    """
+
+    R: np.ndarray
+    p: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    force: np.ndarray
+    lever: np.ndarray
+    inertia: np.ndarray
+    M: np.ndarray
+    h: np.ndarray
+
+
+class Work(NamedTuple):
+    """Buffers of one scene, overwritten by every solve; the last columns belong to `Problem`.
+
+    Attributes:
+        R, p, velocity, acceleration: (1, nj, ...), of the links in world axes (`relate_pairs`).
+        motion, momentum: (nf, 6) S and I S of each freedom about the world's origin.
+        X, J: (1, nj + loops, 6, nx), (1, nx, nv), `act_on_joints`.
+        gap, rate, rate_derivative, tilt, terms: see `relate_pairs`.
+        D, S: (nc, nv), (na, nv) rate of every coordinate, of every drive, per unit velocity.
+        Z: (nv, nv) motions that loops allow. M: (nv, nv).
+        factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
+        a_map: (nv, 1 + nc). multiplier_map: (nl, 1 + nc). wrench_map: (nr, 6, 1 + nc).
+        coordinate_rate: (nc,) relative velocity of each coordinate.
+        idle, dead: (nc,) whether a joint is near, or at, its dead centre.
+        freedoms: (1,) int.
+        stuck ... figures: see `Modes`. least, most: (nc,) static limits.
+        a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6), of the solution.
+        multiplier: (nl,). entry_phi: (ne,). site_modes: (ns,) int8.
+    """
+
+    R: np.ndarray
+    p: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    motion: np.ndarray
+    momentum: np.ndarray
+    X: np.ndarray
+    J: np.ndarray
+    gap: np.ndarray
+    rate: np.ndarray
+    rate_derivative: np.ndarray
+    tilt: np.ndarray
+    terms: np.ndarray
+    D: np.ndarray
+    S: np.ndarray
+    Z: np.ndarray
+    M: np.ndarray
+    factor: np.ndarray
+    a_map: np.ndarray
+    multiplier_map: np.ndarray
+    wrench_map: np.ndarray
+    coordinate_rate: np.ndarray
+    idle: np.ndarray
+    dead: np.ndarray
+    freedoms: np.ndarray
+    stuck: np.ndarray
+    direction: np.ndarray
+    at_rest: np.ndarray
+    friction: np.ndarray
+    entry_load: np.ndarray
+    mode_rate: np.ndarray
+    verdict: np.ndarray
+    figures: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
+    a: np.ndarray
+    phi: np.ndarray
+    load: np.ndarray
+    wrench: np.ndarray
+    multiplier: np.ndarray
+    entry_phi: np.ndarray
+    site_modes: np.ndarray
+    rate_free: np.ndarray
+    rate_slope: np.ndarray
+    rate_scale: np.ndarray
+    contact_free: np.ndarray
+    contact_slope: np.ndarray
+    contact_site: np.ndarray
+    constant: np.ndarray
+    coordinate: np.ndarray
+    entry_ratio: np.ndarray
+    mu_slip: np.ndarray
+    mu_stick: np.ndarray
+    coulomb_slip: np.ndarray
+    coulomb_stick: np.ndarray
+    drag: np.ndarray
+
+
+TablesRecord, SupplyRecord, WorkRecord = record(Tables), record(Supply), record(Work)
+
+
+@kernel
+def box_tables(values: tuple[Any, ...]) -> Any:
+    """Return `Tables` as one argument of kernels (an array costs 0.1 us to hand over)."""
+    return TablesRecord(*values)
+
+
+@kernel
+def box_supply(values: tuple[Any, ...]) -> Any:
+    """Return `Supply` as one argument of kernels."""
+    return SupplyRecord(*values)
+
+
+@kernel
+def box_work(values: tuple[Any, ...]) -> Any:
+    """Return `Work` as one argument of kernels."""
+    return WorkRecord(*values)
+
+
+@kernel
+def _problem(w: Work) -> Problem:
+    """The coupled problem that `Work` holds."""
+    return Problem(
+        w.rate_free, w.rate_slope, w.rate_scale, w.contact_free, w.contact_slope, w.contact_site,
+        w.constant, w.coordinate, w.entry_ratio, w.mu_slip, w.mu_stick, w.coulomb_slip,
+        w.coulomb_stick, w.drag,
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------- kinematics
+
+
+@kernel
+def _carry(mass: float, c: np.ndarray, I: np.ndarray, s: np.ndarray, out: np.ndarray) -> None:
+    """Write the momentum (6,) of a body that moves by s (6,), both about the world's origin."""
+    x, y, z, wx, wy, wz = c[0], c[1], c[2], s[3], s[4], s[5]
+    fx = mass * (s[0] + wy * z - wz * y)
+    fy = mass * (s[1] + wz * x - wx * z)
+    fz = mass * (s[2] + wx * y - wy * x)
+    out[0], out[1], out[2] = fx, fy, fz
+    out[3] = I[0] * wx + I[1] * wy + I[3] * wz + y * fz - z * fy
+    out[4] = I[1] * wx + I[2] * wy + I[4] * wz + z * fx - x * fz
+    out[5] = I[3] * wx + I[4] * wy + I[5] * wz + x * fy - y * fx
+
+
+@kernel
+def _move_freedoms(t: Tables, k: Supply, w: Work) -> None:
+    """Write motion and momentum of every freedom."""
+    R, p, S, A = k.R[1:], k.p[1:], w.motion, w.momentum
+    axis, joint, mass = t.freedom_axis, t.freedom_joint, t.mass
+    lever, inertia = k.lever[1:], k.inertia[1:]
+    for f in range(joint.size):
+        j = joint[f]
+        for r in range(3):
+            S[f, r] = S[f, 3 + r] = 0.0
+            for c in range(3):
+                S[f, r] += R[j, r, c] * axis[f, c]
+                S[f, 3 + r] += R[j, r, c] * axis[f, 3 + c]
+        S[f, 0] += p[j, 1] * S[f, 5] - p[j, 2] * S[f, 4]
+        S[f, 1] += p[j, 2] * S[f, 3] - p[j, 0] * S[f, 5]
+        S[f, 2] += p[j, 0] * S[f, 4] - p[j, 1] * S[f, 3]
+        _carry(mass[j], lever[j], inertia[j], S[f], A[f])
+
+
+@kernel
+def move_pairs(t: Tables, k: Supply, w: Work) -> None:
+    """Write how the frames of all pairs are related, at a = 0, and what actions do to joints."""
+    R, p, velocity, acceleration, gravity = w.R, w.p, w.velocity, w.acceleration, t.gravity
+    v, a = k.velocity[1:], k.acceleration[1:]
+    for j in range(t.mass.size):
+        for r in range(3):
+            p[0, j, r] = k.p[1 + j, r]
+            for c in range(3):
+                R[0, j, r, c] = k.R[1 + j, r, c]
+        # spatial accelerations become those of the frame's origin
+        ax = a[j, 0] + v[j, 4] * v[j, 2] - v[j, 5] * v[j, 1]
+        ay = a[j, 1] + v[j, 5] * v[j, 0] - v[j, 3] * v[j, 2]
+        az = a[j, 2] + v[j, 3] * v[j, 1] - v[j, 4] * v[j, 0]
+        for r in range(3):
+            x, y, z = R[0, j, r, 0], R[0, j, r, 1], R[0, j, r, 2]
+            velocity[0, j, r] = x * v[j, 0] + y * v[j, 1] + z * v[j, 2]
+            velocity[0, j, 3 + r] = x * v[j, 3] + y * v[j, 4] + z * v[j, 5]
+            acceleration[0, j, r] = x * ax + y * ay + z * az + gravity[r]
+            acceleration[0, j, 3 + r] = x * a[j, 3] + y * a[j, 4] + z * a[j, 5]
+    relate_pairs(
+        p, R, velocity, acceleration, t.pair_kind, t.rotation, t.frame_joint, t.frame_p, t.frame_R,
+        t.pair_axis, t.column_pair, t.unit, w.gap, w.rate, w.rate_derivative, w.tilt, w.terms,
+    )  # fmt: skip
+    act_on_joints(
+        p, R, t.pair_kind, t.frame_joint, t.frame_p, t.frame_R, t.column_pair, t.unit, t.support,
+        t.v_index, t.ratio, t.axis, t.components, w.X, w.J,
+    )  # fmt: skip
+
+
+@kernel
+def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
+    """Write D, S and the relative velocity of every coordinate."""
+    D, S, J, rate = w.D, w.S, w.J, w.coordinate_rate
+    velocity, action = t.coordinate_v, t.coordinate_action
+    for c in range(velocity.size):
+        if action[c] < 0:
+            rate[c] = v[velocity[c]]
+            continue
+        rate[c] = 0.0
+        for i in range(v.size):
+            D[c, i] = J[0, action[c], i]
+            rate[c] += D[c, i] * v[i]
+    for d in range(t.drive_v.size):
+        if t.drive_v[d] < 0:
+            for i in range(v.size):
+                S[d, i] = J[0, t.drive_action[d], i]
+
+
+@kernel
+def write_laws(t: Tables, w: Work, implicit: bool) -> None:
+    """Write the friction coefficients of every entry at its present speed (see `laws`)."""
+    law, rate, ratio, coordinate = t.law, w.coordinate_rate, w.entry_ratio, t.entry_coordinate
+    for e in range(coordinate.size):
+        c, s = coordinate[e], t.entry_site[e]
+        velocity = ratio[e] * rate[c]
+        speed = abs(velocity)
+        if t.ball[c]:
+            speed = _ball_speed(t, rate, c)
+        blend = 0.0
+        if law[s, 7] > 0.0:
+            blend = np.exp(-((speed / law[s, 7]) ** law[s, 8]))
+        w.mu_stick[e] = law[s, 0]
+        w.mu_slip[e] = law[s, 1] + (law[s, 0] - law[s, 1]) * blend
+        for side in range(2):
+            static, kinetic = law[s, 2 + 2 * side], law[s, 3 + 2 * side]
+            w.coulomb_stick[e, side] = static
+            w.coulomb_slip[e, side] = kinetic + (static - kinetic) * blend
+        w.drag[e] = 0.0 if implicit else law[s, 6] * velocity
+
+
+@kernel
+def _ball_speed(t: Tables, rate: np.ndarray, c: int) -> float:
+    """The angular speed of the ball that coordinate c belongs to."""
+    first = t.block[c]
+    return np.sqrt(rate[first] ** 2 + rate[first + 1] ** 2 + rate[first + 2] ** 2)
+
+
+@kernel
+def relate(t: Tables, k: Supply, w: Work, v: np.ndarray) -> None:
+    """Write rates, D and S at a state of which only poses and velocities are known."""
+    if t.pair_kind.size > 0:
+        move_pairs(t, k, w)
+    _write_rates(t, w, v)
+
+
+# ---------------------------------------------------------------- accelerations
+
+
+@kernel
+def closure_basis(
+    J: np.ndarray, target: np.ndarray, scale: float, Z: np.ndarray, a_closure: np.ndarray
+) -> int:
+    """Write the motions that loops allow and one acceleration with J a = target; return J's rank.
+
+    Full pivoting chooses dependent and independent velocities (paper eq. 5, 6).
+
+    Args:
+        J, target: (nl, nv), (nl,).
+        scale: pivots small beside it are zero.
+        Z: (nv, nv), overwritten; its first nv - rank columns count.
+        a_closure: (nv,), overwritten.
+    """
+    nl, nv = J.shape
+    A, order = np.empty((nl, nv + 1)), np.empty(nv, np.int64)
+    for r in range(nl):
+        for i in range(nv):
+            A[r, i] = J[r, i]
+        A[r, nv] = target[r]
+    rank = eliminate_full_pivot(A, nv, order, scale)
+    for c in range(nv):
+        for f in range(nv):
+            Z[c, f] = 0.0
+    for f in range(nv - rank):
+        Z[order[rank + f], f] = 1.0
+    for c in range(nv):
+        a_closure[order[c]] = A[c, nv] if c < rank else 0.0
+        if c < rank:
+            for f in range(nv - rank):
+                Z[order[c], f] = -A[c, rank + f]
+    return rank
+
+
+@kernel
+def _reduce(w: Work, push: np.ndarray, a_closure: np.ndarray, d: int, closed: bool) -> bool:
+    """Write a_map and the factor A of D a_slope = A^T A; False: M is singular.
+
+    a = a_closure + Z (Z^T M Z)^-1 Z^T (push + D^T x)
+
+    Args:
+        push: (nv,) S u - h - M a_closure.
+        a_closure: (nv,).
+        d: number of freedoms.
+        closed: whether loops leave fewer than nv of them; else Z is 1.
+    """
+    M, Z, D, factor, a_map = w.M, w.Z, w.D, w.factor, w.a_map
+    nv, nc = M.shape[0], D.shape[0]
+    L, Y = np.zeros((d, d)), np.zeros((d, 1 + nc))
+    if not closed:
+        for i in range(nv):
+            Y[i, 0] = push[i]
+            for j in range(nv):
+                L[i, j] = M[i, j]
+            for c in range(nc):
+                Y[i, 1 + c] = D[c, i]
+    else:
+        MZ = np.zeros((nv, d))
+        for i in range(nv):
+            for j in range(nv):
+                for f in range(d):
+                    MZ[i, f] += M[i, j] * Z[j, f]
+        for i in range(nv):
+            for f in range(d):
+                for g in range(d):
+                    L[f, g] += Z[i, f] * MZ[i, g]
+                Y[f, 0] += Z[i, f] * push[i]
+                for c in range(nc):
+                    Y[f, 1 + c] += Z[i, f] * D[c, i]
+    if not factorize(L):
+        return False
+    _substitute(L, Y, factor)
+    for i in range(nv):
+        for k in range(1 + nc):
+            a_map[i, k] = a_closure[i] if k == 0 else 0.0
+            if not closed:
+                a_map[i, k] += Y[i, k]
+        if closed:
+            for f in range(d):
+                for k in range(1 + nc):
+                    a_map[i, k] += Z[i, f] * Y[f, k]
+    return True
+
+
+@kernel
+def _substitute(L: np.ndarray, Y: np.ndarray, factor: np.ndarray) -> None:
+    """Overwrite Y (d, 1 + nc) with (L L^T)^-1 Y; factor with L^-1 Y[:, 1:]."""
+    d, columns = Y.shape
+    for f in range(d):
+        for g in range(f):
+            for k in range(columns):
+                Y[f, k] -= L[f, g] * Y[g, k]
+        for k in range(columns):
+            Y[f, k] /= L[f, f]
+            if k > 0:
+                factor[f, k - 1] = Y[f, k]
+    for f in range(d - 1, -1, -1):
+        for g in range(f + 1, d):
+            for k in range(columns):
+                Y[f, k] -= L[g, f] * Y[g, k]
+        for k in range(columns):
+            Y[f, k] /= L[f, f]
+
+
+@kernel
+def _write_problem_rates(
+    t: Tables, w: Work, v: np.ndarray, terms: np.ndarray, step: float, closed: bool
+) -> None:
+    """Write r = D a + Ddot v, or of a step D (v + step a), and its slope.
+
+    Args:
+        v: (nv,).
+        terms: (nv,) size of what `push` is the sum of.
+        step: s, or 0.
+        closed: see `_reduce`.
+    """
+    D, a_map, factor, action, d = w.D, w.a_map, w.factor, t.coordinate_action, w.freedoms[0]
+    nc, nv = D.shape
+    scale = step if step > 0.0 else 1.0
+    root = np.sqrt(scale)
+    for c in range(nc):
+        total, offset, size = 0.0, 0.0, 0.0
+        for i in range(nv):
+            size += scale * terms[i] * abs(a_map[i, 1 + c])
+            if D[c, i] != 0.0:
+                total += D[c, i] * a_map[i, 0]
+                if step > 0.0:
+                    offset += D[c, i] * v[i]
+                    size += abs(D[c, i] * v[i])
+        if step == 0.0 and action[c] >= 0:
+            offset = w.rate_derivative[0, action[c]]
+            size += abs(offset)
+        w.rate_free[c], w.rate_scale[c] = scale * total + offset, size
+        for f in range(d):
+            factor[f, c] *= root
+    if closed:
+        _find_dead_centres(w, d)
+    for c in range(nc):
+        for e in range(c + 1):
+            total = 0.0
+            for f in range(d):
+                total += factor[f, c] * factor[f, e]
+            w.rate_slope[c, e] = w.rate_slope[e, c] = total
+
+
+@kernel
+def _find_dead_centres(w: Work, d: int) -> None:
+    """Mark joints that stand still while the mechanism moves; those at rest get no slope."""
+    D, Z, factor = w.D, w.Z, w.factor
+    nc, nv = D.shape
+    most = 0.0
+    for i in range(nv):
+        for f in range(d):
+            most = max(most, abs(Z[i, f]))
+    for c in range(nc):
+        share, size = 0.0, 0.0
+        for f in range(d):
+            total = 0.0
+            for i in range(nv):
+                total += D[c, i] * Z[i, f]
+            share = max(share, abs(total))
+        for i in range(nv):
+            size = max(size, abs(D[c, i]))
+        w.idle[c] = share <= _IDLE * size * most
+        w.dead[c] = share <= _DEAD * size * most
+        if w.dead[c]:
+            for f in range(d):
+                factor[f, c] = 0.0
+
+
+# ---------------------------------------------------------------- multipliers, wrenches, contacts
+
+
+@kernel
+def _balance(t: Tables, w: Work, push: np.ndarray, free: np.ndarray) -> int:
+    """Write multipliers as a map of friction, and what may be added to them; return their rank.
+
+    J_c^T lambda = M a + h - S u - D^T x
+
+    Args:
+        push: (nv,) S u - h.
+        free: (nl, nl), overwritten: its first nl - rank columns (redundant closures).
+    """
+    J, M, D, a_map, y = w.J, w.M, w.D, w.a_map, w.multiplier_map
+    nl, (nc, nv) = t.multipliers, D.shape
+    A, order = np.empty((nv, nl + 1 + nc)), np.empty(nl, np.int64)
+    for i in range(nv):
+        for r in range(nl):
+            A[i, r] = J[0, t.off_joint + r, i]
+        for k in range(1 + nc):
+            total = -push[i] if k == 0 else -D[k - 1, i]
+            for j in range(nv):
+                total += M[i, j] * a_map[j, k]
+            A[i, nl + k] = total
+    rank = eliminate_full_pivot(A, nl, order, t.scale)
+    for r in range(nl):
+        for k in range(1 + nc):
+            y[order[r], k] = A[r, nl + k] if r < rank else 0.0
+        for f in range(nl):
+            free[order[r], f] = 0.0
+        if r >= rank:
+            free[order[r], r - rank] = 1.0
+        else:
+            for f in range(nl - rank):
+                free[order[r], f] = -A[r, rank + f]
+    return rank
+
+
+@kernel
+def _write_tree_wrench(t: Tables, k: Supply, w: Work, j: int, out: np.ndarray) -> None:
+    """Write w_j = f_j + W_j a (6, 1 + nc) of a joint of the tree, in its child's frame."""
+    a_map, S, A = w.a_map, w.motion, w.momentum
+    joint, velocity, ratio, carries = t.freedom_joint, t.freedom_v, t.freedom_ratio, t.carries
+    columns = a_map.shape[1]
+    below, above = np.zeros((columns, 6)), np.zeros((columns, 6))
+    for f in range(joint.size):
+        b = joint[f]
+        if carries[j, b]:
+            for n in range(columns):
+                share = ratio[f] * a_map[velocity[f], n]
+                for e in range(6):
+                    below[n, e] += share * A[f, e]
+        elif carries[b, j]:
+            for n in range(columns):
+                share = ratio[f] * a_map[velocity[f], n]
+                for e in range(6):
+                    above[n, e] += share * S[f, e]
+    R, p, F = k.R[1 + j], k.p[1 + j], np.empty(6)
+    for n in range(columns):
+        _carry(t.mass[j], k.lever[1 + j], k.inertia[1 + j], above[n], F)
+        for e in range(6):
+            F[e] += below[n, e]
+        F[3] -= p[1] * F[2] - p[2] * F[1]
+        F[4] -= p[2] * F[0] - p[0] * F[2]
+        F[5] -= p[0] * F[1] - p[1] * F[0]
+        for e in range(3):
+            out[e, n] = R[0, e] * F[0] + R[1, e] * F[1] + R[2, e] * F[2]
+            out[3 + e, n] = R[0, e] * F[3] + R[1, e] * F[4] + R[2, e] * F[5]
+    for e in range(6):
+        out[e, 0] += k.force[1 + j, e]
+
+
+@kernel
+def _write_wrenches(t: Tables, k: Supply, w: Work, effort: np.ndarray) -> None:
+    """Write the wrenches wanted as maps of friction, all but the multipliers' part."""
+    G, X, nj, action = w.wrench_map, w.X, t.mass.size, t.coordinate_action
+    for row in range(t.wrench_row.size):
+        j = t.wrench_row[row]
+        if j < nj:
+            _write_tree_wrench(t, k, w, j, G[row])
+        else:
+            for e in range(6):
+                for n in range(G.shape[2]):
+                    G[row, e, n] = 0.0
+        for d in range(t.drive_v.size):
+            if t.drive_v[d] < 0:
+                for e in range(6):
+                    G[row, e, 0] += X[0, j, e, t.drive_action[d]] * effort[d]
+        for c in range(action.size):
+            if action[c] >= 0:
+                for e in range(6):
+                    G[row, e, 1 + c] += X[0, j, e, action[c]]
+
+
+@kernel
+def share_redundant(
+    given: np.ndarray, among: np.ndarray, free: np.ndarray, inverse_length: float, y: np.ndarray
+) -> bool:
+    """Add to y (ny, columns) what is free of it so that sum |F|^2 + |M/l|^2 is least.
+
+    Over all joints, the loops' too: the choice does not depend on where a loop was cut, and is
+    again affine in friction.
+
+    Args:
+        given: (n, 6, columns) wrenches of all joints under y as it is.
+        among: (n, 6, ny) their change per unit y.
+        free: (ny, nf) what may be added to y.
+        inverse_length: 1/l (1/m).
+
+    Returns:
+        False where the least is not unique.
+    """
+    (ny, nf), columns = free.shape, y.shape[1]
+    work, order = np.zeros((nf, nf + columns)), np.empty(nf, np.int64)
+    along = np.empty(nf)
+    for j in range(given.shape[0]):
+        for e in range(6):
+            weight = 1.0 if e < 3 else inverse_length * inverse_length
+            for f in range(nf):
+                along[f] = 0.0
+                for c in range(ny):
+                    along[f] += among[j, e, c] * free[c, f]
+            for f in range(nf):
+                for g in range(nf):
+                    work[f, g] += weight * along[f] * along[g]
+                for n in range(columns):
+                    work[f, nf + n] -= weight * along[f] * given[j, e, n]
+    if eliminate_full_pivot(work, nf, order, 0.0) < nf:
+        return False
+    for f in range(nf):
+        for n in range(columns):
+            for c in range(ny):
+                y[c, n] += free[c, order[f]] * work[f, nf + n]
+    return True
+
+
+@kernel
+def _add_multipliers(t: Tables, w: Work, push: np.ndarray) -> None:
+    """Find the multipliers and add their part to the wrenches."""
+    nl, X, G, y = t.multipliers, w.X, w.wrench_map, w.multiplier_map
+    free = np.empty((nl, nl))
+    rank = _balance(t, w, push, free)
+    rows = t.wrench_row.size
+    among = np.empty((rows, 6, nl))
+    for row in range(rows):
+        for e in range(6):
+            for r in range(nl):
+                among[row, e, r] = X[0, t.wrench_row[row], e, t.off_joint + r]
+    given = w.wrench_map
+    if rank < nl:
+        given = w.wrench_map.copy()
+        _add_products(among, y, given)
+        share_redundant(given, among, np.ascontiguousarray(free[:, : nl - rank]),
+                        t.inverse_length, y)  # fmt: skip
+    _add_products(among, y, G)
+
+
+@kernel
+def _add_products(A: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
+    """Add A (n, 6, ny) y (ny, columns) to out (n, 6, columns)."""
+    for j in range(A.shape[0]):
+        for e in range(6):
+            for r in range(A.shape[2]):
+                if A[j, e, r] != 0.0:
+                    for n in range(y.shape[1]):
+                        out[j, e, n] += A[j, e, r] * y[r, n]
+
+
+@kernel
+def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
+    """Write contact forces as maps of friction; False: not finite."""
+    G, total = w.wrench_map, 0.0
+    columns = G.shape[2]
+    mapped, force = np.empty(6), np.empty(columns)
+    for i in range(t.contact_row.size):
+        row, s = t.contact_row[i], t.entry_site[t.contact_site[i]]
+        moved = t.displacement_shift[s] + t.displacement_ratio[s] * q[t.displacement_q[s]]
+        for e in range(3):
+            for n in range(columns):
+                force[n] = 0.0
+            for m in range(6):
+                mapped[m] = t.contact_map[i, e, m] + moved * t.contact_map_moved[i, e, m]
+                if mapped[m] != 0.0:
+                    for n in range(columns):
+                        force[n] += mapped[m] * G[row, m, n]
+            w.contact_free[i, e] = force[0]
+            for n in range(columns):
+                total += abs(force[n])
+                if n > 0:
+                    w.contact_slope[i, n - 1, e] = force[n]
+    return total < np.inf
+
+
+# ---------------------------------------------------------------- one instant
+
+
+@kernel
+def assemble(
+    t: Tables, k: Supply, w: Work, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float
+) -> int:
+    """Write the coupled problem and all maps at one state.
+
+    Args:
+        t, k, w: records; w is overwritten.
+        q, v, effort: (nq,), (nv,), (na,).
+        step: 0: r is the relative acceleration; else the time step (s) of which r is the relative
+            velocity at the end, with viscous friction implicit.
+
+    Returns:
+        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than drives.
+    """
+    M, D, h, nv, nl = w.M, w.D, k.h, v.size, t.multipliers
+    _move_freedoms(t, k, w)
+    if t.pair_kind.size > 0:
+        move_pairs(t, k, w)
+    _write_rates(t, w, v)
+    write_laws(t, w, step > 0.0)
+    given, terms, push, a_closure = np.zeros(nv), np.zeros(nv), np.empty(nv), np.zeros(nv)
+    for d in range(effort.size):
+        if t.drive_v[d] >= 0:
+            given[t.drive_v[d]] += effort[d]
+        else:
+            for i in range(nv):
+                given[i] += w.S[d, i] * effort[d]
+    for i in range(nv):
+        for j in range(i, nv):
+            M[i, j] = M[j, i] = k.M[j * nv + i]
+    if step > 0.0:
+        _add_drag(t, w, step, given)
+    rank = 0
+    if nl > 0:
+        rank = _close(t, w, v, step, a_closure)
+        if rank < nv - effort.size:
+            w.freedoms[0] = nv - rank
+            return TOGGLE
+    size = 0.0
+    for i in range(nv):
+        terms[i] = abs(given[i]) + abs(h[i])
+        push[i] = given[i] - h[i]
+        given[i] = push[i]
+        if nl > 0:
+            for j in range(nv):
+                push[i] -= M[i, j] * a_closure[j]
+        size += abs(push[i])
+    w.freedoms[0] = nv - rank
+    if not _reduce(w, push, a_closure, nv - rank, nl > 0):
+        for i in range(nv):
+            for j in range(nv):
+                size += abs(M[i, j])
+        return SINGULAR if size < np.inf else NOT_FINITE
+    if not size < np.inf:
+        return NOT_FINITE
+    _write_problem_rates(t, w, v, terms, step, nl > 0)
+    _write_wrenches(t, k, w, effort)
+    if nl > 0:
+        _add_multipliers(t, w, given)
+    return 0 if _write_contacts(t, w, q) else NOT_FINITE
+
+
+@kernel
+def _add_drag(t: Tables, w: Work, step: float, given: np.ndarray) -> None:
+    """Let viscous friction act at the end of the step: M + step D^T c D, given - D^T c D v."""
+    M, D, viscous = w.M, w.D, t.viscous
+    nc, nv = D.shape
+    for c in range(nc):
+        if viscous[c] == 0.0:
+            continue
+        for i in range(nv):
+            if D[c, i] != 0.0:
+                given[i] -= D[c, i] * viscous[c] * w.coordinate_rate[c]
+                for j in range(nv):
+                    M[i, j] += step * D[c, i] * viscous[c] * D[c, j]
+
+
+@kernel
+def _close(t: Tables, w: Work, v: np.ndarray, step: float, a_closure: np.ndarray) -> int:
+    """Write Z and a_closure; of a step, such that the loops' rates are zero at its end."""
+    nl, J = t.multipliers, w.J[0, t.off_joint : t.off_joint + t.multipliers]
+    target = np.empty(nl)
+    for r in range(nl):
+        target[r] = -w.rate_derivative[0, t.off_joint + r]
+        if step > 0.0:
+            target[r] = 0.0
+            for i in range(v.size):
+                target[r] -= J[r, i] * v[i] / step
+    return closure_basis(J, target, t.scale, w.Z, a_closure)
+
+
+@kernel
+def _face(t: Tables, w: Work) -> int:
+    """Set the modes that velocities fix and stick everything at rest; return how many are.
+
+    At no speed at all the direction of what has no dry friction stays as it is.
+    """
+    rate, resting = w.coordinate_rate, 0
+    for c in range(rate.size):
+        speed = _ball_speed(t, rate, c) if t.ball[c] else abs(rate[c])
+        w.at_rest[c] = t.dry[c] and speed <= t.stick_velocity[c]
+        w.stuck[c] = w.at_rest[c]
+        if w.stuck[c]:
+            w.direction[c] = 0.0
+            resting += 1
+        elif speed > 0.0:
+            w.direction[c] = rate[c] / speed
+        elif not t.ball[c]:
+            w.direction[c] = 0.0
+    return resting
+
+
+@kernel
+def turn_balls(t: Tables, w: Work) -> None:
+    """Point the friction of balls that slip against their motion; at no speed it stays."""
+    rate = w.coordinate_rate
+    for c in range(rate.size):
+        if t.ball[c] and not w.stuck[c]:
+            speed = _ball_speed(t, rate, c)
+            if speed > 0.0:
+                w.direction[c] = rate[c] / speed
+
+
+@kernel
+def finish(t: Tables, w: Work) -> None:
+    """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
+    problem, x, a_map, G = _problem(w), w.friction, w.a_map, w.wrench_map
+    nc = x.size
+    for i in range(w.a.size):
+        w.a[i] = a_map[i, 0]
+        for c in range(nc):
+            w.a[i] += a_map[i, 1 + c] * x[c]
+    for c in range(nc):
+        if w.stuck[c] and t.coordinate_v[c] >= 0:
+            w.a[t.coordinate_v[c]] = 0.0
+    for r in range(w.multiplier.size):
+        w.multiplier[r] = w.multiplier_map[r, 0]
+        for c in range(nc):
+            w.multiplier[r] += w.multiplier_map[r, 1 + c] * x[c]
+    stick_limits(problem, w.entry_load, w.least, w.most)
+    site_friction(problem, w.stuck, w.direction, x, w.entry_load, w.least, w.most, w.entry_phi)
+    for s in range(w.phi.size):
+        e = t.first_entry[s]
+        c, row = t.entry_coordinate[e], t.site_row[s]
+        w.load[s], w.phi[s] = w.entry_load[e], w.entry_phi[e]
+        w.site_modes[s] = np.sign(w.direction[c] * w.entry_ratio[e])
+        if t.ball[c]:
+            w.phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
+            w.site_modes[s] = 0 if w.stuck[c] else 1
+        for m in range(6):
+            w.wrench[s, m] = G[row, m, 0]
+            for n in range(nc):
+                w.wrench[s, m] += G[row, m, 1 + n] * x[n]
+
+
+@kernel
+def solve_instant(
+    t: Tables, k: Supply, w: Work, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int
+) -> tuple[int, int, int, int]:
+    """Assemble, try the modes and finish where one solution obeys: one call.
+
+    Args:
+        t ... effort: see `assemble`.
+        choice: `FREE`, `GIVEN` or `TURNED`.
+
+    Returns:
+        (outcome, number of solutions or -1, how many obey, how many are at rest); the outcome is
+        `UNDECIDED` where joints that may share their friction stick: no modes were tried.
+    """
+    outcome = assemble(t, k, w, q, v, effort, 0.0)
+    if outcome != 0:
+        return outcome, 0, 0, 0
+    resting = 0
+    if choice == FREE:
+        resting = _face(t, w)
+    else:
+        for c in range(w.at_rest.size):
+            w.at_rest[c] = False
+        if choice == TURNED:
+            turn_balls(t, w)
+    if t.multipliers > 0:
+        for c in range(w.stuck.size):
+            if w.stuck[c]:
+                return UNDECIDED, 0, 0, resting
+    found, obeying = try_modes(_problem(w), w.stuck, w.direction, w.at_rest, w.friction, w.friction,
+                               w.entry_load, w.mode_rate, w.verdict, w.figures)  # fmt: skip
+    if found <= 0:
+        if w.friction.size > 0:
+            w.friction[0] = np.nan  # no guess for the next solve
+    elif obeying == 1:
+        finish(t, w)
+    return 0, found, obeying, resting

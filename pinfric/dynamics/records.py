@@ -1,0 +1,250 @@
+"""What the kernels of `maps` work on: a scene's tables, its buffers, and views of Pinocchio's data.
+
+Pinocchio keeps poses, velocities and wrenches of all joints one behind the other. Views of these
+arrays stay live, so that nothing is copied from one state to the next; where a build of Pinocchio
+lays them out otherwise, they are copied after every call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.layout import Layout
+from pinfric.dynamics.maps import Supply, Tables, Work, box_supply, box_tables, box_work
+from pinfric.dynamics.reactions import AppliedWrench
+from pinfric.friction.modes import Modes
+from pinfric.friction.problem import empty_problem
+from pinfric.model.loops import Linkage
+from pinfric.model.twin import Twin
+
+
+class Supplier:
+    """Pinocchio's figures of one robot at the state asked for last.
+
+    Attributes:
+        model, data: of Pinocchio.
+        supply: live views of the data, the ground first.
+        record: the same for kernels.
+    """
+
+    def __init__(self, twin: Twin) -> None:
+        self.twin, self.model, self.data = twin, twin.model, twin.model.createData()
+        self._zero = np.zeros(twin.nv)
+        self._copies: list[tuple[np.ndarray, Sequence[np.ndarray]]] = []
+        data, joints = self.data, range(twin.model.njoints)
+        pin.crba(self.model, data, pin.neutral(self.model), pin.Convention.WORLD)
+        lever = self._rows([data.oYcrb[j].lever for j in joints])
+        self.supply = Supply(
+            R=self._rows([data.oMi[j].rotation for j in joints]),
+            p=self._rows([data.oMi[j].translation for j in joints]),
+            velocity=self._rows([data.v[j].vector for j in joints]),
+            acceleration=self._rows([data.a_gf[j].vector for j in joints]),
+            force=self._rows([data.f[j].vector for j in joints]),
+            lever=lever,
+            inertia=self._inertias(lever),
+            M=data.M.ravel(order="F"),
+            h=data.tau,
+        )
+        self.record = box_supply(tuple(self.supply))
+
+    def at(self, q: np.ndarray, v: np.ndarray, applied: Sequence[AppliedWrench] | None) -> None:
+        """Compute everything at one state (nq,), (nv,), under wrenches from outside."""
+        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        pin.rnea(self.model, self.data, q, v, self._zero)
+        self._copy()
+        for wrench in applied or ():
+            self._relieve(wrench.joint, wrench.wrench[0])
+
+    def move(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Compute poses and velocities only."""
+        pin.forwardKinematics(self.model, self.data, q, v)
+        self._copy()
+
+    def _relieve(self, row: int, wrench: np.ndarray) -> None:
+        """Let a wrench on a link, in its joint's frame, relieve the joints that carry it."""
+        twin, h, force = self.twin, self.supply.h, pin.Force(wrench)
+        while row >= 0:
+            f = force.vector
+            self.supply.force[row + 1] -= f
+            first = twin.v_index[row]
+            if twin.components[row, 0] < 0:
+                h[first] -= twin.ratio[row] * (twin.axis[row] @ f)
+            else:
+                moved = twin.components[row][twin.components[row] >= 0]
+                h[first : first + len(moved)] -= f[moved]
+            force = self.data.liMi[row + 1].act(force)
+            row = self.model.parents[row + 1] - 1
+
+    def _rows(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
+        """One array whose rows are the given ones of Pinocchio's memory, or follow them."""
+        places = np.diff([x.__array_interface__["data"][0] for x in arrays])
+        first = arrays[0]
+        if (places == places[0]).all() and places[0] > 0:
+            strides = (int(places[0]), *first.strides)
+            return np.lib.stride_tricks.as_strided(first, (len(arrays), *first.shape), strides)
+        # of the same layout as the view would have: other types are other kernels
+        wider = np.zeros((len(arrays), 2 * first.size))
+        out = wider[:, : first.size] if first.size != 6 else np.zeros((len(arrays), 6))
+        out = np.lib.stride_tricks.as_strided(out, (len(arrays), *first.shape),
+                                              (out.strides[0], *first.strides))  # fmt: skip
+        self._copies.append((out, arrays))
+        return out
+
+    def _inertias(self, lever: np.ndarray) -> np.ndarray:
+        """(nj, 6) rotational inertias: they stand behind the levers, which is put to the test."""
+        rows, columns = np.array([0, 1, 1, 2, 2, 2]), np.array([0, 0, 1, 0, 1, 2])
+        given = np.array([y.inertia[rows, columns] for y in self.data.oYcrb])
+        if not self._copies:
+            behind = np.lib.stride_tricks.as_strided(lever, (len(given), 9), lever.strides)[:, 3:]
+            if np.array_equal(behind, given):
+                return behind
+        out = np.zeros((len(given), 9))[:, 3:]
+        self._copies.append((out, _Inertias(self.data, rows, columns)))
+        return out
+
+    def _copy(self) -> None:
+        for target, sources in self._copies:
+            for row, source in enumerate(sources):
+                target[row] = source
+
+
+class _Inertias(Sequence[np.ndarray]):
+    """Rotational inertias of a `Data`, read anew each time: they are no views."""
+
+    def __init__(self, data: pin.Data, rows: np.ndarray, columns: np.ndarray) -> None:
+        self.data, self.rows, self.columns = data, rows, columns
+
+    def __len__(self) -> int:
+        return len(self.data.oYcrb)
+
+    def __getitem__(self, i: Any) -> Any:
+        return self.data.oYcrb[i].inertia[self.rows, self.columns]
+
+
+def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
+    """Tabulate a scene, with the masses of one payload, for the kernels."""
+    model, nj = twin.model, twin.n_joints
+    carries = np.eye(nj, dtype=np.int8)
+    for j in range(nj):  # parents come before their children
+        if model.parents[j + 1] > 0:
+            carries[:, j] |= carries[:, model.parents[j + 1] - 1]
+    mass = carries @ np.array([y.mass for y in model.inertias[1:]]).reshape(nj)
+    freedoms = _freedoms(twin)
+    loops = 0 if linkage is None else len(linkage.loops)
+    closed = linkage is not None and linkage.multipliers > 0
+    rows = np.arange(nj + loops) if closed else np.unique(layout.joint)
+    row_of = np.full(nj + loops, -1, dtype=np.int64)
+    row_of[rows] = np.arange(len(rows))
+    chosen = [(e, i) for e, s in enumerate(layout.entry_site)
+              for i in np.flatnonzero(layout.contact_site == s) if layout.rubs[s]]  # fmt: skip
+    entry = np.array([e for e, _ in chosen], dtype=np.int64)
+    contact = np.array([i for _, i in chosen], dtype=np.int64)
+    pairs = _no_pairs(nj) if linkage is None else {
+        name: getattr(linkage, name) for name in _PAIR_FIELDS
+    }  # fmt: skip
+    return Tables(
+        carries=carries,
+        mass=mass,
+        gravity=np.array(model.gravity.linear),
+        **freedoms,
+        **{name: getattr(layout, name) for name in _LAYOUT_FIELDS},
+        wrench_row=rows.astype(np.int64),
+        contact_row=row_of[layout.joint[layout.entry_site[entry]]],
+        contact_site=entry,
+        contact_map=layout.contact_map[contact],
+        contact_map_moved=layout.contact_map_moved[contact],
+        site_row=row_of[layout.joint],
+        **pairs,
+        v_index=twin.v_index,
+        ratio=twin.ratio,
+        axis=twin.axis,
+        components=twin.components,
+        off_joint=layout.off_joint,
+        multipliers=layout.solved - layout.off_joint,
+        inverse_length=layout.inverse_length,
+        scale=layout.scale,
+    )
+
+
+_LAYOUT_FIELDS = (
+    "drive_v", "drive_action", "entry_site", "entry_coordinate", "coordinate_v",
+    "coordinate_action", "viscous", "dry", "stick_velocity", "block", "ball", "law",
+    "displacement_q", "displacement_ratio", "displacement_shift", "first_entry",
+)  # fmt: skip
+_PAIR_FIELDS = ("pair_kind", "rotation", "frame_joint", "frame_p", "frame_R", "pair_axis",
+                "column_pair", "unit", "support")  # fmt: skip
+
+
+def _no_pairs(nj: int) -> dict[str, np.ndarray]:
+    """The tables of a linkage in which nothing is linked."""
+    whole = np.int64
+    return {
+        "pair_kind": np.zeros(0, whole), "rotation": np.zeros(0, whole),
+        "frame_joint": np.zeros((0, 2), whole), "frame_p": np.zeros((0, 2, 3)),
+        "frame_R": np.zeros((0, 2, 3, 3)), "pair_axis": np.zeros((0, 3)),
+        "column_pair": np.zeros(0, whole), "unit": np.zeros((0, 6)),
+        "support": np.zeros((0, nj), np.int8),
+    }  # fmt: skip
+
+
+def _freedoms(twin: Twin) -> dict[str, np.ndarray]:
+    """Joint, velocity, ratio and axis of every motion that a joint can do; mimics' joints too."""
+    found: list[tuple[int, int, float, np.ndarray]] = []
+    for j in range(twin.n_joints):
+        if twin.components[j, 0] < 0:
+            found.append((j, int(twin.v_index[j]), float(twin.ratio[j]), twin.axis[j]))
+            continue
+        for n, component in enumerate(c for c in twin.components[j] if c >= 0):
+            found.append((j, int(twin.v_index[j]) + n, 1.0, np.eye(6)[component]))
+    return {
+        "freedom_joint": np.array([j for j, *_ in found], dtype=np.int64),
+        "freedom_v": np.array([f[1] for f in found], dtype=np.int64),
+        "freedom_ratio": np.array([f[2] for f in found], dtype=float),
+        "freedom_axis": np.array([f[3] for f in found], dtype=float).reshape(-1, 6),
+    }
+
+
+def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, Work]:
+    """Make the buffers of a scene; (nv + 8 ns,) holds a, friction, loads and wrenches together."""
+    nv, nj, ns, ne = twin.nv, twin.n_joints, len(layout.joint), len(layout.entry_site)
+    nc, na, nl = len(layout.coordinate_v), len(layout.drive_v), tables.multipliers
+    nx, pairs, rows = len(tables.column_pair), len(tables.pair_kind), len(tables.wrench_row)
+    loops = int((tables.pair_kind == 0).sum())
+    D, S = np.zeros((nc, nv)), np.zeros((na, nv))
+    on_tree, driven = np.flatnonzero(layout.coordinate_v >= 0), np.flatnonzero(layout.drive_v >= 0)
+    D[on_tree, layout.coordinate_v[on_tree]] = 1.0
+    S[driven, layout.drive_v[driven]] = 1.0
+    out = np.zeros(nv + 8 * ns)
+    problem = empty_problem(
+        layout.entry_coordinate, layout.entry_ratio, tables.contact_site,
+        layout.constant[layout.entry_site],
+    )  # fmt: skip
+    work = Work(
+        R=np.empty((1, nj, 3, 3)), p=np.empty((1, nj, 3)), velocity=np.empty((1, nj, 6)),
+        acceleration=np.empty((1, nj, 6)), motion=np.empty((len(tables.freedom_joint), 6)),
+        momentum=np.empty((len(tables.freedom_joint), 6)), X=np.empty((1, nj + loops, 6, nx)),
+        J=np.empty((1, nx, nv)), gap=np.empty((1, nx)), rate=np.empty((1, nx)),
+        rate_derivative=np.empty((1, nx)), tilt=np.empty((1, pairs)), terms=np.empty((1, pairs, 2)),
+        D=D, S=S, Z=np.zeros((nv, nv)), M=np.empty((nv, nv)), factor=np.zeros((nv, nc)),
+        a_map=np.zeros((nv, 1 + nc)), multiplier_map=np.zeros((nl, 1 + nc)),
+        wrench_map=np.zeros((rows, 6, 1 + nc)), coordinate_rate=np.zeros(nc),
+        idle=np.zeros(nc, dtype=bool), dead=np.zeros(nc, dtype=bool),
+        freedoms=np.zeros(1, dtype=np.int64),
+        **dict(zip(MODE_FIELDS, Modes.of(nc, np.zeros(ne)).arrays(), strict=True)),
+        least=np.zeros(nc), most=np.zeros(nc), a=out[:nv], phi=out[nv : nv + ns],
+        load=out[nv + ns : nv + 2 * ns], wrench=out[nv + 2 * ns :].reshape(ns, 6),
+        multiplier=np.zeros(nl), entry_phi=np.zeros(ne), site_modes=np.zeros(ns, dtype=np.int8),
+        **dict(zip(PROBLEM_FIELDS, problem, strict=True)),
+    )  # fmt: skip
+    return out, work
+
+
+MODE_FIELDS = ("stuck", "direction", "at_rest", "friction", "entry_load", "mode_rate", "verdict",
+                "figures")  # fmt: skip
+PROBLEM_FIELDS = ("rate_free", "rate_slope", "rate_scale", "contact_free", "contact_slope",
+                   "contact_site", "constant", "coordinate", "entry_ratio", "mu_slip", "mu_stick",
+                   "coulomb_slip", "coulomb_stick", "drag")  # fmt: skip

@@ -1,0 +1,1 @@
+"""Friction that depends on the reactions it changes: problems as numbers, without a robot."""
