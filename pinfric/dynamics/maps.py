@@ -40,6 +40,7 @@ class Tables(NamedTuple):
         mass: (nj,) of all that each joint carries (kg).
         gravity: (3,) m/s^2.
         freedom_joint, freedom_v, freedom_ratio: (nf,) whose joint, which velocity, times what.
+        armature: (nv,) rotor inertia reflected to the joints.
         freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
         wrench_row: (nr,) joints whose wrenches are wanted, the loops' after the tree's.
         contact_row: (nt,) row of its joint among those wanted. contact_site: its entry.
@@ -54,6 +55,7 @@ class Tables(NamedTuple):
     freedom_v: np.ndarray
     freedom_ratio: np.ndarray
     freedom_axis: np.ndarray
+    armature: np.ndarray
     drive_v: np.ndarray
     drive_action: np.ndarray
     entry_site: np.ndarray
@@ -107,7 +109,7 @@ class Supply(NamedTuple):
         force: (1 + nj, 6) wrench of each joint at a = 0, in its child's frame.
         lever, inertia: (1 + nj, 3), (1 + nj, 6) centre of mass of what a joint carries, and its inertia
             about that (xx, xy, yy, xz, yz, zz), in world axes.
-        M: (nv nv,), column after column; its upper triangle counts. h: (nv,).
+        h: (nv,).
     """
 
     R: np.ndarray
@@ -117,7 +119,6 @@ class Supply(NamedTuple):
     force: np.ndarray
     lever: np.ndarray
     inertia: np.ndarray
-    M: np.ndarray
     h: np.ndarray
 
 
@@ -263,6 +264,31 @@ def _move_freedoms(t: Tables, k: Supply, w: Work) -> None:
         S[f, 1] += p[j, 2] * S[f, 3] - p[j, 0] * S[f, 5]
         S[f, 2] += p[j, 0] * S[f, 4] - p[j, 1] * S[f, 3]
         _carry(mass[j], lever[j], inertia[j], S[f], A[f])
+
+
+@kernel
+def _write_mass_matrix(t: Tables, w: Work) -> None:
+    """Write M = S^T I S + armature.
+
+    Not `data.M`: `crba` takes for granted that joints are numbered depth first, which models made
+    in Python need not be.
+    """
+    M, S, A, joint, velocity, ratio = (
+        w.M, w.motion, w.momentum, t.freedom_joint, t.freedom_v, t.freedom_ratio
+    )  # fmt: skip
+    for i in range(M.shape[0]):
+        for j in range(M.shape[0]):
+            M[i, j] = t.armature[i] if i == j else 0.0
+    for f in range(joint.size):
+        for g in range(f, joint.size):  # joints follow those that carry them
+            if t.carries[joint[f], joint[g]]:
+                total = 0.0
+                for e in range(6):
+                    total += S[f, e] * A[g, e]
+                total *= ratio[f] * ratio[g]
+                M[velocity[f], velocity[g]] += total
+                if f != g:
+                    M[velocity[g], velocity[f]] += total
 
 
 @kernel
@@ -735,7 +761,7 @@ def assemble(
     Returns:
         0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than drives.
     """
-    M, D, h, nv, nl = w.M, w.D, k.h, v.size, t.multipliers
+    M, h, nv, nl = w.M, k.h, v.size, t.multipliers
     _move_freedoms(t, k, w)
     if t.pair_kind.size > 0:
         move_pairs(t, k, w)
@@ -748,9 +774,7 @@ def assemble(
         else:
             for i in range(nv):
                 given[i] += w.S[d, i] * effort[d]
-    for i in range(nv):
-        for j in range(i, nv):
-            M[i, j] = M[j, i] = k.M[j * nv + i]
+    _write_mass_matrix(t, w)
     if step > 0.0:
         _add_drag(t, w, step, given)
     rank = 0
@@ -759,7 +783,7 @@ def assemble(
         if rank < nv - effort.size:
             w.freedoms[0] = nv - rank
             return TOGGLE
-    size = 0.0
+    size = np.abs(q).sum()
     for i in range(nv):
         terms[i] = abs(given[i]) + abs(h[i])
         push[i] = given[i] - h[i]
@@ -767,7 +791,7 @@ def assemble(
         if nl > 0:
             for j in range(nv):
                 push[i] -= M[i, j] * a_closure[j]
-        size += abs(push[i])
+        size += abs(push[i]) + abs(v[i])
     w.freedoms[0] = nv - rank
     if not _reduce(w, push, a_closure, nv - rank, nl > 0):
         for i in range(nv):

@@ -46,7 +46,6 @@ class Supplier:
             force=self._rows([data.f[j].vector for j in joints]),
             lever=lever,
             inertia=self._inertias(lever),
-            M=data.M.ravel(order="F"),
             h=data.tau,
         )
         self.record = box_supply(tuple(self.supply))
@@ -151,6 +150,7 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         mass=mass,
         gravity=np.array(model.gravity.linear),
         **freedoms,
+        armature=twin.armature,
         **{name: getattr(layout, name) for name in _LAYOUT_FIELDS},
         wrench_row=rows.astype(np.int64),
         contact_row=row_of[layout.joint[layout.entry_site[entry]]],

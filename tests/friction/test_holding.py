@@ -13,7 +13,7 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, sh
 from scipy.optimize import linprog, minimize
 
 import pinfric as pf
-from pinfric.dynamics.workspace import make_workspace
+from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import StateError
 from pinfric.friction.holding import decide
 from pinfric.friction.minimax import least_violation
@@ -82,7 +82,7 @@ def near_the_limit(rng, scene, q):
 
 def best_of_many_starts(scene, q, effort, rng, starts=6):
     """Least max |x_k| / limit_k by SLSQP on the whole problem; shares nothing with `holding`."""
-    ws = make_workspace(scene)
+    ws = Workspace(scene)
     ws.assemble(q, np.zeros(scene.model.nv), np.asarray(effort, dtype=float))
     p, n = ws.problem, len(ws.problem.rate_free)
     scale = np.abs(p.rate_slope).max()
@@ -275,7 +275,7 @@ def test_the_verdict_is_that_of_a_grid():
     rng = np.random.default_rng(0)
     seen = set()
     for _ in range(40):
-        ws = make_workspace(four_bar()[0])
+        ws = Workspace(four_bar()[0])
         p = ws.problem._replace(
             rate_free=np.zeros(2), rate_slope=np.zeros((2, 2)), rate_scale=np.ones(2),
             contact_free=rng.normal(size=(2, 3)) * [1, 1, 0],
