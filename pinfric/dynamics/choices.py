@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.constrained import Layout, Maps
+from pinfric.dynamics.effort_maps import Maps
+from pinfric.dynamics.layout import Layout
 from pinfric.friction.given_modes import solve_given_modes
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel
@@ -28,7 +29,7 @@ class Law:
             friction, 2 where it sticks, 3 beside a reversal.
         code: (n, ns) what it is in the state that wrenches are given for.
         slip: (n, ns) sign of its velocity; 1 for a ball.
-        direction: (n, nf) along which its friction acts: 1, or a ball's unit vector.
+        direction: (n, ne) along which its friction acts: 1, or a ball's unit vector.
         mu, coulomb: (4, n, ns) for each code, at the limits with the drag of creeping (`laws`);
             drag: (n, ns), viscous friction while it slides.
         fixed_load: (n, ns) load where it cannot vary, else 0.
@@ -50,7 +51,7 @@ class Candidates:
 
     Attributes:
         sample: (m,) which sample.
-        code: (m, ns). direction: (m, nf).
+        code: (m, ns). direction: (m, ne).
         x: (m, MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
         found: (m,) number of solutions, -1 where rounding defeats the solver.
         figures: (m, 2) contraction, passes.
@@ -68,15 +69,15 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
     """Return what each site's friction can be (`laws`; paper eq. 20, 21).
 
     Args:
-        layout, maps: see `constrained`.
-        velocity: (n, nf) relative velocities along the friction coordinates.
+        layout, maps: see `effort_maps`.
+        velocity: (n, ne) relative velocities along the friction coordinates.
         at_rest: (n, ns) bool, sites that pass through rest beside a sample.
     """
     n, ns = at_rest.shape
-    law, first = layout.law, layout.phi_start
+    law, first = layout.law, layout.first_entry
     v = velocity[:, first].copy() if ns else np.zeros((n, 0))
-    direction = np.ones((n, len(layout.phi_v)))
-    for s in np.flatnonzero(layout.phi_count == 3):
+    direction = np.ones((n, len(layout.entry_v)))
+    for s in np.flatnonzero(layout.entry_count == 3):
         part = slice(first[s], first[s] + 3)
         v[:, s] = np.linalg.norm(velocity[:, part], axis=1)
         direction[:, part] = np.where(
@@ -88,7 +89,7 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
     blend = np.where(law[:, 7] > 0, np.exp(-(scaled ** law[:, 8])), 0.0)
     dry, drag = (law[:, [0, 2, 4]] > 0).any(axis=1), law[:, 6] * v
     creeping = np.where(sticks, drag, 0.0)
-    ball = layout.phi_count == 3  # its limit is a sphere about 0, whatever the direction
+    ball = layout.entry_count == 3  # its limit is a sphere about 0, whatever the direction
     against = np.where(ball, np.abs(creeping), np.maximum(creeping, 0.0))
     along = np.where(ball, np.abs(creeping), np.maximum(-creeping, 0.0))
     ahead = slip > 0
@@ -118,8 +119,8 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
 def solve_list(
     contact: np.ndarray,
     row: np.ndarray,
-    phi_start: np.ndarray,
-    phi_count: np.ndarray,
+    first_entry: np.ndarray,
+    entry_count: np.ndarray,
     sample: np.ndarray,
     direction: np.ndarray,
     slip: np.ndarray,
@@ -136,16 +137,16 @@ def solve_list(
     """Solve a list of candidates, x = -slip (mu load + dry) - drag for each site.
 
     Args:
-        contact: (n, nt, 1 + nf, 3), of `Maps`.
+        contact: (n, nt, 1 + ne, 3), of `Maps`.
         row: (number of varying contact forces,) which of the nt.
-        phi_start, phi_count: of `Layout`.
-        sample: (m,) direction: (m, nf).
+        first_entry, entry_count: of `Layout`.
+        sample: (m,) direction: (m, ne).
         slip, mu, dry, drag: (m, ns) of each site in each candidate.
         base: buffers; its sites, coordinates and constants are set.
         nobody: (ns,) False. no_guess: (1,) NaN.
         x, found, figures: (m, MOST_SOLUTIONS, ns), (m,), (m, 2), overwritten.
     """
-    ns = phi_start.size
+    ns = first_entry.size
     for m in range(sample.size):
         i = sample[m]
         for s in range(ns):
@@ -157,7 +158,7 @@ def solve_list(
                 base.contact_free[r, e] = contact[i, t, 0, e]
                 for s in range(ns):
                     total = 0.0
-                    for c in range(phi_start[s], phi_start[s] + phi_count[s]):
+                    for c in range(first_entry[s], first_entry[s] + entry_count[s]):
                         total += direction[m, c] * contact[i, t, 1 + c, e]
                     base.contact_slope[r, s, e] = total
         found[m] = solve_given_modes(base, nobody, slip[m], no_guess, x[m], figures[m])

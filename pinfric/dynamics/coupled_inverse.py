@@ -3,7 +3,7 @@
     M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi,     phi_k = -sign(v_k) mu_k c_k(w)
 
 (design 2.2-2.4; paper eq. 16, 17 solved together). One RNEA batch on the twin gives the wrenches
-without multipliers; `constrained` makes everything affine in phi; `coupled_solve` finds phi.
+without multipliers; `effort_maps` makes everything affine in phi; `coupled_solve` finds phi.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.dynamics.closure import PairRates, pair_rates
-from pinfric.dynamics.constrained import Layout, Maps, make_layout, map_friction, write_wrenches
 from pinfric.dynamics.coupled_solve import Answer, Solver
+from pinfric.dynamics.effort_maps import EffortTables, Maps, map_friction, write_wrenches
 from pinfric.dynamics.inverse import (
     check_roll_moments,
     constant_payloads,
     displacements,
     reversals,
 )
+from pinfric.dynamics.layout import Layout, make_layout
 from pinfric.dynamics.reactions import (
     CHUNK,
     AppliedWrench,
@@ -49,7 +50,7 @@ class Samples:
     """A batch as `coupled_solve` takes it: maps, and what wrenches follow from.
 
     Attributes:
-        maps: `constrained.Maps`.
+        maps: `effort_maps.Maps`.
         wrench: (n, nj, 6) of the tree without multipliers.
         X: (n, nj + loops, 6, nx), `kinematics.act_on_joints`.
     """
@@ -69,7 +70,7 @@ def solve_coupled(
     linkage = scene.linkage
     assert linkage is not None
     T, threads = whole.stop - whole.start, threads_for(whole.stop - whole.start, threads)
-    layout = make_layout(scene, linkage)
+    layout = make_layout(scene)
     around = states.around(whole)
     rates = pair_rates(scene, states, around, whole)
     wider = friction_velocities(layout, states.v[around], rates)
@@ -91,7 +92,13 @@ def solve_coupled(
         for name in _KEPT:
             getattr(answer, name)[here] = getattr(found, name)
         write_wrenches(
-            layout, samples.wrench, samples.X, samples.maps.y, found.phi, wrench[here], solved[here]
+            EffortTables.of(layout),
+            samples.wrench,
+            samples.X,
+            samples.maps.y,
+            found.phi,
+            wrench[here],
+            solved[here],
         )
     check_roll_moments(scene, wrench, whole.start)
     drive_rates = actuator_rates(scene, states, rates, around, whole)
@@ -117,7 +124,7 @@ def solve_coupled(
         status=answer.status,
         multipliers=loop_wrenches(linkage, solved),
         interval_exact=answer.exact,
-        redundant=layout.solved > len(layout.rest),
+        redundant=layout.solved > len(layout.balanced),
         actuator_velocity=drive_rates[0][:, :, 0],
         actuator_acceleration=drive_rates[0][:, :, 1],
     )
@@ -133,7 +140,7 @@ def friction_maps(
     batch: Batch,
     threads: int,
 ) -> Samples:
-    """Return everything of a batch as affine functions of the friction (`constrained`).
+    """Return everything of a batch as affine functions of the friction (`effort_maps`).
 
     Args:
         layout, linkage: of the scene.
@@ -157,21 +164,21 @@ def friction_maps(
     if layout.contact_map_moved.any():
         moved = np.zeros((n, len(layout.joint)))
         moved[:, tree] = displacements(twin, layout.joint[tree], q)
-    map_friction(layout, batch.wrench, tau, X, J, moved, maps)
+    map_friction(EffortTables.of(layout), batch.wrench, tau, X, J, moved, maps)
     return Samples(maps, batch.wrench, X)
 
 
 def friction_velocities(layout: Layout, v: np.ndarray, rates: PairRates) -> np.ndarray:
-    """Return the relative velocity (n, nf) along each friction coordinate (rad/s or m/s)."""
-    out = layout.phi_ratio * v[:, layout.phi_v]
-    loop = layout.phi_column >= 0
-    out[:, loop] = rates.rate[:, layout.phi_column[loop]]
+    """Return the relative velocity (n, ne) along each friction coordinate (rad/s or m/s)."""
+    out = layout.entry_ratio * v[:, layout.entry_v]
+    loop = layout.entry_action >= 0
+    out[:, loop] = rates.rate[:, layout.entry_action[loop]]
     return np.ascontiguousarray(out)
 
 
 def site_speeds(layout: Layout, velocity: np.ndarray) -> np.ndarray:
     """Return the speed (n, ns) of each site; a ball's is the length of its angular velocity."""
-    squares = np.add.reduceat(velocity**2, layout.phi_start, axis=1) if len(layout.joint) else (
+    squares = np.add.reduceat(velocity**2, layout.first_entry, axis=1) if len(layout.joint) else (
         np.zeros((len(velocity), 0)))  # fmt: skip
     return np.asarray(np.sqrt(squares))
 
@@ -184,12 +191,12 @@ def site_reversals(layout: Layout, velocity: np.ndarray) -> np.ndarray:
 
     Args:
         layout: `Layout`.
-        velocity: (n, nf), `friction_velocities`.
+        velocity: (n, ne), `friction_velocities`.
     """
     stick = layout.law[:, 9]
-    marked = reversals(np.ascontiguousarray(velocity[:, layout.phi_start]), stick)
-    for s in np.flatnonzero(layout.phi_count == 3):
-        w = velocity[:, layout.phi_start[s] : layout.phi_start[s] + 3]
+    marked = reversals(np.ascontiguousarray(velocity[:, layout.first_entry]), stick)
+    for s in np.flatnonzero(layout.entry_count == 3):
+        w = velocity[:, layout.first_entry[s] : layout.first_entry[s] + 3]
         change = np.diff(w, axis=0)
         square = np.maximum((change**2).sum(axis=1), 1e-300)
         share = np.clip(-(w[:-1] * change).sum(axis=1) / square, 0.0, 1.0)

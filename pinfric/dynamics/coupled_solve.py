@@ -1,6 +1,6 @@
 """Friction, efforts and their ends where reactions depend on friction (design 2.3, 2.4).
 
-Everything is affine in the friction but its law (`constrained.Maps`), so that each sample is a
+Everything is affine in the friction but its law (`effort_maps.Maps`), so that each sample is a
 small coupled problem (`coupling`). What sticks, or reverses beside a sample, has a choice of
 frictions: the ends of efforts lie where each is at one of its limits. A *candidate* is a sample
 with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a sample all
@@ -25,7 +25,8 @@ from pinfric.dynamics.choices import (
     friction_laws,
     solve_list,
 )
-from pinfric.dynamics.constrained import Layout, Maps
+from pinfric.dynamics.effort_maps import Maps
+from pinfric.dynamics.layout import Layout
 from pinfric.dynamics.result import Status
 from pinfric.friction.given_modes import MOST_SOLUTIONS
 from pinfric.friction.problem import empty_problem
@@ -44,12 +45,12 @@ class Answer:
 
     Attributes:
         lower, upper: (n, na) efforts.
-        phi: (n, nf) friction while what sticks has none: the state that wrenches are given for.
+        phi: (n, ne) friction while what sticks has none: the state that wrenches are given for.
         load: (n, ns) in that state.
         friction_lower, friction_upper: (n, ns) over all candidates.
         status: (n,) int8. iterations: (n,) int32. contraction: (n,), the largest.
         exact: (n,) bool: the ends are certain, not the best of a search.
-        ends: (n, na, 2, nf) friction at each end of each effort.
+        ends: (n, na, 2, ne) friction at each end of each effort.
     """
 
     lower: np.ndarray
@@ -67,13 +68,13 @@ class Answer:
     @classmethod
     def of(cls, layout: Layout, n: int) -> Answer:
         """Make the arrays for n samples, nothing known."""
-        na, ns, nf = len(layout.drive_v), len(layout.joint), len(layout.phi_v)
+        na, ns, ne = len(layout.drive_v), len(layout.joint), len(layout.entry_v)
         nan, inf = np.nan, np.inf
         return cls(
-            np.full((n, na), inf), np.full((n, na), -inf), np.full((n, nf), nan),
+            np.full((n, na), inf), np.full((n, na), -inf), np.full((n, ne), nan),
             np.full((n, ns), nan), np.full((n, ns), inf), np.full((n, ns), -inf),
             np.zeros(n, dtype=np.int8), np.zeros(n, dtype=np.int32), np.zeros(n),
-            np.ones(n, dtype=bool), np.full((n, na, 2, nf), nan),
+            np.ones(n, dtype=bool), np.full((n, na, 2, ne), nan),
         )  # fmt: skip
 
 
@@ -81,7 +82,7 @@ class Solver:
     """Solves the samples of one batch; see the module's text.
 
     Args:
-        layout, maps: see `constrained`.
+        layout, maps: see `effort_maps`.
         velocity, at_rest: see `friction_laws`.
     """
 
@@ -95,8 +96,8 @@ class Solver:
         sites = layout.contact_site[self._rows]
         constant = np.where(layout.varies, layout.constant, 0.0)
         self.base = empty_problem(np.arange(ns), np.ones(ns), sites, constant)
-        self._phi_site = np.repeat(np.arange(ns), layout.phi_count)
-        self._balls = np.flatnonzero(layout.phi_count == 3)
+        self._phi_site = np.repeat(np.arange(ns), layout.entry_count)
+        self._balls = np.flatnonzero(layout.entry_count == 3)
 
     def solve(self) -> Answer:
         """Solve every sample."""
@@ -120,7 +121,7 @@ class Solver:
     def candidates(
         self, sample: np.ndarray, code: np.ndarray, direction: np.ndarray | None = None
     ) -> Candidates:
-        """Solve the given samples with the given codes (m, ns); directions (m, nf) of the law."""
+        """Solve the given samples with the given codes (m, ns); directions (m, ne) of the law."""
         law, layout = self.law, self.layout
         m, ns = code.shape
         direction = law.direction[sample] if direction is None else direction
@@ -135,18 +136,18 @@ class Solver:
         if ns == 0:  # nothing rubs: that is the solution
             return out
         solve_list(
-            self.maps.contact, self._rows, layout.phi_start, layout.phi_count, sample, direction,
-            slip, mu, dry, drag, self.base, np.zeros(ns, dtype=np.bool_), np.full(1, np.nan),
+            self.maps.contact, self._rows, layout.first_entry, layout.entry_count, sample,
+            direction, slip, mu, dry, drag, self.base, np.zeros(ns, dtype=np.bool_), np.full(1, np.nan),
             out.x, out.found, out.figures,
         )  # fmt: skip
         return out
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
-        """(m, nf) friction coordinates of one of the solutions."""
+        """(m, ne) friction coordinates of one of the solutions."""
         return np.asarray(c.x[:, solution][:, self._phi_site] * c.direction)
 
     def _efforts(self, sample: np.ndarray, phi: np.ndarray) -> np.ndarray:
-        """(m, na) efforts under friction (m, nf)."""
+        """(m, na) efforts under friction (m, ne)."""
         maps = self.maps.effort[sample]
         return np.asarray(maps[:, :, 0] + np.einsum("mdk,mk->md", maps[:, :, 1:], phi))
 
@@ -251,7 +252,7 @@ class Solver:
         )
         changes = np.zeros(len(layout.joint), dtype=bool)
         np.logical_or.at(changes, self._phi_site, moved > 0)
-        return np.asarray(~changes & ~layout.varies & (layout.phi_count == 1))
+        return np.asarray(~changes & ~layout.varies & (layout.entry_count == 1))
 
     def _free_limits(self, sample: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m, number of free sites) least and greatest friction where loads are fixed."""
@@ -291,7 +292,7 @@ class Solver:
             if turn < _STAYS:
                 break
         self._note(answer, c)
-        sign, columns = (1.0 if side else -1.0), self.layout.phi_start[free]
+        sign, columns = (1.0 if side else -1.0), self.layout.first_entry[free]
         value = np.full(len(sample), -sign * np.inf)
         for solution in range(int(c.found.max(initial=0))):
             has = np.flatnonzero(c.found > solution)
@@ -316,14 +317,14 @@ class Solver:
         return value
 
     def _turned(self, c: Candidates, balls: np.ndarray, drive: int, side: int) -> np.ndarray:
-        """(m, nf) directions in which the balls' friction moves one effort most.
+        """(m, ne) directions in which the balls' friction moves one effort most.
 
         With x = gain load(phi) and phi = D x, a small change delta of phi changes the effort by
         g delta, g = U + U D (I - L D)^-1 L: at the extreme every ball's friction points along g.
         """
-        layout, (m, nf) = self.layout, c.direction.shape
+        layout, (m, ne) = self.layout, c.direction.shape
         ns = len(layout.joint)
-        L = np.zeros((m, ns, nf))
+        L = np.zeros((m, ns, ne))
         phi = self._phi(c, 0)
         mu = self.law.mu[c.code, c.sample[:, None], np.arange(ns)]
         slip = np.choose(c.code, (self.law.slip[c.sample], 1.0, -1.0, 0.0))
@@ -334,8 +335,8 @@ class Solver:
             size = np.maximum(np.linalg.norm(force, axis=1), 1e-300)
             gain = -slip[:, s] * mu[:, s] / size
             L[:, s] += gain[:, None] * np.einsum("mke,me->mk", slope, force)
-        D = np.zeros((m, nf, ns))
-        D[:, np.arange(nf), self._phi_site] = c.direction
+        D = np.zeros((m, ne, ns))
+        D[:, np.arange(ne), self._phi_site] = c.direction
         U = self.maps.effort[c.sample, drive, 1:]
         g = U.copy()
         inner = np.eye(ns) - L @ D
@@ -346,7 +347,7 @@ class Solver:
         g *= 1.0 if side else -1.0
         direction = c.direction.copy()
         for s in balls:
-            part = slice(layout.phi_start[s], layout.phi_start[s] + 3)
+            part = slice(layout.first_entry[s], layout.first_entry[s] + 3)
             size = np.linalg.norm(g[:, part], axis=1, keepdims=True)
             direction[:, part] = np.where(size > 0, g[:, part] / np.maximum(size, 1e-300),
                                           direction[:, part])  # fmt: skip
@@ -357,7 +358,7 @@ class Solver:
         free: np.ndarray, balls: np.ndarray,
     ) -> None:  # fmt: skip
         """Search each end by changing one site's friction at a time, while that helps."""
-        columns = self.layout.phi_start[choosing]
+        columns = self.layout.first_entry[choosing]
         flips = np.array([(s, option) for s in choosing for option in _options(pattern[s])])
         for drive, side in np.ndindex(answer.lower.shape[1], 2):
             sign = 1.0 if side else -1.0

@@ -1,4 +1,4 @@
-"""From a state to its coupled friction problem: everything at one instant, affine in what is unknown.
+"""From a state to its coupled friction problem: all of an instant, affine in what is unknown.
 
     M a + h = S u + J_c^T lambda + D x,     J_c a + gamma = 0,
     w_j = f_j + W_j a + X_j [u off the joints; lambda; x of loops]       (paper eq. 1-7, 16, 17)
@@ -6,8 +6,8 @@
 M, h, the bias wrenches f, poses and composite inertias are Pinocchio's. Column i of W_j is the
 composite inertia of what both joints carry times the motion of freedom i (Featherstone, Rigid Body
 Dynamics Algorithms, 6.2), so no difference against gravity is taken. Friction x is what is left:
-a = a[:, 0] + a[:, 1:] x, and so on for wrenches, multipliers and contact forces. A tree is a linkage
-without closures.
+a = a[:, 0] + a[:, 1:] x, and so on for wrenches, multipliers and contact forces. A tree is a
+linkage without closures.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel, record
 from pinfric.model.kinematics import act_on_joints, relate_pairs
 
-#: What says which modes `solve_instant` tries: velocities; `Work`; `Work`, but balls face their way.
+#: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
+#: face their motion.
 FREE, GIVEN, TURNED = range(3)
 #: Outcomes of `solve_instant`, beside 0: all is written.
 NOT_FINITE, SINGULAR, TOGGLE, UNDECIDED = 1, 2, 3, 4
@@ -107,8 +108,8 @@ class Supply(NamedTuple):
         velocity, acceleration: (1 + nj, 6) of the links in their joints' frames; accelerations at
             a = 0, of a ground that accelerates against gravity.
         force: (1 + nj, 6) wrench of each joint at a = 0, in its child's frame.
-        lever, inertia: (1 + nj, 3), (1 + nj, 6) centre of mass of what a joint carries, and its inertia
-            about that (xx, xy, yy, xz, yz, zz), in world axes.
+        lever, inertia: (1 + nj, 3), (1 + nj, 6) centre of mass of what a joint carries, and the
+            inertia about that (xx, xy, yy, xz, yz, zz), in world axes.
         h: (nv,).
     """
 
@@ -235,16 +236,16 @@ def _problem(w: Work) -> Problem:
 
 
 @kernel
-def _carry(mass: float, c: np.ndarray, I: np.ndarray, s: np.ndarray, out: np.ndarray) -> None:
+def _carry(mass: float, c: np.ndarray, inertia: np.ndarray, s: np.ndarray, out: np.ndarray) -> None:
     """Write the momentum (6,) of a body that moves by s (6,), both about the world's origin."""
     x, y, z, wx, wy, wz = c[0], c[1], c[2], s[3], s[4], s[5]
     fx = mass * (s[0] + wy * z - wz * y)
     fy = mass * (s[1] + wz * x - wx * z)
     fz = mass * (s[2] + wx * y - wy * x)
     out[0], out[1], out[2] = fx, fy, fz
-    out[3] = I[0] * wx + I[1] * wy + I[3] * wz + y * fz - z * fy
-    out[4] = I[1] * wx + I[2] * wy + I[4] * wz + z * fx - x * fz
-    out[5] = I[3] * wx + I[4] * wy + I[5] * wz + x * fy - y * fx
+    out[3] = inertia[0] * wx + inertia[1] * wy + inertia[3] * wz + y * fz - z * fy
+    out[4] = inertia[1] * wx + inertia[2] * wy + inertia[4] * wz + z * fx - x * fz
+    out[5] = inertia[3] * wx + inertia[4] * wy + inertia[5] * wz + x * fy - y * fx
 
 
 @kernel
@@ -655,7 +656,7 @@ def share_redundant(
 
     Args:
         given: (n, 6, columns) wrenches of all joints under y as it is.
-        among: (n, 6, ny) their change per unit y.
+        among: (n, 6, nx) their change per unit y; the first ny columns count.
         free: (ny, nf) what may be added to y.
         inverse_length: 1/l (1/m).
 
@@ -698,24 +699,38 @@ def _add_multipliers(t: Tables, w: Work, push: np.ndarray) -> None:
         for e in range(6):
             for r in range(nl):
                 among[row, e, r] = X[0, t.wrench_row[row], e, t.off_joint + r]
-    given = w.wrench_map
     if rank < nl:
-        given = w.wrench_map.copy()
-        _add_products(among, y, given)
-        share_redundant(given, among, np.ascontiguousarray(free[:, : nl - rank]),
-                        t.inverse_length, y)  # fmt: skip
-    _add_products(among, y, G)
+        given = G.copy()
+        for row in range(rows):
+            add_products(among[row], y, given[row])
+        share_redundant(given, among, free[:, : nl - rank].copy(), t.inverse_length, y)
+    for row in range(rows):
+        add_products(among[row], y, G[row])
 
 
 @kernel
-def _add_products(A: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
-    """Add A (n, 6, ny) y (ny, columns) to out (n, 6, columns)."""
-    for j in range(A.shape[0]):
-        for e in range(6):
-            for r in range(A.shape[2]):
-                if A[j, e, r] != 0.0:
-                    for n in range(y.shape[1]):
-                        out[j, e, n] += A[j, e, r] * y[r, n]
+def add_products(A: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
+    """Add A (6, n) y (ny, columns) to out (6, columns); of A the first ny columns count."""
+    for e in range(6):
+        for r in range(y.shape[0]):
+            if A[e, r] != 0.0:
+                for n in range(y.shape[1]):
+                    out[e, n] += A[e, r] * y[r, n]
+
+
+@kernel
+def write_contact(
+    B: np.ndarray, C: np.ndarray, moved: float, wrench: np.ndarray, force: np.ndarray
+) -> None:
+    """Write a contact force (3, columns), (B + moved C) w, of a wrench (6, columns)."""
+    for e in range(3):
+        for n in range(wrench.shape[1]):
+            force[e, n] = 0.0
+        for m in range(6):
+            mapped = B[e, m] + moved * C[e, m]
+            if mapped != 0.0:
+                for n in range(wrench.shape[1]):
+                    force[e, n] += mapped * wrench[m, n]
 
 
 @kernel
@@ -723,23 +738,17 @@ def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
     """Write contact forces as maps of friction; False: not finite."""
     G, total = w.wrench_map, 0.0
     columns = G.shape[2]
-    mapped, force = np.empty(6), np.empty(columns)
+    force = np.empty((3, columns))
     for i in range(t.contact_row.size):
-        row, s = t.contact_row[i], t.entry_site[t.contact_site[i]]
+        s = t.entry_site[t.contact_site[i]]
         moved = t.displacement_shift[s] + t.displacement_ratio[s] * q[t.displacement_q[s]]
+        write_contact(t.contact_map[i], t.contact_map_moved[i], moved, G[t.contact_row[i]], force)
         for e in range(3):
+            w.contact_free[i, e] = force[e, 0]
             for n in range(columns):
-                force[n] = 0.0
-            for m in range(6):
-                mapped[m] = t.contact_map[i, e, m] + moved * t.contact_map_moved[i, e, m]
-                if mapped[m] != 0.0:
-                    for n in range(columns):
-                        force[n] += mapped[m] * G[row, m, n]
-            w.contact_free[i, e] = force[0]
-            for n in range(columns):
-                total += abs(force[n])
+                total += abs(force[e, n])
                 if n > 0:
-                    w.contact_slope[i, n - 1, e] = force[n]
+                    w.contact_slope[i, n - 1, e] = force[e, n]
     return total < np.inf
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.layout import Layout
-from pinfric.dynamics.maps import Supply, Tables, Work, box_supply, box_tables, box_work
+from pinfric.dynamics.maps import Supply, Tables, Work, box_supply
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import empty_problem

@@ -8,7 +8,6 @@ import numpy as np
 
 from pinfric.dynamics.choices import LOWER
 from pinfric.dynamics.closure import pair_rates
-from pinfric.dynamics.constrained import Layout, make_layout, write_wrenches
 from pinfric.dynamics.coupled_inverse import (
     Samples,
     friction_maps,
@@ -16,6 +15,8 @@ from pinfric.dynamics.coupled_inverse import (
     loop_wrenches,
 )
 from pinfric.dynamics.coupled_solve import Solver
+from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
+from pinfric.dynamics.layout import Layout, make_layout
 from pinfric.dynamics.reactions import Batch
 from pinfric.dynamics.result import Solution
 from pinfric.friction.dense import spectral_radius_bound
@@ -56,11 +57,11 @@ def solutions(result: InverseResult, sample: int) -> tuple[Solution, ...]:
 
 
 def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Samples, np.ndarray]:
-    """Return what the solver had of one sample: layout, linkage, maps, velocities (1, nf)."""
+    """Return what the solver had of one sample: layout, linkage, maps, velocities (1, ne)."""
     scene, states = result.scene, result.states
     linkage = scene.linkage
     assert linkage is not None
-    layout = make_layout(scene, linkage)
+    layout = make_layout(scene)
     part = slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
     twin = scene.twin(carried)
@@ -109,7 +110,7 @@ def jamming_site(result: InverseResult, sample: int) -> str | None:
 
 
 def _search(solver: Solver) -> np.ndarray:
-    """Newton from many starts on every scale; (number found, nf) friction coordinates."""
+    """Newton from many starts on every scale; (number found, ne) friction coordinates."""
     layout, law = solver.layout, solver.law
     gain, offset, unknown, X, contact = reduced_problem(solver)
     nz = X.shape[1] - 1
@@ -124,8 +125,8 @@ def _search(solver: Solver) -> np.ndarray:
         error = newton(solver.base, gain, offset, unknown, contact, z, False)[0] if nz else 0.0
         if error <= _RESIDUAL:
             found.append(X[:, 0] + X[:, 1:] @ z)
-    sites = np.repeat(np.arange(len(layout.phi_start)), layout.phi_count)
-    x = np.array(found).reshape(len(found), len(layout.phi_start))
+    sites = np.repeat(np.arange(len(layout.first_entry)), layout.entry_count)
+    x = np.array(found).reshape(len(found), len(layout.first_entry))
     return np.asarray(x[:, sites] * law.direction[0])
 
 
@@ -148,14 +149,16 @@ def _distinct(found: np.ndarray) -> list[np.ndarray]:
 def _solution(layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarray) -> Solution:
     maps, ns = samples.maps, len(layout.joint)
     wrench, solved = np.empty((1, ns, 6)), np.empty((1, layout.solved))
-    write_wrenches(layout, samples.wrench, samples.X, maps.y, phi[None], wrench, solved)
+    write_wrenches(
+        EffortTables.of(layout), samples.wrench, samples.X, maps.y, phi[None], wrench, solved
+    )
     one = np.concatenate([[1.0], phi])
     load = layout.constant.copy()
     forces = np.linalg.norm(np.einsum("tke,k->te", maps.contact[0], one), axis=1)
     np.add.at(load, layout.contact_site, forces)
-    friction = phi[layout.phi_start].copy()
-    for s in np.flatnonzero(layout.phi_count == 3):
-        first = layout.phi_start[s]
+    friction = phi[layout.first_entry].copy()
+    for s in np.flatnonzero(layout.entry_count == 3):
+        first = layout.first_entry[s]
         friction[s] = -np.linalg.norm(phi[first : first + 3])
     return Solution(
         effort=maps.effort[0] @ one,

@@ -98,7 +98,7 @@ class _Sample:
         law, ns = solver.law, len(layout.joint)
         slope = np.zeros((len(layout.contact_site), ns, 3))
         for s in range(ns):
-            part = slice(layout.phi_start[s], layout.phi_start[s] + layout.phi_count[s])
+            part = slice(layout.first_entry[s], layout.first_entry[s] + layout.entry_count[s])
             along = samples.maps.contact[0, :, 1:][:, part]
             slope[:, s] = np.einsum("tke,k->te", along, law.direction[0, part])
         times = result.states.t

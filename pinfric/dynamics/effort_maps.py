@@ -1,0 +1,226 @@
+"""What friction does to efforts, multipliers and bearing loads of a given motion: all of it affine.
+
+    M a + h = S u + J_c^T lambda + D phi,     y = [u off the joints; lambda],     A y = b - B phi
+
+(paper eq. 7, 16, 17). Drives on joints of the tree only balance their own row, so A has the other
+rows. Full pivoting, the paper's choice, finds its rank: fewer than its rows is a toggle, where
+drives cannot balance the load; fewer than its columns, redundant closures (`maps.share_redundant`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.dynamics.layout import Layout
+from pinfric.dynamics.maps import add_products, share_redundant, write_contact
+from pinfric.friction.dense import eliminate_full_pivot
+from pinfric.model.compiled import kernel
+
+
+class EffortTables(NamedTuple):
+    """The part of `Layout` that these kernels read."""
+
+    drive_v: np.ndarray
+    drive_action: np.ndarray
+    balanced: np.ndarray
+    solved: int
+    joint: np.ndarray
+    n_tree: int
+    entry_v: np.ndarray
+    entry_action: np.ndarray
+    entry_ratio: np.ndarray
+    contact_site: np.ndarray
+    contact_map: np.ndarray
+    contact_map_moved: np.ndarray
+    inverse_length: float
+    scale: float
+
+    @classmethod
+    def of(cls, layout: Layout) -> EffortTables:
+        """Take the part that is needed."""
+        return cls(*(getattr(layout, name) for name in cls._fields))
+
+
+class Maps(NamedTuple):
+    """Everything of a batch as a function of the friction: [:, ..., 0] + [:, ..., 1:] phi.
+
+    Attributes:
+        effort: (n, na, 1 + ne), of the drives (N m or N).
+        y: (n, ny, 1 + ne), off-joint efforts, then multipliers.
+        contact: (n, nt, 1 + ne, 3), weighted contact forces of the bearings (N m or N).
+        singular: (n,) bool: the drives cannot balance the load here, or the closure changes rank.
+    """
+
+    effort: np.ndarray
+    y: np.ndarray
+    contact: np.ndarray
+    singular: np.ndarray
+
+    @classmethod
+    def of(cls, layout: Layout, n: int) -> Maps:
+        """Make the arrays for n samples."""
+        columns = 1 + len(layout.entry_site)
+        return cls(
+            np.empty((n, len(layout.drive_v), columns)),
+            np.empty((n, layout.solved, columns)),
+            np.empty((n, len(layout.contact_site), columns, 3)),
+            np.empty(n, dtype=np.bool_),
+        )
+
+
+@kernel
+def map_friction(
+    t: EffortTables,
+    wrench: np.ndarray,
+    total_effort: np.ndarray,
+    X: np.ndarray,
+    J: np.ndarray,
+    displacement: np.ndarray,
+    maps: Maps,
+) -> None:
+    """Write efforts, multipliers and contact forces of a batch as affine functions of friction.
+
+    Args:
+        t: `EffortTables`.
+        wrench: (n, nj, 6), of the tree's joints without multipliers, drives off the joints and
+            friction: RNEA of the twin.
+        total_effort: (n, nv), M a + h.
+        X, J: (n, nj + loops, 6, nx), (n, nx, nv), `kinematics.act_on_joints`.
+        displacement: (n, ns) of each site along its axis, or (0, 0) where it does not matter.
+        maps: overwritten.
+    """
+    columns = maps.effort.shape[2]
+    site_wrench, force = np.empty((6, columns)), np.empty((3, columns))
+    for i in range(wrench.shape[0]):
+        y = maps.y[i]
+        maps.singular[i] = not _balance(t, wrench[i], total_effort[i], X[i], J[i], y)
+        if maps.singular[i]:
+            for c in range(y.shape[0]):
+                for k in range(columns):
+                    y[c, k] = np.nan
+        _write_efforts(t, total_effort[i], J[i], y, maps.effort[i])
+        site = -1
+        for n in range(t.contact_site.size):
+            s = t.contact_site[n]
+            if s != site:
+                site = s
+                _write_wrench(t, t.joint[s], wrench[i], X[i], y, site_wrench)
+            moved = displacement[i, s] if displacement.size > 0 else 0.0
+            write_contact(t.contact_map[n], t.contact_map_moved[n], moved, site_wrench, force)
+            for k in range(columns):
+                for e in range(3):
+                    maps.contact[i, n, k, e] = force[e, k]
+
+
+@kernel
+def _balance(
+    t: EffortTables,
+    wrench: np.ndarray,
+    total_effort: np.ndarray,
+    X: np.ndarray,
+    J: np.ndarray,
+    y: np.ndarray,
+) -> bool:
+    """Write y (ny, 1 + ne) of one sample; False: the drives cannot balance the load."""
+    nr, (ny, columns) = t.balanced.size, y.shape
+    A, order = np.empty((nr, ny + columns)), np.empty(ny, np.int64)
+    for r in range(nr):
+        v = t.balanced[r]
+        for c in range(ny):
+            A[r, c] = J[c, v]
+        A[r, ny] = total_effort[v]
+        for k in range(columns - 1):
+            A[r, ny + 1 + k] = -_lever(t, J, k, v)
+    if eliminate_full_pivot(A, ny, order, t.scale) < nr:
+        return False
+    for c in range(ny):
+        for k in range(columns):
+            y[order[c], k] = A[c, ny + k] if c < nr else 0.0
+    if ny == nr:
+        return True
+    free = np.zeros((ny, ny - nr))
+    for f in range(ny - nr):
+        free[order[nr + f], f] = 1.0
+        for r in range(nr):
+            free[order[r], f] = -A[r, nr + f]
+    given = np.empty((X.shape[0], 6, columns))
+    for j in range(X.shape[0]):
+        _write_wrench(t, j, wrench, X, y, given[j])
+    return share_redundant(given, X, free, t.inverse_length, y)
+
+
+@kernel
+def _lever(t: EffortTables, J: np.ndarray, k: int, v: int) -> float:
+    """The generalized effort at velocity v of one unit of an entry's friction."""
+    if t.entry_action[k] >= 0:
+        return J[t.entry_action[k], v]
+    return t.entry_ratio[k] if t.entry_v[k] == v else 0.0
+
+
+@kernel
+def _write_efforts(
+    t: EffortTables, total_effort: np.ndarray, J: np.ndarray, y: np.ndarray, effort: np.ndarray
+) -> None:
+    """Write the drives' efforts (na, 1 + ne) of one sample."""
+    for d in range(t.drive_v.size):
+        v = t.drive_v[d]
+        for k in range(effort.shape[1]):
+            if v < 0:
+                effort[d, k] = y[t.drive_action[d], k]
+                continue
+            total = total_effort[v] if k == 0 else -_lever(t, J, k - 1, v)
+            for c in range(y.shape[0]):
+                total -= J[c, v] * y[c, k]
+            effort[d, k] = total
+
+
+@kernel
+def _write_wrench(
+    t: EffortTables, j: int, wrench: np.ndarray, X: np.ndarray, y: np.ndarray, out: np.ndarray
+) -> None:
+    """Write the wrench at joint j as (6, 1 + ne): [:, 0] + [:, 1:] phi."""
+    for e in range(6):
+        for k in range(out.shape[1]):
+            out[e, k] = 0.0
+            if k == 0:
+                if j < t.n_tree:
+                    out[e, 0] = wrench[j, e]
+            elif t.entry_action[k - 1] >= 0:
+                out[e, k] = X[j, e, t.entry_action[k - 1]]
+    add_products(X[j], y, out)
+
+
+@kernel
+def write_wrenches(
+    t: EffortTables,
+    wrench: np.ndarray,
+    X: np.ndarray,
+    y: np.ndarray,
+    phi: np.ndarray,
+    site_wrench: np.ndarray,
+    solved: np.ndarray,
+) -> None:
+    """Write the wrench at each site and the solved unknowns under given friction.
+
+    Args:
+        t, wrench, X: see `map_friction`.
+        y: (n, ny, 1 + ne) of `Maps`.
+        phi: (n, ne) friction.
+        site_wrench: (n, ns, 6), overwritten, parent on child or a on b.
+        solved: (n, ny), overwritten: off-joint efforts, then multipliers.
+    """
+    columns = y.shape[2]
+    affine = np.empty((6, columns))
+    for i in range(phi.shape[0]):
+        for c in range(solved.shape[1]):
+            solved[i, c] = y[i, c, 0]
+            for k in range(1, columns):
+                solved[i, c] += y[i, c, k] * phi[i, k - 1]
+        for s in range(t.joint.size):
+            _write_wrench(t, t.joint[s], wrench[i], X[i], y[i], affine)
+            for e in range(6):
+                site_wrench[i, s, e] = affine[e, 0]
+                for k in range(1, columns):
+                    site_wrench[i, s, e] += affine[e, k] * phi[i, k - 1]
