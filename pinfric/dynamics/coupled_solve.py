@@ -137,8 +137,8 @@ class Solver:
             return out
         solve_list(
             self.maps.contact, self._rows, layout.first_entry, layout.entry_count, sample,
-            direction, slip, mu, dry, drag, self.base, np.zeros(ns, dtype=np.bool_), np.full(1, np.nan),
-            out.x, out.found, out.figures,
+            direction, slip, mu, dry, drag, self.base, np.zeros(ns, dtype=np.bool_),
+            np.full(1, np.nan), out.x, out.found, out.figures,
         )  # fmt: skip
         return out
 

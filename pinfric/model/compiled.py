@@ -71,7 +71,7 @@ def record(fields: type) -> Any:
     """
     module, name = sys.modules[fields.__module__], fields.__name__
 
-    class Struct(types.StructRef):  # type: ignore[misc]
+    class Struct(types.StructRef):
         def preprocess_fields(self, given: Any) -> Any:
             return tuple((key, types.unliteral(kind)) for key, kind in given)
 
