@@ -21,19 +21,15 @@ LATE = {
     ("pinfric.dynamics.inverse", "pinfric.dynamics.coupled_inverse"),
     ("pinfric.dynamics.result", "pinfric.dynamics.check"),
     ("pinfric.dynamics.result", "pinfric.dynamics.solutions"),
-    ("pinfric.dynamics.workspace", "pinfric.dynamics.linked"),
 }
 #: To be mended: functions of 60 lines or more, or of more than 12 arguments. Nothing is added.
 LARGE = {
-    "dynamics.assembly.assemble", "dynamics.assembly.finish",
-    "dynamics.assembly.solve_instant", "dynamics.choices.solve_list",
-    "dynamics.constrained._share_least_squares", "dynamics.constrained.map_friction",
-    "dynamics.coupled_inverse.solve_coupled", "dynamics.coupling.eliminate",
-    "dynamics.coupling.residual", "dynamics.coupling.solve_given_modes",
-    "dynamics.inverse._solve", "dynamics.linked_assembly.reduce_dynamics",
-    "dynamics.linked_assembly.write_contacts", "dynamics.simulate.simulate",
+    "dynamics.choices.solve_list", "dynamics.coupled_inverse.solve_coupled",
+    "dynamics.inverse._solve", "dynamics.simulate.simulate",
     "dynamics.threaded.embed_in_parts", "dynamics.threaded.friction_in_parts",
-    "model.kinematics.act_on_joints", "model.kinematics.relate_pairs", "model.loops.make_linkage",
+    "friction.given_modes.eliminate", "friction.given_modes.residual",
+    "friction.given_modes.solve_given_modes", "model.kinematics.act_on_joints",
+    "model.kinematics.relate_pairs", "model.loops.make_linkage",
     "model.twin.embed", "model.twin.transmit",
 }  # fmt: skip
 

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.layout import Layout
-from pinfric.dynamics.maps import Supply, Tables, Work, box_supply
+from pinfric.dynamics.maps import Supply, Tables, Work
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import empty_problem
@@ -28,7 +28,6 @@ class Supplier:
     Attributes:
         model, data: of Pinocchio.
         supply: live views of the data, the ground first.
-        record: the same for kernels.
     """
 
     def __init__(self, twin: Twin) -> None:
@@ -48,7 +47,6 @@ class Supplier:
             inertia=self._inertias(lever),
             h=data.tau,
         )
-        self.record = box_supply(tuple(self.supply))
 
     def at(self, q: np.ndarray, v: np.ndarray, applied: Sequence[AppliedWrench] | None) -> None:
         """Compute everything at one state (nq,), (nv,), under wrenches from outside."""

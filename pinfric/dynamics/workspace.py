@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Mapping
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from pinfric.dynamics.maps import (
     TURNED,
     UNDECIDED,
     assemble,
+    box_supply,
     box_tables,
     box_work,
     finish,
@@ -41,6 +42,8 @@ from pinfric.friction.modes import MOST_ENUMERATED, Found, Modes, only_candidate
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
+from pinfric.model.compiled import is_ready
+from pinfric.model.interpreted import CLOCK
 from pinfric.model.scene import Scene
 
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
@@ -75,7 +78,10 @@ class Workspace:
         tables = make_tables(self.twin, scene.linkage, t)
         self.out, self.work = make_work(self.twin, t, tables)
         w = self.work
-        self._records = box_tables(tuple(tables)), self.supplier.record, box_work(tuple(w))
+        self._plain: tuple[Any, ...] = tables, self.supplier.supply, w
+        self._boxed: tuple[Any, ...] | None = None
+        if is_ready(box_work, (tuple(w),)):
+            self._box()
         self.problem = Problem(*(getattr(w, name) for name in PROBLEM_FIELDS))
         self.modes = Modes(*(getattr(w, name) for name in MODE_FIELDS))
         self.mechanism = Mechanism(w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry)))
@@ -83,6 +89,18 @@ class Workspace:
         self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
         self.multipliers = w.multiplier
         self._balls = np.unique(t.block[t.ball])
+
+    @property
+    def _records(self) -> tuple[Any, ...]:
+        """Tables, supply and buffers: tuples while kernels are interpreted, then records."""
+        if self._boxed is None and not CLOCK.is_over():
+            return self._plain
+        return self._boxed or self._box()
+
+    def _box(self) -> tuple[Any, ...]:
+        boxes = box_tables, box_supply, box_work
+        self._boxed = tuple(box(tuple(x)) for box, x in zip(boxes, self._plain, strict=True))
+        return self._boxed
 
     @property
     def a_free(self) -> np.ndarray:
@@ -358,7 +376,8 @@ class Workspace:
 
     def finish(self) -> None:
         """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
-        finish(self._records[0], self._records[2])
+        tables, _, work = self._records
+        finish(tables, work)
         self.locked, stuck, factor = False, self.modes.stuck, self.mechanism.factor
         if self.closed and stuck.any():
             size = np.linalg.svd(factor[:, stuck], compute_uv=False)

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinfric.friction.least_use import Rest, friction_and_limits
 from pinfric.friction.minimax import least_violation
-from pinfric.model.compiled import kernel
+from pinfric.model.compiled import kernel, long_kernel
 
 #: What is proved is that nothing holds with a use of 1 - _MARGIN; programs are exact to _EXACT.
 _MARGIN, _EXACT = 1e-9, 1e-12
@@ -157,7 +157,7 @@ def worst_bounded(
     return cut, angle
 
 
-@kernel
+@long_kernel
 def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> tuple[int, int]:
     """Find a z (dz,) that holds, or prove that none does.
 

@@ -14,12 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba import typeof
 from numba.core import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
 from numba.experimental import structref
 
 from pinfric.errors import PinfricWarning
+from pinfric.model.interpreted import CLOCK, interpreted, is_small
 
 _DIGEST_SIZE = 16
 
@@ -27,23 +29,60 @@ _DIGEST_SIZE = 16
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a per-sample kernel with numba, cached on disk where a folder is writable.
 
-    Never `fastmath`: it makes `isnan` false and reorders sums, and a norm at zero load must stay 0.
+    With few numbers it is interpreted until compiling pays (`interpreted`). Never `fastmath`: it
+    makes `isnan` false and reorders sums, and a norm at zero load must stay 0.
     """
-    return _compiled(function, {"nogil": True, "error_model": "numpy"})
+    return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
+
+
+def long_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel as `kernel` does, but at once: one that runs long on few numbers."""
+    return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=False)
 
 
 def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel as `kernel` does, its `prange` loops for several threads."""
-    return _compiled(function, {"nogil": True, "error_model": "numpy", "parallel": True})
+    options = {"nogil": True, "error_model": "numpy", "parallel": True}
+    return _compiled(function, options, waits=False)
 
 
-def _compiled(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
+def _compiled(
+    function: Callable[..., Any], options: dict[str, Any], *, waits: bool
+) -> Callable[..., Any]:
     made: Callable[..., Any] = numba.njit(**options)(function)
     try:
-        vars(made)["_cache"] = _CheckedCache(function)
+        cached: Any = _CheckedCache(function)
+        CLOCK.keep_in(cached.cache_path)
     except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
-        vars(made)["_cache"] = _NoCache()
+        cached = _NoCache()
+    vars(made)["_cache"] = cached
+    if waits:
+        compile_for = made._compile_for_args  # type: ignore[attr-defined]
+
+        def first_call(*arguments: Any) -> Any:
+            """What is to be called with arguments of types that nothing is compiled for."""
+            if is_small(arguments) and not is_ready(made, arguments):
+                return interpreted(made, compile_for)
+            return compile_for(*arguments)
+
+        vars(made)["_compile_for_args"] = first_call
     return made
+
+
+def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
+    """Whether a kernel need not be interpreted: it is compiled, or kept, or patience is over."""
+    if CLOCK.is_over():
+        return True
+    if made not in _MISSING:
+        types_ = tuple(typeof(argument) for argument in arguments)
+        if types_ in made.overloads or made._cache.is_kept(types_, made.targetctx):
+            return True
+        _MISSING.add(made)
+    return False
+
+
+#: Kernels that numba's cache does not hold; it is not asked again.
+_MISSING: set[Any] = set()
 
 
 @cache
@@ -57,6 +96,10 @@ def say_compiling(again: str = "once") -> None:
 
 class _NoCache(NullCache):
     """Where nothing can be kept."""
+
+    def is_kept(self, sig: Any, target_context: Any) -> bool:
+        """Find nothing."""
+        return False
 
     def load_overload(self, sig: Any, target_context: Any) -> None:
         """Find nothing: numba compiles next."""
@@ -99,6 +142,10 @@ class _CheckedCache(FunctionCache):
         self._cache_file = _CheckedFile(
             self._cache_path, f"{self._impl.filename_base}.checked", _source_stamp(function)
         )
+
+    def is_kept(self, sig: Any, target_context: Any) -> bool:
+        """Whether machine code for arguments of these types is here."""
+        return super().load_overload(sig, target_context) is not None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what was kept; where that is None, numba compiles next."""

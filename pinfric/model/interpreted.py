@@ -1,0 +1,129 @@
+"""Kernels as plain Python, until compiling them pays.
+
+To compile the kernels of forward dynamics takes some 20 s of processor time, to simulate an arm for
+a second with the same functions interpreted takes one. So what works on few numbers is interpreted
+first; once that has taken about as long as compiling, in this run and those before it together,
+kernels are compiled, and from then on found in numba's cache. At most twice the better choice is
+spent (the ski rental problem; Karlin et al. 1988, Competitive snoopy caching).
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+#: How long kernels are interpreted before they are compiled (s).
+PATIENCE = 20.0
+#: Arrays of so many numbers in all are few; more are a batch of samples.
+_FEW = 2000
+
+
+class _Clock:
+    """The time (s) spent interpreting: here, and before, as a file in numba's cache says."""
+
+    def __init__(self) -> None:
+        self.here, self._before, self._file = 0.0, -1.0, Path()
+
+    def keep_in(self, folder: str) -> None:
+        """Keep the time in a folder, where one is."""
+        self._file = Path(folder) / "pinfric.interpreted"
+
+    def is_over(self) -> bool:
+        """Whether enough was interpreted."""
+        if self._before < 0.0:
+            self._before = self._read()
+        return self.here + self._before >= PATIENCE
+
+    def add(self, seconds: float) -> None:
+        """Count time spent."""
+        if self.here == 0.0:
+            atexit.register(self._write)
+        self.here += seconds
+
+    def _read(self) -> float:
+        try:
+            return max(0.0, float(self._file.read_text()))
+        except (OSError, ValueError):  # nobody has written it yet, or not all of it
+            return 0.0
+
+    def _write(self) -> None:
+        if not self._file.name:
+            return
+        with suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            beside = self._file.with_name(f"{self._file.name}.{os.getpid()}")
+            beside.write_text(f"{self._read() + self.here:.3f}\n")
+            beside.replace(self._file)
+
+
+CLOCK = _Clock()
+_PLAIN: dict[str, dict[str, Any]] = {}
+
+
+def is_small(arguments: tuple[Any, ...]) -> bool:
+    """Whether a kernel's arguments are few numbers: not a batch, and nothing only numba reads."""
+    total = 0
+    for argument in arguments:
+        if isinstance(argument, np.ndarray):
+            total += argument.size
+        elif not isinstance(argument, tuple | float | int | np.generic):
+            return False
+    return total <= _FEW
+
+
+def interpreted(
+    kernel: Callable[..., Any], otherwise: Callable[..., Callable[..., Any]]
+) -> Callable[..., Any]:
+    """Return a kernel's function for one call, all that it calls interpreted with it.
+
+    Args:
+        kernel: what numba made of it.
+        otherwise: compiles the kernel for arguments and returns what to call: where Python's
+            numbers overflow or are divided by zero and NumPy's are not.
+    """
+
+    def run(*arguments: Any) -> Any:
+        start = time.process_time()
+        try:
+            with np.errstate(all="ignore"):
+                return plain(kernel)(*arguments)
+        except (ZeroDivisionError, OverflowError):
+            return otherwise(*arguments)(*arguments)
+        finally:
+            CLOCK.add(time.process_time() - start)
+
+    return run
+
+
+def plain(kernel: Any) -> Callable[..., Any]:
+    """Return the Python function of a kernel, whose callees are Python functions, too."""
+    function = kernel.py_func
+    made: Callable[..., Any] = _plain_names(function.__globals__)[function.__name__]
+    return made
+
+
+def _plain_names(names: dict[str, Any]) -> dict[str, Any]:
+    """A module's names with functions in place of kernels."""
+    module = names["__name__"]
+    if module not in _PLAIN:
+        _PLAIN[module] = here = dict(names)
+        for name, value in names.items():
+            if isinstance(value, Dispatcher):
+                function = value.py_func
+                there = function.__globals__
+                if there is names:
+                    here[name] = FunctionType(
+                        function.__code__, here, function.__name__, function.__defaults__
+                    )
+                else:
+                    here[name] = _plain_names(there)[function.__name__]
+    return _PLAIN[module]
