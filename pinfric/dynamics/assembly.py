@@ -15,13 +15,15 @@ from pinfric.dynamics import consistency, coupling
 from pinfric.dynamics.chained import kernel_calling
 from pinfric.dynamics.consistency import settle, site_friction, stick_limits, try_modes
 from pinfric.dynamics.problem import Problem
+from pinfric.model import laws as laws_module
+from pinfric.model.laws import Laws, friction_at
 
 #: Outcomes of the assembly.
 NOT_FINITE, SINGULAR = 1, 2
 #: Who chooses the modes that are tried: the velocities, or whoever wrote them before.
 FREE, GIVEN = 0, 1
 
-kernel = kernel_calling(coupling, consistency)
+kernel = kernel_calling(coupling, consistency, laws_module)
 
 
 @kernel
@@ -61,21 +63,23 @@ def substitute(L: np.ndarray, b: np.ndarray) -> None:
 
 @kernel
 def write_laws(
-    v: np.ndarray, law: np.ndarray, coordinate_v: np.ndarray, problem: Problem, implicit: bool
+    v: np.ndarray, laws: Laws, coordinate_v: np.ndarray, problem: Problem, implicit: bool
 ) -> None:
     """Write the friction coefficients of every site at its present speed (see `laws`)."""
     for s in range(problem.ratio.size):
         velocity = problem.ratio[s] * v[coordinate_v[problem.coordinate[s]]]
-        blend = 0.0
-        if law[s, 7] > 0.0:
-            blend = np.exp(-((abs(velocity) / law[s, 7]) ** law[s, 8]))
-        problem.mu_stick[s] = law[s, 0]
-        problem.mu_slip[s] = law[s, 1] + (law[s, 0] - law[s, 1]) * blend
+        moving = friction_at(laws, s, abs(velocity))
+        problem.mu_stick[s] = laws.mu_static[s]
+        problem.mu_slip[s] = moving.mu + moving.drag_mu
         for side in range(2):
-            static, kinetic = law[s, 2 + 2 * side], law[s, 3 + 2 * side]
-            problem.coulomb_stick[s, side] = static
-            problem.coulomb_slip[s, side] = kinetic + (static - kinetic) * blend
-        problem.drag[s] = 0.0 if implicit else law[s, 6] * velocity
+            problem.coulomb_stick[s, side] = laws.coulomb_static[s, side]
+        problem.coulomb_slip[s, 0] = moving.forward
+        problem.coulomb_slip[s, 1] = moving.backward
+        problem.drag[s] = 0.0 if implicit else laws.viscous[s] * velocity
+        if velocity > 0.0:
+            problem.drag[s] += moving.drag_forward
+        else:
+            problem.drag[s] -= moving.drag_backward
 
 
 @kernel
@@ -88,7 +92,7 @@ def assemble(
     rows: np.ndarray,
     armature: np.ndarray,
     joint: np.ndarray,
-    law: np.ndarray,
+    laws: Laws,
     coordinate_v: np.ndarray,
     wrench_map: np.ndarray,
     wrench_map_moved: np.ndarray,
@@ -115,7 +119,7 @@ def assemble(
         0, `NOT_FINITE` or `SINGULAR`.
     """
     nv, nc, ns = v.size, coordinate_v.size, joint.size
-    write_laws(v, law, coordinate_v, problem, step > 0.0)
+    write_laws(v, laws, coordinate_v, problem, step > 0.0)
     for i in range(nv):
         for j in range(nv):
             M[i, j] = rows[2 + i, j] - rows[1, j]
@@ -126,7 +130,7 @@ def assemble(
     if step > 0.0:
         for s in range(ns):
             i = coordinate_v[problem.coordinate[s]]
-            viscous = problem.ratio[s] * problem.ratio[s] * law[s, 6]
+            viscous = problem.ratio[s] * problem.ratio[s] * laws.viscous[s]
             M[i, i] += step * viscous
             a_free[i] -= viscous * v[i]
     if not factorize(M):
@@ -234,7 +238,7 @@ def solve_instant(
     rows: np.ndarray,
     armature: np.ndarray,
     joint: np.ndarray,
-    law: np.ndarray,
+    laws: Laws,
     coordinate_v: np.ndarray,
     wrench_map: np.ndarray,
     wrench_map_moved: np.ndarray,
@@ -288,7 +292,7 @@ def solve_instant(
         constant, coordinate, ratio, mu_slip, mu_stick, coulomb_slip, coulomb_stick, drag,
     )  # fmt: skip
     outcome = assemble(
-        q, v, effort, 0.0, batch, rows, armature, joint, law, coordinate_v, wrench_map,
+        q, v, effort, 0.0, batch, rows, armature, joint, laws, coordinate_v, wrench_map,
         wrench_map_moved, displacement_q, displacement_ratio, displacement_shift, M, a_free,
         a_slope, problem,
     )  # fmt: skip

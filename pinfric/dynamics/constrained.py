@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem import contact_maps
 from pinfric.model.compiled import kernel
+from pinfric.model.laws import Laws
 from pinfric.model.loops import Linkage
 from pinfric.model.scene import Scene
 
@@ -43,9 +43,9 @@ class Layout(NamedTuple):
         n_tree: number of joints of the tree.
         varies: (ns,) whether a site's load can depend on friction, and its friction on the load.
         contact_site: (nt,) site of each contact force.
-        contact_map, contact_map_moved: (nt, 3, 6), `problem.contact_maps`.
+        contact_map, contact_map_moved: (nt, 3, 6), see `bearings.Contacts`.
         constant: (ns,) constant part of each load.
-        law: (ns, 10), `laws.law_table`.
+        laws: of the sites.
         inverse_length: 1/l of the redundancy's weights (1/m).
         scale: size of the levers and directions that A is made of; what is small beside it is 0.
     """
@@ -67,7 +67,7 @@ class Layout(NamedTuple):
     contact_map: np.ndarray
     contact_map_moved: np.ndarray
     constant: np.ndarray
-    law: np.ndarray
+    laws: Laws
     inverse_length: float
     scale: float
 
@@ -120,18 +120,9 @@ def make_layout(scene: Scene, linkage: Linkage) -> Layout:
     n_tree = scene.model.njoints - 1
     # a tree joint's wrench depends on friction only through what is solved for, or loop friction
     felt = np.abs(linkage.support).max(axis=0, initial=0) > 0
-    loaded = [s for s, site in enumerate(sites) if site.friction.bearing is not None]
-    maps = []
-    for s in loaded:
-        if sites[s].ball:  # the whole force counts, whatever its direction
-            B = sites[s].weights.radial * np.eye(3, 6)[None]
-            maps.append((B, np.zeros_like(B)))
-        else:
-            maps.append(contact_maps(sites[s].weights, sites[s].axis))
-    none = [np.zeros((0, 3, 6))]
-    contact_site = [s for s, (B, _) in zip(loaded, maps, strict=True) for _ in B]
+    contacts, loaded = tables.contacts, tables.laws.loaded
     varies = [
-        s in contact_site and bool(np.any(tables.law[s, :2]))
+        s in contacts.site and loaded[s]
         and (site.loop >= 0 or bool(np.take(felt, site.joint)))
         for s, site in enumerate(sites)
     ]  # fmt: skip
@@ -149,11 +140,11 @@ def make_layout(scene: Scene, linkage: Linkage) -> Layout:
         joint=np.ascontiguousarray(tables.joint),
         n_tree=n_tree,
         varies=np.array(varies, dtype=np.bool_),
-        contact_site=np.array(contact_site, dtype=np.int64),
-        contact_map=np.concatenate([B for B, _ in maps] or none),
-        contact_map_moved=np.concatenate([C for _, C in maps] or none),
-        constant=np.ascontiguousarray(tables.weights[:, 6]),
-        law=tables.law,
+        contact_site=contacts.site,
+        contact_map=contacts.map,
+        contact_map_moved=contacts.map_moved,
+        constant=contacts.constant,
+        laws=tables.laws,
         inverse_length=1.0 / scene.redundancy_length,
         scale=min(1.0, linkage.size),
     )

@@ -96,7 +96,6 @@ def solve_coupled(
     check_roll_moments(scene, wrench, whole.start)
     drive_rates = actuator_rates(scene, states, rates, around, whole)
     motor_lower, motor_upper = _motor_torques(scene, answer, *drive_rates)
-    law = layout.law[:, 9]
     return InverseResult(
         scene=scene,
         states=states.part(whole),
@@ -106,7 +105,7 @@ def solve_coupled(
         effort_frictionless=frictionless,
         motor_torque_lower=motor_lower,
         motor_torque_upper=motor_upper,
-        sticking=site_speeds(layout, velocity) <= law,
+        sticking=site_speeds(layout, velocity) <= layout.laws.stick_velocity,
         reversal=reversal,
         normal_load=answer.load,
         friction_lower=answer.friction_lower,
@@ -186,7 +185,7 @@ def site_reversals(layout: Layout, velocity: np.ndarray) -> np.ndarray:
         layout: `Layout`.
         velocity: (n, nf), `friction_velocities`.
     """
-    stick = layout.law[:, 9]
+    stick = layout.laws.stick_velocity
     marked = reversals(np.ascontiguousarray(velocity[:, layout.phi_start]), stick)
     for s in np.flatnonzero(layout.phi_count == 3):
         w = velocity[:, layout.phi_start[s] : layout.phi_start[s] + 3]

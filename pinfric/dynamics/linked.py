@@ -61,7 +61,7 @@ class LinkedWorkspace(Workspace):
         self.layout = make_layout(scene, self.linkage)
         self.tables, self.mechanism = make_linked_tables(scene, self.layout)
         t = self.tables
-        constant = np.ascontiguousarray(scene.site_tables.weights[t.entry_site, 6])
+        constant = scene.site_tables.contacts.constant[t.entry_site]
         self.problem = empty_problem(t.entry_coordinate, t.entry_ratio, t.contact_site, constant)
         nv, ns, nc, ne = self.nv, len(t.coordinate), len(t.column), len(t.entry_site)
         self.out = np.zeros(nv + 8 * ns)
@@ -289,10 +289,12 @@ class LinkedWorkspace(Workspace):
         t = self.tables
         of_ball = self.mechanism.ball
         moving = np.where(of_ball, self.speeds(rates), rates) if self._balls.size else rates
-        write_laws(moving, t.law, self._numbers, self.problem, implicit)  # fmt: skip
-        if self._balls.size and not implicit:
-            ball = self.mechanism.ball[t.entry_coordinate]
-            self.problem.drag[ball] = t.law[ball, 6] * rates[t.entry_coordinate[ball]]
+        write_laws(moving, t.laws, self._numbers, self.problem, implicit)
+        if self._balls.size:  # drag acts along the rates, in proportion to them
+            ball = np.flatnonzero(self.mechanism.ball[t.entry_coordinate])
+            of = t.entry_coordinate[ball]
+            share = np.divide(rates[of], moving[of], out=np.zeros(len(of)), where=moving[of] > 0.0)
+            self.problem.drag[ball] *= share
 
     def _write_loads(
         self, q: np.ndarray, X: np.ndarray, free: np.ndarray, effort: np.ndarray

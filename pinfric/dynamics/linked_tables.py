@@ -9,6 +9,7 @@ import numpy as np
 from pinfric.dynamics.constrained import Layout
 from pinfric.dynamics.rest import Mechanism
 from pinfric.dynamics.workspace import cannot_resist_roll
+from pinfric.model.laws import Laws
 from pinfric.model.scene import Scene
 
 
@@ -20,7 +21,7 @@ class LinkedTables:
         coordinate: (ns,) first coordinate of each site.
         ratio: (ns,) site velocity per coordinate velocity.
         entry_site: (ne,) site of each entry: one per site, three for a ball.
-        entry_coordinate, entry_ratio, law: (ne,), (ne,), (ne, 10).
+        entry_coordinate, entry_ratio: (ne,). laws: of each entry.
         coordinate_v, column: (nc,) velocity of a tree coordinate, action of a loop's; else -1.
         viscous: (nc,) N m s/rad or N s/m.
         dry, stick_velocity: (nc,), see `workspace.Tables`.
@@ -36,7 +37,7 @@ class LinkedTables:
     entry_site: np.ndarray
     entry_coordinate: np.ndarray
     entry_ratio: np.ndarray
-    law: np.ndarray
+    laws: Laws
     coordinate_v: np.ndarray
     column: np.ndarray
     viscous: np.ndarray
@@ -70,24 +71,23 @@ def make_linked_tables(scene: Scene, layout: Layout) -> tuple[LinkedTables, Mech
             entry_coordinate.append(keys.index(key))
             entry_ratio.append(float(site.ratio))
     entry_of, nc = np.array(entry_site, dtype=np.int64), len(keys)
-    law = np.ascontiguousarray(t.law[entry_of]).reshape(len(entry_of), 10)
+    laws = t.laws.of_sites(entry_of)
     dry, stick, viscous = np.zeros(nc, dtype=bool), np.full(nc, np.inf), np.zeros(nc)
     block, ball = np.arange(nc), np.zeros(nc, dtype=bool)
     for e, (s, c) in enumerate(zip(entry_site, entry_coordinate, strict=True)):
-        viscous[c] += entry_ratio[e] ** 2 * law[e, 6]
-        if law[e, :6].any():
+        viscous[c] += entry_ratio[e] ** 2 * laws.viscous[e]
+        if laws.dry[e]:
             dry[c] = True
-            stick[c] = min(stick[c], law[e, 9] / abs(entry_ratio[e]))
+            stick[c] = min(stick[c], laws.stick_velocity[e] / abs(entry_ratio[e]))
         block[c] = min(block[c], first[s])
         ball[c] = sites[s].ball
-    rubs = np.asarray(t.law[:, :2].any(axis=1))
-    loaded = np.flatnonzero(rubs[layout.contact_site])
+    loaded = np.flatnonzero(t.laws.loaded[layout.contact_site])
     rows = [(e, k) for e, s in enumerate(entry_site) for k in loaded if layout.contact_site[k] == s]
     entries = np.array([e for e, _ in rows], dtype=np.int64)
     terms = np.array([k for _, k in rows], dtype=np.int64)
     of = entry_of[entries] if len(rows) else np.zeros(0, dtype=np.int64)
     joint = np.asarray(t.joint)[of]
-    moves = np.logical_and(t.weights[of, 8] != 0.0, joint < layout.n_tree)
+    moves = np.logical_and(t.contacts.moves[of], joint < layout.n_tree)
     tree = np.where(moves, joint, 0)
     tables = LinkedTables(
         coordinate=np.array(first, dtype=np.int64),
@@ -95,7 +95,7 @@ def make_linked_tables(scene: Scene, layout: Layout) -> tuple[LinkedTables, Mech
         entry_site=entry_of,
         entry_coordinate=np.array(entry_coordinate, dtype=np.int64),
         entry_ratio=np.array(entry_ratio, dtype=float),
-        law=law,
+        laws=laws,
         coordinate_v=np.array([v for v, _ in keys], dtype=np.int64),
         column=np.array([column for _, column in keys], dtype=np.int64),
         viscous=viscous,

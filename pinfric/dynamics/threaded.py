@@ -17,9 +17,9 @@ from pinfric.dynamics import motion_kernels
 from pinfric.dynamics.chained import kernel_calling
 from pinfric.dynamics.motion_kernels import effort_bounds, mark_reversals
 from pinfric.model import bearings, laws, twin
-from pinfric.model.bearings import normal_loads
+from pinfric.model.bearings import Contacts, normal_loads
 from pinfric.model.compiled import parallel_kernel
-from pinfric.model.laws import friction_bounds
+from pinfric.model.laws import Laws, friction_bounds
 from pinfric.model.twin import embed, project
 
 
@@ -72,12 +72,11 @@ def friction_in_parts(
     components: np.ndarray,
     effort: np.ndarray,
     joint: np.ndarray,
-    site_axis: np.ndarray,
-    weights: np.ndarray,
+    contacts: Contacts,
     displacement: np.ndarray,
     load: np.ndarray,
     velocity: np.ndarray,
-    law: np.ndarray,
+    laws: Laws,
     at_rest: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -89,9 +88,9 @@ def friction_in_parts(
         i, j = part * n // parts, (part + 1) * n // parts
         moved = displacement[i:j] if displacement.shape[0] == n else displacement
         project(wrench[i:j], v_index, ratio, axis, components, effort[i:j])
-        normal_loads(wrench[i:j], joint, site_axis, weights, moved, load[i:j])
+        normal_loads(wrench[i:j], joint, contacts, moved, load[i:j])
         friction_bounds(
-            velocity[i:j], load[i:j], law, at_rest[i:j], lower[i:j], upper[i:j], sticking[i:j]
+            velocity[i:j], load[i:j], laws, at_rest[i:j], lower[i:j], upper[i:j], sticking[i:j]
         )
 
 

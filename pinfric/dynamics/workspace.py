@@ -19,7 +19,7 @@ import pinocchio as pin
 from pinfric.dynamics.assembly import FREE, GIVEN, NOT_FINITE, assemble, finish, solve_instant
 from pinfric.dynamics.consistency import ROUNDING
 from pinfric.dynamics.modes import MOST_ENUMERATED, Found, Modes, only_candidate, pivot, search
-from pinfric.dynamics.problem import Problem, contact_maps, empty_problem
+from pinfric.dynamics.problem import Problem, empty_problem
 from pinfric.dynamics.reactions import AppliedWrench, Batch, relieve
 from pinfric.errors import (
     AccelerationError,
@@ -29,6 +29,7 @@ from pinfric.errors import (
     SceneError,
     StateError,
 )
+from pinfric.model.laws import Laws
 from pinfric.model.scene import Scene, Site
 from pinfric.model.twin import Twin, embed, project
 
@@ -42,7 +43,7 @@ class Tables:
         coordinate_v: (nc,) index in v of each coordinate.
         dry: (nc,) bool, whether anything on it can stick.
         stick_velocity: (nc,) at or below this speed it is at rest (rad/s or m/s).
-        wrench_map, wrench_map_moved: (nt, 3, 6) `contact_maps`; the second times displacement.
+        wrench_map, wrench_map_moved: (nt, 3, 6) of those `bearings.Contacts` whose site rubs.
         guides: sites whose bearing cannot resist a moment about its axis.
         displacement_q, displacement_ratio, displacement_shift: (ns,) how a site's displacement
             along its axis follows from q; ratio 0 where it does not matter.
@@ -50,7 +51,7 @@ class Tables:
 
     joint: np.ndarray
     ratio: np.ndarray
-    law: np.ndarray
+    laws: Laws
     coordinate: np.ndarray
     coordinate_v: np.ndarray
     dry: np.ndarray
@@ -69,32 +70,27 @@ def make_tables(scene: Scene) -> Tables:
     """Tabulate a scene's friction for `assemble`."""
     sites, t, twin = scene.sites, scene.site_tables, scene.twin()
     coordinate_v, coordinate = np.unique(t.velocity_index, return_inverse=True)
-    dry_sites = np.asarray(t.law[:, :6].any(axis=1))
     dry, stick = np.zeros(len(coordinate_v), dtype=bool), np.full(len(coordinate_v), np.inf)
     for s, c in enumerate(coordinate):
-        if dry_sites[s]:
+        if t.laws.dry[s]:
             dry[c] = True
-            stick[c] = min(stick[c], t.law[s, 9] / abs(t.ratio[s]))
-    loaded = [s for s in range(len(sites)) if t.law[s, :2].any()]
-    maps = [contact_maps(sites[s].weights, sites[s].axis) for s in loaded]
-    contact_site = [s for s, (B, _) in zip(loaded, maps, strict=True) for _ in B]
-    moves = np.asarray(t.weights[:, 8] != 0.0)
-    none = [np.zeros((0, 3, 6))]
+            stick[c] = min(stick[c], t.laws.stick_velocity[s] / abs(t.ratio[s]))
+    rubs, moves = t.laws.loaded[t.contacts.site], t.contacts.moves
     return Tables(
         joint=t.joint,
         ratio=t.ratio,
-        law=t.law,
+        laws=t.laws,
         coordinate=coordinate.astype(np.int64),
         coordinate_v=coordinate_v.astype(np.int64),
         dry=dry,
         stick_velocity=stick,
-        contact_site=np.array(contact_site, dtype=np.int64),
-        wrench_map=np.concatenate([B for B, _ in maps] or none),
-        wrench_map_moved=np.concatenate([C for _, C in maps] or none),
+        contact_site=t.contacts.site[rubs],
+        wrench_map=t.contacts.map[rubs],
+        wrench_map_moved=t.contacts.map_moved[rubs],
         displacement_q=np.where(moves, twin.q_index[t.joint], 0),
         displacement_ratio=np.where(moves, twin.ratio[t.joint], 0.0),
         displacement_shift=np.where(moves, twin.shift[t.joint], 0.0),
-        constant=np.ascontiguousarray(t.weights[:, 6]),
+        constant=t.contacts.constant,
         guides=tuple(s for s, site in enumerate(sites) if cannot_resist_roll(site)),
     )
 
@@ -102,7 +98,7 @@ def make_tables(scene: Scene) -> Tables:
 def cannot_resist_roll(site: Site) -> bool:
     """Return whether a site's bearing leaves the moment about its axis to others."""
     bearing = site.friction.bearing
-    return bearing is not None and bearing.kind == "guide" and bearing.width is None
+    return bearing is not None and bearing.roll_lever() is not None
 
 
 class Workspace:
@@ -144,7 +140,7 @@ class Workspace:
         self._make_batch()
         # the kernels' arguments beside the state, in their order
         self._assembly = (
-            self.batch.wrench, self._rows, self.twin.armature, t.joint, t.law, t.coordinate_v,
+            self.batch.wrench, self._rows, self.twin.armature, t.joint, t.laws, t.coordinate_v,
             t.wrench_map, t.wrench_map_moved, t.displacement_q, t.displacement_ratio,
             t.displacement_shift, np.empty((nv, nv)), self.a_free, self.a_slope,
         )  # fmt: skip
@@ -357,9 +353,9 @@ class Workspace:
         """
         for s in self.tables.guides:
             site = self.scene.sites[s]
-            assert site.friction.bearing is not None  # that is what makes it a guide
+            assert site.friction.bearing is not None  # that is what makes it one of these
             force, moment = self.wrench[s, :3], self.wrench[s, 3:]
-            roll, length = float(moment @ site.axis), site.friction.bearing.length or 0.0
+            roll, length = float(moment @ site.axis), site.friction.bearing.roll_lever() or 0.0
             if abs(roll) > 1e-9 * (np.linalg.norm(moment) + length * np.linalg.norm(force)):
                 raise RollMomentError(site.name, 0, roll)
 
