@@ -29,6 +29,14 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, {"nogil": True, "error_model": "numpy"})
 
 
+def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a small kernel as `kernel` does, its body into the kernels that call it.
+
+    A call with a tuple of arrays costs more than what it computes.
+    """
+    return _compiled(function, {"nogil": True, "error_model": "numpy", "inline": "always"})
+
+
 def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel as `kernel` does, its `prange` loops for several threads."""
     return _compiled(function, {"nogil": True, "error_model": "numpy", "parallel": True})

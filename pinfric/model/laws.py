@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.compiled import kernel
-from pinfric.model.friction_terms import LINEAR, Row, Shape, Strength
+from pinfric.model.compiled import inlined_kernel, kernel
+from pinfric.model.friction_terms import CONSTANT, LINEAR, Row, Strength
 from pinfric.model.schema import Friction
 
 
@@ -29,28 +29,30 @@ class FrictionLaw:
     """The numbers of one site's friction law.
 
     Attributes:
-        at_rest: the limits at rest.
-        rows: friction in motion but for `viscous`, one row per shape.
+        static: the limits at rest.
+        kinetic: what is constant in motion.
         viscous: N m s/rad or N s/m; apart from the rows because time steps take it implicitly.
+        rows: the rest of friction in motion, one row per shape.
         stick_velocity: at or below this speed the site sticks (rad/s or m/s).
     """
 
-    at_rest: Strength
-    rows: tuple[Row, ...]
+    static: Strength
+    kinetic: Strength
     viscous: float
+    rows: tuple[Row, ...]
     stick_velocity: float
 
     @property
     def dry(self) -> bool:
         """Whether it can stick: anything is left of its friction at rest."""
-        return any(strength > 0.0 for strength in self.at_rest)
+        return any(strength > 0.0 for strength in self.static)
 
 
 def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionLaw:
     """Return the law of one scene entry."""
-    at_rest, viscous, rows = Strength(), 0.0, dict[Shape, Strength]()
+    static, viscous, rows = Strength(), 0.0, {CONSTANT: Strength()}
     for term in friction.terms:
-        at_rest = _sum(at_rest, term.at_rest())
+        static = _sum(static, term.at_rest())
         for shape, strength in term.rows(friction.stribeck):
             if shape == LINEAR and strength == (0.0, strength.forward, strength.forward):
                 viscous += strength.forward
@@ -58,9 +60,10 @@ def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionL
                 rows[shape] = _sum(rows.get(shape, Strength()), strength)
     stick = friction.stick_velocity
     return FrictionLaw(
-        at_rest=at_rest,
-        rows=tuple(rows.items()),
+        static=static,
+        kinetic=rows.pop(CONSTANT),
         viscous=viscous,
+        rows=tuple(rows.items()),
         stick_velocity=default_stick_velocity if stick is None else stick,
     )
 
@@ -73,8 +76,9 @@ class Laws(NamedTuple):
     """The friction laws of all sites, as arrays for kernels.
 
     Attributes:
-        mu_static: (ns,) factor of the load at rest.
-        coulomb_static: (ns, 2) limits at rest against forward and backward motion (N m or N).
+        mu_static, mu_kinetic: (ns,) factor of the load at rest, and what is constant in motion.
+        coulomb_static, coulomb_kinetic: (ns, 2) the same that does not depend on the load, against
+            forward and backward motion (N m or N).
         viscous: (ns,) N m s/rad or N s/m.
         stick_velocity: (ns,) rad/s or m/s.
         row_start, row_end: (ns,) which rows are a site's.
@@ -83,7 +87,9 @@ class Laws(NamedTuple):
     """
 
     mu_static: np.ndarray
+    mu_kinetic: np.ndarray
     coulomb_static: np.ndarray
+    coulomb_kinetic: np.ndarray
     viscous: np.ndarray
     stick_velocity: np.ndarray
     row_start: np.ndarray
@@ -102,25 +108,30 @@ class Laws(NamedTuple):
     @property
     def loaded(self) -> np.ndarray:
         """(ns,) bool, whether the load matters to a site's friction."""
-        moving = [self.mu[i:j].any() for i, j in zip(self.row_start, self.row_end, strict=True)]
-        return np.asarray((self.mu_static > 0.0) | np.array(moving, dtype=bool))
+        spans = zip(self.row_start, self.row_end, strict=True)
+        more = np.array([self.mu[start:end].any() for start, end in spans], dtype=bool)
+        return np.asarray((self.mu_static > 0.0) | (self.mu_kinetic > 0.0) | more)
 
     def of_sites(self, index: np.ndarray) -> Laws:
         """Return the laws of some sites, in the order of `index`."""
-        each = ("mu_static", "coulomb_static", "viscous", "stick_velocity", "row_start", "row_end")
-        return self._replace(**{name: getattr(self, name)[index] for name in each})
+        first = self._fields.index("mu")
+        return Laws(*(array[index] for array in self[:first]), *self[first:])
 
 
 def law_table(laws: Sequence[FrictionLaw]) -> Laws:
     """Return the laws of all sites as arrays."""
     rows = [row for law in laws for row in law.rows]
     ends = np.cumsum([0, *(len(law.rows) for law in laws)], dtype=np.int64)
-    at_rest = np.array([law.at_rest for law in laws], dtype=float).reshape(-1, 3)
-    shapes = np.array([shape for shape, _ in rows], dtype=float).reshape(-1, 3)
-    strengths = np.array([strength for _, strength in rows], dtype=float).reshape(-1, 3)
+    static, kinetic, shapes, strengths = (
+        np.array(list(numbers), dtype=float).reshape(-1, 3)
+        for numbers in ((law.static for law in laws), (law.kinetic for law in laws),
+                        (shape for shape, _ in rows), (strength for _, strength in rows))
+    )  # fmt: skip
     return Laws(
-        mu_static=at_rest[:, 0].copy(),
-        coulomb_static=at_rest[:, 1:].copy(),
+        mu_static=static[:, 0].copy(),
+        mu_kinetic=kinetic[:, 0].copy(),
+        coulomb_static=static[:, 1:].copy(),
+        coulomb_kinetic=kinetic[:, 1:].copy(),
         viscous=np.array([law.viscous for law in laws], dtype=float),
         stick_velocity=np.array([law.stick_velocity for law in laws], dtype=float),
         row_start=ends[:-1].copy(),
@@ -149,7 +160,7 @@ class Moving(NamedTuple):
     drag_backward: float
 
 
-@kernel
+@inlined_kernel
 def friction_at(laws: Laws, site: int, speed: float) -> Moving:
     """Return a site's friction in motion but for `laws.viscous`: the sums of its rows.
 
@@ -158,7 +169,8 @@ def friction_at(laws: Laws, site: int, speed: float) -> Moving:
         site: row of it.
         speed: |v|, rad/s or m/s.
     """
-    mu, forward, backward = 0.0, 0.0, 0.0
+    mu = laws.mu_kinetic[site]
+    forward, backward = laws.coulomb_kinetic[site, 0], laws.coulomb_kinetic[site, 1]
     drag_mu, drag_forward, drag_backward = 0.0, 0.0, 0.0
     for r in range(laws.row_start[site], laws.row_end[site]):
         shape = 1.0

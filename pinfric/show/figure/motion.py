@@ -173,8 +173,8 @@ def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
 
 
 def _friction(axes: Axes, motion: Motion, s: int) -> None:
-    at_rest, load = motion.scene.sites[s].law.at_rest, motion.normal_load[:, s]
-    for limit in (-(at_rest.mu * load + at_rest.forward), at_rest.mu * load + at_rest.backward):
+    static, load = motion.scene.sites[s].law.static, motion.normal_load[:, s]
+    for limit in (-(static.mu * load + static.forward), static.mu * load + static.backward):
         kept = thinned([limit])
         axes.plot(motion.t[kept], limit[kept], color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
     kept = thinned([motion.friction[:, s]])

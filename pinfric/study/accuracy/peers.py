@@ -21,7 +21,6 @@ import pinocchio as pin
 from pinfric.dynamics.efforts import make_effort
 from pinfric.dynamics.result import StickInterval, runs
 from pinfric.errors import PinfricError
-from pinfric.model.friction_terms import CONSTANT, Strength
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
 from pinfric.model.twin import PRISMATIC
@@ -143,9 +142,7 @@ def _robot(scene: Scene) -> _Robot:
     assert scene.simulation is not None
     q, v = start_state(scene)
     made = make_effort(scene, None)
-    constants = {
-        site.name: dict(site.law.rows).get(CONSTANT, Strength()).forward for site in scene.sites
-    }
+    constants = {site.name: site.law.kinetic.forward for site in scene.sites}
     bodies = []
     for row, column in enumerate(columns):
         sliding = bool(twin.kind[row] == PRISMATIC)
