@@ -49,9 +49,9 @@ class Entry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     @classmethod
-    def allowed_keys(cls) -> list[str]:
-        """Return the keys a mapping may have."""
-        return list(cls.model_fields)
+    def keys_and_kinds(cls) -> dict[str, Any]:
+        """Return the keys a mapping may have, and the annotation of what stands there."""
+        return {key: field.annotation for key, field in cls.model_fields.items()}
 
 
 def parse(entry: type[BaseModel], content: Any, where: str) -> Any:
@@ -103,13 +103,13 @@ def _fields_at(entry: type[BaseModel], path: tuple[int | str, ...]) -> list[str]
             return []
         current = found
     models = _models_in(current)
-    return [key for model in models for key in model.allowed_keys()]
+    return [key for model in models for key in model.keys_and_kinds()]
 
 
 def _step(current: Any, part: int | str) -> Any:
     for model in _models_in(current):
-        if isinstance(part, str) and part in model.model_fields:
-            return model.model_fields[part].annotation
+        if part in model.keys_and_kinds():
+            return model.keys_and_kinds()[str(part)]
         if model.__name__ == part:
             return model
     return current  # an index into a list or a name in a mapping: the annotation covers it

@@ -90,9 +90,9 @@ class Friction(Entry):
     stick_velocity: NonNegative | None = None
 
     @classmethod
-    def allowed_keys(cls) -> list[str]:
-        """Return the keys a mapping may have."""
-        return [*cls.model_fields, *added_terms()]
+    def keys_and_kinds(cls) -> dict[str, Any]:
+        """Return the keys a mapping may have, those that classes add, too."""
+        return super().keys_and_kinds() | added_terms()
 
     @property
     def terms(self) -> tuple[FrictionTerm, ...]:
