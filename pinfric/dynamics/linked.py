@@ -290,11 +290,9 @@ class LinkedWorkspace(Workspace):
         of_ball = self.mechanism.ball
         moving = np.where(of_ball, self.speeds(rates), rates) if self._balls.size else rates
         write_laws(moving, t.laws, self._numbers, self.problem, implicit)
-        if self._balls.size:  # drag acts along the rates, in proportion to them
-            ball = np.flatnonzero(self.mechanism.ball[t.entry_coordinate])
-            of = t.entry_coordinate[ball]
-            share = np.divide(rates[of], moving[of], out=np.zeros(len(of)), where=moving[of] > 0.0)
-            self.problem.drag[ball] *= share
+        if self._balls.size:  # a ball's drag lies along its rates
+            share = np.divide(rates, moving, out=np.ones(len(rates)), where=moving > 0.0)
+            self.problem.drag[:] *= share[t.entry_coordinate]
 
     def _write_loads(
         self, q: np.ndarray, X: np.ndarray, free: np.ndarray, effort: np.ndarray

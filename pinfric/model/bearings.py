@@ -81,6 +81,11 @@ class Bearing(Entry):
 
     kind: str
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Make it a kind."""
+        KINDS[get_args(cls.model_fields["kind"].annotation)[0]] = cls
+
     @abstractmethod
     def terms(self) -> LoadTerms:
         """Return the load's terms, in axes whose z is the joint's axis."""
@@ -92,7 +97,7 @@ class Bearing(Entry):
         """
         if joint in self.fits:
             return ""
-        fitting = [kind for kind, cls in bearing_kinds().items() if joint in cls.fits]
+        fitting = [kind for kind, cls in KINDS.items() if joint in cls.fits]
         return (f": a {self.kind} does not fit a {joint}; take {' or '.join(fitting)} "
                 f"(a {self.kind} fits a {' or '.join(self.fits)})")  # fmt: skip
 
@@ -111,6 +116,14 @@ class Bearing(Entry):
         """
         return self
 
+    @classmethod
+    def keys_and_kinds(cls) -> dict[str, Any]:
+        """See `Entry.keys_and_kinds`; of `Bearing` itself, the keys of all kinds."""
+        keys = super().keys_and_kinds()
+        for kind in KINDS.values() if cls is Bearing else ():
+            keys |= kind.keys_and_kinds()
+        return keys
+
     @model_validator(mode="wrap")
     @classmethod
     def _of_its_kind(cls, value: Any, read: ValidatorFunctionWrapHandler) -> Bearing:
@@ -122,30 +135,28 @@ class Bearing(Entry):
         if cls is Bearing:
             return _class_of(given).model_validate(given)
         kind, keys = given.get("kind"), cls.model_fields
-        for key in sorted(given.keys() - keys):
-            raise ValueError(f"a {kind} has no `{key}`; {choose_from(key, list(keys)[1:])}")
-        for key, field in keys.items():
-            if field.is_required() and key not in given:
-                raise ValueError(f"a {kind} needs `{key}`")
+        if given.keys() <= Bearing.keys_and_kinds().keys():  # else pydantic names the others
+            for key in sorted(given.keys() - keys):
+                raise ValueError(f"a {kind} has no `{key}`; {choose_from(key, list(keys)[1:])}")
+            for key, field in keys.items():
+                if field.is_required() and key not in given:
+                    raise ValueError(f"a {kind} needs `{key}`")
         made: Bearing = read(given)
         for key in cls.sizes:
             question(f"bearing.{key}", getattr(made, key), 1.0, "m")
         return made
 
 
-def bearing_kinds() -> dict[str, type[Bearing]]:
-    """Return the classes of all kinds of bearing by what the scene file calls them."""
-    classes = Bearing.__subclasses__()
-    return {get_args(cls.model_fields["kind"].annotation)[0]: cls for cls in classes}
+#: The classes of all kinds of bearing, by what the scene file calls them.
+KINDS: dict[str, type[Bearing]] = {}
 
 
 def _class_of(given: dict[str, Any]) -> type[Bearing]:
     """The class of a mapping's kind, or pydantic's own error at the key `kind`."""
-    kinds = bearing_kinds()
     kind = given.get("kind")
-    if isinstance(kind, str) and kind in kinds:
-        return kinds[kind]
-    *others, last = (repr(name) for name in kinds)
+    if isinstance(kind, str) and kind in KINDS:
+        return KINDS[kind]
+    *others, last = map(repr, KINDS)
     wrong = InitErrorDetails(type="missing", loc=("kind",), input=given)
     if kind is not None:
         expected = {"expected": f"{', '.join(others)} or {last}"}

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 from pydantic import model_validator
 
@@ -74,6 +74,11 @@ class FrictionTerm(Entry):
     key: ClassVar[str]
     coefficients: ClassVar[tuple[str, ...]] = ("coefficient",)
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Make it a term."""
+        TERMS[cls.key] = cls
+
     @abstractmethod
     def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
         """Return the term in motion.
@@ -99,6 +104,10 @@ class FrictionTerm(Entry):
     def without_static(self) -> Self:
         """Return the term with no more friction at rest than in motion."""
         return self
+
+
+#: The classes of all terms, by their keys.
+TERMS: dict[str, type[FrictionTerm]] = {}
 
 
 class Coefficients(Entry):

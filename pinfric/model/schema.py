@@ -30,6 +30,7 @@ from pinfric.model.entry import (
     strict_number,
 )
 from pinfric.model.friction_terms import (
+    TERMS,
     CoulombFriction,
     DirectedCoulombFriction,
     FrictionTerm,
@@ -61,8 +62,7 @@ class RobotEntry(Entry):
 
 def added_terms() -> dict[str, type[FrictionTerm]]:
     """Return the classes of the terms that are no field of `Friction`, by their keys."""
-    every = {cls.key: cls for cls in FrictionTerm.__subclasses__()}
-    return {key: cls for key, cls in every.items() if key not in Friction.model_fields}
+    return {key: cls for key, cls in TERMS.items() if key not in Friction.model_fields}
 
 
 def _added_term(keyed: tuple[str, Any]) -> FrictionTerm | None:

@@ -16,36 +16,37 @@ from mechanisms import pin_friction
 
 import pinfric as pf
 from pinfric.errors import SceneError
-from pinfric.model.bearings import FZ, MX, MY, MZ, Bearing, LoadTerms, norm_of
+from pinfric.model.bearings import FZ, KINDS, MX, MY, MZ, Bearing, LoadTerms, norm_of
 from pinfric.model.effects import effects, with_effects
 from pinfric.model.entry import NonNegative, Positive
-from pinfric.model.friction_terms import FrictionTerm, Row, Shape, Strength, Stribeck
+from pinfric.model.friction_terms import TERMS, FrictionTerm, Row, Shape, Strength, Stribeck
 
 
-class Collar(Bearing):
-    """c = weight |F_a| + |M|."""
+@pytest.fixture(scope="module", autouse=True)
+def added():
+    """The two classes, known while the tests of this file run."""
 
-    fits = ("turning joint",)
+    class Collar(Bearing):
+        fits = ("turning joint",)
 
-    kind: Literal["collar"]
-    weight: NonNegative
+        kind: Literal["collar"]
+        weight: NonNegative
 
-    def terms(self) -> LoadTerms:
-        """See the class."""
-        return LoadTerms([self.weight * norm_of(FZ), norm_of(MX, MY, MZ)])
+        def terms(self) -> LoadTerms:
+            return LoadTerms([self.weight * norm_of(FZ), norm_of(MX, MY, MZ)])
 
+    class PowerDrag(FrictionTerm):
+        key = "power_drag"
 
-class PowerDrag(FrictionTerm):
-    """coefficient |v|^exponent (N m, N)."""
+        coefficient: NonNegative
+        exponent: Positive
 
-    key = "power_drag"
+        def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
+            both_ways = Strength(0.0, self.coefficient, self.coefficient)
+            return ((Shape(power=self.exponent), both_ways),)
 
-    coefficient: NonNegative
-    exponent: Positive
-
-    def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
-        """See the class."""
-        return ((Shape(power=self.exponent), Strength(0.0, self.coefficient, self.coefficient)),)
+    yield
+    del KINDS["collar"], TERMS["power_drag"]
 
 
 M, R, J, G = 2.0, 0.3, 0.05, 9.81
@@ -154,7 +155,7 @@ def test_they_are_effects_by_their_keys(tmp_path):
     found = {effect.name: effect for effect in effects(scene)}
     assert (found["power_drag"].on, found["power_drag"].why) == (True, "friction.turn.power_drag")
     left = with_effects(scene, without=["power_drag"])
-    assert left.friction["turn"].bearing == Collar(kind="collar", weight=2.0)
+    assert left.friction["turn"].bearing == scene.friction["turn"].bearing
     assert not {e.name: e for e in effects(left)}["power_drag"].on
     assert with_effects(scene, only=["viscous"]).site_names == ()
 
@@ -162,7 +163,9 @@ def test_they_are_effects_by_their_keys(tmp_path):
 @pytest.mark.parametrize(
     ("friction", "says"),
     [
-        (COLLAR.replace("weight", "wieght"), "a collar has no `wieght`; did you mean 'weight'"),
+        (COLLAR.replace("weight", "wieght"),
+         "unknown key `friction.turn.bearing.wieght`; did you mean 'weight'"),
+        (COLLAR.replace("weight", "radius"), "a collar has no `radius`; there are: weight"),
         (COLLAR.replace(", weight: 2.0", ""), "a collar needs `weight`"),
         (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*greater than or equal to 0"),
         (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*or equal to 0"),
