@@ -63,7 +63,7 @@ def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionL
         static=static,
         kinetic=rows.pop(CONSTANT),
         viscous=viscous,
-        rows=tuple(rows.items()),
+        rows=tuple((shape, strength) for shape, strength in rows.items() if any(strength)),
         stick_velocity=default_stick_velocity if stick is None else stick,
     )
 
