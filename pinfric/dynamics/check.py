@@ -124,7 +124,7 @@ def _displacement(result: InverseResult, site: Site, i: int) -> float:
 
 
 def plain_normal_load(site: Site, wrench: np.ndarray, displacement: float) -> float:
-    """Return one site's normal load by the formulas of design 3.1, written out.
+    """Return one site's normal load by the formulas of `bearings`, written out.
 
     Args:
         site: the joint and its bearing.

@@ -201,10 +201,11 @@ def _rub(
         normal_loads(wrench, *bearing, rubbing[1])
         friction_bounds(*rubbing)
         return
-    velocity, load, *others = rubbing
+    velocity, load, laws, *sides = rubbing
+    projection = twin.v_index, twin.ratio, twin.axis, twin.components
     with team(threads) as parts:
-        friction_in_parts(parts, wrench, twin.v_index, twin.ratio, twin.axis, twin.components,
-                          effort, *bearing, load, velocity, *others)  # fmt: skip
+        friction_in_parts(parts, wrench, projection, effort, *bearing, load, velocity, laws,
+                          tuple(sides))  # fmt: skip
     if twin.armature.any():
         effort += twin.armature * a
 

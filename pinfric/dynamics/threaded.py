@@ -66,10 +66,7 @@ def embed_in_parts(
 def friction_in_parts(
     parts: int,
     wrench: np.ndarray,
-    v_index: np.ndarray,
-    ratio: np.ndarray,
-    axis: np.ndarray,
-    components: np.ndarray,
+    projection: tuple[np.ndarray, ...],
     effort: np.ndarray,
     joint: np.ndarray,
     contacts: Contacts,
@@ -77,12 +74,14 @@ def friction_in_parts(
     load: np.ndarray,
     velocity: np.ndarray,
     laws: Laws,
-    at_rest: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    sticking: np.ndarray,
+    sides: tuple[np.ndarray, ...],
 ) -> None:
-    """`twin.project`, `bearings.normal_loads`, `laws.friction_bounds` one after the other."""
+    """`twin.project`, `bearings.normal_loads`, `laws.friction_bounds` one after the other.
+
+    `projection` and `sides` are the fixed arguments of the first and the last of the third.
+    """
+    v_index, ratio, axis, components = projection
+    at_rest, lower, upper, sticking = sides
     n = wrench.shape[0]
     for part in numba.prange(parts):
         i, j = part * n // parts, (part + 1) * n // parts
