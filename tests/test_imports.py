@@ -1,4 +1,4 @@
-"""Imports go one way: model -> friction -> dynamics -> study -> show -> paper -> cli; the judge alone."""
+"""Imports go one way, from model to the command line; the judge stands alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "pinfric"
-LAYERS = ["errors", "model", "friction", "dynamics", "study", "show", "paper", "terminal", "cli", "__main__"]
+LAYERS = ["errors", "model", "friction", "dynamics", "study", "show", "paper", "terminal", "cli",
+          "__main__"]  # fmt: skip
 #: The files of `paper/` that are its formulation; the others set it beside ours.
 JUDGE = ("bodies", "equations", "inverse", "forward", "simulate", "examples")
 MODULES = sorted(PACKAGE.rglob("*.py"))
