@@ -34,6 +34,15 @@ def _cross(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel
+def _normalize(a: np.ndarray) -> float:
+    """Write a / |a|, NaN where it has no direction; return |a|."""
+    length = np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
+    for k in range(3):
+        a[k] = a[k] / length if length > 0.0 else np.nan
+    return length
+
+
+@kernel
 def place_links(
     q_twin: np.ndarray,
     parents: np.ndarray,
@@ -162,6 +171,46 @@ def _orientation(joint: int, local: np.ndarray, R: np.ndarray, out: np.ndarray) 
 
 
 @kernel
+def _action(
+    kind: int,
+    unit: np.ndarray,
+    joint_a: int,
+    frame_p: np.ndarray,
+    frame_R: np.ndarray,
+    p: np.ndarray,
+    R: np.ndarray,
+    at: np.ndarray,
+    Rb: np.ndarray,
+    force: np.ndarray,
+    moment: np.ndarray,
+) -> None:
+    """Write force and moment (world) of one action of a on b at b's origin.
+
+    Args:
+        kind, unit: of its pair and column in `Linkage`.
+        joint_a, frame_p, frame_R: frame a.
+        p, R: (nj, 3), (nj, 3, 3) of the links.
+        at, Rb: where b is, and how it is turned.
+        force, moment: (3,), overwritten.
+    """
+    if kind == 1:  # cylinder: b is pushed away from a
+        _point(joint_a, frame_p, p, R, force)
+        for k in range(3):
+            force[k], moment[k] = at[k] - force[k], 0.0
+        _normalize(force)
+        return
+    _turn(Rb, unit[:3], force)
+    _turn(Rb, unit[3:], moment)
+    if kind == 3 and unit[3] ** 2 + unit[4] ** 2 + unit[5] ** 2 > 0.0:  # about the common normal
+        Ra, first = np.empty((3, 3)), np.empty(3)
+        _orientation(joint_a, frame_R, R, Ra)
+        _turn(Ra, unit[3:], first)
+        second = moment.copy()
+        _cross(first, second, moment)
+        _normalize(moment)
+
+
+@kernel
 def act_on_joints(
     p: np.ndarray,
     R: np.ndarray,
@@ -190,7 +239,7 @@ def act_on_joints(
         J: (n, nx, nv), overwritten: rows of the Jacobian, tau = J^T x.
     """
     nj = v_index.size
-    at, end, Rb = np.empty(3), np.empty(3), np.empty((3, 3))
+    at, Rb = np.empty(3), np.empty((3, 3))
     force, moment, here, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     arm = np.empty(3)
     X[:] = 0.0
@@ -200,20 +249,17 @@ def act_on_joints(
             pair = column_pair[c]
             b = frame_joint[pair, 1]
             _point(b, frame_p[pair, 1], p[i], R[i], at)
-            if pair_kind[pair] == 1:  # cylinder: b is pushed away from a
-                _point(frame_joint[pair, 0], frame_p[pair, 0], p[i], R[i], end)
+            _orientation(b, frame_R[pair, 1], R[i], Rb)
+            _action(pair_kind[pair], unit[c], frame_joint[pair, 0], frame_p[pair, 0],
+                    frame_R[pair, 0], p[i], R[i], at, Rb, force, moment)  # fmt: skip
+            if pair_kind[pair] in (0, 3, 4):  # a loop
+                for k in range(6):
+                    X[i, nj + pair, k, c] = unit[c, k]
+            if pair_kind[pair] == 3:  # its common normal, in frame b
                 for k in range(3):
-                    force[k], moment[k] = at[k] - end[k], 0.0
-                length = np.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
-                for k in range(3):
-                    force[k] = force[k] / length if length > 0.0 else np.nan
-            else:
-                _orientation(b, frame_R[pair, 1], R[i], Rb)
-                _turn(Rb, unit[c, :3], force)
-                _turn(Rb, unit[c, 3:], moment)
-                if pair_kind[pair] == 0:
-                    for k in range(6):
-                        X[i, nj + pair, k, c] = unit[c, k]
+                    X[i, nj + pair, 3 + k, c] = 0.0
+                    for r in range(3):
+                        X[i, nj + pair, 3 + k, c] += Rb[r, k] * moment[r]
             for j in range(nj):
                 sign = support[c, j]
                 if sign == 0:
@@ -280,13 +326,10 @@ def relate_pairs(
         scale: (n, np, 2), overwritten: size of the terms that rates and their derivatives are the
             difference of (m/s or rad/s, and per second).
     """
-    at = np.empty((2, 3))
-    v, w = np.empty((2, 3)), np.empty((2, 3))
-    acc, alpha = np.empty((2, 3)), np.empty((2, 3))
+    at, motion, slip = np.empty((2, 3)), np.empty((2, 4, 3)), np.empty((4, 3))
     Ra, Rb = np.empty((3, 3)), np.empty((3, 3))
-    r, x, y, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    slide, slide_rate, spin, spin_rate = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    theta, ka, kb = np.empty(3), np.empty(3), np.empty(3)
+    r, x, y, theta, three = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    ka, kb = np.empty(3), np.empty(3)
     for i in range(p.shape[0]):
         done = -1
         for c in range(column_pair.size):
@@ -296,70 +339,155 @@ def relate_pairs(
                 for side in range(2):
                     joint = frame_joint[pair, side]
                     _point(joint, frame_p[pair, side], p[i], R[i], at[side])
-                    for k in range(3):
-                        v[side, k] = w[side, k] = acc[side, k] = alpha[side, k] = 0.0
-                    if joint < 0:
-                        continue
-                    for k in range(3):
-                        w[side, k] = velocity[i, joint, 3 + k]
-                        alpha[side, k] = acceleration[i, joint, 3 + k]
-                        r[k] = at[side, k] - p[i, joint, k]
-                    _cross(w[side], r, x)
-                    _cross(w[side], x, y)
-                    _cross(alpha[side], r, z)
-                    for k in range(3):
-                        v[side, k] = velocity[i, joint, k] + x[k]
-                        acc[side, k] = acceleration[i, joint, k] + y[k] + z[k]
+                    _move_point(joint, at[side], p[i], velocity[i], acceleration[i], motion[side])
                 _orientation(frame_joint[pair, 0], frame_R[pair, 0], R[i], Ra)
                 _orientation(frame_joint[pair, 1], frame_R[pair, 1], R[i], Rb)
                 for k in range(3):
                     r[k] = at[1, k] - at[0, k]
-                # b relative to what of a is at the same place, and its derivative in frame b
-                _cross(w[0], r, x)
-                _cross(alpha[0], r, y)
-                for k in range(3):
-                    slide[k] = v[1, k] - v[0, k] - x[k]
-                    z[k] = v[1, k] - v[0, k]
-                    spin[k] = w[1, k] - w[0, k]
-                    slide_rate[k] = acc[1, k] - acc[0, k] - y[k]
-                    spin_rate[k] = alpha[1, k] - alpha[0, k]
-                _cross(w[0], z, x)
-                _cross(w[1], slide, y)
-                for k in range(3):
-                    slide_rate[k] -= x[k] + y[k]
-                _cross(w[1], spin, x)
-                for k in range(3):
-                    spin_rate[k] -= x[k]
+                _slip(r, motion, slip)
                 _turn(Ra, pair_axis[pair], ka)
                 _turn(Rb, pair_axis[pair], kb)
                 _rotation_from_a_to_b(rotation[pair], Ra, Rb, ka, kb, theta)
-                _cross(ka, kb, x)
-                dot = ka[0] * kb[0] + ka[1] * kb[1] + ka[2] * kb[2]
-                tilt[i, pair] = np.arctan2(np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2), dot)
-                scale[i, pair, 0] = scale[i, pair, 1] = 0.0
-                for side in range(2):
+                if pair_kind[pair] == 4:  # what lies along the axis is no gap
+                    along = ka[0] * r[0] + ka[1] * r[1] + ka[2] * r[2]
                     for k in range(3):
-                        scale[i, pair, 0] += abs(v[side, k]) + abs(w[side, k])
-                        scale[i, pair, 1] += abs(acc[side, k]) + abs(alpha[side, k])
-                        scale[i, pair, 1] += w[side, k] * w[side, k]
+                        r[k] -= along * ka[k]
+                tilt[i, pair] = _angle(ka, kb, x)
+                _term_sizes(motion, scale[i, pair])
             if pair_kind[pair] == 1:
-                length = np.sqrt(r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
-                along, along_rate, square = 0.0, 0.0, 0.0
-                for k in range(3):
-                    e = r[k] / length if length > 0.0 else np.nan
-                    along += e * (v[1, k] - v[0, k])
-                    along_rate += e * (acc[1, k] - acc[0, k])
-                    square += (v[1, k] - v[0, k]) ** 2
-                gap[i, c], rate[i, c] = length, along
-                rate_derivative[i, c] = along_rate + (square - along * along) / length
+                _length(r, motion, three)
+                gap[i, c], rate[i, c], rate_derivative[i, c] = three[0], three[1], three[2]
                 continue
             _turn(Rb, unit[c, :3], x)
             _turn(Rb, unit[c, 3:], y)
+            if pair_kind[pair] == 3 and y[0] ** 2 + y[1] ** 2 + y[2] ** 2 > 0.0:
+                _turn_about_normal(ka, kb, motion, three)
+                gap[i, c], rate[i, c], rate_derivative[i, c] = three[0], three[1], three[2]
+                continue
             gap[i, c] = rate[i, c] = rate_derivative[i, c] = 0.0
             for k in range(3):
                 gap[i, c] += x[k] * r[k] + y[k] * theta[k]
-                rate[i, c] += x[k] * slide[k] + y[k] * spin[k]
-                rate_derivative[i, c] += x[k] * slide_rate[k] + y[k] * spin_rate[k]
+                rate[i, c] += x[k] * slip[0, k] + y[k] * slip[2, k]
+                rate_derivative[i, c] += x[k] * slip[1, k] + y[k] * slip[3, k]
+
+
+@kernel
+def _move_point(
+    joint: int,
+    at: np.ndarray,
+    p: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    motion: np.ndarray,
+) -> None:
+    """Write how a point of a link moves (4, 3): v, its derivative, omega, its derivative."""
+    for k in range(3):
+        motion[0, k] = motion[1, k] = motion[2, k] = motion[3, k] = 0.0
+    if joint < 0:
+        return
+    r, x, y, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for k in range(3):
+        motion[2, k] = velocity[joint, 3 + k]
+        motion[3, k] = acceleration[joint, 3 + k]
+        r[k] = at[k] - p[joint, k]
+    _cross(motion[2], r, x)
+    _cross(motion[2], x, y)
+    _cross(motion[3], r, z)
+    for k in range(3):
+        motion[0, k] = velocity[joint, k] + x[k]
+        motion[1, k] = acceleration[joint, k] + y[k] + z[k]
+
+
+@kernel
+def _slip(r: np.ndarray, motion: np.ndarray, slip: np.ndarray) -> None:
+    """Write how b moves relative to what of a is at the same place, and the derivative in frame b.
+
+    Args:
+        r: (3,) from a to b.
+        motion: (2, 4, 3), `_move_point` of both.
+        slip: (4, 3), overwritten: velocity and its derivative, angular velocity and its derivative.
+    """
+    x, y, z = np.empty(3), np.empty(3), np.empty(3)
+    _cross(motion[0, 2], r, x)
+    _cross(motion[0, 3], r, y)
+    for k in range(3):
+        z[k] = motion[1, 0, k] - motion[0, 0, k]
+        slip[0, k] = z[k] - x[k]
+        slip[1, k] = motion[1, 1, k] - motion[0, 1, k] - y[k]
+        slip[2, k] = motion[1, 2, k] - motion[0, 2, k]
+        slip[3, k] = motion[1, 3, k] - motion[0, 3, k]
+    _cross(motion[0, 2], z, x)
+    _cross(motion[1, 2], slip[0], y)
+    for k in range(3):
+        slip[1, k] -= x[k] + y[k]
+    _cross(motion[1, 2], slip[2], x)
+    for k in range(3):
+        slip[3, k] -= x[k]
+
+
+@kernel
+def _length(r: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
+    """Write the length of a line from a to b, its rate and the rate's derivative."""
+    length = np.sqrt(r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
+    along, along_rate, square = 0.0, 0.0, 0.0
+    for k in range(3):
+        e = r[k] / length if length > 0.0 else np.nan
+        v = motion[1, 0, k] - motion[0, 0, k]
+        along += e * v
+        along_rate += e * (motion[1, 1, k] - motion[0, 1, k])
+        square += v * v
+    out[0], out[1] = length, along
+    out[2] = along_rate + (square - along * along) / length
+
+
+@kernel
+def _turn_about_normal(ka: np.ndarray, kb: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
+    """Write how far two axes are from perpendicular, and how b turns about their normal n.
+
+        angle = -atan2(ka.kb, |ka x kb|),   rate = n.(omega_b - omega_a),   n = ka x kb / |ka x kb|
+
+    Args:
+        ka, kb: (3,) the unit axes of a and b.
+        motion: (2, 4, 3), `_move_point` of both.
+        out: (3,), overwritten: angle, rate and the rate's derivative.
+    """
+    n, turned_a, turned_b = np.empty(3), np.empty(3), np.empty(3)
+    x, y = np.empty(3), np.empty(3)
+    _cross(ka, kb, n)
+    sine = _normalize(n)
+    _cross(motion[0, 2], ka, turned_a)
+    _cross(motion[1, 2], kb, turned_b)
+    _cross(turned_a, kb, x)
+    _cross(ka, turned_b, y)
+    cosine, lengthened = 0.0, 0.0
+    for k in range(3):
+        cosine += ka[k] * kb[k]
+        lengthened += n[k] * (x[k] + y[k])
+    out[0], out[1], out[2] = -np.arctan2(cosine, sine), 0.0, 0.0
+    for k in range(3):
+        spin = motion[1, 2, k] - motion[0, 2, k]
+        out[1] += n[k] * spin
+        out[2] += n[k] * (motion[1, 3, k] - motion[0, 3, k])
+        out[2] += (x[k] + y[k] - n[k] * lengthened) / sine * spin
+
+
+@kernel
+def _angle(a: np.ndarray, b: np.ndarray, work: np.ndarray) -> float:
+    """Return the angle between two unit vectors; `work` (3,) is overwritten."""
+    _cross(a, b, work)
+    sine = np.sqrt(work[0] ** 2 + work[1] ** 2 + work[2] ** 2)
+    return np.arctan2(sine, a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+@kernel
+def _term_sizes(motion: np.ndarray, scale: np.ndarray) -> None:
+    """Write the size (2,) of the terms that a rate and its derivative are the difference of."""
+    scale[0] = scale[1] = 0.0
+    for side in range(2):
+        for k in range(3):
+            scale[0] += abs(motion[side, 0, k]) + abs(motion[side, 2, k])
+            scale[1] += abs(motion[side, 1, k]) + abs(motion[side, 3, k])
+            scale[1] += motion[side, 2, k] * motion[side, 2, k]
 
 
 @kernel
@@ -374,7 +502,7 @@ def _rotation_from_a_to_b(
     """Write the rotation vector (world) that a loop must close: none, of its axis, or all."""
     for k in range(3):
         theta[k] = 0.0
-    if rotation == 0:
+    if rotation == 0 or rotation == 3:
         return
     if rotation == 1:
         _cross(ka, kb, theta)
