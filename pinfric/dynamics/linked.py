@@ -85,6 +85,10 @@ class LinkedWorkspace(Workspace):
         on_tree = np.flatnonzero(t.coordinate_v >= 0)
         driven = np.flatnonzero(self.layout.drive_v >= 0)
         self._D[on_tree, t.coordinate_v[on_tree]] = 1.0
+        slides = self.linkage.unit[self._loop_columns, :3].any(axis=1)
+        # a loop that slides has levers for directions: all of them vanish at its dead centre
+        self._direction_size = np.zeros(nc)
+        self._direction_size[self._loops[slides]] = min(1.0, self.linkage.size)
         self._S[driven, self.layout.drive_v[driven]] = 1.0
         self._entry_phi = np.zeros(ne)
         self._numbers = np.arange(nc, dtype=np.int64)
@@ -279,7 +283,7 @@ class LinkedWorkspace(Workspace):
         p.rate_scale[:] = np.abs(offset) + scale * (terms @ np.abs(self.a_slope))
         # a joint that stands still while the mechanism moves is at its dead centre
         share = np.abs(D @ Z).max(axis=1, initial=0.0)
-        size = np.abs(D).max(axis=1) * np.abs(Z).max(initial=0.0)
+        size = np.maximum(np.abs(D).max(axis=1), self._direction_size) * np.abs(Z).max(initial=0.0)
         m.idle[:] = share <= _IDLE * size
         dead = share <= _DEAD * size
         m.factor[:, dead], p.rate_slope[dead], p.rate_slope[:, dead] = 0.0, 0.0, 0.0

@@ -26,6 +26,8 @@ from pinfric.model.twin import Twin, twist
 _SUSPICIOUS = 1e-2
 #: Turns below this (rad) change no digit that is printed: not worth a word.
 _MENTIONED = 1e-9
+#: Axes nearer than this (rad) are as near as numbers can be.
+_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def align_axes(
     ends = [[loop_frame(model, loop, side, place) for side in ("a", "b")]
             for loop, place in zip(loops, where, strict=True)]  # fmt: skip
     paths = [carriers(model, a) ^ carriers(model, b) for (a, _), (b, _) in ends]
-    links = _Links(tolerance.angle, paths, [loop.name for loop in loops])
+    carried = _Links(tolerance.angle, paths, [loop.name for loop in loops])
     model = model.copy()
     for joint in sorted(set().union(*paths)):
         axis = _joint_axis(model, model.joints[joint + 1])
@@ -75,9 +77,12 @@ def align_axes(
         if axis is None:
             continue
         parent, name = model.parents[joint + 1] - 1, f"joint {model.names[joint + 1]!r}"
-        turn = links.turn(parent, joint, name, placement.rotation @ axis)
+        turn = carried.turn(parent, joint, name, placement.rotation @ axis)
         placement.rotation = turn @ placement.rotation
-        links.axes.setdefault(joint, []).append((name, axis))
+        if _slides(model, model.joints[joint + 1]):
+            carried.join(joint, parent, placement.rotation)
+        else:
+            carried.axes[joint] = [(name, axis)]
     aligned = []
     for row, loop in enumerate(loops):
         changed = {}
@@ -85,16 +90,21 @@ def align_axes(
             if loop.kind in ("spherical", "fixed"):
                 continue
             axis = frame.rotation @ loop_axis(loop, side, where[row])
-            turn = links.turn(joint, row - len(loops), f"loop {loop.name!r} (side {side})", axis)
+            turn = carried.turn(joint, row - len(loops), f"loop {loop.name!r} (side {side})", axis)
             if not np.array_equal(turn, np.eye(3)):
                 frame.rotation = turn @ frame.rotation
                 changed[side] = _entry(model, getattr(loop, side), frame)
         aligned.append(loop.model_copy(update=changed))
-    return Alignment(model, tuple(aligned), links.turned, links.doubts)
+    return Alignment(model, tuple(aligned), carried.turned, carried.doubts)
 
 
 class _Links:
-    """The axes that each link carries along the loops' paths, in the link's joint frame."""
+    """The axes that links carry along the loops' paths; those joined by slides turn as one.
+
+    Attributes:
+        axes: link -> names and axes (3,), in the frame of its joint; -1 is the ground.
+        turned, doubts: see `Alignment`.
+    """
 
     def __init__(self, tolerance: float, paths: list[set[int]], loops: list[str]) -> None:
         self.axes: dict[int, list[tuple[str, np.ndarray]]] = {}
@@ -102,6 +112,12 @@ class _Links:
         self.doubts: dict[str, str] = {}
         self._tolerance, self._paths, self._loops = tolerance, paths, loops
         self._worst: dict[str, float] = {}
+        self._joined: dict[int, tuple[int, np.ndarray]] = {}
+
+    def join(self, link: int, other: int, R: np.ndarray) -> None:
+        """Let a link turn with another, R (3, 3) from its frame to the other's."""
+        root, further = self._joined.get(other, (other, np.eye(3)))
+        self._joined[link] = root, further @ R
 
     def turn(self, link: int, of: int, name: str, axis: np.ndarray) -> np.ndarray:
         """Return the least rotation that aligns an axis with those of its link, and keep it there.
@@ -112,7 +128,8 @@ class _Links:
             name: of that joint or loop.
             axis: (3,) in the frame of the link's joint.
         """
-        there = self.axes.setdefault(link, [])
+        root, R = self._joined.get(link, (link, np.eye(3)))
+        there, axis = self.axes.setdefault(root, []), R @ axis
         for other, e in there:
             across, along = float(np.linalg.norm(np.cross(axis, e))), abs(float(axis @ e))
             off, relation = (across, "parallel") if across < along else (along, "perpendicular")
@@ -122,11 +139,11 @@ class _Links:
         aligned = _nearest_aligned(axis, [e for _, e in there], self._tolerance)
         there.append((name, aligned))
         off = float(np.linalg.norm(np.cross(axis, aligned)))
-        if off == 0.0:
+        if off <= _ROUNDING:
             return np.eye(3)
         if off > _MENTIONED:
             self.turned[name] = off
-        return turn_between(axis, aligned)
+        return np.asarray(R.T @ turn_between(axis, aligned) @ R)
 
     def _doubt(self, of: int, off: float, text: str) -> None:
         for row, name in enumerate(self._loops):
@@ -214,6 +231,10 @@ def _shifted(twin: Twin, linkage: Linkage, q: np.ndarray) -> Linkage:
         frame = pin.SE3(R[row, 1], p[row, 1]) * pin.SE3(pin.exp3(-gap[3:]), -gap[:3])
         p[row, 1], R[row, 1] = frame.translation, frame.rotation
     return replace(linkage, frame_p=p, frame_R=R)
+
+
+def _slides(model: pin.Model, joint: pin.JointModel) -> bool:
+    return joint.nv == 1 and not twist(model, joint)[3:].any()
 
 
 def _entry(model: pin.Model, entry: LinkFrame, frame: pin.SE3) -> LinkFrame:
