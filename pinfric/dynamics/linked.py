@@ -31,7 +31,7 @@ from pinfric.dynamics.problem import empty_problem
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import ToggleError
-from pinfric.model.closure import RANK, close, tree_tables
+from pinfric.model.closure import RANK, actions_of, close, tree_tables
 from pinfric.model.kinematics import act_on_joints, move_links, place_links, relate_pairs
 from pinfric.model.loops import Linkage
 from pinfric.model.scene import Scene
@@ -110,16 +110,20 @@ class LinkedWorkspace(Workspace):
         parents, placement_p, placement_R = tree_tables(twin)
         self._place = self._state[0], parents, placement_p, placement_R, p, R
         self._follow = *self._state[1:], parents, p, R, velocity, acceleration
+        actions = actions_of(twin, link)
         self._relate = (
-            p, R, velocity, acceleration, link.pair_kind, link.rotation, link.frame_joint,
-            link.frame_p, link.frame_R, link.pair_axis, link.column_pair, link.unit, self._gap,
-            self._rate, self._rate_derivative, np.empty((1, pairs)), np.empty((1, pairs, 2)),
-        )  # fmt: skip
-        self._action = (
-            p, R, link.pair_kind, link.frame_joint, link.frame_p, link.frame_R, link.column_pair,
-            link.unit, link.support, twin.v_index, twin.ratio, twin.axis, twin.components,
-            self._X, self._J,
-        )  # fmt: skip
+            p,
+            R,
+            velocity,
+            acceleration,
+            actions,
+            self._gap,
+            self._rate,
+            self._rate_derivative,
+            np.empty((1, pairs)),
+            np.empty((1, pairs, 2)),
+        )
+        self._action = p, R, actions, self._X, self._J
 
     def _move(self, q: np.ndarray, v: np.ndarray) -> None:
         """Relate the frames of all pairs at one state, at a = 0: gaps and their two rates."""

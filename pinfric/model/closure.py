@@ -15,7 +15,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import ClosureError, SceneError, choose_from
-from pinfric.model.kinematics import act_on_joints, move_links, place_links, relate_pairs
+from pinfric.model.kinematics import (
+    Actions,
+    act_on_joints,
+    move_links,
+    place_links,
+    relate_pairs,
+)
 from pinfric.model.loops import Linkage
 from pinfric.model.twin import Twin, embed
 
@@ -69,6 +75,12 @@ def embedded(twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[n
     return out
 
 
+def actions_of(twin: Twin, linkage: Linkage) -> Actions:
+    """Return what the kernels of loops read."""
+    return Actions(*(getattr(linkage if name in vars(linkage) else twin, name)
+                     for name in Actions._fields))  # fmt: skip
+
+
 def loop_state(
     twin: Twin, linkage: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> LoopState:
@@ -83,11 +95,8 @@ def loop_state(
     move_links(v_twin, a_twin, parents, p, R, velocity, acceleration)
     gap, rate, derivative = (np.empty((n, nx)) for _ in range(3))
     tilt, scale = np.empty((n, pairs)), np.empty((n, pairs, 2))
-    relate_pairs(
-        p, R, velocity, acceleration, linkage.pair_kind, linkage.rotation, linkage.frame_joint,
-        linkage.frame_p, linkage.frame_R, linkage.pair_axis, linkage.column_pair, linkage.unit,
-        gap, rate, derivative, tilt, scale,
-    )  # fmt: skip
+    actions = actions_of(twin, linkage)
+    relate_pairs(p, R, velocity, acceleration, actions, gap, rate, derivative, tilt, scale)
     return LoopState(gap, rate, derivative, tilt, scale, p, R)
 
 
@@ -98,11 +107,7 @@ def action_maps(
     n, nx = len(p), len(linkage.column_pair)
     X = np.empty((n, twin.n_joints + len(linkage.loops), 6, nx))
     J = np.empty((n, nx, twin.nv))
-    act_on_joints(
-        p, R, linkage.pair_kind, linkage.frame_joint, linkage.frame_p, linkage.frame_R,
-        linkage.column_pair, linkage.unit, linkage.support, twin.v_index, twin.ratio, twin.axis,
-        twin.components, X, J,
-    )  # fmt: skip
+    act_on_joints(p, R, actions_of(twin, linkage), X, J)
     return X, J
 
 

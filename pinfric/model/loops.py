@@ -149,30 +149,7 @@ def make_linkage(
     """
     _check_names(model, loops, source)
     pairs = [_loop_pair(model, loop, f"{source}: loops.{loop.name}") for loop in loops]
-    columns: list[tuple[int, np.ndarray]] = []
-    drives: list[OffJointDrive] = []
-    loop_rows = {loop.name: row for row, loop in enumerate(loops)}
-    for index, actuator in enumerate(actuators):
-        where = f"{source}: actuators[{index}]"
-        if actuator.joint is not None:
-            if actuator.joint not in loop_rows:
-                continue
-            row = loop_rows[actuator.joint]
-            if loops[row].kind not in _ONE_WAY:
-                raise SceneError(f"{where}: loop {actuator.joint!r} is {loops[row].kind}: it has "
-                                 "no single axis to drive")  # fmt: skip
-            columns.append((row, _free_direction(loops[row].kind, pairs[row]["axis"])))
-            name, kind = actuator.joint, "N" if slides(loops[row]) else "N m"
-        elif actuator.cylinder is not None:
-            name, kind = actuator.cylinder.name, "N"
-            pairs.append(_cylinder_pair(model, actuator.cylinder, where))
-            columns.append((len(pairs) - 1, np.zeros(6)))
-        else:
-            assert actuator.force is not None  # the schema requires one of the three
-            name, kind = actuator.force.name, "N"
-            pairs.append(_force_pair(model, actuator.force, where))
-            columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
-        drives.append(OffJointDrive(name, -1, actuator.transmission, len(drives), kind))
+    drives, columns = _drives(model, loops, actuators, pairs, source)
     off_joint = len(columns)
     for row, loop in enumerate(loops):
         columns += [(row, unit) for unit in _closed_directions(loop.kind, pairs[row]["axis"])]
@@ -204,6 +181,38 @@ def make_linkage(
         friction_column=friction_column,
         size=_size(model, pairs),
     )
+
+
+def _drives(
+    model: pin.Model, loops: Sequence[Loop], actuators: Sequence[Actuator],
+    pairs: list[dict[str, Any]], source: str,
+) -> tuple[list[OffJointDrive], list[tuple[int, np.ndarray]]]:  # fmt: skip
+    """The drives off the joints and their columns; cylinders and forces are added to the pairs."""
+    columns: list[tuple[int, np.ndarray]] = []
+    drives: list[OffJointDrive] = []
+    loop_rows = {loop.name: row for row, loop in enumerate(loops)}
+    for index, actuator in enumerate(actuators):
+        where = f"{source}: actuators[{index}]"
+        if actuator.joint is not None:
+            if actuator.joint not in loop_rows:
+                continue
+            row = loop_rows[actuator.joint]
+            if loops[row].kind not in _ONE_WAY:
+                raise SceneError(f"{where}: loop {actuator.joint!r} is {loops[row].kind}: it has "
+                                 "no single axis to drive")  # fmt: skip
+            columns.append((row, _free_direction(loops[row].kind, pairs[row]["axis"])))
+            name, kind = actuator.joint, "N" if slides(loops[row]) else "N m"
+        elif actuator.cylinder is not None:
+            name, kind = actuator.cylinder.name, "N"
+            pairs.append(_cylinder_pair(model, actuator.cylinder, where))
+            columns.append((len(pairs) - 1, np.zeros(6)))
+        else:
+            assert actuator.force is not None  # the schema requires one of the three
+            name, kind = actuator.force.name, "N"
+            pairs.append(_force_pair(model, actuator.force, where))
+            columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
+        drives.append(OffJointDrive(name, -1, actuator.transmission, len(drives), kind))
+    return drives, columns
 
 
 def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
