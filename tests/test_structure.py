@@ -33,7 +33,6 @@ LARGE = {
     "dynamics.inverse._solve", "dynamics.linked_assembly.reduce_dynamics",
     "dynamics.linked_assembly.write_contacts", "dynamics.simulate.simulate",
     "dynamics.threaded.embed_in_parts", "dynamics.threaded.friction_in_parts",
-    "model.kinematics.act_on_joints", "model.kinematics.relate_pairs", "model.loops.make_linkage",
     "model.twin.embed", "model.twin.transmit",
 }  # fmt: skip
 
