@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
+from builders import random_inertia
 
 import pinfric as pf
+from pinfric.model.closure import closure_jacobian, full_pivot
+from pinfric.model.loops import make_linkage
+from pinfric.model.schema import Loop
+from pinfric.model.twin import make_twin
 
 #: Pin -> (parent bar, child bar, place on the parent, place on the child); bars lie along their x.
 FOUR_BAR = {"O": ("ground", "crank"), "A": ("crank", "coupler"), "B": ("coupler", "rocker"),
@@ -102,3 +107,129 @@ def four_bar(cut="B", kind="planar_pin", mu=0.3, gravity=(0.0, -9.81, 0.0), stat
         return out
 
     return scene, joints
+
+
+CRANK, ROD = 0.05, 0.15
+
+
+def cut_slider_crank(cut="W", kind="revolute", mu=0.1, gravity=(0.0, -9.81, 0.0), drive="O",
+                     static=None, turned=None, friction=True):  # fmt: skip
+    """A slider-crank cut at one of its joints: O and A of the crank, W of the piston, G its guide.
+
+    Args:
+        cut: which joint is the loop; the guide is a prismatic one.
+        kind: of a pin that is cut.
+        mu, static: of all joints. friction: False for none.
+        gravity: m/s^2. drive: which joint is driven.
+        turned: None, or returns small rotations (3, 3): of every placement, as files round.
+
+    Returns:
+        scene, and a function from crank angles (n,) to q.
+    """
+    model, spin = grounded_model(gravity), turned or (lambda: np.eye(3))
+    bodies = {"crank": (0.5, CRANK), "rod": (0.6, ROD)}
+    # joint -> parent link, child link, where on both
+    edges = {"O": ("ground", "crank", 0.0, 0.0), "A": ("crank", "rod", CRANK, 0.0),
+             "W": ("rod", "piston", ROD, 0.0), "G": ("ground", "piston", 0.0, 0.0)}  # fmt: skip
+    order = {"W": "OAG", "G": "OAW", "A": "OGW", "O": "GWA"}[cut]
+    ids, origin, reversed_ = {"ground": 0}, {"ground": 0.0}, set()
+    for name in order:
+        parent, child, at, own = edges[name]
+        if parent not in ids:
+            parent, child, at, own = child, parent, own, at
+            reversed_.add(name)
+        place = shifted(at - origin[parent])
+        place.rotation = spin()
+        joint = pin.JointModelPX() if name == "G" else pin.JointModelRZ()
+        ids[child] = model.addJoint(ids[parent], joint, place, name)
+        origin[child] = own
+        body = pin.Inertia(0.8, np.array([0.01, 0.0, 0.0]), 1e-3 * np.diag([1.0, 2.0, 3.0]))
+        if child in bodies:
+            body = bar(*bodies[child], -own)
+        model.appendBodyToJoint(ids[child], body, pin.SE3.Identity())
+        model.addFrame(pin.Frame(child, ids[child], pin.SE3.Identity(), pin.FrameType.BODY))
+    a, b, *places = edges[cut]
+    loop = {"name": cut, "kind": "prismatic" if cut == "G" else kind,
+            "axis": [1, 0, 0] if cut == "G" else [0, 0, 1]}  # fmt: skip
+    for side, link, at in (("a", a, places[0]), ("b", b, places[1])):
+        loop[side] = {"link": link, "xyz": [at - origin[link], 0, 0],
+                      "rpy": pin.rpy.matrixToRpy(spin()).tolist()}  # fmt: skip
+    guide = {"bearing": {"kind": "guide", "length": 0.06, "width": 0.05, "offset": 0.02},
+             "mu": {"static": mu if static is None else static, "kinetic": mu}}  # fmt: skip
+    rubs = dict.fromkeys("OAW", pin_friction(mu, 0.01, static)) | {"G": guide}
+    scene = pf.Scene(model=model, friction=rubs if friction else {}, loops=[loop],
+                     actuators=[{"joint": drive}])  # fmt: skip
+
+    def joints(crank):
+        rod = -np.arcsin(CRANK * np.sin(crank) / ROD)
+        angles = {"O": crank, "A": rod - crank, "W": -rod,
+                  "G": CRANK * np.cos(crank) + ROD * np.cos(rod)}  # fmt: skip
+        signed = [-angles[n] if n in reversed_ else angles[n] for n in tuple(model.names)[1:]]
+        return np.stack(signed, axis=-1)
+
+    return scene, joints
+
+
+def crank_rates(angles, rate, acceleration):
+    """(n, 2) rates and accelerations of `cut_slider_crank`'s O and A."""
+    rod = -np.arcsin(CRANK * np.sin(angles) / ROD)
+    turn = -CRANK * np.cos(angles) * rate / (ROD * np.cos(rod))
+    pull = CRANK * (np.sin(angles) * rate**2 - np.cos(angles) * acceleration)
+    change = (pull + ROD * np.sin(rod) * turn**2) / (ROD * np.cos(rod))
+    one = np.ones_like(angles)
+    return (np.column_stack([rate * one, turn - rate]),
+            np.column_stack([acceleration * one, change - acceleration]))  # fmt: skip
+
+
+def spatial_loop(kind, seed, mu=0.0):
+    """Two random chains in space whose ends one loop of any kind joins; one more joint than rows.
+
+    Returns:
+        scene, driven at joints that leave no other freedom; a closed q; the driven joints' names.
+    """
+    rng = np.random.default_rng(seed)
+    model, tips = grounded_model(rng.normal(scale=6.0, size=3)), {}
+    for side, count in (("a", 3), ("b", 4)):
+        tips[side] = 0
+        for k in range(count):
+            axis = rng.normal(size=3)
+            sort = pin.JointModelPrismaticUnaligned if rng.random() < 0.25 else (
+                pin.JointModelRevoluteUnaligned)  # fmt: skip
+            place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(scale=0.3, size=3))
+            tips[side] = add_link(model, tips[side], sort(axis / np.linalg.norm(axis)), place,
+                                  f"{side}{k}", random_inertia(rng))  # fmt: skip
+    q, data = rng.normal(size=model.nq), model.createData()
+    pin.forwardKinematics(model, data, q)
+    axis, second = rng.normal(size=(2, 3))
+    axis, second = axis / np.linalg.norm(axis), second / np.linalg.norm(second)
+    along, about = pin.SE3(np.eye(3), 0.3 * axis), pin.SE3(pin.exp3(0.7 * axis), np.zeros(3))
+    normal = np.cross(axis, second) / np.linalg.norm(np.cross(axis, second))
+    crossed = pin.Quaternion.FromTwoVectors(second, normal).toRotationMatrix()
+    free = {
+        "fixed": pin.SE3.Identity(), "revolute": about, "prismatic": along,
+        "cylindrical": along * about, "universal": pin.SE3(crossed, np.zeros(3)),
+        "spherical": pin.SE3(pin.exp3(rng.normal(size=3)), np.zeros(3)),
+    }[kind]  # fmt: skip
+    a = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(scale=0.2, size=3))
+    b = data.oMi[tips["b"]].actInv(data.oMi[tips["a"]] * a * free)
+    loop = {"name": "loop", "kind": kind, "axis": axis.tolist()}
+    if kind == "universal":
+        loop["axis_b"] = second.tolist()
+    for side, link, place in (("a", "a2", a), ("b", "b3", b)):
+        loop[side] = {"link": link, "xyz": place.translation.tolist(),
+                      "rpy": pin.rpy.matrixToRpy(place.rotation).tolist()}  # fmt: skip
+    linkage = make_linkage(model, [Loop(**loop)], (), {}, "")
+    rank, columns = full_pivot(closure_jacobian(make_twin(model), linkage, q[None])[0], 1.0)
+    driven = [model.names[1 + v] for v in sorted(columns[rank:])]
+    guide = {"kind": "guide", "length": 0.5, "width": 0.2}
+    turning = {"kind": "pin", "radius": 0.01, "length": 0.1, "thrust_radius": 0.01}
+    bearings = {
+        name: guide if joint.shortname().startswith("JointModelP") else turning
+        for name, joint in zip(tuple(model.names)[1:], list(model.joints)[1:], strict=True)
+    } | {"prismatic": {"loop": guide}, "revolute": {"loop": turning},
+         "spherical": {"loop": {"kind": "ball", "radius": 0.01}}}.get(kind, {})  # fmt: skip
+    friction = {name: {"bearing": bearing, "mu": {"static": 1.2 * mu, "kinetic": mu}}
+                for name, bearing in bearings.items()} if mu else {}  # fmt: skip
+    scene = pf.Scene(model=model, loops=[loop], friction=friction,
+                     actuators=[{"joint": name} for name in driven])  # fmt: skip
+    return scene, q, driven

@@ -28,8 +28,7 @@ LARGE = {
     "dynamics.inverse._solve", "dynamics.simulate.simulate",
     "dynamics.threaded.embed_in_parts",
     "friction.given_modes.eliminate", "friction.given_modes.residual",
-    "friction.given_modes.solve_given_modes", "model.kinematics.act_on_joints",
-    "model.kinematics.relate_pairs", "model.loops.make_linkage",
+    "friction.given_modes.solve_given_modes",
     "model.twin.embed", "model.twin.transmit",
 }  # fmt: skip
 

@@ -28,7 +28,8 @@ class Pair:
         name: of the loop or the drive.
         a, b: joint ids of the two links, 0 for the ground.
         at: (3,) where it acts, world. frame: (3, 3) frame b. direction: (6,) unit wrench of a
-            drive in the world's axes at `at`; zeros for a loop.
+            drive in the world's axes at `at`; of a loop along what moves, of a universal about
+            the common normal of its axes.
     """
 
     name: str
@@ -93,9 +94,9 @@ def _site_velocity(
     if site.loop < 0:
         return np.array([site.ratio * v[site.velocity_index]])
     pair = pairs[site.name]
-    axes = np.eye(3) if site.ball else site.axis[None]
-    couples = [np.concatenate([np.zeros(3), pair.frame @ axis]) for axis in axes]
-    return np.array([_generalized(model, data, pair, couple) @ v for couple in couples])
+    couples = np.eye(3, 6, 3) if site.ball else _loop_friction(site, np.ones(1))[None]
+    wrenches = [_in_world(pair, couple) for couple in couples]
+    return np.array([_generalized(model, data, pair, wrench) @ v for wrench in wrenches])
 
 
 def _ends(result: InverseResult, i: int, efforts: np.ndarray) -> float:
@@ -116,10 +117,14 @@ def _pairs(scene: Scene, model: pin.Model, data: pin.Data) -> dict[str, Pair]:
         return frame.parentJoint, data.oMi[frame.parentJoint] * frame.placement * local
 
     for loop in scene.loops:
-        a, _ = place(loop.a.link, loop.a.xyz, loop.a.rpy)
+        a, start = place(loop.a.link, loop.a.xyz, loop.a.rpy)
         b, pose = place(loop.b.link, loop.b.xyz, loop.b.rpy)
-        axis = np.array(loop.axis) / np.linalg.norm(loop.axis)
-        direction = np.concatenate([np.zeros(3), pose.rotation @ axis])
+        axis = pose.rotation @ np.array(loop.axis) / np.linalg.norm(loop.axis)
+        if loop.kind == "universal":
+            axis = np.cross(start.rotation @ loop.axis, pose.rotation @ loop.axis_b)
+            axis /= np.linalg.norm(axis)
+        still = np.zeros(3)
+        direction = np.concatenate([axis, still] if loop.kind == "prismatic" else [still, axis])
         pairs[loop.name] = Pair(loop.name, a, b, pose.translation, pose.rotation, direction)
     for actuator in scene.actuators or ():
         if actuator.cylinder is not None:
@@ -156,8 +161,9 @@ def _in_world(pair: Pair, wrench: np.ndarray) -> np.ndarray:
 
 def _loop_friction(site: Site, phi: np.ndarray) -> np.ndarray:
     """(6,) friction of a on b in frame b."""
-    moment = phi if site.ball else phi[0] * site.axis
-    return np.concatenate([np.zeros(3), moment])
+    along = phi if site.ball else phi[0] * site.axis
+    none = np.zeros(3)
+    return np.concatenate([along, none] if site.sliding else [none, along])
 
 
 def _split(scene: Scene, phi: np.ndarray) -> list[np.ndarray]:
@@ -194,7 +200,7 @@ def _residuals(
             w = end.multipliers[site.loop] + _loop_friction(site, phi)
             for drive, effort in zip(scene.drives, end.effort, strict=True):
                 if drive.name == site.name:
-                    w = w + effort * np.concatenate([np.zeros(3), site.axis])
+                    w = w + effort * _loop_friction(site, np.ones(1))
         else:
             w = wrenches[site.joint]
         wrench_error = max(wrench_error, float(np.abs(end.wrench[k] - w).max()))
@@ -274,7 +280,11 @@ def _frictionless(
     assert linkage is not None
     for c in range(linkage.off_joint, linkage.solved):
         pair = pairs[scene.loops[linkage.column_pair[c]].name]
-        columns.append(_generalized(model, data, pair, _in_world(pair, linkage.unit[c])))
+        turns = (
+            scene.loops[linkage.column_pair[c]].kind == "universal" and linkage.unit[c, 3:].any()
+        )
+        wrench = pair.direction if turns else _in_world(pair, linkage.unit[c])
+        columns.append(_generalized(model, data, pair, wrench))
     K = np.array(columns).T
     x = np.linalg.lstsq(K, tau, rcond=1e-12)[0]
     error = np.abs(result.effort_frictionless[i] - x[: len(scene.drives)]).max(initial=0.0)

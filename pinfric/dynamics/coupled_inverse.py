@@ -82,6 +82,7 @@ def solve_coupled(
     answer = Answer.of(layout, T)
     frictionless = np.empty((T, len(scene.drives)))
     wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, layout.solved))
+    multipliers = np.empty((T, len(scene.loops), 6))
     batch = Batch.of(scene.twin(), min(T, CHUNK * threads))
     for part, twin in constant_payloads(scene, states, whole, CHUNK * threads):
         here = slice(part.start - whole.start, part.stop - whole.start)
@@ -100,6 +101,7 @@ def solve_coupled(
             wrench[here],
             solved[here],
         )
+        multipliers[here] = loop_wrenches(linkage, samples.X, solved[here])
     check_roll_moments(scene, wrench, whole.start)
     drive_rates = actuator_rates(scene, states, rates, around, whole)
     motor_lower, motor_upper = _motor_torques(scene, answer, *drive_rates)
@@ -121,7 +123,7 @@ def solve_coupled(
         iterations=answer.iterations,
         contraction=answer.contraction,
         status=answer.status,
-        multipliers=loop_wrenches(linkage, solved),
+        multipliers=multipliers,
         interval_exact=answer.exact,
         redundant=layout.solved > len(layout.balanced),
         actuator_velocity=drive_rates[0][:, :, 0],
@@ -246,9 +248,13 @@ def _motor_torques(
     return lower, upper
 
 
-def loop_wrenches(linkage: Linkage, solved: np.ndarray) -> np.ndarray:
-    """Return the multipliers (n, number of loops, 6) as wrenches of a on b in frame b."""
-    out = np.zeros((len(solved), len(linkage.loops), 6))
-    for c in range(linkage.off_joint, linkage.solved):
-        out[:, linkage.column_pair[c]] += solved[:, c, None] * linkage.unit[c]
-    return out
+def loop_wrenches(linkage: Linkage, X: np.ndarray, solved: np.ndarray) -> np.ndarray:
+    """Return the multipliers (n, number of loops, 6) as wrenches of a on b in frame b.
+
+    Args:
+        linkage: with the loops.
+        X: (n, nj + number of loops, 6, nx), `kinematics.act_on_joints`.
+        solved: (n, ny) efforts off the joints and multipliers.
+    """
+    loops, rows = X.shape[1] - len(linkage.loops), linkage.lambdas
+    return np.einsum("nlkc,nc->nlk", X[:, loops:, :, rows], solved[:, rows])

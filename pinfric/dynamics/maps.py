@@ -20,7 +20,7 @@ from pinfric.friction.consistency import site_friction, stick_limits, try_modes
 from pinfric.friction.dense import eliminate_full_pivot, factorize
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel, record
-from pinfric.model.kinematics import act_on_joints, relate_pairs
+from pinfric.model.kinematics import Actions, act_on_joints, relate_pairs
 from pinfric.model.laws import Laws, friction_at
 
 #: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
@@ -46,6 +46,9 @@ class Tables(NamedTuple):
         freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
         wrench_row: (nr,) joints whose wrenches are wanted, the loops' after the tree's.
         contact_row: (nt,) row of its joint among those wanted. contact_site: its entry.
+        actions: of loops and drives off the joints.
+        direction_size: (nc,) 0, but for loops that slide: they have levers for directions, all of
+            which vanish at a dead centre (m).
         site_row: (ns,) row of each site's joint among those wanted.
         others: see `Layout`, `Linkage`, `Twin`.
     """
@@ -80,19 +83,8 @@ class Tables(NamedTuple):
     displacement_shift: np.ndarray
     site_row: np.ndarray
     first_entry: np.ndarray
-    pair_kind: np.ndarray
-    rotation: np.ndarray
-    frame_joint: np.ndarray
-    frame_p: np.ndarray
-    frame_R: np.ndarray  # noqa: N815 - a rotation matrix
-    pair_axis: np.ndarray
-    column_pair: np.ndarray
-    unit: np.ndarray
-    support: np.ndarray
-    v_index: np.ndarray
-    ratio: np.ndarray
-    axis: np.ndarray
-    components: np.ndarray
+    actions: Actions
+    direction_size: np.ndarray
     off_joint: int
     multipliers: int
     inverse_length: float
@@ -313,14 +305,9 @@ def move_pairs(t: Tables, k: Supply, w: Work) -> None:
             velocity[0, j, 3 + r] = x * v[j, 3] + y * v[j, 4] + z * v[j, 5]
             acceleration[0, j, r] = x * ax + y * ay + z * az + gravity[r]
             acceleration[0, j, 3 + r] = x * a[j, 3] + y * a[j, 4] + z * a[j, 5]
-    relate_pairs(
-        p, R, velocity, acceleration, t.pair_kind, t.rotation, t.frame_joint, t.frame_p, t.frame_R,
-        t.pair_axis, t.column_pair, t.unit, w.gap, w.rate, w.rate_derivative, w.tilt, w.terms,
-    )  # fmt: skip
-    act_on_joints(
-        p, R, t.pair_kind, t.frame_joint, t.frame_p, t.frame_R, t.column_pair, t.unit, t.support,
-        t.v_index, t.ratio, t.axis, t.components, w.X, w.J,
-    )  # fmt: skip
+    relate_pairs(p, R, velocity, acceleration, t.actions, w.gap, w.rate, w.rate_derivative, w.tilt,
+                 w.terms)  # fmt: skip
+    act_on_joints(p, R, t.actions, w.X, w.J)
 
 
 @kernel
@@ -373,7 +360,7 @@ def _ball_speed(t: Tables, rate: np.ndarray, c: int) -> float:
 @kernel
 def relate(t: Tables, k: Supply, w: Work, v: np.ndarray) -> None:
     """Write rates, D and S at a state of which only poses and velocities are known."""
-    if t.pair_kind.size > 0:
+    if w.tilt.size > 0:
         move_pairs(t, k, w)
     _write_rates(t, w, v)
 
@@ -517,7 +504,7 @@ def _write_problem_rates(
         for f in range(d):
             factor[f, c] *= root
     if closed:
-        _find_dead_centres(w, d)
+        _find_dead_centres(t, w, d)
     for c in range(nc):
         for e in range(c + 1):
             total = 0.0
@@ -527,7 +514,7 @@ def _write_problem_rates(
 
 
 @kernel
-def _find_dead_centres(w: Work, d: int) -> None:
+def _find_dead_centres(t: Tables, w: Work, d: int) -> None:
     """Mark joints that stand still while the mechanism moves; those at rest get no slope."""
     D, Z, factor = w.D, w.Z, w.factor
     nc, nv = D.shape
@@ -536,7 +523,7 @@ def _find_dead_centres(w: Work, d: int) -> None:
         for f in range(d):
             most = max(most, abs(Z[i, f]))
     for c in range(nc):
-        share, size = 0.0, 0.0
+        share, size = 0.0, t.direction_size[c]
         for f in range(d):
             total = 0.0
             for i in range(nv):
@@ -772,7 +759,7 @@ def assemble(
     """
     M, h, nv, nl = w.M, k.h, v.size, t.multipliers
     _move_freedoms(t, k, w)
-    if t.pair_kind.size > 0:
+    if w.tilt.size > 0:
         move_pairs(t, k, w)
     _write_rates(t, w, v)
     write_laws(t, w, step > 0.0)

@@ -18,7 +18,8 @@ from pinfric.dynamics.maps import Supply, Tables, Work
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import empty_problem
-from pinfric.model.loops import Linkage
+from pinfric.model.closure import actions_of
+from pinfric.model.loops import CYLINDER, FORCE, Linkage, make_linkage
 from pinfric.model.twin import Twin
 
 
@@ -140,9 +141,11 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
               for i in np.flatnonzero(layout.contact_site == s) if layout.rubs[s]]  # fmt: skip
     entry = np.array([e for e, _ in chosen], dtype=np.int64)
     contact = np.array([i for _, i in chosen], dtype=np.int64)
-    pairs = _no_pairs(nj) if linkage is None else {
-        name: getattr(linkage, name) for name in _PAIR_FIELDS
-    }  # fmt: skip
+    actions = actions_of(twin, linkage or make_linkage(twin.model, (), (), {}, ""))
+    direction_size = np.zeros(len(layout.coordinate_v))
+    for c, action in enumerate(layout.coordinate_action):
+        if action >= 0 and actions.unit[action, :3].any():
+            direction_size[c] = layout.scale
     return Tables(
         carries=carries,
         mass=mass,
@@ -157,11 +160,8 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         contact_map=layout.contact_map[contact],
         contact_map_moved=layout.contact_map_moved[contact],
         site_row=row_of[layout.joint],
-        **pairs,
-        v_index=twin.v_index,
-        ratio=twin.ratio,
-        axis=twin.axis,
-        components=twin.components,
+        actions=actions,
+        direction_size=direction_size,
         off_joint=layout.off_joint,
         multipliers=layout.solved - layout.off_joint,
         inverse_length=layout.inverse_length,
@@ -174,20 +174,6 @@ _LAYOUT_FIELDS = (
     "coordinate_action", "viscous", "dry", "stick_velocity", "block", "ball",
     "displacement_q", "displacement_ratio", "displacement_shift", "first_entry",
 )  # fmt: skip
-_PAIR_FIELDS = ("pair_kind", "rotation", "frame_joint", "frame_p", "frame_R", "pair_axis",
-                "column_pair", "unit", "support")  # fmt: skip
-
-
-def _no_pairs(nj: int) -> dict[str, np.ndarray]:
-    """The tables of a linkage in which nothing is linked."""
-    whole = np.int64
-    return {
-        "pair_kind": np.zeros(0, whole), "rotation": np.zeros(0, whole),
-        "frame_joint": np.zeros((0, 2), whole), "frame_p": np.zeros((0, 2, 3)),
-        "frame_R": np.zeros((0, 2, 3, 3)), "pair_axis": np.zeros((0, 3)),
-        "column_pair": np.zeros(0, whole), "unit": np.zeros((0, 6)),
-        "support": np.zeros((0, nj), np.int8),
-    }  # fmt: skip
 
 
 def _freedoms(twin: Twin) -> dict[str, np.ndarray]:
@@ -211,8 +197,12 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
     """Make the buffers of a scene; (nv + 8 ns,) holds a, friction, loads and wrenches together."""
     nv, nj, ns, ne = twin.nv, twin.n_joints, len(layout.joint), len(layout.entry_site)
     nc, na, nl = len(layout.coordinate_v), len(layout.drive_v), tables.multipliers
-    nx, pairs, rows = len(tables.column_pair), len(tables.pair_kind), len(tables.wrench_row)
-    loops = int((tables.pair_kind == 0).sum())
+    nx, rows, kind = (
+        len(tables.actions.column_pair),
+        len(tables.wrench_row),
+        tables.actions.pair_kind,
+    )
+    pairs, loops = len(kind), int((~np.isin(kind, (CYLINDER, FORCE))).sum())
     D, S = np.zeros((nc, nv)), np.zeros((na, nv))
     on_tree, driven = np.flatnonzero(layout.coordinate_v >= 0), np.flatnonzero(layout.drive_v >= 0)
     D[on_tree, layout.coordinate_v[on_tree]] = 1.0

@@ -166,7 +166,7 @@ def _solution(layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarra
         friction_coordinates=phi.copy(),
         normal_load=load,
         wrench=wrench[0],
-        multipliers=loop_wrenches(linkage, solved)[0],
+        multipliers=loop_wrenches(linkage, samples.X, solved)[0],
     )
 
 

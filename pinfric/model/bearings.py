@@ -70,7 +70,7 @@ class Bearing(Entry):
     Attributes:
         kind: what the scene file calls it, a `Literal` of one word in each subclass.
         fits: the joints it can carry: "turning joint", "prismatic joint", "spherical loop",
-            "revolute loop", "planar_pin loop".
+            "revolute loop", "planar_pin loop", "prismatic loop".
         sizes: keys that are sizes (m), which are questioned where they are unusually large.
         rolling: whether it rolls, and so has the coefficients of rolling bearings.
     """
@@ -205,7 +205,7 @@ class Guide(Bearing):
     c = |F_r/2 + M_b x k/length| + |F_r/2 - M_b x k/length| + 2 |M_a|/width + preload
     """
 
-    fits = ("prismatic joint",)
+    fits = ("prismatic joint", "prismatic loop")
     sizes = ("length", "width")
 
     kind: Literal["guide"]
@@ -214,6 +214,12 @@ class Guide(Bearing):
     preload: NonNegative = 0.0
     offset: Number = 0.0
     on: Literal["child", "parent"] = "child"
+
+    def misfit(self, joint: str) -> str:
+        """See `Bearing.misfit`."""
+        if joint == "prismatic loop" and self.on == "parent":
+            return ".on: a guide of a loop is fixed to side b; exchange a and b"
+        return super().misfit(joint)
 
     def terms(self) -> LoadTerms:
         """See the class; a guide on the parent moves backwards in the child's axes."""
@@ -236,7 +242,8 @@ class Linear(Bearing):
     c = radial |F_r| + axial |F_a| + moment |M_b| + preload
     """
 
-    fits = ("turning joint", "prismatic joint", "revolute loop", "planar_pin loop")
+    fits = ("turning joint", "prismatic joint", "revolute loop", "planar_pin loop",
+            "prismatic loop")  # fmt: skip
     rolling = True
 
     kind: Literal["linear"]
@@ -263,6 +270,8 @@ class Linear(Bearing):
         if joint == "prismatic joint" and self.axial:
             return (".axial: along a prismatic joint the drive carries the force, not the bearing; "
                     "leave `axial` out")  # fmt: skip
+        if joint == "prismatic loop" and self.axial:
+            return ".axial: a prismatic loop transmits no force along its axis; leave it out"
         return super().misfit(joint)
 
     def without_bending(self) -> Linear | None:

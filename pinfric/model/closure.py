@@ -8,14 +8,20 @@ rank-revealing choice, says which joints are independent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import ClosureError, SceneError, choose_from
-from pinfric.model.kinematics import act_on_joints, move_links, place_links, relate_pairs
+from pinfric.model.kinematics import (
+    Actions,
+    act_on_joints,
+    move_links,
+    place_links,
+    relate_pairs,
+)
 from pinfric.model.loops import Linkage
 from pinfric.model.twin import Twin, embed
 
@@ -69,6 +75,12 @@ def embedded(twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[n
     return out
 
 
+def actions_of(twin: Twin, linkage: Linkage) -> Actions:
+    """Return what the kernels of loops read."""
+    return Actions(*(getattr(linkage if name in vars(linkage) else twin, name)
+                     for name in Actions._fields))  # fmt: skip
+
+
 def loop_state(
     twin: Twin, linkage: Linkage, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> LoopState:
@@ -83,11 +95,8 @@ def loop_state(
     move_links(v_twin, a_twin, parents, p, R, velocity, acceleration)
     gap, rate, derivative = (np.empty((n, nx)) for _ in range(3))
     tilt, scale = np.empty((n, pairs)), np.empty((n, pairs, 2))
-    relate_pairs(
-        p, R, velocity, acceleration, linkage.pair_kind, linkage.rotation, linkage.frame_joint,
-        linkage.frame_p, linkage.frame_R, linkage.pair_axis, linkage.column_pair, linkage.unit,
-        gap, rate, derivative, tilt, scale,
-    )  # fmt: skip
+    actions = actions_of(twin, linkage)
+    relate_pairs(p, R, velocity, acceleration, actions, gap, rate, derivative, tilt, scale)
     return LoopState(gap, rate, derivative, tilt, scale, p, R)
 
 
@@ -98,11 +107,7 @@ def action_maps(
     n, nx = len(p), len(linkage.column_pair)
     X = np.empty((n, twin.n_joints + len(linkage.loops), 6, nx))
     J = np.empty((n, nx, twin.nv))
-    act_on_joints(
-        p, R, linkage.pair_kind, linkage.frame_joint, linkage.frame_p, linkage.frame_R,
-        linkage.column_pair, linkage.unit, linkage.support, twin.v_index, twin.ratio, twin.axis,
-        twin.components, X, J,
-    )  # fmt: skip
+    act_on_joints(p, R, actions_of(twin, linkage), X, J)
     return X, J
 
 
@@ -127,6 +132,20 @@ def close(
     Raises:
         ClosureError: no step brings the frames nearer, and they are still apart.
     """
+    q, gap = approach(twin, linkage, q_guess, held)
+    worst = int(np.argmax(np.abs(gap))) if gap.size else 0
+    if gap.size and not np.abs(gap[worst]) <= CLOSED * linkage.size:
+        raise ClosureError(linkage.loop_of_row(worst).name, sample, float(np.linalg.norm(gap)))
+    return q
+
+
+def approach(
+    twin: Twin, linkage: Linkage, q_guess: np.ndarray, held: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where Newton's method ends and the gaps (nc,) left there, see `close`.
+
+    The gaps are in m: rotations times the mechanism's size.
+    """
     q = np.array(q_guess, dtype=float)
     free = np.flatnonzero(~held)
     gap, J = _gap(twin, linkage, q)
@@ -146,10 +165,7 @@ def close(
         else:
             break
         q, gap, J = trial, trial_gap, trial_J
-    worst = int(np.argmax(np.abs(gap))) if gap.size else 0
-    if gap.size and not np.abs(gap[worst]) <= CLOSED * linkage.size:
-        raise ClosureError(linkage.loop_of_row(worst).name, sample, float(np.linalg.norm(gap)))
-    return q
+    return q, gap
 
 
 def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -213,7 +229,7 @@ def velocity_indices(model: pin.Model, joints: Sequence[str], where: str) -> np.
 
 def check_drives(
     twin: Twin, linkage: Linkage, drives: Sequence[tuple[str, int, int]], start: np.ndarray,
-    source: str,
+    source: str, doubts: Mapping[str, str],
 ) -> None:  # fmt: skip
     """Check that the loops can close and that the drives move every freedom exactly once.
 
@@ -222,15 +238,23 @@ def check_drives(
         drives: (name, velocity index or -1, column of the linkage) of each.
         start: (nq,) a configuration near which the loops close.
         source: the scene, for messages.
+        doubts: loop -> which of its axes are nearly parallel (`alignment.Alignment`).
 
     Raises:
-        SceneError: a loop that cannot close, or actuators that are not one per freedom.
+        SceneError: a loop that cannot close, a planar pin whose axes are nearly parallel, or
+            actuators that are not one per freedom.
     """
-    known = _closed_configurations(twin, linkage, start, source)
+    known = _closed_configurations(twin, linkage, start, source, doubts)
     freedom, best, undriven = twin.nv, -1, [0]
     for q in known:
         zero = np.zeros((1, twin.nv))
         state = loop_state(twin, linkage, q[None], zero, zero)
+        for row, loop in enumerate(linkage.loops):
+            if loop.kind == "planar_pin" and loop.name in doubts and (
+                state.tilt[0, row] > NEARLY_CLOSED
+            ):  # fmt: skip
+                raise SceneError(f"{source}: loops.{loop.name}: the axes of its sides differ by "
+                                 f"{state.tilt[0, row]:.3g} rad; {doubts[loop.name]}")  # fmt: skip
         J = action_maps(twin, linkage, state.p, state.R)[1][0]
         S = np.array([np.eye(twin.nv)[v] if v >= 0 else J[column] for _, v, column in drives])
         scale = min(1.0, linkage.size)
@@ -255,16 +279,14 @@ def check_drives(
 
 
 def _closed_configurations(
-    twin: Twin, linkage: Linkage, start: np.ndarray, source: str, wanted: int = 3
-) -> list[np.ndarray]:
+    twin: Twin, linkage: Linkage, start: np.ndarray, source: str, doubts: Mapping[str, str],
+    wanted: int = 3,
+) -> list[np.ndarray]:  # fmt: skip
     """Some closed configurations: the one at the start, and others so that none is special."""
-    rng = np.random.default_rng(0)
     held = np.zeros(twin.nv, dtype=bool)
     found: list[np.ndarray] = []
     nearest: ClosureError | None = None
-    for attempt in range(30):
-        reach = 0.0 if attempt == 0 else 0.3 if attempt < 8 else 2.0
-        guess = pin.integrate(twin.model, start, rng.normal(scale=reach, size=twin.nv))
+    for guess in guesses(twin.model, start):
         try:
             found.append(close(twin, linkage, guess, held))
         except ClosureError as problem:
@@ -274,9 +296,18 @@ def _closed_configurations(
             break
     if not found:
         assert nearest is not None
+        more = f"; {doubts[nearest.loop]}" if nearest.loop in doubts else ""
         raise SceneError(
             f"{source}: loops.{nearest.loop}: cannot close: from 30 configurations the frames came "
             f"no nearer than {nearest.residual:.3g} m (rotations times {linkage.size:.3g} m); "
-            "check `xyz` and `rpy` of its sides"
+            f"check `xyz` and `rpy` of its sides, or loop_tolerance if they are rounded{more}"
         )
     return found
+
+
+def guesses(model: pin.Model, start: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield 30 configurations: the one at the start, some near it, and some anywhere."""
+    rng = np.random.default_rng(0)
+    for attempt in range(30):
+        reach = 0.0 if attempt == 0 else 0.3 if attempt < 8 else 2.0
+        yield pin.integrate(model, start, rng.normal(scale=reach, size=model.nv))

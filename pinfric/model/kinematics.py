@@ -5,9 +5,29 @@ Everything here is in world axes; samples come first. `Linkage` names the tables
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pinfric.model.compiled import kernel
+
+
+class Actions(NamedTuple):
+    """What the kernels of loops read: columns of `loops.Linkage`, then of `twin.Twin`."""
+
+    pair_kind: np.ndarray
+    rotation: np.ndarray
+    frame_joint: np.ndarray
+    frame_p: np.ndarray
+    frame_R: np.ndarray  # noqa: N815 - a rotation matrix
+    pair_axis: np.ndarray
+    column_pair: np.ndarray
+    unit: np.ndarray
+    support: np.ndarray
+    v_index: np.ndarray
+    ratio: np.ndarray
+    axis: np.ndarray
+    components: np.ndarray
 
 
 @kernel
@@ -31,6 +51,15 @@ def _cross(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def _normalize(a: np.ndarray) -> float:
+    """Write a / |a|, NaN where it has no direction; return |a|."""
+    length = np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
+    for k in range(3):
+        a[k] = a[k] / length if length > 0.0 else np.nan
+    return length
 
 
 @kernel
@@ -163,15 +192,77 @@ def _orientation(joint: int, local: np.ndarray, R: np.ndarray, out: np.ndarray) 
 
 @kernel
 def act_on_joints(
+    p: np.ndarray, R: np.ndarray, actions: Actions, X: np.ndarray, J: np.ndarray
+) -> None:
+    """Write what each action does to the wrenches of all joints and to the generalized effort.
+
+    Args:
+        p, R: (n, nj, 3), (n, nj, 3, 3), `place_links`.
+        actions: or any record with its fields.
+        X: (n, nj + number of loops, 6, nx), overwritten: change of the wrench a joint transmits per
+            unit action, parent on child in the child's frame; a loop's joint, a on b in frame b.
+        J: (n, nx, nv), overwritten: rows of the Jacobian, tau = J^T x.
+    """
+    column_pair, unit, pair_kind = actions.column_pair, actions.unit, actions.pair_kind
+    frame_joint, frame_p, frame_R = actions.frame_joint, actions.frame_p, actions.frame_R
+    nj, push, Rb = actions.v_index.size, np.empty((column_pair.size, 9)), np.empty((3, 3))
+    at, force, moment = np.empty(3), np.empty(3), np.empty(3)
+    X[:] = 0.0
+    J[:] = 0.0
+    for i in range(p.shape[0]):
+        for c in range(column_pair.size):
+            pair = column_pair[c]
+            kind, b = pair_kind[pair], frame_joint[pair, 1]
+            _point(b, frame_p[pair, 1], p[i], R[i], at)
+            if kind == 1:  # cylinder: b is pushed away from a
+                _point(frame_joint[pair, 0], frame_p[pair, 0], p[i], R[i], force)
+                for k in range(3):
+                    force[k], moment[k] = at[k] - force[k], 0.0
+                _normalize(force)
+            else:
+                _orientation(b, frame_R[pair, 1], R[i], Rb)
+                _turn(Rb, unit[c, :3], force)
+                _turn(Rb, unit[c, 3:], moment)
+            if kind == 0 or kind >= 3:  # a loop
+                for k in range(6):
+                    X[i, nj + pair, k, c] = unit[c, k]
+            if kind == 3 and unit[c, 3] ** 2 + unit[c, 4] ** 2 + unit[c, 5] ** 2 > 0.0:
+                _common_normal(frame_joint[pair, 0], frame_R[pair, 0], R[i], unit[c, 3:], moment)
+                for k in range(3):  # in frame b
+                    X[i, nj + pair, 3 + k, c] = 0.0
+                    for r in range(3):
+                        X[i, nj + pair, 3 + k, c] += Rb[r, k] * moment[r]
+            for k in range(3):
+                push[c, k], push[c, 3 + k], push[c, 6 + k] = at[k], force[k], moment[k]
+        _spread(actions.support, push, p[i], R[i], actions.v_index, actions.ratio, actions.axis,
+                actions.components, X[i], J[i])  # fmt: skip
+
+
+@kernel
+def _common_normal(
+    a: int, frame_R: np.ndarray, R: np.ndarray, axis: np.ndarray, moment: np.ndarray
+) -> None:
+    """Write the common normal of the axes of a and b in place of b's axis (3,).
+
+    Args:
+        a, frame_R: frame a and the row of the joint that carries it.
+        R: (nj, 3, 3) of the links.
+        axis: (3,) in frame a as in frame b.
+        moment: (3,) the axis of b in the world, overwritten.
+    """
+    Ra, first, second = np.empty((3, 3)), np.empty(3), moment.copy()
+    _orientation(a, frame_R, R, Ra)
+    _turn(Ra, axis, first)
+    _cross(first, second, moment)
+    _normalize(moment)
+
+
+@kernel
+def _spread(
+    support: np.ndarray,
+    push: np.ndarray,
     p: np.ndarray,
     R: np.ndarray,
-    pair_kind: np.ndarray,
-    frame_joint: np.ndarray,
-    frame_p: np.ndarray,
-    frame_R: np.ndarray,
-    column_pair: np.ndarray,
-    unit: np.ndarray,
-    support: np.ndarray,
     v_index: np.ndarray,
     ratio: np.ndarray,
     axis: np.ndarray,
@@ -179,70 +270,38 @@ def act_on_joints(
     X: np.ndarray,
     J: np.ndarray,
 ) -> None:
-    """Write what each action does to the wrenches of all joints and to the generalized effort.
+    """Write what actions do to the wrenches of the joints that carry one side of them.
 
     Args:
-        p, R: (n, nj, 3), (n, nj, 3, 3), `place_links`.
-        pair_kind ... support: columns of `Linkage`.
-        v_index, ratio, axis, components: columns of `Twin`.
-        X: (n, nj + number of loops, 6, nx), overwritten: change of the wrench a joint transmits per
-            unit action, parent on child in the child's frame; a loop's joint, a on b in frame b.
-        J: (n, nx, nv), overwritten: rows of the Jacobian, tau = J^T x.
+        support: of the linkage.
+        push: (nx, 9) where each acts, its force and its moment, world.
+        p, R: (nj, 3), (nj, 3, 3) of the links.
+        v_index ... components: see `Twin`.
+        X: (nj + number of loops, 6, nx), the joints' rows written. J: (nx, nv), added to.
     """
-    nj = v_index.size
-    at, end, Rb = np.empty(3), np.empty(3), np.empty((3, 3))
-    force, moment, here, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    arm = np.empty(3)
-    X[:] = 0.0
-    J[:] = 0.0
-    for i in range(p.shape[0]):
-        for c in range(column_pair.size):
-            pair = column_pair[c]
-            b = frame_joint[pair, 1]
-            _point(b, frame_p[pair, 1], p[i], R[i], at)
-            if pair_kind[pair] == 1:  # cylinder: b is pushed away from a
-                _point(frame_joint[pair, 0], frame_p[pair, 0], p[i], R[i], end)
-                for k in range(3):
-                    force[k], moment[k] = at[k] - end[k], 0.0
-                length = np.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
-                for k in range(3):
-                    force[k] = force[k] / length if length > 0.0 else np.nan
-            else:
-                _orientation(b, frame_R[pair, 1], R[i], Rb)
-                _turn(Rb, unit[c, :3], force)
-                _turn(Rb, unit[c, 3:], moment)
-                if pair_kind[pair] == 0:
-                    for k in range(6):
-                        X[i, nj + pair, k, c] = unit[c, k]
-            for j in range(nj):
-                sign = support[c, j]
-                if sign == 0:
-                    continue
-                for k in range(3):
-                    arm[k] = at[k] - p[i, j, k]
-                _cross(arm, force, here)
-                for k in range(3):
-                    here[k] += moment[k]
-                for k in range(3):
-                    turned[k] = 0.0
-                    for r in range(3):
-                        turned[k] += R[i, j, r, k] * force[r]
-                    X[i, j, k, c] = -sign * turned[k]
-                for k in range(3):
-                    turned[k] = 0.0
-                    for r in range(3):
-                        turned[k] += R[i, j, r, k] * here[r]
-                    X[i, j, 3 + k, c] = -sign * turned[k]
-                if components[j, 0] < 0:
-                    total = 0.0
-                    for k in range(6):
-                        total -= axis[j, k] * X[i, j, k, c]
-                    J[i, c, v_index[j]] += ratio[j] * total
-                else:
-                    m = 0
-                    while m < 6 and components[j, m] >= 0:
-                        J[i, c, v_index[j] + m] -= X[i, j, components[j, m], c]
-                        m += 1
+    for c in range(support.shape[0]):
+        fx, fy, fz = push[c, 3], push[c, 4], push[c, 5]
+        for j in range(support.shape[1]):
+            sign = support[c, j]
+            if sign == 0:
+                continue
+            x, y, z = push[c, 0] - p[j, 0], push[c, 1] - p[j, 1], push[c, 2] - p[j, 2]
+            mx = push[c, 6] + y * fz - z * fy
+            my = push[c, 7] + z * fx - x * fz
+            mz = push[c, 8] + x * fy - y * fx
+            for k in range(3):
+                X[j, k, c] = -sign * (R[j, 0, k] * fx + R[j, 1, k] * fy + R[j, 2, k] * fz)
+                X[j, 3 + k, c] = -sign * (R[j, 0, k] * mx + R[j, 1, k] * my + R[j, 2, k] * mz)
+            if components[j, 0] < 0:
+                total = 0.0
+                for k in range(6):
+                    total -= axis[j, k] * X[j, k, c]
+                J[c, v_index[j]] += ratio[j] * total
+                continue
+            m = 0
+            while m < 6 and components[j, m] >= 0:
+                J[c, v_index[j] + m] -= X[j, components[j, m], c]
+                m += 1
 
 
 @kernel
@@ -251,14 +310,7 @@ def relate_pairs(
     R: np.ndarray,
     velocity: np.ndarray,
     acceleration: np.ndarray,
-    pair_kind: np.ndarray,
-    rotation: np.ndarray,
-    frame_joint: np.ndarray,
-    frame_p: np.ndarray,
-    frame_R: np.ndarray,
-    pair_axis: np.ndarray,
-    column_pair: np.ndarray,
-    unit: np.ndarray,
+    actions: Actions,
     gap: np.ndarray,
     rate: np.ndarray,
     rate_derivative: np.ndarray,
@@ -271,95 +323,184 @@ def relate_pairs(
 
     Args:
         p, R, velocity, acceleration: of the links (`place_links`, `move_links`).
-        pair_kind ... unit: columns of `Linkage`.
-        gap: (n, nx), overwritten: displacement (m) or rotation (rad) of b from a along each
-            action, in frame b; a cylinder's length.
-        rate, rate_derivative: (n, nx), overwritten: velocity of b relative to a along each action
-            (what it does work on), and its derivative.
+        actions: or any record with its fields.
+        gap: (n, nx), overwritten: way (m) or angle (rad) of b from a; a cylinder's length.
+        rate, rate_derivative: (n, nx), overwritten: velocity that each action does work on.
         tilt: (n, np), overwritten: angle (rad) between the axes of frames a and b.
-        scale: (n, np, 2), overwritten: size of the terms that rates and their derivatives are the
-            difference of (m/s or rad/s, and per second).
+        scale: (n, np, 2), overwritten: size of the terms of the rates and their derivatives.
     """
-    at = np.empty((2, 3))
-    v, w = np.empty((2, 3)), np.empty((2, 3))
-    acc, alpha = np.empty((2, 3)), np.empty((2, 3))
-    Ra, Rb = np.empty((3, 3)), np.empty((3, 3))
-    r, x, y, z = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    slide, slide_rate, spin, spin_rate = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    theta, ka, kb = np.empty(3), np.empty(3), np.empty(3)
+    frames, motion, slip = np.empty((10, 3)), np.empty((2, 4, 3)), np.empty((4, 3))
+    ka, kb, Ra, Rb = frames[2], frames[3], frames[4:7], frames[7:]
+    r, theta, x, y, three = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    frame_joint, frame_p, frame_R = actions.frame_joint, actions.frame_p, actions.frame_R
+    column_pair, unit, pair_kind = actions.column_pair, actions.unit, actions.pair_kind
     for i in range(p.shape[0]):
         done = -1
         for c in range(column_pair.size):
-            pair = column_pair[c]
+            pair, kind = column_pair[c], pair_kind[column_pair[c]]
             if pair != done:
                 done = pair
-                for side in range(2):
-                    joint = frame_joint[pair, side]
-                    _point(joint, frame_p[pair, side], p[i], R[i], at[side])
-                    for k in range(3):
-                        v[side, k] = w[side, k] = acc[side, k] = alpha[side, k] = 0.0
-                    if joint < 0:
-                        continue
-                    for k in range(3):
-                        w[side, k] = velocity[i, joint, 3 + k]
-                        alpha[side, k] = acceleration[i, joint, 3 + k]
-                        r[k] = at[side, k] - p[i, joint, k]
-                    _cross(w[side], r, x)
-                    _cross(w[side], x, y)
-                    _cross(alpha[side], r, z)
-                    for k in range(3):
-                        v[side, k] = velocity[i, joint, k] + x[k]
-                        acc[side, k] = acceleration[i, joint, k] + y[k] + z[k]
-                _orientation(frame_joint[pair, 0], frame_R[pair, 0], R[i], Ra)
-                _orientation(frame_joint[pair, 1], frame_R[pair, 1], R[i], Rb)
+                _slip(frame_joint[pair], frame_p[pair], frame_R[pair], actions.pair_axis[pair],
+                      p[i], R[i], velocity[i], acceleration[i],
+                      frames, motion, slip, scale[i, pair])  # fmt: skip
+                along = 0.0
                 for k in range(3):
-                    r[k] = at[1, k] - at[0, k]
-                # b relative to what of a is at the same place, and its derivative in frame b
-                _cross(w[0], r, x)
-                _cross(alpha[0], r, y)
-                for k in range(3):
-                    slide[k] = v[1, k] - v[0, k] - x[k]
-                    z[k] = v[1, k] - v[0, k]
-                    spin[k] = w[1, k] - w[0, k]
-                    slide_rate[k] = acc[1, k] - acc[0, k] - y[k]
-                    spin_rate[k] = alpha[1, k] - alpha[0, k]
-                _cross(w[0], z, x)
-                _cross(w[1], slide, y)
-                for k in range(3):
-                    slide_rate[k] -= x[k] + y[k]
-                _cross(w[1], spin, x)
-                for k in range(3):
-                    spin_rate[k] -= x[k]
-                _turn(Ra, pair_axis[pair], ka)
-                _turn(Rb, pair_axis[pair], kb)
-                _rotation_from_a_to_b(rotation[pair], Ra, Rb, ka, kb, theta)
-                _cross(ka, kb, x)
-                dot = ka[0] * kb[0] + ka[1] * kb[1] + ka[2] * kb[2]
-                tilt[i, pair] = np.arctan2(np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2), dot)
-                scale[i, pair, 0] = scale[i, pair, 1] = 0.0
-                for side in range(2):
-                    for k in range(3):
-                        scale[i, pair, 0] += abs(v[side, k]) + abs(w[side, k])
-                        scale[i, pair, 1] += abs(acc[side, k]) + abs(alpha[side, k])
-                        scale[i, pair, 1] += w[side, k] * w[side, k]
-            if pair_kind[pair] == 1:
-                length = np.sqrt(r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
-                along, along_rate, square = 0.0, 0.0, 0.0
-                for k in range(3):
-                    e = r[k] / length if length > 0.0 else np.nan
-                    along += e * (v[1, k] - v[0, k])
-                    along_rate += e * (acc[1, k] - acc[0, k])
-                    square += (v[1, k] - v[0, k]) ** 2
-                gap[i, c], rate[i, c] = length, along
-                rate_derivative[i, c] = along_rate + (square - along * along) / length
-                continue
+                    r[k] = frames[1, k] - frames[0, k]
+                    along += ka[k] * r[k] if kind == 4 else 0.0
+                for k in range(3):  # of a loop that slides, what lies along the axis is no gap
+                    r[k] -= along * ka[k]
+                _rotation_from_a_to_b(actions.rotation[pair], Ra, Rb, ka, kb, theta)
+                tilt[i, pair] = _angle(ka, kb, x)
             _turn(Rb, unit[c, :3], x)
             _turn(Rb, unit[c, 3:], y)
-            gap[i, c] = rate[i, c] = rate_derivative[i, c] = 0.0
-            for k in range(3):
-                gap[i, c] += x[k] * r[k] + y[k] * theta[k]
-                rate[i, c] += x[k] * slide[k] + y[k] * spin[k]
-                rate_derivative[i, c] += x[k] * slide_rate[k] + y[k] * spin_rate[k]
+            if kind == 1:
+                _length(r, motion, three)
+            elif kind == 3 and y[0] ** 2 + y[1] ** 2 + y[2] ** 2 > 0.0:
+                _turn_about_normal(ka, kb, motion, three)
+            else:
+                three[0] = three[1] = three[2] = 0.0
+                for k in range(3):
+                    three[0] += x[k] * r[k] + y[k] * theta[k]
+                    three[1] += x[k] * slip[0, k] + y[k] * slip[2, k]
+                    three[2] += x[k] * slip[1, k] + y[k] * slip[3, k]
+            gap[i, c], rate[i, c], rate_derivative[i, c] = three[0], three[1], three[2]
+
+
+@kernel
+def _slip(
+    joint: np.ndarray,
+    local_p: np.ndarray,
+    local_R: np.ndarray,
+    axis: np.ndarray,
+    p: np.ndarray,
+    R: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    frames: np.ndarray,
+    motion: np.ndarray,
+    slip: np.ndarray,
+    scale: np.ndarray,
+) -> None:
+    """Write how the frames of a pair move, and b relative to what of a is at the same place.
+
+    Args:
+        joint, local_p, local_R, axis: of the pair in `Linkage`.
+        p, R, velocity, acceleration: (nj, ...) of the links.
+        frames: (10, 3), overwritten: where a and b are, their axes, their rotations.
+        motion: (2, 4, 3), overwritten: of a and of b v, its derivative, omega, its derivative.
+        slip: (4, 3), overwritten: velocity and its derivative in frame b, angular velocity and its.
+        scale: (2,), overwritten: size of the terms of a rate and of its derivative.
+    """
+    scale[0] = scale[1] = 0.0
+    for side in range(2):
+        turn = frames[4 + 3 * side : 7 + 3 * side]
+        _point(joint[side], local_p[side], p, R, frames[side])
+        _orientation(joint[side], local_R[side], R, turn)
+        _turn(turn, axis, frames[2 + side])
+        _move_point(joint[side], frames[side], p, velocity, acceleration, motion[side])
+        for k in range(3):
+            scale[0] += abs(motion[side, 0, k]) + abs(motion[side, 2, k])
+            scale[1] += abs(motion[side, 1, k]) + abs(motion[side, 3, k])
+            scale[1] += motion[side, 2, k] * motion[side, 2, k]
+    for row in range(4):
+        for k in range(3):
+            slip[row, k] = motion[1, row, k] - motion[0, row, k]
+    x, y = frames[1, 0] - frames[0, 0], frames[1, 1] - frames[0, 1]
+    z = frames[1, 2] - frames[0, 2]
+    wx, wy, wz = motion[0, 2, 0], motion[0, 2, 1], motion[0, 2, 2]
+    bx, by, bz = motion[1, 2, 0], motion[1, 2, 1], motion[1, 2, 2]
+    ex, ey, ez = motion[0, 3, 0], motion[0, 3, 1], motion[0, 3, 2]
+    ux, uy, uz = slip[0, 0], slip[0, 1], slip[0, 2]
+    sx, sy, sz = ux - (wy * z - wz * y), uy - (wz * x - wx * z), uz - (wx * y - wy * x)
+    slip[0, 0], slip[0, 1], slip[0, 2] = sx, sy, sz
+    slip[1, 0] -= ey * z - ez * y + (wy * uz - wz * uy) + (by * sz - bz * sy)
+    slip[1, 1] -= ez * x - ex * z + (wz * ux - wx * uz) + (bz * sx - bx * sz)
+    slip[1, 2] -= ex * y - ey * x + (wx * uy - wy * ux) + (bx * sy - by * sx)
+    slip[3, 0] -= by * slip[2, 2] - bz * slip[2, 1]
+    slip[3, 1] -= bz * slip[2, 0] - bx * slip[2, 2]
+    slip[3, 2] -= bx * slip[2, 1] - by * slip[2, 0]
+
+
+@kernel
+def _move_point(
+    joint: int,
+    at: np.ndarray,
+    p: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    motion: np.ndarray,
+) -> None:
+    """Write how a point of a link moves (4, 3): v, its derivative, omega, its derivative."""
+    for k in range(3):
+        motion[0, k] = motion[1, k] = motion[2, k] = motion[3, k] = 0.0
+    if joint < 0:
+        return
+    wx, wy, wz = velocity[joint, 3], velocity[joint, 4], velocity[joint, 5]
+    ex, ey, ez = acceleration[joint, 3], acceleration[joint, 4], acceleration[joint, 5]
+    rx, ry, rz = at[0] - p[joint, 0], at[1] - p[joint, 1], at[2] - p[joint, 2]
+    vx, vy, vz = wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx
+    motion[0, 0] = velocity[joint, 0] + vx
+    motion[0, 1] = velocity[joint, 1] + vy
+    motion[0, 2] = velocity[joint, 2] + vz
+    motion[1, 0] = acceleration[joint, 0] + wy * vz - wz * vy + ey * rz - ez * ry
+    motion[1, 1] = acceleration[joint, 1] + wz * vx - wx * vz + ez * rx - ex * rz
+    motion[1, 2] = acceleration[joint, 2] + wx * vy - wy * vx + ex * ry - ey * rx
+    for k in range(3):
+        motion[2, k], motion[3, k] = velocity[joint, 3 + k], acceleration[joint, 3 + k]
+
+
+@kernel
+def _length(r: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
+    """Write the length of a line from a to b, its rate and the rate's derivative."""
+    length = np.sqrt(r[0] ** 2 + r[1] ** 2 + r[2] ** 2)
+    along, along_rate, square = 0.0, 0.0, 0.0
+    for k in range(3):
+        e = r[k] / length if length > 0.0 else np.nan
+        v = motion[1, 0, k] - motion[0, 0, k]
+        along += e * v
+        along_rate += e * (motion[1, 1, k] - motion[0, 1, k])
+        square += v * v
+    out[0], out[1] = length, along
+    out[2] = along_rate + (square - along * along) / length
+
+
+@kernel
+def _turn_about_normal(ka: np.ndarray, kb: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
+    """Write how far two axes are from perpendicular, and how b turns about their normal n.
+
+        angle = -atan2(ka.kb, |ka x kb|),   rate = n.(omega_b - omega_a),   n = ka x kb / |ka x kb|
+
+    Args:
+        ka, kb: (3,) the unit axes of a and b.
+        motion: (2, 4, 3), `_move_point` of both.
+        out: (3,), overwritten: angle, rate and the rate's derivative.
+    """
+    n, turned_a, turned_b = np.empty(3), np.empty(3), np.empty(3)
+    x, y = np.empty(3), np.empty(3)
+    _cross(ka, kb, n)
+    sine = _normalize(n)
+    _cross(motion[0, 2], ka, turned_a)
+    _cross(motion[1, 2], kb, turned_b)
+    _cross(turned_a, kb, x)
+    _cross(ka, turned_b, y)
+    cosine, lengthened = 0.0, 0.0
+    for k in range(3):
+        cosine += ka[k] * kb[k]
+        lengthened += n[k] * (x[k] + y[k])
+    out[0], out[1], out[2] = -np.arctan2(cosine, sine), 0.0, 0.0
+    for k in range(3):
+        spin = motion[1, 2, k] - motion[0, 2, k]
+        out[1] += n[k] * spin
+        out[2] += n[k] * (motion[1, 3, k] - motion[0, 3, k])
+        out[2] += (x[k] + y[k] - n[k] * lengthened) / sine * spin
+
+
+@kernel
+def _angle(a: np.ndarray, b: np.ndarray, work: np.ndarray) -> float:
+    """Return the angle between two unit vectors; `work` (3,) is overwritten."""
+    _cross(a, b, work)
+    sine = np.sqrt(work[0] ** 2 + work[1] ** 2 + work[2] ** 2)
+    return np.arctan2(sine, a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 @kernel
@@ -374,7 +515,7 @@ def _rotation_from_a_to_b(
     """Write the rotation vector (world) that a loop must close: none, of its axis, or all."""
     for k in range(3):
         theta[k] = 0.0
-    if rotation == 0:
+    if rotation == 0 or rotation == 3:
         return
     if rotation == 1:
         _cross(ka, kb, theta)

@@ -7,9 +7,9 @@ wrench that joint j transmits, and the generalized effort, by
 
     w_j += X_j x,     tau += J^T x,     J^T = -E^T X
 
-(paper eq. 10-15 for forces between two bodies). Joints that carry both sides feel
-nothing: the two wrenches cancel there exactly. Columns stand in the order: drives off the joints,
-multipliers lambda of the loops, friction of the loops' joints.
+(paper eq. 10-15 for forces between two bodies). Joints that carry both sides feel nothing: the two
+wrenches cancel there exactly. Columns stand in the order: drives off the joints, multipliers lambda
+of the loops, friction of the loops' joints.
 """
 
 from __future__ import annotations
@@ -32,10 +32,24 @@ from pinfric.model.schema import (
     PointForce,
 )
 
-#: How a pair of frames acts.
-LOOP, CYLINDER, FORCE = range(3)
-#: Which rotations a loop forbids: none, those that tilt the axis, all.
-_NO_ROTATION, _TILT, _ROTATION = range(3)
+#: How a pair of frames acts. A `SLIDING` loop's frame b moves along frame a's axis; a `UNIVERSAL`
+#: one's moment is about the common normal of two axes, which turns with the configuration as the
+#: line of a cylinder does.
+LOOP, CYLINDER, FORCE, UNIVERSAL, SLIDING = range(5)
+#: Directions closed: none, those across the axis, all, the common normal of two axes.
+_NONE, _ACROSS, _ALL, _NORMAL = range(4)
+#: Kind of a loop -> forces and moments it transmits, how it acts.
+_KINDS = {
+    "spherical": (_ALL, _NONE, LOOP),
+    "revolute": (_ALL, _ACROSS, LOOP),
+    "fixed": (_ALL, _ALL, LOOP),
+    "planar_pin": (_ACROSS, _NONE, LOOP),
+    "prismatic": (_ACROSS, _ALL, SLIDING),
+    "cylindrical": (_ACROSS, _ACROSS, SLIDING),
+    "universal": (_ALL, _NORMAL, UNIVERSAL),
+}
+#: Kind of a loop that moves in one way only -> whether it slides (or else turns).
+_ONE_WAY = {"revolute": False, "planar_pin": False, "prismatic": True}
 
 
 @dataclass(frozen=True)
@@ -44,7 +58,8 @@ class OffJointDrive(Drive):
 
     Attributes:
         column: its column among the actions.
-        unit: of its effort: "N" along a cylinder or a force, "N m" at a loop's joint.
+        unit: of its effort: "N" along a cylinder, a force or a loop that slides, "N m" about a
+            loop's axis.
     """
 
     column: int = 0
@@ -57,14 +72,17 @@ class Linkage:
 
     Attributes:
         loops, drives: what they came from.
-        pair_kind: (np,) `LOOP`, `CYLINDER` or `FORCE`; the loops come first.
-        rotation: (np,) which rotations are closed: 0 none, 1 tilting of the axis, 2 all.
+        pair_kind: (np,) `LOOP`, `CYLINDER`, `FORCE`, `UNIVERSAL`, `SLIDING`; the loops come first.
+        rotation: (np,) which rotations are closed: 0 none, 1 tilting of the axis, 2 all, 3 about
+            the common normal of two axes.
         frame_joint: (np, 2) row of the joint that carries frame a, b; -1 is the ground.
-        frame_p, frame_R: (np, 2, 3), (np, 2, 3, 3) the frame in that joint's frame.
+        frame_p, frame_R: (np, 2, 3), (np, 2, 3, 3) the frame in that joint's frame; a universal's
+            frame a is turned so that its axis has there the coordinates that `axis_b` has in b.
         pair_axis: (np, 3) unit axis in both frames.
         column_pair: (nx,) pair of each column.
         unit: (nx, 6) unit wrench of a on b in frame b, linear first; zero for a cylinder, whose
-            force follows the line between its ends.
+            force follows the line between its ends; a universal's moment, about the common
+            normal, has `pair_axis` there. The columns of `action_maps` hold what they are.
         support: (nx, nj) int8: 1 where a joint carries side b only, -1 side a only, 0 both or none.
         off_joint: columns [0, off_joint) are drives,
         multipliers: columns [off_joint, off_joint + multipliers) are lambda, the rest friction.
@@ -122,35 +140,11 @@ def make_linkage(
 
     Raises:
         SceneError: a name that is not there or stands twice, an axis or direction of length zero,
-            two sides on one body.
+            two sides on one body, friction that does not fit its loop.
     """
     _check_names(model, loops, source)
     pairs = [_loop_pair(model, loop, f"{source}: loops.{loop.name}") for loop in loops]
-    columns: list[tuple[int, np.ndarray]] = []
-    drives: list[OffJointDrive] = []
-    loop_rows = {loop.name: row for row, loop in enumerate(loops)}
-    for index, actuator in enumerate(actuators):
-        where = f"{source}: actuators[{index}]"
-        if actuator.joint is not None:
-            if actuator.joint not in loop_rows:
-                continue
-            row = loop_rows[actuator.joint]
-            if loops[row].kind not in ("revolute", "planar_pin"):
-                raise SceneError(f"{where}: loop {actuator.joint!r} is {loops[row].kind}: it has "
-                                 "no single axis to drive")  # fmt: skip
-            unit = np.concatenate([np.zeros(3), pairs[row]["axis"]])
-            columns.append((row, unit))
-            name, kind = actuator.joint, "N m"
-        elif actuator.cylinder is not None:
-            name, kind = actuator.cylinder.name, "N"
-            pairs.append(_cylinder_pair(model, actuator.cylinder, where))
-            columns.append((len(pairs) - 1, np.zeros(6)))
-        else:
-            assert actuator.force is not None  # the schema requires one of the three
-            name, kind = actuator.force.name, "N"
-            pairs.append(_force_pair(model, actuator.force, where))
-            columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
-        drives.append(OffJointDrive(name, -1, actuator.transmission, len(drives), kind))
+    drives, columns = _drives(model, loops, actuators, pairs, source)
     off_joint = len(columns)
     for row, loop in enumerate(loops):
         columns += [(row, unit) for unit in _closed_directions(loop.kind, pairs[row]["axis"])]
@@ -158,9 +152,11 @@ def make_linkage(
     friction_column = np.full(len(loops), -1, dtype=np.int64)
     for row, loop in enumerate(loops):
         if loop.name in friction:
+            check_loop_friction(loop, friction[loop.name], f"{source}: friction.{loop.name}")
             friction_column[row] = len(columns)
-            axes = np.eye(3) if loop.kind == "spherical" else pairs[row]["axis"][None]
-            columns += [(row, np.concatenate([np.zeros(3), axis])) for axis in axes]
+            free = (np.eye(6)[3:] if loop.kind == "spherical"
+                    else [_free_direction(loop.kind, pairs[row]["axis"])])  # fmt: skip
+            columns += [(row, unit) for unit in free]
     column_pair = np.array([pair for pair, _ in columns], dtype=np.int64)
     joints = np.array([pair["joint"] for pair in pairs], dtype=np.int64).reshape(-1, 2)
     return Linkage(
@@ -182,6 +178,38 @@ def make_linkage(
     )
 
 
+def _drives(
+    model: pin.Model, loops: Sequence[Loop], actuators: Sequence[Actuator],
+    pairs: list[dict[str, Any]], source: str,
+) -> tuple[list[OffJointDrive], list[tuple[int, np.ndarray]]]:  # fmt: skip
+    """The drives off the joints and their columns; cylinders and forces are added to the pairs."""
+    columns: list[tuple[int, np.ndarray]] = []
+    drives: list[OffJointDrive] = []
+    loop_rows = {loop.name: row for row, loop in enumerate(loops)}
+    for index, actuator in enumerate(actuators):
+        where = f"{source}: actuators[{index}]"
+        if actuator.joint is not None:
+            if actuator.joint not in loop_rows:
+                continue
+            row = loop_rows[actuator.joint]
+            if loops[row].kind not in _ONE_WAY:
+                raise SceneError(f"{where}: loop {actuator.joint!r} is {loops[row].kind}: it has "
+                                 "no single axis to drive")  # fmt: skip
+            columns.append((row, _free_direction(loops[row].kind, pairs[row]["axis"])))
+            name, kind = actuator.joint, "N" if slides(loops[row]) else "N m"
+        elif actuator.cylinder is not None:
+            name, kind = actuator.cylinder.name, "N"
+            pairs.append(_cylinder_pair(model, actuator.cylinder, where))
+            columns.append((len(pairs) - 1, np.zeros(6)))
+        else:
+            assert actuator.force is not None  # the schema requires one of the three
+            name, kind = actuator.force.name, "N"
+            pairs.append(_force_pair(model, actuator.force, where))
+            columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
+        drives.append(OffJointDrive(name, -1, actuator.transmission, len(drives), kind))
+    return drives, columns
+
+
 def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
     """Check that friction fits the joint that closes a loop.
 
@@ -189,7 +217,11 @@ def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
         SceneError: a bearing of another kind of joint, friction where nothing moves.
     """
     if loop.kind == "fixed":
-        raise SceneError(f"{where}: a {loop.kind} loop does not move: it has no friction")
+        raise SceneError(f"{where}: a fixed loop does not move: it has no friction")
+    if loop.kind in ("cylindrical", "universal"):
+        raise SceneError(f"{where}: a {loop.kind} loop moves in two ways at once, which one "
+                         "friction cannot describe: make it a link without mass between two "
+                         "joints, each with its own")  # fmt: skip
     check_bearing(friction, f"{loop.kind} loop", where)
     for term in friction.terms if loop.kind == "spherical" else ():
         if term.directed:
@@ -211,6 +243,17 @@ def check_bearing(friction: Friction, joint: str, where: str) -> None:
         raise SceneError(f"{where}.bearing{wrong}")
 
 
+def slides(loop: Loop) -> bool:
+    """Return whether a loop's joint slides along its axis and moves in no other way."""
+    return _ONE_WAY.get(loop.kind, False)
+
+
+def _free_direction(kind: str, axis: np.ndarray) -> np.ndarray:
+    """Unit wrench (6,) along the one motion that a loop's joint leaves free."""
+    none = np.zeros(3)
+    return np.concatenate([axis, none] if _ONE_WAY[kind] else [none, axis])
+
+
 def _check_names(model: pin.Model, loops: Sequence[Loop], source: str) -> None:
     taken = set(tuple(model.names)[1:])
     for loop in loops:
@@ -221,13 +264,40 @@ def _check_names(model: pin.Model, loops: Sequence[Loop], source: str) -> None:
 
 
 def _loop_pair(model: pin.Model, loop: Loop, where: str) -> dict[str, Any]:
-    sides = []
-    for side, entry in (("a", loop.a), ("b", loop.b)):
-        local = pin.SE3(pin.rpy.rpyToMatrix(*entry.rpy), np.array(entry.xyz))
-        sides.append(_frame(model, entry.link, local, f"{where}.{side}.link"))
-    rotation = {"revolute": _TILT, "fixed": _ROTATION}.get(loop.kind, _NO_ROTATION)
-    axis = _direction(loop.axis, f"{where}.axis")
-    return _pair(LOOP, rotation, axis, sides, where)
+    sides = [loop_frame(model, loop, side, where) for side in ("a", "b")]
+    _, rotation, kind = _KINDS[loop.kind]
+    axis = loop_axis(loop, "b", where)
+    if loop.kind == "universal":
+        first = loop_axis(loop, "a", where)
+        sides[0][1].rotation = sides[0][1].rotation @ turn_between(axis, first)
+    return _pair(kind, rotation, axis, sides, where)
+
+
+def loop_frame(model: pin.Model, loop: Loop, side: str, where: str) -> tuple[int, pin.SE3]:
+    """Return the row of the joint that carries side "a" or "b" of a loop, the frame's place there.
+
+    Raises:
+        SceneError: no such link; begins with `where`, the loop's entry.
+    """
+    entry = loop.a if side == "a" else loop.b
+    local = pin.SE3(pin.rpy.rpyToMatrix(*entry.rpy), np.array(entry.xyz))
+    return _frame(model, entry.link, local, f"{where}.{side}.link")
+
+
+def loop_axis(loop: Loop, side: str, where: str) -> np.ndarray:
+    """Return the unit axis (3,) of a loop in frame "a" or "b".
+
+    Raises:
+        SceneError: an axis of length zero; begins with `where`, the loop's entry.
+    """
+    if side == "b" and loop.axis_b is not None:
+        return _direction(loop.axis_b, f"{where}.axis_b")
+    return _direction(loop.axis, f"{where}.axis")
+
+
+def turn_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the least rotation (3, 3) that takes one unit vector (3,) to another."""
+    return np.asarray(pin.Quaternion.FromTwoVectors(start, end).toRotationMatrix())
 
 
 def _cylinder_pair(model: pin.Model, cylinder: Cylinder, where: str) -> dict[str, Any]:
@@ -236,14 +306,14 @@ def _cylinder_pair(model: pin.Model, cylinder: Cylinder, where: str) -> dict[str
         _frame(model, end.link, pin.SE3(np.eye(3), np.array(end.xyz)), f"{where}.{side}.link")
         for side, end in (("a", cylinder.a), ("b", cylinder.b))
     ]
-    return _pair(CYLINDER, _NO_ROTATION, np.array([0.0, 0.0, 1.0]), sides, where)
+    return _pair(CYLINDER, _NONE, np.array([0.0, 0.0, 1.0]), sides, where)
 
 
 def _force_pair(model: pin.Model, force: PointForce, where: str) -> dict[str, Any]:
     where = f"{where}: force {force.name!r}"
     at = _frame(model, force.link, pin.SE3(np.eye(3), np.array(force.xyz)), f"{where}.link")
     direction = _direction(force.direction, f"{where}.direction")
-    return _pair(FORCE, _NO_ROTATION, direction, [(-1, pin.SE3.Identity()), at], where)
+    return _pair(FORCE, _NONE, direction, [(-1, pin.SE3.Identity()), at], where)
 
 
 def _pair(
@@ -282,14 +352,13 @@ def _closed_directions(kind: str, axis: np.ndarray) -> list[np.ndarray]:
     """Unit wrenches (6,) in frame b that a loop's joint transmits, friction left out."""
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
-    across = [first, np.cross(axis, first)]
-    force = [np.concatenate([e, np.zeros(3)]) for e in np.eye(3)]
-    moment = [np.concatenate([np.zeros(3), e]) for e in np.eye(3)]
-    if kind == "planar_pin":
-        return [np.concatenate([e, np.zeros(3)]) for e in across]
-    if kind == "revolute":
-        return force + [np.concatenate([np.zeros(3), e]) for e in across]
-    return force + moment if kind == "fixed" else force
+    choice = {
+        _NONE: [], _ACROSS: [first, np.cross(axis, first)], _ALL: list(np.eye(3)), _NORMAL: [axis],
+    }  # fmt: skip
+    forces, moments, _ = _KINDS[kind]
+    return [np.concatenate([e, np.zeros(3)]) for e in choice[forces]] + [
+        np.concatenate([np.zeros(3), e]) for e in choice[moments]
+    ]
 
 
 def _support(model: pin.Model, joints: np.ndarray) -> np.ndarray:
@@ -297,11 +366,19 @@ def _support(model: pin.Model, joints: np.ndarray) -> np.ndarray:
     nj = model.njoints - 1
     table = np.zeros((len(joints), nj), dtype=np.int8)
     for column, (a, b) in enumerate(joints.tolist()):
-        for row, sign in ((b, 1), (a, -1)):
-            while row >= 0:
+        for end, sign in ((b, 1), (a, -1)):
+            for row in carriers(model, end):
                 table[column, row] += sign
-                row = model.parents[row + 1] - 1
     return table
+
+
+def carriers(model: pin.Model, joint: int) -> set[int]:
+    """Return the rows of the joints between a joint's link and the ground; -1 is the ground."""
+    rows = set()
+    while joint >= 0:
+        rows.add(joint)
+        joint = model.parents[joint + 1] - 1
+    return rows
 
 
 def _size(model: pin.Model, pairs: list[dict[str, Any]]) -> float:

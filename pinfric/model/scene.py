@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -11,7 +12,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import RobotError, SceneError, choose_from
+from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from, cut
+from pinfric.model.alignment import align_axes, shift_frames
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, contacts
 from pinfric.model.brief import scene_screen
@@ -19,7 +21,7 @@ from pinfric.model.closure import check_drives, close, velocity_indices
 from pinfric.model.drives import Drive
 from pinfric.model.entry import parse
 from pinfric.model.laws import FrictionLaw, Laws, friction_law, law_table
-from pinfric.model.loops import Linkage, check_bearing, check_loop_friction, make_linkage
+from pinfric.model.loops import Linkage, check_bearing, make_linkage, slides
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.robot import (
     Robot,
@@ -32,6 +34,7 @@ from pinfric.model.schema import (
     Actuator,
     Friction,
     Loop,
+    LoopTolerance,
     Payload,
     Simulation,
 )
@@ -101,6 +104,8 @@ class Scene:
         loops: joints that close loops, as `Loop` or as the mappings a scene file holds.
         redundancy_length: l (m): where reactions are not unique, the sum over all joints of
             |F|^2 + |M/l|^2 is least.
+        loop_tolerance: by how much axes along loops may miss being parallel or perpendicular, and
+            frames each other, where they are then made to fit (`alignment`).
 
     Raises:
         SceneError: an entry that cannot be, or that names a joint or link that is not there.
@@ -116,6 +121,7 @@ class Scene:
     source: str = "scene"
     loops: Sequence[Loop] = ()
     redundancy_length: float = 0.1
+    loop_tolerance: LoopTolerance = field(default_factory=LoopTolerance)
 
     def __post_init__(self) -> None:
         def entries(kind: type[Any], section: str, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -135,13 +141,37 @@ class Scene:
         listed_loops = enumerate(self.loops)
         where = f"{self.source}: loops"
         set_(self, "loops", tuple(parse(Loop, x, f"{where}[{i}]") for i, x in listed_loops))
+        where = f"{self.source}: loop_tolerance"
+        set_(self, "loop_tolerance", parse(LoopTolerance, self.loop_tolerance, where))
         self._check_bodies()
         self._check_payloads()
+        doubts = self._align() if self.loops else {}
         # what cannot be is said now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
         if self.linkage is not None:
             columns = [(d.name, d.velocity_index, getattr(d, "column", -1)) for d in self.drives]
-            check_drives(self.twin(), self.linkage, columns, self.start_configuration, self.source)
+            check_drives(self.twin(), self.linkage, columns, self.start_configuration, self.source,
+                         doubts)  # fmt: skip
+
+    def _align(self) -> dict[str, str]:
+        """Make a mechanism of what a file rounded; say so, and return what stays in doubt."""
+        aligned = align_axes(self.model, self.loops, self.loop_tolerance, self.source)
+        object.__setattr__(self, "model", aligned.model)
+        object.__setattr__(self, "loops", aligned.loops)
+        twin, linkage = self.twin(), make_linkage(self.model, self.loops, (), {}, self.source)
+        loops, shift = shift_frames(twin, linkage, self.start_configuration, self.loop_tolerance)
+        object.__setattr__(self, "loops", loops)
+        said = []
+        if turned := aligned.turned:
+            said.append(f"{cut(', '.join(turned), 200)} turned by up to {max(turned.values()):.2g} "
+                        "rad: axes on one link are now parallel or perpendicular "
+                        "(loop_tolerance.angle)")  # fmt: skip
+        if shift > 1e-9 * linkage.size:
+            said.append(f"frames b shifted by up to {shift:.2g} m (loop_tolerance.length)")
+        if said:
+            text = f"{self.source}: loops closed as the file means them: {'; '.join(said)}"
+            warnings.warn(text, PinfricWarning, stacklevel=4)
+        return aligned.doubts
 
     def with_(self, *, gravity: Any = None, **changes: Any) -> Scene:
         """Return a changed scene, checked like the first; this one stays as it is.
@@ -405,12 +435,11 @@ class Scene:
 
     def _loop_site(self, row: int, loop: Loop) -> Site:
         friction = self.friction[loop.name]
-        check_loop_friction(loop, friction, f"{self.source}: friction.{loop.name}")
         axis = np.array(loop.axis, dtype=float)
         return Site(
             name=loop.name,
             joint=self.model.njoints - 1 + row,
-            sliding=False,
+            sliding=slides(loop),
             velocity_index=-1,
             ratio=1.0,
             axis=axis / np.linalg.norm(axis),

@@ -43,6 +43,7 @@ def load_scene(path: str | Path) -> Scene:
         simulation=entries.simulation,
         source=str(file),
         loops=entries.loops,
+        loop_tolerance=entries.loop_tolerance,
         redundancy_length=entries.redundancy.length,
     )
 

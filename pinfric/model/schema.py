@@ -189,13 +189,37 @@ class LinkFrame(Entry):
 
 
 class Loop(Entry):
-    """A joint that closes a loop: frame a on one link and frame b on another coincide."""
+    """A joint that closes a loop between frame a on one link and frame b on another.
+
+    The frames coincide but for what the joint lets free: a `prismatic` one slides along the axis, a
+    `cylindrical` one turns about it besides, a `universal` one keeps frame a's axis and frame b's
+    `axis_b` perpendicular.
+    """
 
     name: str
-    kind: Literal["spherical", "revolute", "fixed", "planar_pin"]
+    kind: Literal[
+        "spherical", "revolute", "fixed", "planar_pin", "prismatic", "cylindrical", "universal"
+    ]
     axis: Vector3 = (0.0, 0.0, 1.0)
+    axis_b: Vector3 | None = None
     a: LinkFrame
     b: LinkFrame
+
+    @model_validator(mode="after")
+    def _second_axis_of_a_universal(self) -> Loop:
+        if (self.axis_b is not None) != (self.kind == "universal"):
+            raise ValueError(
+                "a universal loop needs `axis_b`, the second axis, in frame b (`axis` is in a)"
+                if self.axis_b is None else f"a {self.kind} loop has one axis: leave `axis_b` out"
+            )  # fmt: skip
+        return self
+
+
+class LoopTolerance(Entry):
+    """By how much rounded files may miss what a loop needs: axes (rad), places (m); 0 for none."""
+
+    angle: NonNegative = 1.0e-5
+    length: NonNegative = 1.0e-6
 
 
 class Redundancy(Entry):
@@ -268,6 +292,7 @@ class SceneFile(Entry):
     robot: RobotEntry
     friction: dict[str, Friction] = Field(default_factory=dict)
     loops: list[Loop] = Field(default_factory=list)
+    loop_tolerance: LoopTolerance = LoopTolerance()
     redundancy: Redundancy = Redundancy()
     actuators: list[Actuator] | None = None
     stick: Stick = Stick()

@@ -151,10 +151,10 @@ def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:
             raise RobotError(
                 f"joint {model.names[index]!r} mimics a continuous joint: not supported"
             )
-        axis = _twist(model, joint) / ratio
+        axis = twist(model, joint) / ratio
     elif joint.nv == 1 and joint.nq in (1, 2):
         ratio, shift = 1.0, 0.0
-        axis = _twist(model, joint)
+        axis = twist(model, joint)
     else:
         raise RobotError(
             f"joint {model.names[index]!r} is a {joint.shortname()}: only revolute, continuous, "
@@ -174,8 +174,8 @@ def _embedding_row(model: pin.Model, index: int) -> tuple[object, ...]:
     return kind, joint.idx_q, joint.idx_v, ratio, shift, axis, nothing
 
 
-def _twist(model: pin.Model, joint: pin.JointModel) -> np.ndarray:
-    """(6,) twist of a one-degree joint's child in its own frame at unit (leader's) rate."""
+def twist(model: pin.Model, joint: pin.JointModel) -> np.ndarray:
+    """Return the twist (6,) of a one-degree joint's child in its frame at unit (leader's) rate."""
     data = joint.createData()
     joint.calc(data, pin.neutral(model), np.ones(model.nv))
     return np.array(data.v.vector)

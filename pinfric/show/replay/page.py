@@ -94,7 +94,7 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
         "force_color": markers.FORCE_COLOR,
         "payload_color": markers.PAYLOAD_COLOR,
         "drive_color": stage.DRIVE_COLOR,
-        "drives": scene.linkage is not None and any(d.unit == "N" for d in scene.linkage.drives),
+        "drives": bool(staged.cylinders) or any(a.force for a in scene.actuators or ()),
         "points": _hull(staged.points),
         "floor": staged.floor,
         "size": staged.size,

@@ -220,7 +220,7 @@ def _draw_linkage(
         node.set_transform(frame.homogeneous)
     drawn = []
     pairs = range(len(linkage.loops), len(linkage.pair_kind))
-    off_joint = [drive for drive in linkage.drives if drive.unit == "N"]
+    off_joint = [drive for drive in linkage.drives if linkage.column_pair[drive.column] in pairs]
     for pair, drive in zip(pairs, off_joint, strict=True):
         if linkage.pair_kind[pair] == CYLINDER:
             path = f"world/cylinder {_node(drive.name)}"

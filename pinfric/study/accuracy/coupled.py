@@ -4,8 +4,8 @@
 
 (the paper's 16 and 17). Each pass of the fixed point leaves the error times the slope of G
 at the solution, and that tends to 1 towards the jam: of the drawer, to mu / critical mu there.
-Newton's passes stay few. Both are written out here, without the safeguards of `friction.given_modes`,
-whose solution is the reference.
+Newton's passes stay few. Both are written out here, without the safeguards of
+`friction.given_modes`, whose solution is the reference.
 """
 
 from __future__ import annotations
