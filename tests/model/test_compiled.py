@@ -11,9 +11,9 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
-from pinfric.model.compiled import kernel
+from pinfric.model.compiled import long_kernel
 
-@kernel
+@long_kernel
 def twice(x):
     return 2.0 * x
 

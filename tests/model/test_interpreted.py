@@ -1,0 +1,122 @@
+"""Kernels are plain Python until compiling them pays, with the same results."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pinfric.model import interpreted
+from pinfric.model.compiled import kernel
+
+ROOT = Path(__file__).parents[2]
+
+
+@kernel
+def inner(x):
+    return x * x
+
+
+@kernel
+def sum_of_squares(x, out):
+    out[0] = 0.0
+    for i in range(x.size):
+        out[0] += inner(x[i])
+    return out[0]
+
+
+@kernel
+def power(x, y):
+    return x**y
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """A clock of its own that has all its patience, and kernels that nothing holds."""
+    clock = interpreted._Clock()
+    for module in ("pinfric.model.compiled", "pinfric.model.interpreted"):
+        monkeypatch.setattr(f"{module}.CLOCK", clock)
+    monkeypatch.setattr(interpreted, "PATIENCE", 20.0)
+    monkeypatch.setattr("pinfric.model.compiled._MISSING", {inner, sum_of_squares, power})
+    return clock
+
+
+def test_few_numbers_are_interpreted_and_many_compiled(patient):
+    few, many, out = np.arange(4.0), np.ones(5000), np.zeros(1)
+    assert sum_of_squares(few, out) == out[0] == 14.0
+    assert sum_of_squares.overloads == inner.overloads == {}
+    assert 0.0 < patient.here < 1.0
+    assert sum_of_squares(many, out) == out[0] == 5000.0
+    assert len(sum_of_squares.overloads) == 1
+
+
+def test_what_overflows_in_python_is_compiled(patient):
+    assert power(10.0, 400.0) == np.inf
+    assert len(power.overloads) == 1
+
+
+def test_patience_ends_and_is_remembered(patient, tmp_path, monkeypatch):
+    patient.keep_in(str(tmp_path))
+    patient.here = 12.0
+    assert not patient.is_over()
+    patient._write()
+    later = interpreted._Clock()
+    later.keep_in(str(tmp_path))
+    assert not later.is_over()
+    later.here = 9.0
+    assert later.is_over()
+    later._write()
+    assert float((tmp_path / "pinfric.interpreted").read_text()) == pytest.approx(21.0)
+    (tmp_path / "pinfric.interpreted").write_text("damaged")
+    third = interpreted._Clock()
+    third.keep_in(str(tmp_path))
+    assert not third.is_over()
+
+
+COLD = """
+import sys
+import numpy as np
+import pinfric as pf
+import pinocchio as pin
+from pinfric.model import interpreted
+if sys.argv[1] == "compiled":
+    interpreted.PATIENCE = 0.0
+for name in ("three_link", "drawer", "four_bar"):
+    scene = pf.load_scene(f"{sys.argv[2]}/robots/{name}.yaml")
+    neutral, v = pin.neutral(scene.model), np.linspace(0.3, 0.5, scene.model.nv)
+    q = pin.integrate(scene.model, neutral, np.array([0.5, 0.4, 1.5])[: len(v)])
+    if scene.loops:
+        q, v = scene.close(q), 0.0 * v
+    for effort in (0.0, 2.0):
+        instant = pf.forward_dynamics(scene, q, v, np.full(len(scene.drives), effort))
+        print(*(repr(float(x)) for x in (*instant.a, *instant.friction, *instant.normal_load)))
+"""
+
+
+def run(folder, *arguments, **more):
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(folder)}
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, env=env,
+                          check=True, timeout=300, **more)  # fmt: skip
+
+
+def test_interpreted_and_compiled_agree(tmp_path):
+    cold = run(tmp_path / "empty", "-c", COLD, "interpreted", str(ROOT)).stdout
+    compiled = run(os.environ.get("NUMBA_CACHE_DIR", ""), "-c", COLD, "compiled", str(ROOT)).stdout
+    a = np.array([float(x) for x in cold.split()])
+    b = np.array([float(x) for x in compiled.split()])
+    assert len(a) == len(b) > 20
+    np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.abs(b).max())
+
+
+def test_a_first_simulation_does_not_wait_for_compilers(tmp_path):
+    scene = ROOT / "robots/three_link.yaml"
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = run(tmp_path / "empty", "-m", "pinfric", "simulate", str(scene))
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert "compiling" not in done.stderr
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 8.0
