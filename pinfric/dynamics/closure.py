@@ -98,7 +98,7 @@ def _check(
                 "spherical or revolute"
             )
     rows, pairs = linkage.lambdas, linkage.column_pair[linkage.lambdas]
-    turning = np.abs(linkage.unit[rows, 3:]).max(axis=1, initial=0.0) > 0
+    turning = linkage.turning
     allowed = slack * np.where(turning, NEARLY_CLOSED, NEARLY_CLOSED * linkage.size)
     figures = (
         ("is open", np.abs(state.gap[:, rows]), allowed, ("m", "rad")),

@@ -193,9 +193,7 @@ def shift_frames(
         The loops, and the largest shift (m, or rad times the mechanism's size): 0 where they close
         by themselves, and where shifting does not close them.
     """
-    rows = linkage.lambdas
-    turning = linkage.unit[rows, 3:].any(axis=1)
-    most = np.where(turning, tolerance.angle * linkage.size, tolerance.length)
+    most = np.where(linkage.turning, tolerance.angle * linkage.size, tolerance.length)
     near: list[np.ndarray] = []
     shift = 0.0
     for guess in guesses(twin.model, start):

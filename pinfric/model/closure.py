@@ -174,7 +174,7 @@ def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.nd
     state = loop_state(twin, linkage, q[None], zero, zero)
     _, J = action_maps(twin, linkage, state.p, state.R)
     rows = linkage.lambdas
-    length = np.where(linkage.unit[rows, 3:].any(axis=1), linkage.size, 1.0)
+    length = np.where(linkage.turning, linkage.size, 1.0)
     return length * state.gap[0, rows], length[:, None] * J[0, rows]
 
 
@@ -285,24 +285,26 @@ def _closed_configurations(
     """Some closed configurations: the one at the start, and others so that none is special."""
     held = np.zeros(twin.nv, dtype=bool)
     found: list[np.ndarray] = []
-    nearest: ClosureError | None = None
+    least = np.full(linkage.multipliers, np.inf)
     for guess in guesses(twin.model, start):
-        try:
-            found.append(close(twin, linkage, guess, held))
-        except ClosureError as problem:
-            if nearest is None or problem.residual < nearest.residual:
-                nearest = problem
+        q, gap = approach(twin, linkage, guess, held)
+        if np.abs(gap).max(initial=0.0) <= CLOSED * linkage.size:
+            found.append(q)
+        elif np.linalg.norm(gap) < np.linalg.norm(least):
+            least = gap
         if len(found) == wanted:
-            break
-    if not found:
-        assert nearest is not None
-        more = f"; {doubts[nearest.loop]}" if nearest.loop in doubts else ""
-        raise SceneError(
-            f"{source}: loops.{nearest.loop}: cannot close: from 30 configurations the frames came "
-            f"no nearer than {nearest.residual:.3g} m (rotations times {linkage.size:.3g} m); "
-            f"check `xyz` and `rpy` of its sides, or loop_tolerance if they are rounded{more}"
-        )
-    return found
+            return found
+    if found:
+        return found
+    loop = linkage.loop_of_row(int(np.argmax(np.abs(least)))).name
+    turning = linkage.turning
+    way, angle = np.linalg.norm(least[~turning]), np.linalg.norm(least[turning]) / linkage.size
+    raise SceneError(
+        f"{source}: loops.{loop}: cannot close: from 30 configurations the frames came no nearer "
+        f"than {way:.3g} m{f' and {angle:.3g} rad' if turning.any() else ''}; check `xyz` and "
+        "`rpy` of its sides, or loop_tolerance if they are rounded"
+        + (f"; {doubts[loop]}" if loop in doubts else "")
+    )
 
 
 def guesses(model: pin.Model, start: np.ndarray) -> Iterator[np.ndarray]:

@@ -113,6 +113,11 @@ class Linkage:
         return slice(self.off_joint, self.off_joint + self.multipliers)
 
     @property
+    def turning(self) -> np.ndarray:
+        """Which multipliers are moments (nc,); their gaps are angles."""
+        return np.asarray(self.unit[self.lambdas, 3:].any(axis=1))
+
+    @property
     def solved(self) -> int:
         """Number of the columns that are solved for: drives off the joints and multipliers."""
         return self.off_joint + self.multipliers
