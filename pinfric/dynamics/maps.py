@@ -336,18 +336,19 @@ def write_laws(t: Tables, w: Work, implicit: bool) -> None:
     for e in range(coordinate.size):
         c, s = coordinate[e], t.entry_site[e]
         velocity = ratio[e] * rate[c]
-        speed, share = abs(velocity), np.sign(velocity)
+        speed = abs(velocity)
         if t.ball[c]:
             speed = _ball_speed(t, rate, c)
-            share = velocity / speed if speed > 0.0 else 0.0
         moving = friction_at(laws, s, speed)
-        w.mu_stick[e], w.mu_slip[e] = laws.mu_static[s], moving.mu + moving.drag_mu
+        w.mu_stick[e] = laws.mu_static[s]
+        w.mu_slip[e] = moving.mu + moving.drag_mu
         for side in range(2):
             w.coulomb_stick[e, side] = laws.coulomb_static[s, side]
         w.coulomb_slip[e, 0], w.coulomb_slip[e, 1] = moving.forward, moving.backward
-        w.drag[e] = share * (moving.drag_forward if share > 0.0 else moving.drag_backward)
-        if not implicit:
-            w.drag[e] += laws.viscous[s] * velocity
+        w.drag[e] = 0.0 if implicit else laws.viscous[s] * velocity
+        if speed > 0.0:  # a ball's drag lies along its velocity
+            one_way = moving.drag_forward if velocity > 0.0 else moving.drag_backward
+            w.drag[e] += one_way * (velocity / speed)
 
 
 @kernel

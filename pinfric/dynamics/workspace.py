@@ -404,7 +404,7 @@ class Workspace:
     # ------------------------------------------------------------ what cannot be
 
     def check_roll_moments(self) -> None:
-        """Refuse a moment about a guide's axis that nothing resists (beyond rounding).
+        """Refuse a moment about the axis that a bearing cannot carry (beyond rounding).
 
         Raises:
             RollMomentError: see there.

@@ -376,16 +376,18 @@ def normal_loads(
     for i in range(wrench.shape[0]):
         for s in range(joint.size):
             load[i, s] = contacts.constant[s]
-        for t in range(contacts.site.size):
-            s = contacts.site[t]
-            w = wrench[i, joint[s]]
+    for t in range(contacts.site.size):
+        s = contacts.site[t]
+        j, rows, moves = joint[s], contacts.rank[t], contacts.moves[s]
+        still, moved = contacts.map[t], contacts.map_moved[t]
+        for i in range(wrench.shape[0]):
             square = 0.0
-            for e in range(contacts.rank[t]):
+            for e in range(rows):
                 part = 0.0
                 for k in range(6):
-                    part += contacts.map[t, e, k] * w[k]
-                if contacts.moves[s]:
+                    part += still[e, k] * wrench[i, j, k]
+                if moves:
                     for k in range(6):
-                        part += displacement[i, s] * contacts.map_moved[t, e, k] * w[k]
+                        part += displacement[i, s] * moved[e, k] * wrench[i, j, k]
                 square += part * part
             load[i, s] += np.sqrt(square)

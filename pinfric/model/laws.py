@@ -234,11 +234,8 @@ def friction_bounds(
             limit_forward = laws.mu_static[s] * c + laws.coulomb_static[s, 0]
             limit_backward = laws.mu_static[s] * c + laws.coulomb_static[s, 1]
             moving = friction_at(laws, s, abs(v))
-            drag = laws.viscous[s] * v
-            if v > 0.0:
-                drag += moving.drag_mu * c + moving.drag_forward
-            else:
-                drag -= moving.drag_mu * c + moving.drag_backward
+            one_way = moving.drag_forward if v > 0.0 else moving.drag_backward
+            drag = laws.viscous[s] * v + np.copysign(moving.drag_mu * c + one_way, v)
             if sticks:
                 # a site without dry friction has nothing to stick by
                 dry = (laws.mu_static[s] > 0.0 or laws.coulomb_static[s, 0] > 0.0
