@@ -26,7 +26,7 @@ LATE = {
 LARGE = {
     "dynamics.choices.solve_list", "dynamics.coupled_inverse.solve_coupled",
     "dynamics.inverse._solve", "dynamics.simulate.simulate",
-    "dynamics.threaded.embed_in_parts", "dynamics.threaded.friction_in_parts",
+    "dynamics.threaded.embed_in_parts",
     "friction.given_modes.eliminate", "friction.given_modes.residual",
     "friction.given_modes.solve_given_modes", "model.kinematics.act_on_joints",
     "model.kinematics.relate_pairs", "model.loops.make_linkage",

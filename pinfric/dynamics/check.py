@@ -7,14 +7,17 @@ cylinders or forces are judged in `coupled_check`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.bearings import Ball, Guide, Linear, LoadTerms, Pin
+from pinfric.model.friction_terms import Coefficients, DirectedCoulombFriction
 from pinfric.model.scene import Site
-from pinfric.model.schema import Bearing, Coefficients, Friction
+from pinfric.model.schema import Friction
 
 if TYPE_CHECKING:
     from pinfric.dynamics.result import InverseResult
@@ -121,22 +124,32 @@ def _displacement(result: InverseResult, site: Site, i: int) -> float:
 
 
 def plain_normal_load(site: Site, wrench: np.ndarray, displacement: float) -> float:
-    """Return one site's normal load by the formulas of design 3.1, written out.
+    """Return one site's normal load by the formulas of `bearings`, written out.
 
     Args:
         site: the joint and its bearing.
         wrench: (6,), parent on child in the child's joint frame.
         displacement: position of the child along the axis (m), for guides fixed to the parent.
     """
-    bearing = site.friction.bearing
+    bearing, k = site.friction.bearing, site.axis
     if bearing is None:
         return 0.0
-    k = site.axis
-    middle = bearing.offset - (displacement if bearing.on == "parent" else 0.0)
+    if bearing.kind not in _LOADS:  # a kind that a class has added
+        return _by_terms(bearing.terms(), k, wrench, displacement)
+    on_parent = getattr(bearing, "on", "child") == "parent"
+    middle = getattr(bearing, "offset", 0.0) - (displacement if on_parent else 0.0)
     F, M = wrench[:3], wrench[3:] - middle * np.cross(k, wrench[:3])
     F_a, M_a = F @ k, M @ k
     F_r, M_b = F - F_a * k, M - M_a * k
     return float(_LOADS[bearing.kind](bearing, k, F_r, F_a, M_b, M_a))
+
+
+def _by_terms(terms: LoadTerms, k: np.ndarray, wrench: np.ndarray, displacement: float) -> float:
+    turn = pin.Quaternion.FromTwoVectors(k, np.array([0.0, 0.0, 1.0])).toRotationMatrix()
+    w = np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
+    moved = [*terms.moved, *np.zeros((len(terms.maps) - len(terms.moved), 3, 6))]
+    forces = [(B + displacement * C) @ w for B, C in zip(terms.maps, moved, strict=True)]
+    return float(sum(map(np.linalg.norm, forces)) + terms.constant)
 
 
 def _two_ends(length: float, k: np.ndarray, F_r: np.ndarray, M_b: np.ndarray) -> float:
@@ -144,35 +157,32 @@ def _two_ends(length: float, k: np.ndarray, F_r: np.ndarray, M_b: np.ndarray) ->
     return float(np.linalg.norm(F_r / 2 + couple) + np.linalg.norm(F_r / 2 - couple))
 
 
-def _pin(
-    b: Bearing, k: np.ndarray, F_r: np.ndarray, F_a: float, M_b: np.ndarray, _: float
-) -> float:
+def _pin(b: Pin, k: np.ndarray, F_r: np.ndarray, F_a: float, M_b: np.ndarray, _: float) -> float:
     radial = np.linalg.norm(F_r) if b.length is None else _two_ends(b.length, k, F_r, M_b)
-    return float((b.radius or 0) * (radial + b.preload) + (b.thrust_radius or 0) * abs(F_a))
+    return float(b.radius * (radial + b.preload) + b.thrust_radius * abs(F_a))
 
 
 def _guide(
-    b: Bearing, k: np.ndarray, F_r: np.ndarray, _: float, M_b: np.ndarray, M_a: float
+    b: Guide, k: np.ndarray, F_r: np.ndarray, _: float, M_b: np.ndarray, M_a: float
 ) -> float:
     roll = 0.0 if b.width is None else 2 * abs(M_a) / b.width
-    return _two_ends(b.length or np.nan, k, F_r, M_b) + roll + b.preload
+    return _two_ends(b.length, k, F_r, M_b) + roll + b.preload
 
 
 def _linear(
-    b: Bearing, k: np.ndarray, F_r: np.ndarray, F_a: float, M_b: np.ndarray, _: float
+    b: Linear, k: np.ndarray, F_r: np.ndarray, F_a: float, M_b: np.ndarray, _: float
 ) -> float:
     radial, bending = np.linalg.norm(F_r), np.linalg.norm(M_b)
-    terms = (b.radial or 0) * radial, (b.axial or 0) * abs(F_a), (b.moment or 0) * bending
-    return float(sum(terms) + b.preload)
+    return float(b.radial * radial + b.axial * abs(F_a) + b.moment * bending + b.preload)
 
 
-def _ball(
-    b: Bearing, k: np.ndarray, F_r: np.ndarray, F_a: float, _: np.ndarray, __: float
-) -> float:
-    return float((b.radius or 0) * (np.linalg.norm(F_r + F_a * k) + b.preload))
+def _ball(b: Ball, k: np.ndarray, F_r: np.ndarray, F_a: float, _: np.ndarray, __: float) -> float:
+    return float(b.radius * (np.linalg.norm(F_r + F_a * k) + b.preload))
 
 
-_LOADS = {"pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball}
+_LOADS: dict[str, Callable[..., float]] = {
+    "pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball,
+}  # fmt: skip
 
 
 def plain_friction(
@@ -186,29 +196,47 @@ def plain_friction(
         load: normal load (N m or N).
         at_rest: the site passes through rest beside this sample.
     """
-    friction = site.friction
-    rest = (-_dry(friction, load, 1.0, 1.0), _dry(friction, load, -1.0, 1.0))
-    drag = friction.viscous * velocity
-    if abs(velocity) <= site.law.stick_velocity:
-        if rest == (0.0, 0.0) and not (friction.mu and friction.mu.static):
+    friction, speed, sign = site.friction, abs(velocity), float(np.sign(velocity))
+    rest = (-_dry(friction, load, 1.0, None), _dry(friction, load, -1.0, None))
+    drag = friction.viscous * velocity + sign * _added(friction, load, sign, speed, drags=True)
+    if speed <= site.law.stick_velocity:
+        if rest == (0.0, 0.0) and not any(any(term.at_rest()) for term in friction.terms):
             return -drag, -drag  # nothing can hold it
         return rest[0] - max(drag, 0.0), rest[1] - min(drag, 0.0)
-    blend = 0.0
-    if friction.stribeck is not None:
-        blend = float(np.exp(-((abs(velocity) / friction.stribeck.velocity)
-                               ** friction.stribeck.exponent)))  # fmt: skip
-    sign = float(np.sign(velocity))
-    phi = -sign * _dry(friction, load, sign, blend) - drag
+    phi = -sign * _dry(friction, load, sign, speed) - drag
     return (min(rest[0], phi), max(rest[1], phi)) if at_rest else (phi, phi)
 
 
-def _dry(friction: Friction, load: float, direction: float, blend: float) -> float:
-    """Dry friction's magnitude, `blend` of the way from kinetic (0) to static (1)."""
+def _dry(friction: Friction, load: float, direction: float, speed: float | None) -> float:
+    """Dry friction's magnitude at a speed; None: at rest, where it is at its limit."""
+    blend, stribeck = float(speed is None), friction.stribeck
+    if speed is not None and stribeck is not None:
+        blend = float(np.exp(-((speed / stribeck.velocity) ** stribeck.exponent)))
     coulomb = friction.coulomb
-    if coulomb is not None and not isinstance(coulomb, Coefficients):
-        coulomb = coulomb.positive if direction > 0 else coulomb.negative
-    total = 0.0
-    for pair, factor in ((friction.mu, load), (coulomb, 1.0)):
-        if pair is not None:
-            total += factor * (pair.kinetic + (pair.static - pair.kinetic) * blend)
+    if isinstance(coulomb, DirectedCoulombFriction):
+        pair: Coefficients | None = coulomb.positive if direction > 0 else coulomb.negative
+    else:
+        pair = coulomb
+    total = _added(friction, load, direction, speed, drags=False)
+    for given, factor in ((friction.mu, load), (pair, 1.0)):
+        if given is not None:
+            total += factor * (given.kinetic + (given.static - given.kinetic) * blend)
     return total
+
+
+def _added(
+    friction: Friction, load: float, direction: float, speed: float | None, drags: bool
+) -> float:
+    """Magnitude of the terms that classes have added: what drags, or what is dry (see `_dry`)."""
+    total = 0.0
+    for term in friction.terms:
+        if term.key in Friction.model_fields:
+            continue
+        parts = [(1.0, term.at_rest())] if speed is None else [
+            (speed**power * np.exp(-((speed / velocity) ** exponent)), strength)
+            for (power, velocity, exponent), strength in term.rows(friction.stribeck)
+            if (power > 0.0) == drags
+        ]  # fmt: skip
+        for factor, (mu, forward, backward) in parts:
+            total += factor * (mu * load + (forward if direction > 0 else backward))
+    return float(total)

@@ -15,6 +15,7 @@ from pinfric.dynamics.layout import Layout
 from pinfric.friction.given_modes import solve_given_modes
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel
+from pinfric.model.laws import Moving, frictions_at
 
 #: What a site's friction is in a candidate.
 SLIDES, LOWER, UPPER, NONE = range(4)
@@ -74,7 +75,7 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
         at_rest: (n, ns) bool, sites that pass through rest beside a sample.
     """
     n, ns = at_rest.shape
-    law, first = layout.law, layout.first_entry
+    laws, first = layout.laws, layout.first_entry
     v = velocity[:, first].copy() if ns else np.zeros((n, 0))
     direction = np.ones((n, len(layout.entry_v)))
     for s in np.flatnonzero(layout.entry_count == 3):
@@ -84,19 +85,17 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
             v[:, s, None] > 0, velocity[:, part] / np.maximum(v[:, s, None], 1e-300), np.eye(3)[0]
         )
     speed, slip = np.abs(v), np.sign(v)
-    sticks = speed <= law[:, 9]
-    scaled = speed / np.where(law[:, 7] > 0, law[:, 7], 1.0)
-    blend = np.where(law[:, 7] > 0, np.exp(-(scaled ** law[:, 8])), 0.0)
-    dry, drag = (law[:, [0, 2, 4]] > 0).any(axis=1), law[:, 6] * v
-    creeping = np.where(sticks, drag, 0.0)
+    sticks, dry, ahead = speed <= laws.stick_velocity, laws.dry, slip > 0
+    numbers = np.empty((6, *speed.shape))
+    frictions_at(laws, speed, numbers)
+    moving = Moving(*numbers)
+    drag = laws.viscous * v + slip * np.where(ahead, moving.drag_forward, moving.drag_backward)
+    creeping, creeping_mu = np.where(sticks, (drag, moving.drag_mu), 0.0)
     ball = layout.entry_count == 3  # its limit is a sphere about 0, whatever the direction
     against = np.where(ball, np.abs(creeping), np.maximum(creeping, 0.0))
     along = np.where(ball, np.abs(creeping), np.maximum(-creeping, 0.0))
-    ahead = slip > 0
-    static, kinetic = np.where(ahead, law[:, 2], law[:, 4]), np.where(ahead, law[:, 3], law[:, 5])
-    shape = np.broadcast_shapes(v.shape)
-    still = np.zeros(shape)
-    fixed = np.zeros(shape) + np.where(layout.varies, 0.0, layout.constant)
+    still = np.zeros(v.shape)
+    fixed = still + np.where(layout.varies, 0.0, layout.constant)
     for t in np.flatnonzero(~layout.varies[layout.contact_site]):
         fixed[:, layout.contact_site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
     return Law(
@@ -105,10 +104,16 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
         slip=slip,
         direction=direction,
         mu=np.array([
-            law[:, 1] + (law[:, 0] - law[:, 1]) * blend, still + law[:, 0], still + law[:, 0], still
+            moving.mu + moving.drag_mu,
+            laws.mu_static + np.where(ball | ahead, creeping_mu, 0.0),
+            laws.mu_static + np.where(ball | ~ahead, creeping_mu, 0.0),
+            still,
         ]),
         coulomb=np.array([
-            kinetic + (static - kinetic) * blend, against + law[:, 2], along + law[:, 4], still
+            np.where(ahead, moving.forward, moving.backward),
+            against + laws.coulomb_static[:, 0],
+            along + laws.coulomb_static[:, 1],
+            still,
         ]),
         drag=drag,
         fixed_load=fixed,

@@ -103,7 +103,6 @@ def solve_coupled(
     check_roll_moments(scene, wrench, whole.start)
     drive_rates = actuator_rates(scene, states, rates, around, whole)
     motor_lower, motor_upper = _motor_torques(scene, answer, *drive_rates)
-    law = layout.law[:, 9]
     return InverseResult(
         scene=scene,
         states=states.part(whole),
@@ -113,7 +112,7 @@ def solve_coupled(
         effort_frictionless=frictionless,
         motor_torque_lower=motor_lower,
         motor_torque_upper=motor_upper,
-        sticking=site_speeds(layout, velocity) <= law,
+        sticking=site_speeds(layout, velocity) <= layout.laws.stick_velocity,
         reversal=reversal,
         normal_load=answer.load,
         friction_lower=answer.friction_lower,
@@ -193,7 +192,7 @@ def site_reversals(layout: Layout, velocity: np.ndarray) -> np.ndarray:
         layout: `Layout`.
         velocity: (n, ne), `friction_velocities`.
     """
-    stick = layout.law[:, 9]
+    stick = layout.laws.stick_velocity
     marked = reversals(np.ascontiguousarray(velocity[:, layout.first_entry]), stick)
     for s in np.flatnonzero(layout.entry_count == 3):
         w = velocity[:, layout.first_entry[s] : layout.first_entry[s] + 3]

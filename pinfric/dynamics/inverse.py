@@ -37,9 +37,9 @@ from pinfric.dynamics.threaded import (
 )
 from pinfric.errors import RollMomentError, StateError
 from pinfric.model.arrays import whole_number
-from pinfric.model.bearings import FOLLOWS_PARENT, normal_loads
+from pinfric.model.bearings import normal_loads
 from pinfric.model.drives import motor_torque_bounds
-from pinfric.model.laws import STICK_VELOCITY, friction_bounds
+from pinfric.model.laws import friction_bounds
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
 
@@ -122,7 +122,7 @@ def _solve(
     T, ns, nv = whole.stop - whole.start, len(scene.sites), scene.model.nv
     sites, threads = scene.site_tables, threads_for(T, threads)
     velocity, reversal = _velocities(
-        sites.velocity_index, sites.ratio, sites.law[:, STICK_VELOCITY], states, whole, threads
+        sites.velocity_index, sites.ratio, sites.laws.stick_velocity, states, whole, threads
     )
     reacting = _needs_wrenches(scene, applied)
     shapes = [(T, nv)] * 3 + [(T, ns)] * 3 + [(T, ns, 6 if reacting else 0)]
@@ -132,7 +132,7 @@ def _solve(
     for part, twin in constant_payloads(scene, states, whole, batch_size(threads)):
         here = slice(part.start - whole.start, part.stop - whole.start)
         qva = states.q[part], states.v[part], states.a[part]
-        rubbing = (velocity[here], load[here], sites.law, reversal[here], friction_lower[here],
+        rubbing = (velocity[here], load[here], sites.laws, reversal[here], friction_lower[here],
                    friction_upper[here], sticking[here])  # fmt: skip
         if not reacting:
             load[here] = 0.0
@@ -146,9 +146,9 @@ def _solve(
             relieve(twin, applied, part, now)
             if ns != twin.n_joints:
                 wrench[here] = now.wrench[:, sites.joint]
-            moves = sites.weights[:, FOLLOWS_PARENT].any()
+            moves = sites.contacts.moves.any()
             displacement = displacements(twin, sites.joint, qva[0]) if moves else np.empty((0, 0))
-            bearing = sites.joint, sites.axis, sites.weights, displacement
+            bearing = sites.joint, sites.contacts, displacement
             _rub(twin, now.wrench, qva[2], frictionless[here], bearing, rubbing, threads)
     if reacting:
         check_roll_moments(scene, wrench, whole.start)
@@ -192,7 +192,7 @@ def _rub(
 
     Args:
         twin, wrench, a, effort: see `reactions.generalized_effort`.
-        bearing: joint, axis, weights and displacement of `normal_loads`.
+        bearing: joint, contacts and displacement of `normal_loads`.
         rubbing: arguments of `friction_bounds`.
         threads: each takes a part of the samples.
     """
@@ -201,10 +201,11 @@ def _rub(
         normal_loads(wrench, *bearing, rubbing[1])
         friction_bounds(*rubbing)
         return
-    velocity, load, *others = rubbing
+    velocity, load, laws, *sides = rubbing
+    projection = twin.v_index, twin.ratio, twin.axis, twin.components
     with team(threads) as parts:
-        friction_in_parts(parts, wrench, twin.v_index, twin.ratio, twin.axis, twin.components,
-                          effort, *bearing, load, velocity, *others)  # fmt: skip
+        friction_in_parts(parts, wrench, projection, effort, *bearing, load, velocity, laws,
+                          tuple(sides))  # fmt: skip
     if twin.armature.any():
         effort += twin.armature * a
 
@@ -319,15 +320,15 @@ def _check_finite(scene: Scene, efforts: np.ndarray, first: int) -> None:
 
 
 def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
-    """Refuse a moment about a guide's axis that nothing resists (beyond rounding)."""
+    """Refuse a moment about the axis that a bearing cannot carry (beyond rounding)."""
     for s, site in enumerate(scene.sites):
         bearing = site.friction.bearing
-        if bearing is None or bearing.kind != "guide" or bearing.width is not None:
+        lever = None if bearing is None else bearing.roll_lever()
+        if lever is None:
             continue
-        assert bearing.length is not None  # the schema requires it
         force, moment = wrench[:, s, :3], wrench[:, s, 3:]
         roll = moment @ site.axis
-        scale = np.linalg.norm(moment, axis=1) + bearing.length * np.linalg.norm(force, axis=1)
+        scale = np.linalg.norm(moment, axis=1) + lever * np.linalg.norm(force, axis=1)
         beyond = np.abs(roll) > 1e-9 * scale
         if beyond.any():
             sample = int(np.argmax(beyond))

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pinfric.friction.problem import contact_maps
+from pinfric.model.laws import Laws
 from pinfric.model.scene import Scene, Site
 from pinfric.model.twin import Twin
 
@@ -36,9 +36,9 @@ class Layout:
         dry: (nc,) bool, whether anything on it can stick.
         stick_velocity: (nc,) at or below this speed it is at rest (rad/s or m/s).
         block, ball: (nc,) first coordinate of its joint; whether that is a ball.
-        law: (ns, 10), `laws.law_table`. constant: (ns,) constant part of each load.
+        laws: of the sites. constant: (ns,) constant part of each load.
         contact_site: (nt,) site of each contact force.
-        contact_map, contact_map_moved: (nt, 3, 6), `contact_maps`.
+        contact_map, contact_map_moved: (nt, 3, 6), see `bearings.Contacts`.
         displacement_q, displacement_ratio, displacement_shift: (ns,) how a site's displacement
             along its axis follows from q; ratio 0 where it does not matter.
         rubs: (ns,) whether its friction depends on its load.
@@ -67,7 +67,7 @@ class Layout:
     stick_velocity: np.ndarray
     block: np.ndarray
     ball: np.ndarray
-    law: np.ndarray
+    laws: Laws
     constant: np.ndarray
     contact_site: np.ndarray
     contact_map: np.ndarray
@@ -108,8 +108,7 @@ def make_layout(scene: Scene) -> Layout:
     n_tree = scene.model.njoints - 1
     drive_v = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
     drive_action = np.array([getattr(d, "column", -1) for d in scene.drives], dtype=np.int64)
-    contacts = _contacts(sites)
-    rubs = np.asarray(t.law[:, :2].any(axis=1)) & np.isin(np.arange(len(sites)), contacts[0])
+    rubs = t.laws.loaded & np.isin(np.arange(len(sites)), t.contacts.site)
     # with the motion given, a tree joint's wrench changes with what is solved for only
     felt = np.zeros(n_tree, dtype=bool)
     if linkage is not None:
@@ -123,30 +122,30 @@ def make_layout(scene: Scene) -> Layout:
         off_joint=0 if linkage is None else linkage.off_joint,
         solved=0 if linkage is None else linkage.solved,
         joint=np.ascontiguousarray(t.joint),
-        law=t.law,
-        constant=np.ascontiguousarray(t.weights[:, 6]),
-        contact_site=contacts[0],
-        contact_map=contacts[1],
-        contact_map_moved=contacts[2],
+        laws=t.laws,
+        constant=t.contacts.constant,
+        contact_site=t.contacts.site,
+        contact_map=t.contacts.map,
+        contact_map_moved=t.contacts.map_moved,
         rubs=rubs,
         varies=rubs & feels,
         guides=tuple(s for s, site in enumerate(sites) if cannot_resist_roll(site)),
         inverse_length=1.0 / scene.redundancy_length,
         scale=1.0 if linkage is None else min(1.0, linkage.size),
         **_coordinates(scene),
-        **_displacements(scene.twin(), t.joint, np.asarray(t.weights[:, 8] != 0.0)),
+        **_displacements(scene.twin(), t.joint, t.contacts.moves),
     )
 
 
 def cannot_resist_roll(site: Site) -> bool:
     """Return whether a site's bearing leaves the moment about its axis to others."""
     bearing = site.friction.bearing
-    return bearing is not None and bearing.kind == "guide" and bearing.width is None
+    return bearing is not None and bearing.roll_lever() is not None
 
 
 def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
     """Entries of all sites, and the coordinates they act on."""
-    law, linkage = scene.site_tables.law, scene.linkage
+    laws, linkage = scene.site_tables.laws, scene.linkage
     keys: list[tuple[int, int]] = []  # (velocity, action) of each coordinate
     entries: list[tuple[int, int, float]] = []  # (site, coordinate, ratio)
     first, count = [], []
@@ -165,11 +164,11 @@ def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
     dry, stick, viscous = np.zeros(nc, dtype=bool), np.full(nc, np.inf), np.zeros(nc)
     block, ball = np.arange(nc), np.zeros(nc, dtype=bool)
     for s, c, ratio in entries:
-        viscous[c] += ratio**2 * law[s, 6]
+        viscous[c] += ratio**2 * laws.viscous[s]
         ball[c] = scene.sites[s].ball
         block[c] = min(block[c], entries[first[s]][1])
-        if law[s, :6].any():
-            dry[c], stick[c] = True, min(stick[c], law[s, 9] / abs(ratio))
+        if laws.dry[s]:
+            dry[c], stick[c] = True, min(stick[c], laws.stick_velocity[s] / abs(ratio))
     return {
         "first_entry": np.array(first, dtype=np.int64),
         "entry_count": np.array(count, dtype=np.int64),
@@ -180,23 +179,6 @@ def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
         "coordinate_action": np.array([action for _, action in keys], dtype=np.int64),
         "viscous": viscous, "dry": dry, "stick_velocity": stick, "block": block, "ball": ball,
     }  # fmt: skip
-
-
-def _contacts(sites: tuple[Site, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(nt,) site of each contact force, and its maps (nt, 3, 6)."""
-    site, maps, moved = [], [np.zeros((0, 3, 6))], [np.zeros((0, 3, 6))]
-    for s, one in enumerate(sites):
-        if one.friction.bearing is None:
-            continue
-        if one.ball:  # the whole force counts, whatever its direction
-            B = one.weights.radial * np.eye(3, 6)[None]
-            C = np.zeros_like(B)
-        else:
-            B, C = contact_maps(one.weights, one.axis)
-        site += [s] * len(B)
-        maps.append(B)
-        moved.append(C)
-    return np.array(site, dtype=np.int64), np.concatenate(maps), np.concatenate(moved)
 
 
 def _displacements(twin: Twin, joint: np.ndarray, moves: np.ndarray) -> dict[str, np.ndarray]:

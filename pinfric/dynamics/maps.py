@@ -21,6 +21,7 @@ from pinfric.friction.dense import eliminate_full_pivot, factorize
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel, record
 from pinfric.model.kinematics import act_on_joints, relate_pairs
+from pinfric.model.laws import Laws, friction_at
 
 #: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
 #: face their motion.
@@ -68,7 +69,7 @@ class Tables(NamedTuple):
     stick_velocity: np.ndarray
     block: np.ndarray
     ball: np.ndarray
-    law: np.ndarray
+    laws: Laws
     wrench_row: np.ndarray
     contact_row: np.ndarray
     contact_site: np.ndarray
@@ -344,23 +345,23 @@ def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
 @kernel
 def write_laws(t: Tables, w: Work, implicit: bool) -> None:
     """Write the friction coefficients of every entry at its present speed (see `laws`)."""
-    law, rate, ratio, coordinate = t.law, w.coordinate_rate, w.entry_ratio, t.entry_coordinate
+    laws, rate, ratio, coordinate = t.laws, w.coordinate_rate, w.entry_ratio, t.entry_coordinate
     for e in range(coordinate.size):
         c, s = coordinate[e], t.entry_site[e]
         velocity = ratio[e] * rate[c]
         speed = abs(velocity)
         if t.ball[c]:
             speed = _ball_speed(t, rate, c)
-        blend = 0.0
-        if law[s, 7] > 0.0:
-            blend = np.exp(-((speed / law[s, 7]) ** law[s, 8]))
-        w.mu_stick[e] = law[s, 0]
-        w.mu_slip[e] = law[s, 1] + (law[s, 0] - law[s, 1]) * blend
+        moving = friction_at(laws, s, speed)
+        w.mu_stick[e] = laws.mu_static[s]
+        w.mu_slip[e] = moving.mu + moving.drag_mu
         for side in range(2):
-            static, kinetic = law[s, 2 + 2 * side], law[s, 3 + 2 * side]
-            w.coulomb_stick[e, side] = static
-            w.coulomb_slip[e, side] = kinetic + (static - kinetic) * blend
-        w.drag[e] = 0.0 if implicit else law[s, 6] * velocity
+            w.coulomb_stick[e, side] = laws.coulomb_static[s, side]
+        w.coulomb_slip[e, 0], w.coulomb_slip[e, 1] = moving.forward, moving.backward
+        w.drag[e] = 0.0 if implicit else laws.viscous[s] * velocity
+        if speed > 0.0:  # a ball's drag lies along its velocity
+            one_way = moving.drag_forward if velocity > 0.0 else moving.drag_backward
+            w.drag[e] += one_way * (velocity / speed)
 
 
 @kernel

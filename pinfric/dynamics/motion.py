@@ -150,7 +150,7 @@ class Motion(Shown):
         """Return when each site sticks, in the order of the sites; ends as located, not sampled."""
         found = []
         for s, site in enumerate(self.scene.sites):
-            if not _can_stick(site.law):
+            if not site.law.dry:
                 continue
             for first, last in runs(self.phase_modes[:, s] == 0):
                 start, end = self.phase_t[first], self.phase_t[last + 1]
@@ -322,7 +322,3 @@ class Dense:
             work += half * float(weights @ (effort * drives).sum(axis=1))
             loss -= half * (weights @ (friction * sites))
         return work, loss
-
-
-def _can_stick(law: Any) -> bool:
-    return any((law.mu_static, law.static_positive, law.static_negative))

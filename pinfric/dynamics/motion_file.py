@@ -12,9 +12,9 @@ from pydantic import Field, FiniteFloat
 
 from pinfric.dynamics.motion import ARRAYS, FORMAT, Event, Motion, scene_digests
 from pinfric.errors import SceneError, SimulationError, problems_line
+from pinfric.model.entry import Entry, parse
 from pinfric.model.magnitudes import impossible
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Entry, parse
 from pinfric.model.yamlfile import brief, brief_path
 
 

@@ -150,6 +150,7 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         **freedoms,
         armature=twin.armature,
         **{name: getattr(layout, name) for name in _LAYOUT_FIELDS},
+        laws=layout.laws,
         wrench_row=rows.astype(np.int64),
         contact_row=row_of[layout.joint[layout.entry_site[entry]]],
         contact_site=entry,
@@ -170,7 +171,7 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
 
 _LAYOUT_FIELDS = (
     "drive_v", "drive_action", "entry_site", "entry_coordinate", "coordinate_v",
-    "coordinate_action", "viscous", "dry", "stick_velocity", "block", "ball", "law",
+    "coordinate_action", "viscous", "dry", "stick_velocity", "block", "ball",
     "displacement_q", "displacement_ratio", "displacement_shift", "first_entry",
 )  # fmt: skip
 _PAIR_FIELDS = ("pair_kind", "rotation", "frame_joint", "frame_p", "frame_R", "pair_axis",

@@ -14,9 +14,9 @@ import numba
 import numpy as np
 
 from pinfric.dynamics.motion_kernels import effort_bounds, mark_reversals
-from pinfric.model.bearings import normal_loads
+from pinfric.model.bearings import Contacts, normal_loads
 from pinfric.model.compiled import parallel_kernel
-from pinfric.model.laws import friction_bounds
+from pinfric.model.laws import Laws, friction_bounds
 from pinfric.model.twin import embed, project
 
 
@@ -63,32 +63,30 @@ def embed_in_parts(
 def friction_in_parts(
     parts: int,
     wrench: np.ndarray,
-    v_index: np.ndarray,
-    ratio: np.ndarray,
-    axis: np.ndarray,
-    components: np.ndarray,
+    projection: tuple[np.ndarray, ...],
     effort: np.ndarray,
     joint: np.ndarray,
-    site_axis: np.ndarray,
-    weights: np.ndarray,
+    contacts: Contacts,
     displacement: np.ndarray,
     load: np.ndarray,
     velocity: np.ndarray,
-    law: np.ndarray,
-    at_rest: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    sticking: np.ndarray,
+    laws: Laws,
+    sides: tuple[np.ndarray, ...],
 ) -> None:
-    """`twin.project`, `bearings.normal_loads`, `laws.friction_bounds` one after the other."""
+    """`twin.project`, `bearings.normal_loads`, `laws.friction_bounds` one after the other.
+
+    `projection` and `sides` are the fixed arguments of the first and the last of the third.
+    """
+    v_index, ratio, axis, components = projection
+    at_rest, lower, upper, sticking = sides
     n = wrench.shape[0]
     for part in numba.prange(parts):
         i, j = part * n // parts, (part + 1) * n // parts
         moved = displacement[i:j] if displacement.shape[0] == n else displacement
         project(wrench[i:j], v_index, ratio, axis, components, effort[i:j])
-        normal_loads(wrench[i:j], joint, site_axis, weights, moved, load[i:j])
+        normal_loads(wrench[i:j], joint, contacts, moved, load[i:j])
         friction_bounds(
-            velocity[i:j], load[i:j], law, at_rest[i:j], lower[i:j], upper[i:j], sticking[i:j]
+            velocity[i:j], load[i:j], laws, at_rest[i:j], lower[i:j], upper[i:j], sticking[i:j]
         )
 
 

@@ -404,16 +404,16 @@ class Workspace:
     # ------------------------------------------------------------ what cannot be
 
     def check_roll_moments(self) -> None:
-        """Refuse a moment about a guide's axis that nothing resists (beyond rounding).
+        """Refuse a moment about the axis that a bearing cannot carry (beyond rounding).
 
         Raises:
             RollMomentError: see there.
         """
         for s in self.tables.guides:
             site = self.scene.sites[s]
-            assert site.friction.bearing is not None  # that is what makes it a guide
+            assert site.friction.bearing is not None  # that is what makes it one of these
             force, moment = self.wrench[s, :3], self.wrench[s, 3:]
-            roll, length = float(moment @ site.axis), site.friction.bearing.length or 0.0
+            roll, length = float(moment @ site.axis), site.friction.bearing.roll_lever() or 0.0
             if abs(roll) > 1e-9 * (np.linalg.norm(moment) + length * np.linalg.norm(force)):
                 raise RollMomentError(site.name, 0, roll)
 

@@ -20,8 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.bearings import LoadWeights
-
 
 class Problem(NamedTuple):
     """One coupled friction problem: nc coordinates, ns sites, nt contact forces.
@@ -80,47 +78,3 @@ def empty_problem(
         coulomb_stick=np.zeros((ns, 2)),
         drag=np.zeros(ns),
     )
-
-
-def contact_maps(weights: LoadWeights, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the linear maps whose norms make a bearing's load: c = sum |(B + s C) w| + constant.
-
-    The terms of `bearings.LoadWeights`, each with its weight multiplied in; terms of weight zero
-    are left out. s is the child's displacement along the axis (m), which moves the middle of a
-    bearing that is fixed to the parent.
-
-    Args:
-        weights: of the bearing.
-        axis: (3,) unit joint axis k in the child's frame.
-
-    Returns:
-        B, C: (n, 3, 6), wrench (N, N m; linear first) -> weighted contact force.
-    """
-    k = np.asarray(axis, dtype=float)
-    along = np.outer(k, k)
-    across = np.eye(3) - along
-    cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
-    zero = np.zeros((3, 3))
-    radial, axial = np.hstack([across, zero]), np.hstack([along, zero])
-    roll = np.hstack([zero, along])
-
-    def about(middle: float, moved: float) -> np.ndarray:
-        """M_b about the bearing's middle: across (M - middle k x F); `moved` drops M itself."""
-        return np.hstack([-middle * cross, moved * across])
-
-    terms = []
-    for where, keep in ((weights.offset, 1.0), (-weights.follows_parent, 0.0)):
-        bending = about(where, keep)
-        couple = -cross @ bending * weights.inverse_length  # M_b x k / length
-        terms.append([
-            weights.two_end * (keep * radial / 2 + couple),
-            weights.two_end * (keep * radial / 2 - couple),
-            weights.radial * keep * radial,
-            weights.axial * keep * axial,
-            weights.bending * bending,
-            weights.roll * keep * roll,
-        ])  # fmt: skip
-    used = [i for i in range(6) if terms[0][i].any()]
-    shape = (len(used), 3, 6)
-    return (np.array([terms[0][i] for i in used]).reshape(shape),
-            np.array([terms[1][i] for i in used]).reshape(shape))  # fmt: skip

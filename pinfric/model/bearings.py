@@ -1,100 +1,357 @@
 """Bearings: from the wrench a joint transmits to the load its friction acts on.
 
-Every bearing is a sum of norms of the wrench's parts with weights of its own:
+A bearing kind is one class: its keys in the scene file, its checks, and its terms. Friction effort
+= mu c with the load a sum of norms,
 
-    c = two_end (|F_r/2 + M_b x k/length| + |F_r/2 - M_b x k/length|)
-      + radial |F_r| + axial |F_a| + bending |M_b| + roll |M_a| + constant
+    c = sum_i |(B_i + s C_i) w| + constant
 
-with k the joint axis, F the force (F_a along k, F_r across it) and M the moment about the bearing's
-middle (M_a along k, M_b across it) of the parent on the child. So c is convex in the wrench, zero
-only where nothing presses, and friction effort = mu c: N m about an axis, N along one.
+of the wrench w of the parent on the child (force F, moment M) in axes whose z is the joint's axis,
+s the child's displacement along it. So c is convex in the wrench and zero only where nothing
+presses; it is in N m for a joint that turns, in N for one that slides.
 """
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
+from pydantic import ValidationError, ValidatorFunctionWrapHandler, model_validator
+from pydantic_core import InitErrorDetails
 
+from pinfric.errors import choose_from
 from pinfric.model.compiled import kernel
-from pinfric.model.schema import Bearing
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, question
 
-#: Columns of `weight_table`: the bearing's middle, and whether it follows the parent.
-OFFSET, FOLLOWS_PARENT = 7, 8
+#: Rows that take one component of the wrench, z along the joint's axis.
+FX, FY, FZ, MX, MY, MZ = np.eye(6)
 
 
-@dataclass(frozen=True)
-class LoadWeights:
-    """The weights of one bearing's normal load; zero leaves a term out.
+class LoadTerms(NamedTuple):
+    """The load of one bearing, c = sum_i |(B_i + s C_i) w| + constant.
 
     Attributes:
-        two_end: weight of the two end forces of a bearing of finite length (m, or 1 for a guide).
-        inverse_length: 1/length (1/m) of that bearing.
-        radial, axial: weights of |F_r| and |F_a| (m, or 1).
-        bending, roll: weights of |M_b| and |M_a| (1, or 1/m).
-        constant: the preload's share (N m or N).
-        offset: middle of the bearing along the axis from the joint's origin (m).
-        follows_parent: 1 where the bearing is fixed to the parent and the rod slides through it.
+        maps: (n, 3, 6) B of each term, made by `norm_of`; w in axes whose z is the joint's axis.
+        moved: C of each term; empty where nothing depends on the displacement.
+        constant: N m for a joint that turns, N for one that slides.
     """
 
-    two_end: float = 0.0
-    inverse_length: float = 0.0
-    radial: float = 0.0
-    axial: float = 0.0
-    bending: float = 0.0
-    roll: float = 0.0
+    maps: Sequence[np.ndarray]
     constant: float = 0.0
-    offset: float = 0.0
-    follows_parent: float = 0.0
+    moved: Sequence[np.ndarray] = ()
 
 
-def load_weights(bearing: Bearing | None) -> LoadWeights:
-    """Return the weights of a bearing's normal load (`pin` is the paper's Fig. 3).
+def norm_of(*rows: np.ndarray) -> np.ndarray:
+    """Return the map (3, 6) whose image has these rows (6,) of the wrench as components."""
+    return np.vstack([*rows, *np.zeros((3 - len(rows), 6))])
+
+
+def two_ends(length: float, middle: float) -> list[np.ndarray]:
+    """Return the maps of the end forces F_r/2 +- M_b x k/length of a bearing of finite length.
+
+    F_r is the force across the axis k, M_b the moment across it about the bearing's middle (the
+    paper's Fig. 3).
 
     Args:
-        bearing: the scene's entry; None is a joint without a load-carrying bearing.
+        length: m.
+        middle: of the bearing, along the axis from the joint's origin (m).
     """
-    if bearing is None:
-        return LoadWeights()
-    if bearing.kind in ("pin", "ball"):
-        radius = bearing.radius or 0.0
-        thrust = bearing.thrust_radius or 0.0
-        constant = radius * bearing.preload
-        if bearing.length is None:
-            return LoadWeights(radial=radius, axial=thrust, constant=constant,
-                               offset=bearing.offset)  # fmt: skip
-        return LoadWeights(two_end=radius, inverse_length=1.0 / bearing.length, axial=thrust,
-                           constant=constant, offset=bearing.offset)  # fmt: skip
-    if bearing.kind == "guide":
-        assert bearing.length is not None  # the schema requires it
-        return LoadWeights(
-            two_end=1.0,
-            inverse_length=1.0 / bearing.length,
-            roll=0.0 if bearing.width is None else 2.0 / bearing.width,
-            constant=bearing.preload,
-            offset=bearing.offset,
-            follows_parent=1.0 if bearing.on == "parent" else 0.0,
-        )
-    return LoadWeights(
-        radial=bearing.radial or 0.0,
-        axial=bearing.axial or 0.0,
-        bending=bearing.moment or 0.0,
-        constant=bearing.preload,
-        offset=bearing.offset,
-    )
+    bending_x, bending_y = MX + middle * FY, MY - middle * FX
+    couple = norm_of(bending_y, -bending_x) / length
+    return [norm_of(FX, FY) / 2 + couple, norm_of(FX, FY) / 2 - couple]
 
 
-def weight_table(weights: list[LoadWeights]) -> np.ndarray:
-    """Return the weights of all sites as one (ns, 9) table for `normal_loads`."""
-    return np.array([astuple(w) for w in weights], dtype=float).reshape(-1, 9)
+class Bearing(Entry):
+    """Where a joint's load is carried: the base of all kinds, and what reads `bearing:` as one.
+
+    A subclass is a new kind as soon as it is defined; nothing else is edited for it.
+
+    Attributes:
+        kind: what the scene file calls it, a `Literal` of one word in each subclass.
+        fits: the joints it can carry: "turning joint", "prismatic joint", "spherical loop",
+            "revolute loop", "planar_pin loop".
+        sizes: keys that are sizes (m), which are questioned where they are unusually large.
+        rolling: whether it rolls, and so has the coefficients of rolling bearings.
+    """
+
+    fits: ClassVar[tuple[str, ...]]
+    sizes: ClassVar[tuple[str, ...]] = ()
+    rolling: ClassVar[bool] = False
+
+    kind: str
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Make it a kind."""
+        KINDS[get_args(cls.model_fields["kind"].annotation)[0]] = cls
+
+    @abstractmethod
+    def terms(self) -> LoadTerms:
+        """Return the load's terms, in axes whose z is the joint's axis."""
+
+    def misfit(self, joint: str) -> str:
+        """Return what is wrong with this bearing at a joint (see `fits`); empty if nothing.
+
+        The text follows the entry's path: it begins with a key's name or with a colon.
+        """
+        if joint in self.fits:
+            return ""
+        fitting = [kind for kind, cls in KINDS.items() if joint in cls.fits]
+        return (f": a {self.kind} does not fit a {joint}; take {' or '.join(fitting)} "
+                f"(a {self.kind} fits a {' or '.join(self.fits)})")  # fmt: skip
+
+    def roll_lever(self) -> float | None:
+        """Return the length (m) that a moment about the axis is compared with; None: it is carried.
+
+        A bearing that cannot carry that moment is refused where there is one: more than rounding
+        beside the other moments and beside this length times the forces.
+        """
+        return None
+
+    def without_bending(self) -> Bearing | None:
+        """Return the bearing without the part of its load that a bending moment makes.
+
+        None where nothing is left; the bearing itself where bending makes no part of it.
+        """
+        return self
+
+    @classmethod
+    def keys_and_kinds(cls) -> dict[str, Any]:
+        """See `Entry.keys_and_kinds`; of `Bearing` itself, the keys of all kinds."""
+        keys = super().keys_and_kinds()
+        for kind in KINDS.values() if cls is Bearing else ():
+            keys |= kind.keys_and_kinds()
+        return keys
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_its_kind(cls, value: Any, read: ValidatorFunctionWrapHandler) -> Bearing:
+        """Read a mapping as the class of its kind, whose keys it may have and must have."""
+        if not isinstance(value, dict):
+            found: Bearing = read(value)
+            return found
+        given = {key: part for key, part in value.items() if part is not None}
+        if cls is Bearing:
+            return _class_of(given).model_validate(given)
+        kind, keys = given.get("kind"), cls.model_fields
+        if given.keys() <= Bearing.keys_and_kinds().keys():  # else pydantic names the others
+            for key in sorted(given.keys() - keys):
+                raise ValueError(f"a {kind} has no `{key}`; {choose_from(key, list(keys)[1:])}")
+            for key, field in keys.items():
+                if field.is_required() and key not in given:
+                    raise ValueError(f"a {kind} needs `{key}`")
+        made: Bearing = read(given)
+        for key in cls.sizes:
+            question(f"bearing.{key}", getattr(made, key), 1.0, "m")
+        return made
+
+
+#: The classes of all kinds of bearing, by what the scene file calls them.
+KINDS: dict[str, type[Bearing]] = {}
+
+
+def _class_of(given: dict[str, Any]) -> type[Bearing]:
+    """The class of a mapping's kind, or pydantic's own error at the key `kind`."""
+    kind = given.get("kind")
+    if isinstance(kind, str) and kind in KINDS:
+        return KINDS[kind]
+    *others, last = map(repr, KINDS)
+    wrong = InitErrorDetails(type="missing", loc=("kind",), input=given)
+    if kind is not None:
+        expected = {"expected": f"{', '.join(others)} or {last}"}
+        wrong = InitErrorDetails(type="literal_error", loc=("kind",), input=kind, ctx=expected)
+    raise ValidationError.from_exception_data("Bearing", [wrong])
+
+
+class Pin(Bearing):
+    """A plain bearing; with a length, its two ends carry the bending moment (paper's Fig. 3).
+
+    c = radius (|F_r/2 + M_b x k/length| + |F_r/2 - M_b x k/length| + preload)
+        + thrust_radius |F_a|;     without length   radius (|F_r| + preload) + ...
+    """
+
+    fits = ("turning joint", "revolute loop", "planar_pin loop")
+    sizes = ("radius", "thrust_radius", "length")
+
+    kind: Literal["pin"]
+    radius: NonNegative
+    length: Positive | None = None
+    thrust_radius: NonNegative = 0.0
+    preload: NonNegative = 0.0
+    offset: Number = 0.0
+
+    def terms(self) -> LoadTerms:
+        """See the class."""
+        ends = [norm_of(FX, FY)] if self.length is None else two_ends(self.length, self.offset)
+        maps = [*(self.radius * end for end in ends), self.thrust_radius * norm_of(FZ)]
+        return LoadTerms(maps, self.radius * self.preload)
+
+    def misfit(self, joint: str) -> str:
+        """See `Bearing.misfit`."""
+        if joint == "planar_pin loop" and self.length is not None:
+            return (".length: a planar_pin carries no moment that a length would matter for; "
+                    "leave it out")  # fmt: skip
+        return super().misfit(joint)
+
+    def without_bending(self) -> Pin:
+        """See `Bearing.without_bending`."""
+        return self if self.length is None else self.model_copy(update={"length": None})
+
+
+class Guide(Bearing):
+    """Sliding pads at two ends, fixed to the child or to the parent.
+
+    c = |F_r/2 + M_b x k/length| + |F_r/2 - M_b x k/length| + 2 |M_a|/width + preload
+    """
+
+    fits = ("prismatic joint",)
+    sizes = ("length", "width")
+
+    kind: Literal["guide"]
+    length: Positive
+    width: Positive | None = None
+    preload: NonNegative = 0.0
+    offset: Number = 0.0
+    on: Literal["child", "parent"] = "child"
+
+    def terms(self) -> LoadTerms:
+        """See the class; a guide on the parent moves backwards in the child's axes."""
+        maps = two_ends(self.length, self.offset)
+        if self.width is not None:
+            maps.append(2.0 / self.width * norm_of(MZ))
+        # d(middle)/ds = -1 moves the bending moment by (-FY, FX)
+        couple = norm_of(FX, FY) / self.length
+        moved = [couple, -couple] if self.on == "parent" else []
+        return LoadTerms(maps, self.preload, moved)
+
+    def roll_lever(self) -> float | None:
+        """See `Bearing.roll_lever`."""
+        return self.length if self.width is None else None
+
+
+class Linear(Bearing):
+    """Rolling bearings as catalogues give them: a weight for each part of the load.
+
+    c = radial |F_r| + axial |F_a| + moment |M_b| + preload
+    """
+
+    fits = ("turning joint", "prismatic joint", "revolute loop", "planar_pin loop")
+    rolling = True
+
+    kind: Literal["linear"]
+    radial: NonNegative = 0.0
+    axial: NonNegative = 0.0
+    moment: NonNegative = 0.0
+    preload: NonNegative = 0.0
+    offset: Number = 0.0
+
+    @model_validator(mode="after")
+    def _something(self) -> Linear:
+        if not self.model_fields_set & {"radial", "axial", "moment", "preload"}:
+            raise ValueError("a linear bearing needs radial, axial, moment or preload")
+        return self
+
+    def terms(self) -> LoadTerms:
+        """See the class."""
+        bending = norm_of(MX + self.offset * FY, MY - self.offset * FX)
+        maps = [self.radial * norm_of(FX, FY), self.axial * norm_of(FZ), self.moment * bending]
+        return LoadTerms(maps, self.preload)
+
+    def misfit(self, joint: str) -> str:
+        """See `Bearing.misfit`."""
+        if joint == "prismatic joint" and self.axial:
+            return (".axial: along a prismatic joint the drive carries the force, not the bearing; "
+                    "leave `axial` out")  # fmt: skip
+        return super().misfit(joint)
+
+    def without_bending(self) -> Linear | None:
+        """See `Bearing.without_bending`."""
+        if not self.moment:
+            return self
+        left = self.radial or self.axial or self.preload
+        return self.model_copy(update={"moment": 0.0}) if left else None
+
+
+class Ball(Bearing):
+    """A ball in its socket: c = radius (|F| + preload)."""
+
+    fits = ("spherical loop",)
+    sizes = ("radius",)
+
+    kind: Literal["ball"]
+    radius: NonNegative
+    preload: NonNegative = 0.0
+
+    def terms(self) -> LoadTerms:
+        """See the class."""
+        return LoadTerms([self.radius * norm_of(FX, FY, FZ)], self.radius * self.preload)
+
+
+class Contacts(NamedTuple):
+    """The loads of all sites' bearings, c = sum |(B + s C) w| + constant, as arrays for kernels.
+
+    Attributes:
+        site: (nt,) whose term each is, ascending.
+        rank: (nt,) number of rows of B and C that are used: the first ones.
+        map, map_moved: (nt, 3, 6) B and C, for wrenches in the child's joint frame.
+        moves: (ns,) bool, whether the load depends on the displacement s.
+        constant: (ns,) N m or N.
+    """
+
+    site: np.ndarray
+    rank: np.ndarray
+    map: np.ndarray
+    map_moved: np.ndarray
+    moves: np.ndarray
+    constant: np.ndarray
+
+
+def contacts(bearings: Sequence[Bearing | None], axes: Sequence[np.ndarray]) -> Contacts:
+    """Return the terms of all sites that are not zero, turned into the joints' frames.
+
+    Args:
+        bearings: of each site; None is a site without one.
+        axes: (3,) each, unit joint axis in the child's frame.
+    """
+    site, maps, moved = [], [], []
+    constant = np.zeros(len(bearings))
+    for s, (bearing, axis) in enumerate(zip(bearings, axes, strict=True)):
+        if bearing is None:
+            continue
+        terms, turn = bearing.terms(), np.kron(np.eye(2), axes_along(axis))
+        constant[s] = terms.constant
+        for i, map_ in enumerate(terms.maps):
+            map_moved = terms.moved[i] if i < len(terms.moved) else np.zeros((3, 6))
+            if map_.any() or map_moved.any():
+                site.append(s)
+                maps.append(map_ @ turn)
+                moved.append(map_moved @ turn)
+    of, shape = np.array(site, dtype=np.int64), (len(site), 3, 6)
+    B, C = np.array(maps).reshape(shape), np.array(moved).reshape(shape)
+    used = (B != 0.0).any(axis=2) | (C != 0.0).any(axis=2)
+    moves = np.zeros(len(bearings), dtype=bool)
+    moves[of[C.any(axis=(1, 2))]] = True
+    rank = (used * np.arange(1, 4)).max(axis=1, initial=0)
+    return Contacts(of, rank.astype(np.int64), B, C, moves, constant)
+
+
+def axes_along(axis: np.ndarray) -> np.ndarray:
+    """Return a rotation (3, 3) that turns `axis` into z; its rows are unit axes x, y and `axis`.
+
+    Args:
+        axis: (3,) unit vector.
+    """
+    y = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    y /= np.linalg.norm(y)
+    return np.stack([np.cross(y, axis), y, axis])
 
 
 @kernel
 def normal_loads(
     wrench: np.ndarray,
     joint: np.ndarray,
-    axis: np.ndarray,
-    weights: np.ndarray,
+    contacts: Contacts,
     displacement: np.ndarray,
     load: np.ndarray,
 ) -> None:
@@ -103,42 +360,25 @@ def normal_loads(
     Args:
         wrench: (n, nj, 6), parent on child in the child's joint frame, linear first.
         joint: (ns,) row of the joint at which each site sits.
-        axis: (ns, 3), unit joint axis in the child's frame.
-        weights: (ns, 9), `weight_table`.
-        displacement: (n, ns), position of the child along the axis; read only for bearings fixed
-            to the parent, whose middle moves backwards in the child's frame.
+        contacts: `contacts`.
+        displacement: (n, ns), position of the child along the axis; read only where `moves`.
         load: (n, ns), overwritten.
     """
     for i in range(wrench.shape[0]):
         for s in range(joint.size):
-            w = wrench[i, joint[s]]
-            kx, ky, kz = axis[s, 0], axis[s, 1], axis[s, 2]
-            fa = w[0] * kx + w[1] * ky + w[2] * kz
-            fx, fy, fz = w[0] - fa * kx, w[1] - fa * ky, w[2] - fa * kz
-            middle = weights[s, OFFSET]
-            if weights[s, FOLLOWS_PARENT] != 0.0:
-                middle -= weights[s, FOLLOWS_PARENT] * displacement[i, s]
-            # M about the middle: M - middle k x F; k x F has no part along k
-            mx = w[3] - middle * (ky * fz - kz * fy)
-            my = w[4] - middle * (kz * fx - kx * fz)
-            mz = w[5] - middle * (kx * fy - ky * fx)
-            ma = mx * kx + my * ky + mz * kz
-            mx, my, mz = mx - ma * kx, my - ma * ky, mz - ma * kz
-            total = weights[s, 3] * abs(fa) + weights[s, 5] * abs(ma) + weights[s, 6]
-            if weights[s, 0] != 0.0:
-                g = weights[s, 1]
-                gx, gy, gz = (
-                    g * (my * kz - mz * ky),
-                    g * (mz * kx - mx * kz),
-                    g * (mx * ky - my * kx),
-                )
-                ax, ay, az = 0.5 * fx + gx, 0.5 * fy + gy, 0.5 * fz + gz
-                bx, by, bz = 0.5 * fx - gx, 0.5 * fy - gy, 0.5 * fz - gz
-                total += weights[s, 0] * (
-                    np.sqrt(ax * ax + ay * ay + az * az) + np.sqrt(bx * bx + by * by + bz * bz)
-                )
-            if weights[s, 2] != 0.0:
-                total += weights[s, 2] * np.sqrt(fx * fx + fy * fy + fz * fz)
-            if weights[s, 4] != 0.0:
-                total += weights[s, 4] * np.sqrt(mx * mx + my * my + mz * mz)
-            load[i, s] = total
+            load[i, s] = contacts.constant[s]
+    for t in range(contacts.site.size):
+        s = contacts.site[t]
+        j, rows, moves = joint[s], contacts.rank[t], contacts.moves[s]
+        still, moved = contacts.map[t], contacts.map_moved[t]
+        for i in range(wrench.shape[0]):
+            square = 0.0
+            for e in range(rows):
+                part = 0.0
+                for k in range(6):
+                    part += still[e, k] * wrench[i, j, k]
+                if moves:
+                    for k in range(6):
+                        part += displacement[i, s] * moved[e, k] * wrench[i, j, k]
+                square += part * part
+            load[i, s] += np.sqrt(square)

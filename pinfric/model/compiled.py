@@ -40,6 +40,16 @@ def long_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=False)
 
 
+def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a small kernel as `kernel` does, its body into the kernels that call it.
+
+    A call with a tuple of arrays costs more than what it computes.
+    """
+    return _compiled(
+        function, {"nogil": True, "error_model": "numpy", "inline": "always"}, waits=True
+    )
+
+
 def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel as `kernel` does, its `prange` loops for several threads."""
     options = {"nogil": True, "error_model": "numpy", "parallel": True}

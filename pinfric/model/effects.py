@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pinfric.errors import SceneError, choose_from
+from pinfric.model.friction_terms import FrictionTerm
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Bearing, Coefficients, Friction, Transmission
+from pinfric.model.schema import Actuator, Friction, Transmission, added_terms
 
 
 @dataclass(frozen=True)
@@ -49,73 +50,55 @@ def _has_load(friction: Friction) -> bool:
 
 def _bends(friction: Friction) -> bool:
     bearing = friction.bearing
-    return _has_load(friction) and bearing is not None and (
-        (bearing.kind == "pin" and bearing.length is not None) or bool(bearing.moment)
-    )  # fmt: skip
+    return _has_load(friction) and bearing is not None and bearing.without_bending() != bearing
 
 
 def _without_bending(friction: Friction) -> dict[str, Any]:
-    """A pin without length and a rolling bearing without moment carry the radial force only."""
-    bearing = friction.bearing
-    assert bearing is not None
-    part = {"length": None} if bearing.kind == "pin" else {"moment": None}
-    kept = {**bearing.model_dump(exclude_unset=True), **part}
-    # a bearing whose only term was the moment carries no load any more
-    still = bearing.kind == "pin" or bearing.radial or bearing.axial or bearing.preload
-    if not still:
-        return {"bearing": None, "mu": None}
-    return {"bearing": Bearing.model_validate({k: v for k, v in kept.items() if v is not None})}
+    assert friction.bearing is not None
+    left = friction.bearing.without_bending()
+    return {"bearing": left} if left is not None else {"bearing": None, "mu": None}
+
+
+def _without_static(friction: Friction) -> dict[str, Any]:
+    terms = {key: x.without_static() for key, x in friction if isinstance(x, FrictionTerm)}
+    return {"stribeck": None} | terms
 
 
 def _jumps(friction: Friction) -> bool:
     """Static above kinetic: friction at rest exceeds friction in motion."""
-    pairs: list[Coefficients] = []
-    if friction.mu is not None:
-        pairs.append(friction.mu)
-    if isinstance(friction.coulomb, Coefficients):
-        pairs.append(friction.coulomb)
-    elif friction.coulomb is not None:
-        pairs += [friction.coulomb.positive, friction.coulomb.negative]
-    return any(pair.static > pair.kinetic for pair in pairs)
+    return any(term.without_static() != term for term in friction.terms)
 
 
-def _without_static(friction: Friction) -> dict[str, Any]:
-    def kinetic(pair: Coefficients) -> Coefficients:
-        return Coefficients(static=pair.kinetic, kinetic=pair.kinetic)
-
-    change: dict[str, Any] = {"stribeck": None}
-    if friction.mu is not None:
-        change["mu"] = kinetic(friction.mu)
-    if isinstance(friction.coulomb, Coefficients):
-        change["coulomb"] = kinetic(friction.coulomb)
-    elif friction.coulomb is not None:
-        both = {"positive": kinetic(friction.coulomb.positive),
-                "negative": kinetic(friction.coulomb.negative)}  # fmt: skip
-        change["coulomb"] = friction.coulomb.model_copy(update=both)
-    return change
+def _term(key: str) -> _Kind:
+    """The effect of one key of the entry: a term, or the Stribeck curve."""
+    left = Friction.model_fields[key].default if key in Friction.model_fields else None
+    return _Kind(key, key, lambda f: bool(getattr(f, key, None)), lambda _: {key: left})
 
 
-_KINDS = (
-    _Kind("load", "bearing", _has_load, lambda _: {"bearing": None, "mu": None}),
-    _Kind("bending", "bearing.length, bearing.moment", _bends, _without_bending),
-    _Kind("static", "mu.static, coulomb.static", _jumps, _without_static),
-    _Kind("stribeck", "stribeck", lambda f: f.stribeck is not None, lambda _: {"stribeck": None}),
-    _Kind("coulomb", "coulomb", lambda f: f.coulomb is not None, lambda _: {"coulomb": None}),
-    _Kind("viscous", "viscous", lambda f: f.viscous > 0, lambda _: {"viscous": 0.0}),
-)
+def _kinds() -> tuple[_Kind, ...]:
+    return (
+        _Kind("load", "bearing", _has_load, lambda _: {"bearing": None, "mu": None}),
+        _Kind("bending", "bearing.length, bearing.moment", _bends, _without_bending),
+        _Kind("static", "mu.static, coulomb.static", _jumps, _without_static),
+        *(_term(key) for key in ("stribeck", "coulomb", "viscous", *added_terms())),
+    )
 
-#: All effects that can be switched, in the order they build on each other.
-NAMES = (*(kind.name for kind in _KINDS), "transmission", "payload")
+
+def switchable() -> tuple[str, ...]:
+    """Return all effects that can be switched, in the order they build on each other."""
+    return *(kind.name for kind in _kinds()), "transmission", "payload"
+
+
 #: Those that cannot: they follow from how the mechanism is built.
 STRUCTURAL = ("loops", "coupling")
 
 
 def effects(scene: Scene) -> tuple[Effect, ...]:
-    """Return what a scene calls for, and by which keys: `NAMES`, then `STRUCTURAL`."""
+    """Return what a scene calls for, and by which keys: `switchable`, then `STRUCTURAL`."""
     found = []
-    for kind in _KINDS:
-        names = [name for name, friction in scene.friction.items() if kind.present(friction)]
-        found.append(_effect(kind.name, f"friction.{{}}.{kind.key}", names))
+    for kind in _kinds():
+        where = [name for name, friction in scene.friction.items() if kind.present(friction)]
+        found.append(_effect(kind.name, f"friction.{{}}.{kind.key}", where))
     geared = [a.joint or "?" for a in scene.actuators or () if _lossless(a) != a]
     ideal = not geared and any(a.transmission is not None for a in scene.actuators or ())
     found.append(
@@ -161,11 +144,11 @@ def with_effects(
         raise SceneError("with_effects: give either `only` or `without`")
     named = list(only if only is not None else without or ())
     for name in named:
-        if name not in NAMES:
-            raise SceneError(f"with_effects: no effect {name!r}; {choose_from(name, NAMES)}")
-    off = set(NAMES) - set(named) if only is not None else set(named)
+        if name not in switchable():
+            raise SceneError(f"with_effects: no effect {name!r}; {choose_from(name, switchable())}")
+    off = set(switchable()) - set(named) if only is not None else set(named)
     friction = dict(scene.friction)
-    for kind in _KINDS:
+    for kind in _kinds():
         if kind.name in off:
             for name, entry in friction.items():
                 if kind.present(entry):
@@ -184,8 +167,7 @@ def with_effects(
 
 
 def _acts(friction: Friction) -> bool:
-    some = friction.bearing is not None or friction.coulomb is not None
-    return some or friction.viscous > 0
+    return friction.bearing is not None or bool(friction.terms)
 
 
 def _lossless(actuator: Actuator) -> Actuator:

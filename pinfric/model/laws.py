@@ -1,28 +1,27 @@
 """Friction laws: from a site's velocity and normal load to the friction that opposes it.
 
-Sliding (paper eq. 20):     phi = -sign(v) (mu(v) c + coulomb(v)) - viscous v
+Sliding (paper eq. 20):     phi = -sign(v) (mu(|v|) c + coulomb(|v|) + drag(|v|))
 Sticking (paper eq. 21):    -(mu_s c + coulomb_s+) <= phi <= mu_s c + coulomb_s-
-Creeping:                   the same, plus anything from 0 to -viscous v
-Stribeck:                   x(v) = x_kinetic + (x_static - x_kinetic) exp(-(|v|/v_s)^exponent)
+Creeping:                   the same, plus anything from 0 to the drag
 
-for x in mu and coulomb alike; without a Stribeck velocity static falls to kinetic in a jump.
-Moving forward (v > 0) the positive Coulomb value acts, backwards the negative one. Creeping is at
-or below the stick velocity but not at 0: whether the joint moves is not known, so neither is its
-drag, and the sliding value just above the stick velocity lies in the interval just below it. A
-joint without dry friction has nothing to stick by: its drag is -viscous v at any speed.
+with mu, coulomb and drag the sums of rows of the site's terms (`friction_terms`). Moving forward
+(v > 0) the positive Coulomb value acts, backwards the negative one. Creeping is at or below the
+stick velocity but not at 0: whether the joint moves is not known, so neither is its drag, and the
+sliding value just above the stick velocity lies in the interval just below it. A joint without dry
+friction has nothing to stick by: its drag acts at any speed.
 """
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.compiled import kernel
-from pinfric.model.schema import Coefficients, Friction
-
-#: Column of `law_table` that others read.
-STICK_VELOCITY = 9
+from pinfric.model.compiled import inlined_kernel, kernel
+from pinfric.model.friction_terms import CONSTANT, LINEAR, Row, Strength
+from pinfric.model.schema import Friction
 
 
 @dataclass(frozen=True)
@@ -30,60 +29,186 @@ class FrictionLaw:
     """The numbers of one site's friction law.
 
     Attributes:
-        mu_static, mu_kinetic: coefficients of the normal load (1).
-        static_positive, kinetic_positive: Coulomb friction against forward motion (N m or N).
-        static_negative, kinetic_negative: the same against backward motion.
-        viscous: N m s/rad or N s/m.
-        stribeck_velocity: rad/s or m/s; 0 for a jump.
-        stribeck_exponent: 1.
+        static: the limits at rest.
+        kinetic: what is constant in motion.
+        viscous: N m s/rad or N s/m; apart from the rows because time steps take it implicitly.
+        rows: the rest of friction in motion, one row per shape.
         stick_velocity: at or below this speed the site sticks (rad/s or m/s).
     """
 
-    mu_static: float = 0.0
-    mu_kinetic: float = 0.0
-    static_positive: float = 0.0
-    kinetic_positive: float = 0.0
-    static_negative: float = 0.0
-    kinetic_negative: float = 0.0
-    viscous: float = 0.0
-    stribeck_velocity: float = 0.0
-    stribeck_exponent: float = 2.0
-    stick_velocity: float = 1e-6
+    static: Strength
+    kinetic: Strength
+    viscous: float
+    rows: tuple[Row, ...]
+    stick_velocity: float
+
+    @property
+    def dry(self) -> bool:
+        """Whether it can stick: anything is left of its friction at rest."""
+        return any(strength > 0.0 for strength in self.static)
 
 
 def friction_law(friction: Friction, default_stick_velocity: float) -> FrictionLaw:
     """Return the law of one scene entry."""
-    mu, coulomb, stribeck = friction.mu, friction.coulomb, friction.stribeck
-    none = Coefficients(static=0.0, kinetic=0.0)
-    if coulomb is None or isinstance(coulomb, Coefficients):
-        positive = negative = coulomb or none
-    else:
-        positive, negative = coulomb.positive, coulomb.negative
+    static, viscous, rows = Strength(), 0.0, {CONSTANT: Strength()}
+    for term in friction.terms:
+        static = _sum(static, term.at_rest())
+        for shape, strength in term.rows(friction.stribeck):
+            if shape == LINEAR and strength == (0.0, strength.forward, strength.forward):
+                viscous += strength.forward
+            else:
+                rows[shape] = _sum(rows.get(shape, Strength()), strength)
     stick = friction.stick_velocity
     return FrictionLaw(
-        mu_static=mu.static if mu else 0.0,
-        mu_kinetic=mu.kinetic if mu else 0.0,
-        static_positive=positive.static,
-        kinetic_positive=positive.kinetic,
-        static_negative=negative.static,
-        kinetic_negative=negative.kinetic,
-        viscous=friction.viscous,
-        stribeck_velocity=stribeck.velocity if stribeck else 0.0,
-        stribeck_exponent=stribeck.exponent if stribeck else 2.0,
+        static=static,
+        kinetic=rows.pop(CONSTANT),
+        viscous=viscous,
+        rows=tuple((shape, strength) for shape, strength in rows.items() if any(strength)),
         stick_velocity=default_stick_velocity if stick is None else stick,
     )
 
 
-def law_table(laws: list[FrictionLaw]) -> np.ndarray:
-    """Return the laws of all sites as one (ns, 10) table for `friction_bounds`."""
-    return np.array([astuple(law) for law in laws], dtype=float).reshape(-1, 10)
+def _sum(a: Strength, b: Strength) -> Strength:
+    return Strength(*(x + y for x, y in zip(a, b, strict=True)))
+
+
+class Laws(NamedTuple):
+    """The friction laws of all sites, as arrays for kernels.
+
+    Attributes:
+        mu_static, mu_kinetic: (ns,) factor of the load at rest, and what is constant in motion.
+        coulomb_static, coulomb_kinetic: (ns, 2) the same that does not depend on the load, against
+            forward and backward motion (N m or N).
+        viscous: (ns,) N m s/rad or N s/m.
+        stick_velocity: (ns,) rad/s or m/s.
+        row_start, row_end: (ns,) which rows are a site's.
+        mu, coulomb: (nr,), (nr, 2) strength of each row.
+        power, velocity, exponent: (nr,) its shape, s^power exp(-(s / velocity)^exponent).
+    """
+
+    mu_static: np.ndarray
+    mu_kinetic: np.ndarray
+    coulomb_static: np.ndarray
+    coulomb_kinetic: np.ndarray
+    viscous: np.ndarray
+    stick_velocity: np.ndarray
+    row_start: np.ndarray
+    row_end: np.ndarray
+    mu: np.ndarray
+    coulomb: np.ndarray
+    power: np.ndarray
+    velocity: np.ndarray
+    exponent: np.ndarray
+
+    @property
+    def dry(self) -> np.ndarray:
+        """(ns,) bool, whether a site can stick."""
+        return np.asarray((self.mu_static > 0.0) | (self.coulomb_static > 0.0).any(axis=1))
+
+    @property
+    def loaded(self) -> np.ndarray:
+        """(ns,) bool, whether the load matters to a site's friction."""
+        spans = zip(self.row_start, self.row_end, strict=True)
+        more = np.array([self.mu[start:end].any() for start, end in spans], dtype=bool)
+        return np.asarray((self.mu_static > 0.0) | (self.mu_kinetic > 0.0) | more)
+
+    def of_sites(self, index: np.ndarray) -> Laws:
+        """Return the laws of some sites, in the order of `index`."""
+        first = self._fields.index("mu")
+        return Laws(*(array[index] for array in self[:first]), *self[first:])
+
+
+def law_table(laws: Sequence[FrictionLaw]) -> Laws:
+    """Return the laws of all sites as arrays."""
+    rows = [row for law in laws for row in law.rows]
+    ends = np.cumsum([0, *(len(law.rows) for law in laws)], dtype=np.int64)
+    static, kinetic, shapes, strengths = (
+        np.array(list(numbers), dtype=float).reshape(-1, 3)
+        for numbers in ((law.static for law in laws), (law.kinetic for law in laws),
+                        (shape for shape, _ in rows), (strength for _, strength in rows))
+    )  # fmt: skip
+    return Laws(
+        mu_static=static[:, 0].copy(),
+        mu_kinetic=kinetic[:, 0].copy(),
+        coulomb_static=static[:, 1:].copy(),
+        coulomb_kinetic=kinetic[:, 1:].copy(),
+        viscous=np.array([law.viscous for law in laws], dtype=float),
+        stick_velocity=np.array([law.stick_velocity for law in laws], dtype=float),
+        row_start=ends[:-1].copy(),
+        row_end=ends[1:].copy(),
+        mu=strengths[:, 0].copy(),
+        coulomb=strengths[:, 1:].copy(),
+        power=shapes[:, 0].copy(),
+        velocity=shapes[:, 1].copy(),
+        exponent=shapes[:, 2].copy(),
+    )
+
+
+class Moving(NamedTuple):
+    """Friction in motion at one speed, against forward and backward motion.
+
+    Attributes:
+        mu, forward, backward: dry: factor of the load, and N m or N.
+        drag_mu, drag_forward, drag_backward: the same of what vanishes at rest.
+    """
+
+    mu: float
+    forward: float
+    backward: float
+    drag_mu: float
+    drag_forward: float
+    drag_backward: float
+
+
+@inlined_kernel
+def friction_at(laws: Laws, site: int, speed: float) -> Moving:
+    """Return a site's friction in motion but for `laws.viscous`: the sums of its rows.
+
+    Args:
+        laws: `law_table`.
+        site: row of it.
+        speed: |v|, rad/s or m/s.
+    """
+    mu = laws.mu_kinetic[site]
+    forward, backward = laws.coulomb_kinetic[site, 0], laws.coulomb_kinetic[site, 1]
+    drag_mu, drag_forward, drag_backward = 0.0, 0.0, 0.0
+    for r in range(laws.row_start[site], laws.row_end[site]):
+        shape = 1.0
+        if laws.velocity[r] < np.inf:
+            shape = np.exp(-((speed / laws.velocity[r]) ** laws.exponent[r]))
+        if laws.power[r] > 0.0:
+            shape *= speed ** laws.power[r]
+            drag_mu += laws.mu[r] * shape
+            drag_forward += laws.coulomb[r, 0] * shape
+            drag_backward += laws.coulomb[r, 1] * shape
+        else:
+            mu += laws.mu[r] * shape
+            forward += laws.coulomb[r, 0] * shape
+            backward += laws.coulomb[r, 1] * shape
+    return Moving(mu, forward, backward, drag_mu, drag_forward, drag_backward)
+
+
+@kernel
+def frictions_at(laws: Laws, speed: np.ndarray, moving: np.ndarray) -> None:
+    """Write `friction_at` of every sample and site.
+
+    Args:
+        laws: `law_table`.
+        speed: (n, ns), |v|, rad/s or m/s.
+        moving: (6, n, ns), overwritten: the fields of `Moving`.
+    """
+    for i in range(speed.shape[0]):
+        for s in range(speed.shape[1]):
+            now = friction_at(laws, s, speed[i, s])
+            for k in range(6):
+                moving[k, i, s] = now[k]
 
 
 @kernel
 def friction_bounds(
     velocity: np.ndarray,
     load: np.ndarray,
-    law: np.ndarray,
+    laws: Laws,
     at_rest: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -94,7 +219,7 @@ def friction_bounds(
     Args:
         velocity: (n, ns), child relative to parent (rad/s or m/s).
         load: (n, ns), normal load (N m or N).
-        law: (ns, 10), `law_table`.
+        laws: `law_table`.
         at_rest: (n, ns), True where a velocity crosses zero between samples: the interval of
             standstill then encloses the sliding value.
         lower, upper: (n, ns), friction of the parent on the child along the joint's positive
@@ -102,26 +227,26 @@ def friction_bounds(
         sticking: (n, ns), overwritten; |velocity| <= stick velocity.
     """
     for i in range(velocity.shape[0]):
-        for s in range(law.shape[0]):
-            v, c, speed = velocity[i, s], load[i, s], abs(velocity[i, s])
-            sticks = speed <= law[s, STICK_VELOCITY]
+        for s in range(laws.viscous.size):
+            v, c = velocity[i, s], load[i, s]
+            sticks = abs(v) <= laws.stick_velocity[s]
             sticking[i, s] = sticks
-            limit_forward = law[s, 0] * c + law[s, 2]
-            limit_backward = law[s, 0] * c + law[s, 4]
+            limit_forward = laws.mu_static[s] * c + laws.coulomb_static[s, 0]
+            limit_backward = laws.mu_static[s] * c + laws.coulomb_static[s, 1]
+            moving = friction_at(laws, s, abs(v))
+            one_way = moving.drag_forward if v > 0.0 else moving.drag_backward
+            drag = laws.viscous[s] * v + np.copysign(moving.drag_mu * c + one_way, v)
             if sticks:
-                drag = law[s, 6] * v
-                dry = law[s, 0] > 0.0 or law[s, 2] > 0.0 or law[s, 4] > 0.0
+                # a site without dry friction has nothing to stick by
+                dry = (laws.mu_static[s] > 0.0 or laws.coulomb_static[s, 0] > 0.0
+                       or laws.coulomb_static[s, 1] > 0.0)  # fmt: skip
                 lower[i, s] = -limit_forward - (max(drag, 0.0) if dry else drag)
                 upper[i, s] = limit_backward - (min(drag, 0.0) if dry else drag)
                 continue
-            blend = 0.0
-            if law[s, 7] > 0.0:
-                blend = np.exp(-((speed / law[s, 7]) ** law[s, 8]))
-            mu = law[s, 1] + (law[s, 0] - law[s, 1]) * blend
             if v > 0.0:
-                phi = -(mu * c + law[s, 3] + (law[s, 2] - law[s, 3]) * blend) - law[s, 6] * v
+                phi = -(moving.mu * c + moving.forward) - drag
             else:
-                phi = mu * c + law[s, 5] + (law[s, 4] - law[s, 5]) * blend - law[s, 6] * v
+                phi = moving.mu * c + moving.backward - drag
             if at_rest[i, s]:
                 lower[i, s], upper[i, s] = min(-limit_forward, phi), max(limit_backward, phi)
             else:

@@ -27,7 +27,6 @@ from pinfric.model.robot import link_frame
 from pinfric.model.schema import (
     Actuator,
     Cylinder,
-    DirectedCoefficients,
     Friction,
     Loop,
     PointForce,
@@ -189,19 +188,27 @@ def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
     Raises:
         SceneError: a bearing of another kind of joint, friction where nothing moves.
     """
-    bearing = friction.bearing
-    fitting = {"spherical": ("ball",), "revolute": ("pin", "linear"),
-               "planar_pin": ("pin", "linear")}.get(loop.kind)  # fmt: skip
-    if fitting is None:
+    if loop.kind == "fixed":
         raise SceneError(f"{where}: a {loop.kind} loop does not move: it has no friction")
-    if bearing is not None and bearing.kind not in fitting:
-        raise SceneError(f"{where}.bearing: a {bearing.kind} does not fit a {loop.kind} loop; "
-                         f"take {' or '.join(fitting)}")  # fmt: skip
-    if loop.kind == "planar_pin" and bearing is not None and bearing.length is not None:
-        raise SceneError(f"{where}.bearing.length: a planar_pin carries no moment that a "
-                         "length would matter for; leave it out")  # fmt: skip
-    if loop.kind == "spherical" and isinstance(friction.coulomb, DirectedCoefficients):
-        raise SceneError(f"{where}.coulomb: a ball has no positive and negative direction")
+    check_bearing(friction, f"{loop.kind} loop", where)
+    for term in friction.terms if loop.kind == "spherical" else ():
+        if term.directed:
+            raise SceneError(f"{where}.{term.key}: a ball has no positive and negative direction")
+
+
+def check_bearing(friction: Friction, joint: str, where: str) -> None:
+    """Check that a bearing, if there is one, fits its joint.
+
+    Args:
+        friction: the joint's.
+        joint: what it is; see `Bearing.fits`.
+        where: path of the entry, for the message.
+
+    Raises:
+        SceneError: a bearing of another kind of joint.
+    """
+    if friction.bearing is not None and (wrong := friction.bearing.misfit(joint)):
+        raise SceneError(f"{where}.bearing{wrong}")
 
 
 def _check_names(model: pin.Model, loops: Sequence[Loop], source: str) -> None:

@@ -13,12 +13,13 @@ import pinocchio as pin
 
 from pinfric.errors import RobotError, SceneError, choose_from
 from pinfric.model.arrays import real_numbers
-from pinfric.model.bearings import LoadWeights, load_weights, weight_table
+from pinfric.model.bearings import Contacts, contacts
 from pinfric.model.brief import scene_screen
 from pinfric.model.closure import check_drives, close, velocity_indices
 from pinfric.model.drives import Drive
-from pinfric.model.laws import FrictionLaw, friction_law, law_table
-from pinfric.model.loops import Linkage, check_loop_friction, make_linkage
+from pinfric.model.entry import parse
+from pinfric.model.laws import FrictionLaw, Laws, friction_law, law_table
+from pinfric.model.loops import Linkage, check_bearing, check_loop_friction, make_linkage
 from pinfric.model.magnitudes import LARGEST
 from pinfric.model.robot import (
     Robot,
@@ -33,7 +34,6 @@ from pinfric.model.schema import (
     Loop,
     Payload,
     Simulation,
-    parse,
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
 from pinfric.model.urdf import implausible_body
@@ -52,7 +52,7 @@ class Site:
         velocity_index, ratio: its velocity is ratio * v[velocity_index] (ratio 1 but for mimics);
             -1 for a loop's joint.
         axis: (3,) unit joint axis in the child's frame (a loop: in frame b).
-        weights, law: how load and friction follow from the wrench and the velocity.
+        law: how friction follows from the load and the velocity.
         friction: the scene's entry.
         loop: row of the loop, -1 for a joint of the tree.
         ball: True for a spherical loop joint, whose friction opposes a relative angular velocity.
@@ -64,7 +64,6 @@ class Site:
     velocity_index: int
     ratio: float
     axis: np.ndarray
-    weights: LoadWeights
     law: FrictionLaw
     friction: Friction
     loop: int = -1
@@ -77,8 +76,8 @@ class SiteTables:
 
     joint: np.ndarray
     axis: np.ndarray
-    weights: np.ndarray
-    law: np.ndarray
+    contacts: Contacts
+    laws: Laws
     velocity_index: np.ndarray
     ratio: np.ndarray
 
@@ -283,8 +282,8 @@ class Scene:
         return SiteTables(
             joint=np.array([s.joint for s in sites], dtype=np.int64),
             axis=np.array([s.axis for s in sites], dtype=float).reshape(-1, 3),
-            weights=weight_table([s.weights for s in sites]),
-            law=law_table([s.law for s in sites]),
+            contacts=contacts([s.friction.bearing for s in sites], [s.axis for s in sites]),
+            laws=law_table([s.law for s in sites]),
             velocity_index=np.array([s.velocity_index for s in sites], dtype=np.int64),
             ratio=np.array([s.ratio for s in sites], dtype=float),
         )
@@ -391,7 +390,7 @@ class Scene:
                 "acts at revolute, continuous and prismatic joints"
             )
         sliding = bool(twin.kind[row] == PRISMATIC)
-        self._check_bearing(friction, sliding, where)
+        check_bearing(friction, "prismatic joint" if sliding else "turning joint", where)
         axis = twin.axis[row, :3] if sliding else twin.axis[row, 3:]
         return Site(
             name=name,
@@ -400,7 +399,6 @@ class Scene:
             velocity_index=int(twin.v_index[row]),
             ratio=float(twin.ratio[row]),
             axis=axis,
-            weights=load_weights(friction.bearing),
             law=friction_law(friction, self.stick_velocity),
             friction=friction,
         )
@@ -416,32 +414,11 @@ class Scene:
             velocity_index=-1,
             ratio=1.0,
             axis=axis / np.linalg.norm(axis),
-            weights=load_weights(friction.bearing),
             law=friction_law(friction, self.stick_velocity),
             friction=friction,
             loop=row,
             ball=loop.kind == "spherical",
         )
-
-    @staticmethod
-    def _check_bearing(friction: Friction, sliding: bool, where: str) -> None:
-        bearing = friction.bearing
-        if bearing is None:
-            return
-        if bearing.kind == "ball":
-            raise SceneError(f"{where}.bearing: a ball belongs to a spherical loop joint; "
-                             "a URDF joint takes pin, guide or linear")  # fmt: skip
-        if (bearing.kind == "guide") != sliding and bearing.kind != "linear":
-            joint, fitting = ("prismatic", "guide") if sliding else ("turning", "pin")
-            raise SceneError(
-                f"{where}.bearing: a {bearing.kind} does not fit a {joint} joint; take {fitting} "
-                "or linear"
-            )
-        if bearing.kind == "linear" and sliding and bearing.axial:
-            raise SceneError(
-                f"{where}.bearing.axial: along a prismatic joint the drive carries the force, "
-                "not the bearing; leave `axial` out"
-            )
 
     def _ideal(self, joint: int) -> list[Drive]:
         """One ideal drive per degree of freedom of a joint; none for a mimic follower."""

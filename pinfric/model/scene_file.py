@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
+from pinfric.model.entry import parse
+from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Coefficients, Friction, SceneFile, parse
+from pinfric.model.schema import Friction, SceneFile
 from pinfric.model.yamlfile import read_yaml
 
 
@@ -103,7 +105,7 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
         entry = friction.get(name, Friction())
         update: dict[str, Any] = {}
         if entry.coulomb is None and dynamics.friction > 0:
-            update["coulomb"] = Coefficients(static=dynamics.friction, kinetic=dynamics.friction)
+            update["coulomb"] = CoulombFriction(static=dynamics.friction, kinetic=dynamics.friction)
         if "viscous" not in entry.model_fields_set and dynamics.damping > 0:
             update["viscous"] = dynamics.damping
         friction[name] = entry.model_copy(update=update)

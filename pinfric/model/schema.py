@@ -6,52 +6,38 @@ kind) live in `scene.py`; what a single entry can get wrong by itself is refused
 
 from __future__ import annotations
 
-import math
-import warnings
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    AfterValidator,
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
-    FiniteFloat,
-    ValidationError,
+    SerializeAsAny,
     field_validator,
     model_validator,
 )
+from pydantic_core import PydanticKnownError
 
-from pinfric.errors import PinfricWarning, SceneError, choose_from, problems_line
-from pinfric.model.magnitudes import LARGEST, SMALLEST
-from pinfric.model.yamlfile import brief
-
-
-def _strict_number(value: Any) -> Any:
-    """Refuse what pydantic would silently turn into a number, and what no machine has."""
-    if isinstance(value, bool | str):
-        raise ValueError(f"should be a number, found {brief(value)}")
-    if isinstance(value, int | float) and LARGEST < abs(value) < math.inf:
-        raise ValueError(f"should be at most {LARGEST:g} in magnitude, found {brief(value)}")
-    return value
-
-
-def _not_vanishing(value: float) -> float:
-    if 0 < value < SMALLEST:
-        raise ValueError(f"should be at least {SMALLEST:g}, found {value:g}")
-    return value
-
-
-Number = Annotated[FiniteFloat, BeforeValidator(_strict_number)]
-NonNegative = Annotated[Number, Field(ge=0)]
-Positive = Annotated[Number, Field(gt=0), AfterValidator(_not_vanishing)]
-Vector3 = tuple[Number, Number, Number]
-
-
-class Entry(BaseModel):
-    """Base of all sections: unknown keys are errors, nothing changes after reading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+from pinfric.model.bearings import Bearing
+from pinfric.model.entry import (
+    Entry,
+    NonNegative,
+    Number,
+    Positive,
+    Vector3,
+    not_vanishing,
+    question,
+    strict_number,
+)
+from pinfric.model.friction_terms import (
+    TERMS,
+    CoulombFriction,
+    DirectedCoulombFriction,
+    FrictionTerm,
+    LoadFriction,
+    Stribeck,
+    ViscousFriction,
+)
 
 
 class Payload(Entry):
@@ -69,94 +55,59 @@ class RobotEntry(Entry):
 
     urdf: str
     gravity: Vector3 = (0.0, 0.0, -9.81)
-    locked: dict[str, Number] = {}
-    payloads: dict[str, Payload] = {}
+    locked: dict[str, Number] = Field(default_factory=dict)
+    payloads: dict[str, Payload] = Field(default_factory=dict)
     urdf_dynamics: Literal["ignore", "use"] = "ignore"
 
 
-class Bearing(Entry):
-    """Where a joint's load is carried; turns the joint's wrench into a normal load."""
-
-    kind: Literal["pin", "guide", "linear", "ball"]
-    radius: NonNegative | None = None
-    length: Positive | None = None
-    thrust_radius: NonNegative | None = None
-    width: Positive | None = None
-    radial: NonNegative | None = None
-    axial: NonNegative | None = None
-    moment: NonNegative | None = None
-    preload: NonNegative = 0.0
-    offset: Number = 0.0
-    on: Literal["child", "parent"] | None = None
-
-    @model_validator(mode="after")
-    def _keys_of_its_kind(self) -> Bearing:
-        allowed = BEARING_KEYS[self.kind]
-        given = {key for key in self.model_fields_set if getattr(self, key) is not None} - {"kind"}
-        for key in sorted(given - allowed.keys()):
-            raise ValueError(f"a {self.kind} has no `{key}`; {choose_from(key, allowed)}")
-        for key, required in allowed.items():
-            if required and key not in given:
-                raise ValueError(f"a {self.kind} needs `{key}`")
-        if self.kind == "linear" and not given & {"radial", "axial", "moment", "preload"}:
-            raise ValueError("a linear bearing needs radial, axial, moment or preload")
-        for key in ("radius", "thrust_radius", "length", "width"):
-            _question(f"bearing.{key}", getattr(self, key), 1.0, "m")
-        return self
+def added_terms() -> dict[str, type[FrictionTerm]]:
+    """Return the classes of the terms that are no field of `Friction`, by their keys."""
+    return {key: cls for key, cls in TERMS.items() if key not in Friction.model_fields}
 
 
-#: The keys each kind of bearing takes, and whether it must have them.
-BEARING_KEYS: dict[str, dict[str, bool]] = {
-    "pin": {
-        "radius": True, "length": False, "thrust_radius": False, "preload": False, "offset": False,
-    },
-    "guide": {"length": True, "width": False, "preload": False, "offset": False, "on": False},
-    "linear": {
-        "radial": False, "axial": False, "moment": False, "preload": False, "offset": False,
-    },
-    "ball": {"radius": True, "preload": False},
-}  # fmt: skip
-
-
-class Coefficients(Entry):
-    """A static and a kinetic value of the same kind of friction."""
-
-    static: NonNegative
-    kinetic: NonNegative
-
-    @model_validator(mode="after")
-    def _static_is_the_larger(self) -> Coefficients:
-        if self.static < self.kinetic:
-            raise ValueError(
-                f"static {self.static:g} is less than kinetic {self.kinetic:g}: the two look "
-                "swapped (friction at rest is at least the friction in motion)"
-            )
-        return self
-
-
-class DirectedCoefficients(Entry):
-    """Coulomb friction that differs by the direction of motion."""
-
-    positive: Coefficients
-    negative: Coefficients
-
-
-class Stribeck(Entry):
-    """The fall from static to kinetic: exp(-(|v|/velocity)^exponent), joint velocity."""
-
-    velocity: Positive
-    exponent: Positive = 2.0
+def _added_term(keyed: tuple[str, Any]) -> FrictionTerm | None:
+    key, value = keyed
+    cls = added_terms().get(key)
+    if cls is None:
+        raise PydanticKnownError("extra_forbidden")
+    return None if value is None else cls.model_validate(value)
 
 
 class Friction(Entry):
-    """The friction of one joint: a bearing with coefficients, a constant part, a viscous part."""
+    """The friction of one joint: a bearing with coefficients, a constant part, a viscous part.
 
-    bearing: Bearing | None = None
-    mu: Coefficients | None = None
+    Keys beyond these are terms that a class of `FrictionTerm` adds.
+    """
+
+    model_config = ConfigDict(extra="allow")  # `_added_term` refuses what no class adds
+    __pydantic_extra__: dict[str, Annotated[Any, BeforeValidator(_added_term)]] = Field(init=False)
+
+    bearing: SerializeAsAny[Bearing] | None = None
+    mu: LoadFriction | None = None
     stribeck: Stribeck | None = None
-    coulomb: Coefficients | DirectedCoefficients | None = None
+    coulomb: CoulombFriction | DirectedCoulombFriction | None = None
     viscous: NonNegative = 0.0
     stick_velocity: NonNegative | None = None
+
+    @classmethod
+    def keys_and_kinds(cls) -> dict[str, Any]:
+        """Return the keys a mapping may have, those that classes add, too."""
+        return super().keys_and_kinds() | added_terms()
+
+    @property
+    def terms(self) -> tuple[FrictionTerm, ...]:
+        """The terms it is a sum of."""
+        viscous = ViscousFriction(coefficient=self.viscous) if self.viscous > 0 else None
+        every = (*(value for _, value in self), viscous)
+        return tuple(term for term in every if isinstance(term, FrictionTerm))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_keys(cls, value: Any) -> Any:
+        # what a class adds is read with its key, which says the class
+        if not isinstance(value, dict):
+            return value
+        return {k: x if k in cls.model_fields else (k, x) for k, x in value.items()}
 
     @field_validator("coulomb", mode="before")
     @classmethod
@@ -164,7 +115,8 @@ class Friction(Entry):
         # decided here so that an error names one form, not every member of the union
         if isinstance(value, dict):
             directed = bool({"positive", "negative"} & value.keys())
-            return (DirectedCoefficients if directed else Coefficients).model_validate(value)
+            form = DirectedCoulombFriction if directed else CoulombFriction
+            return form.model_validate(value)
         return value
 
     @model_validator(mode="after")
@@ -173,7 +125,7 @@ class Friction(Entry):
             have, miss = ("mu", "bearing") if self.bearing is None else ("bearing", "mu")
             raise ValueError(f"`{have}` without `{miss}`: friction = mu x the bearing's load")
         if self.mu is not None:
-            _question("mu.static", self.mu.static, 2.0, "")
+            question("mu.static", self.mu.static, 2.0, "")
         if self.stribeck is not None and self.mu is None and self.coulomb is None:
             raise ValueError("`stribeck` needs `mu` or `coulomb` to act on")
         return self
@@ -193,16 +145,14 @@ class Transmission(Entry):
     def _plausible(self) -> Transmission:
         if self.ratio == 0:
             raise ValueError("ratio 0 connects nothing; give motor turns per joint turn")
-        _not_vanishing(abs(self.ratio))
+        not_vanishing(abs(self.ratio))
         if self.efficiency < 1 and self.back_efficiency is None:
             raise ValueError(
                 "`efficiency` below 1 needs `back_efficiency`, which catalogues rarely print; "
                 f"equal losses both ways give 2 - 1/efficiency = {2 - 1 / self.efficiency:.3g}"
             )
-        _question(
-            "transmission.rotor_inertia", self.rotor_inertia, 0.1, "kg m^2 (kg cm^2 entered?)"
-        )
-        _question("transmission.ratio", abs(self.ratio), 1000.0, "")
+        question("transmission.rotor_inertia", self.rotor_inertia, 0.1, "kg m^2 (kg cm^2 entered?)")
+        question("transmission.ratio", abs(self.ratio), 1000.0, "")
         return self
 
 
@@ -299,104 +249,26 @@ class TableEffort(Entry):
 class Start(Entry):
     """Initial angles (or lengths) and rates by joint; the rest 0."""
 
-    q: dict[str, Number] = {}
-    v: dict[str, Number] = {}
+    q: dict[str, Number] = Field(default_factory=dict)
+    v: dict[str, Number] = Field(default_factory=dict)
 
 
 class Simulation(Entry):
     """What `pinfric simulate SCENE` runs."""
 
     start: Start = Start()
-    effort: dict[str, Number | SineEffort | TableEffort] = {}
+    effort: dict[str, Number | SineEffort | TableEffort] = Field(default_factory=dict)
     t_end: Positive
 
 
 class SceneFile(Entry):
     """A whole scene file."""
 
-    pinfric: Annotated[Literal[1], BeforeValidator(_strict_number)]
+    pinfric: Annotated[Literal[1], BeforeValidator(strict_number)]
     robot: RobotEntry
-    friction: dict[str, Friction] = {}
-    loops: list[Loop] = []
+    friction: dict[str, Friction] = Field(default_factory=dict)
+    loops: list[Loop] = Field(default_factory=list)
     redundancy: Redundancy = Redundancy()
     actuators: list[Actuator] | None = None
     stick: Stick = Stick()
     simulation: Simulation | None = None
-
-
-def parse(entry: type[BaseModel], content: Any, where: str) -> Any:
-    """Validate `content` as `entry`; all problems in one `SceneError` that begins with `where`."""
-    if isinstance(content, entry):
-        return content
-    if not isinstance(content, dict):
-        raise SceneError(f"{where}: should be a mapping of keys, found {brief(content)}")
-    try:
-        return entry.model_validate(content)
-    except ValidationError as error:
-        problems = [_problem(entry, problem) for problem in error.errors()]
-    raise SceneError(problems_line(where, problems))
-
-
-def _problem(entry: type[BaseModel], problem: Any) -> str:
-    """One pydantic problem in our words: key path, what was found, what is allowed."""
-    path = [str(part) for part in problem["loc"] if not _is_union_tag(part)]
-    key = ".".join(path)
-    if problem["type"] == "extra_forbidden":
-        allowed = _fields_at(entry, problem["loc"][:-1])
-        return f"unknown key `{key}`; {choose_from(path[-1], allowed)}"
-    if problem["type"] == "missing":
-        return f"`{key}` is missing"
-    if problem["type"] in ("model_type", "dict_type", "model_attributes_type"):
-        text = f"should be a mapping of keys, found {brief(problem['input'])}"
-    elif problem["type"] in ("too_short", "too_long", "tuple_type", "list_type"):
-        text = f"has a wrong length or is no list, found {brief(problem['input'])}"
-    elif problem["type"] == "value_error":
-        text = str(problem["ctx"]["error"])
-    else:
-        text = f"{problem['msg'][0].lower()}{problem['msg'][1:]}, found {brief(problem['input'])}"
-    return f"`{key}`: {text}" if key else text
-
-
-def _is_union_tag(part: int | str) -> bool:
-    return isinstance(part, str) and part in {
-        "SineEffort", "TableEffort", "Coefficients", "DirectedCoefficients",
-        "constrained-float", "finite-float", "function-before[_strict_number(), finite-float]",
-    }  # fmt: skip
-
-
-def _fields_at(entry: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """The keys allowed where `path` leads, by walking the annotations."""
-    current: Any = entry
-    for part in path:
-        found = _step(current, part)
-        if found is None:
-            return []
-        current = found
-    models = _models_in(current)
-    return [name for model in models for name in model.model_fields]
-
-
-def _step(current: Any, part: int | str) -> Any:
-    for model in _models_in(current):
-        if isinstance(part, str) and part in model.model_fields:
-            return model.model_fields[part].annotation
-        if model.__name__ == part:
-            return model
-    return current  # an index into a list or a name in a mapping: the annotation covers it
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for arg in getattr(annotation, "__args__", ()) for model in _models_in(arg)]
-
-
-def _question(key: str, value: float | None, largest_usual: float, unit: str) -> None:
-    """Warn where a magnitude is possible but so unusual that a wrong unit is likelier."""
-    if value is not None and value > largest_usual:
-        warnings.warn(
-            f"{key} = {value:g} {unit}: unusually large (usual: up to {largest_usual:g}); "
-            "check the unit",
-            PinfricWarning,
-            stacklevel=2,
-        )

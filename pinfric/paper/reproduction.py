@@ -111,7 +111,7 @@ def reproduce(example: Example) -> Reproduction:
         motion.effort <= result.effort_upper + SLACK
     )
     width = (result.effort_upper - result.effort_lower)[stuck, drive]
-    limit = 2 * scene.sites[site].law.mu_static * result.normal_load[stuck, site]
+    limit = 2 * scene.sites[site].law.static.mu * result.normal_load[stuck, site]
     judged = example.judge()
     forward = simulate(judged.mechanism, judged.position, judged.rate, judged.effort, whole.t[-1])
     return Reproduction(

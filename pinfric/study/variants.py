@@ -12,8 +12,9 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike, attached_columns
 from pinfric.model.effects import with_effects
+from pinfric.model.friction_terms import CoulombFriction, LoadFriction
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Coefficients, Friction
+from pinfric.model.schema import Friction
 from pinfric.study.summary import ends_by_magnitude
 
 #: A coefficient so small that the load it reports is that without friction.
@@ -63,7 +64,7 @@ def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scen
         constants: site -> friction, static as kinetic (N m or N).
     """
     friction = {
-        name: Friction(coulomb=Coefficients(static=F, kinetic=F))
+        name: Friction(coulomb=CoulombFriction(static=F, kinetic=F))
         for name, F in constants.items() if F > 0.0
     }  # fmt: skip
     return dataclasses.replace(with_effects(scene, only=["payload"]), friction=friction)
@@ -72,7 +73,7 @@ def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scen
 def hardly_rubbing(scene: Scene) -> Scene:
     """Return the scene with coefficients so small that loads are those without friction."""
     friction = {
-        name: entry.model_copy(update={"mu": Coefficients(static=_HARDLY, kinetic=_HARDLY)})
+        name: entry.model_copy(update={"mu": LoadFriction(static=_HARDLY, kinetic=_HARDLY)})
         if entry.mu is not None else entry
         for name, entry in scene.friction.items()
     }  # fmt: skip

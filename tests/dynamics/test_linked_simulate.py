@@ -158,7 +158,7 @@ def test_all_that_runs_out_stops_at_once():
     at_rest = motion.t >= sticks[0].start
     assert (motion.v[at_rest] == 0.0).all()
     load, friction = motion.normal_load[at_rest], motion.friction[at_rest]
-    static = [site.law.mu_static for site in motion.scene.sites]
+    static = [site.law.static.mu for site in motion.scene.sites]
     assert (np.abs(friction) <= static * load * (1 + 1e-9)).all()
 
 

@@ -15,7 +15,7 @@ from pinfric.friction import dense, modes
 from pinfric.friction import given_modes as coupling
 from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_friction, stick_limits
 from pinfric.friction.modes import Found, Modes
-from pinfric.friction.problem import Problem, contact_maps, empty_problem
+from pinfric.friction.problem import Problem, empty_problem
 
 
 def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Problem:
@@ -90,10 +90,11 @@ def test_contact_maps_give_the_normal_load(seed):
     rng = np.random.default_rng(seed)
     model = random_tree(seed, 6, sliding=0.5)
     scene = pf.Scene(model=model, friction=random_friction(model, seed))
-    for site in scene.sites:
-        B, C = contact_maps(site.weights, site.axis)
+    contacts = scene.site_tables.contacts
+    for k, site in enumerate(scene.sites):
+        B, C = contacts.map[contacts.site == k], contacts.map_moved[contacts.site == k]
         wrench, s = rng.normal(size=6) * 10, float(rng.normal())
-        load = site.weights.constant + np.linalg.norm((B + s * C) @ wrench, axis=1).sum()
+        load = contacts.constant[k] + np.linalg.norm((B + s * C) @ wrench, axis=1).sum()
         assert load == pytest.approx(plain_normal_load(site, wrench, s), rel=1e-13)
 
 

@@ -126,7 +126,7 @@ def test_no_search_finds_a_stick_where_there_is_none_and_sticks_are_sticks(pins,
         answer = pf.holds(scene, q, balance + push)
         held.append(answer.held)
         if answer.held:  # its own certificate: equilibrium and limits
-            static = np.array([site.law.mu_static for site in scene.sites])
+            static = np.array([site.law.static.mu for site in scene.sites])
             assert (np.abs(answer.friction) <= static * answer.normal_load * (1 + 1e-9)).all()
             instant = pf.forward_dynamics(scene, q, np.zeros(scene.model.nv), balance + push)
             assert (instant.modes == 0).all()

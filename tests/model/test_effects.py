@@ -15,8 +15,9 @@ import pinfric as pf
 from pinfric.dynamics import coupled_inverse, coupled_solve
 from pinfric.dynamics import inverse as inverse_module
 from pinfric.errors import SceneError
-from pinfric.model.effects import NAMES, STRUCTURAL, effects, with_effects
+from pinfric.model.effects import STRUCTURAL, effects, switchable, with_effects
 
+NAMES = switchable()
 EVERYTHING = {
     "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
     "mu": {"static": 0.3, "kinetic": 0.2},

@@ -93,7 +93,8 @@ def test_no_step_out_of_the_interval_at_the_stick_velocity(friction, load, side)
     # at 0 exactly it is what the static limits say
     law = friction_law(Friction.model_validate(friction), 1e-6)
     assert bounds(friction, 0.0, load)[:2] == (
-        -(law.mu_static * load + law.static_positive), law.mu_static * load + law.static_negative,
+        -(law.static.mu * load + law.static.forward),
+        law.static.mu * load + law.static.backward,
     )  # fmt: skip
 
 

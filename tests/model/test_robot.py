@@ -185,11 +185,12 @@ def test_urdf_dynamics_are_ignored_with_a_notice_or_used(tmp_path):
         ignored = pf.load_scene(scene(tmp_path, "robot: {urdf: robot.urdf}"))
     assert ignored.site_names == ()
     used = pf.load_scene(scene(tmp_path, "robot: {urdf: robot.urdf, urdf_dynamics: use}"))
-    assert used.sites[0].law.kinetic_positive == 2.0
+    assert used.friction["swing"].coulomb.kinetic == 2.0
     assert used.sites[0].law.viscous == 0.5
     own = "robot: {urdf: robot.urdf, urdf_dynamics: use}\nfriction: {swing: {viscous: 0.1}}"
     mixed = pf.load_scene(scene(tmp_path, own))
-    assert (mixed.sites[0].law.kinetic_positive, mixed.sites[0].law.viscous) == (2.0, 0.1)
+    assert mixed.friction["swing"].coulomb.kinetic == 2.0
+    assert mixed.sites[0].law.viscous == 0.1
 
 
 def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
@@ -207,7 +208,7 @@ def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
         ("friction: {swing: {bearing: {kind: guide, length: 0.1}, mu: {static: 0, kinetic: 0}}}",
          SceneError, "a guide does not fit a turning joint; take pin"),
         ("friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: {static: 0, kinetic: 0}}}",
-         SceneError, "spherical loop joint"),
+         SceneError, "take pin or linear .a ball fits a spherical loop"),
         ("actuators: []", SceneError, "0 for 1 degrees of freedom; undriven: swing"),
         ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "stands twice"),
         ("actuators: [{joint: wing}]", SceneError, "did you mean 'swing'"),

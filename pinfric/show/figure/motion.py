@@ -173,11 +173,8 @@ def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
 
 
 def _friction(axes: Axes, motion: Motion, s: int) -> None:
-    law, load = motion.scene.sites[s].law, motion.normal_load[:, s]
-    for limit in (
-        -(law.mu_static * load + law.static_positive),
-        law.mu_static * load + law.static_negative,
-    ):
+    static, load = motion.scene.sites[s].law.static, motion.normal_load[:, s]
+    for limit in (-(static.mu * load + static.forward), static.mu * load + static.backward):
         kept = thinned([limit])
         axes.plot(motion.t[kept], limit[kept], color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)))
     kept = thinned([motion.friction[:, s]])

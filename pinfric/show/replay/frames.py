@@ -220,8 +220,9 @@ def _few(keys: np.ndarray) -> np.ndarray:
 
 def _use(scene: Scene, motion: Motion) -> np.ndarray:
     """(T, ns) friction over its limit where a simulated site sticks, NaN elsewhere."""
-    load, friction, law = motion.normal_load, motion.friction, scene.site_tables.law
-    limit = np.where(friction < 0, law[:, 0] * load + law[:, 2], law[:, 0] * load + law[:, 4])
+    load, friction, laws = motion.normal_load, motion.friction, scene.site_tables.laws
+    forward, backward = laws.coulomb_static.T
+    limit = laws.mu_static * load + np.where(friction < 0, forward, backward)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(motion.modes == 0, np.abs(friction) / limit, np.nan)
 
@@ -257,7 +258,7 @@ def _slip_directions(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     rates = site_rates(scene, q, v)
     for s in balls:
         speed = np.linalg.norm(rates[:, s], axis=1)
-        moves = np.flatnonzero(speed > scene.site_tables.law[s, 9])
+        moves = np.flatnonzero(speed > scene.site_tables.laws.stick_velocity[s])
         if len(moves):  # at rest: as it slipped last; before the first slip: as it will
             last = np.searchsorted(moves, np.arange(len(q)), side="right") - 1
             frame = moves[np.maximum(last, 0)]

@@ -246,7 +246,7 @@ class LiveReplay:
         q = np.asarray(q, dtype=float)
         if modes is None and v is not None:
             rates = site_rates(self._scene, q[None], np.asarray(v, dtype=float)[None])[0]
-            modes = np.linalg.norm(rates, axis=1) > self._scene.site_tables.law[:, 9]
+            modes = np.linalg.norm(rates, axis=1) > self._scene.site_tables.laws.stick_velocity
         places = self._placements(q)
         for path, place in zip(self._stage.joint_paths, places, strict=True):
             self._viewer[path].set_transform(pin.XYZQUATToSE3(place).homogeneous)

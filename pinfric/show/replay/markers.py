@@ -67,10 +67,10 @@ def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker
         size: of the robot, m.
     """
     bearing = site.friction.bearing
-    offset = 0.0 if bearing is None else bearing.offset
+    offset = getattr(bearing, "offset", 0.0)  # not every kind has one, nor a radius
     up = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), site.axis).toRotationMatrix()
     placement = pin.SE3(up, offset * site.axis)
-    radius = 0.0 if bearing is None or bearing.radius is None else 1.15 * bearing.radius
+    radius = 1.15 * getattr(bearing, "radius", 0.0)
     least, most = _SMALLEST * size, max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
     if site.loop >= 0:
         assert scene.linkage is not None  # there are loops

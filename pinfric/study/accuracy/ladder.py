@@ -15,7 +15,7 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
-from pinfric.model.effects import NAMES, effects, with_effects
+from pinfric.model.effects import effects, switchable, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.timing import interleaved, repeated_times, timed_repeats
 from pinfric.study.variants import (
@@ -113,7 +113,7 @@ def ladder(scene: Scene, motion: MotionLike, rounds: int = 5) -> tuple[Rung, ...
 
 def _steps(scene: Scene, motion: MotionLike, whole: InverseResult) -> list[_Step]:
     """All rungs from below; those the scene does not call for have no efforts."""
-    names = [name for name in NAMES if name != "payload"]
+    names = [name for name in switchable() if name != "payload"]
     on = {effect.name: effect for effect in effects(scene)}
     steps = [
         _step("frictionless", "no friction", with_effects(scene, only=["payload"]), motion),

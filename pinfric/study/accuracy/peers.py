@@ -142,7 +142,7 @@ def _robot(scene: Scene) -> _Robot:
     assert scene.simulation is not None
     q, v = start_state(scene)
     made = make_effort(scene, None)
-    constants = {site.name: site.law.kinetic_positive for site in scene.sites}
+    constants = {site.name: site.law.kinetic.forward for site in scene.sites}
     bodies = []
     for row, column in enumerate(columns):
         sliding = bool(twin.kind[row] == PRISMATIC)

@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.robot import payload_inertia
 from pinfric.model.scene import Scene, Site
-from pinfric.model.schema import Coefficients, Transmission
+from pinfric.model.schema import Transmission
 from pinfric.study.check.findings import (
     ANGLES,
     LENGTHS,
@@ -62,7 +63,7 @@ def _bearing(site: Site, scene: Scene, facts: RobotFacts | None) -> Iterator[Fin
     links = {*facts.fixed_to(joint.parent), *facts.fixed_to(joint.child)}
     sizes = [facts.extents[link].diagonal for link in links if link in facts.extents]
     largest = max(sizes, default=2.0 * BEYOND * facts.reach)
-    for key in ("radius", "thrust_radius", "length", "width"):
+    for key in bearing.sizes:
         value = getattr(bearing, key)
         most = _BEARING_OVER_LINK * largest * (0.5 if "radius" in key else 1.0)
         if value is None or most <= 0 or value <= most:
@@ -77,10 +78,10 @@ def _bearing(site: Site, scene: Scene, facts: RobotFacts | None) -> Iterator[Fin
 
 def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
     friction, place = site.friction, f"friction.{site.name}"
-    kind = friction.bearing.kind if friction.bearing is not None else ""
+    rolling = friction.bearing is not None and friction.bearing.rolling
     if friction.mu is not None:
-        most = _ROLLING if kind == "linear" else _PLAIN
-        what = "rolling bearings have 0.001 to 0.005" if kind == "linear" else (
+        most = _ROLLING if rolling else _PLAIN
+        what = "rolling bearings have 0.001 to 0.005" if rolling else (
             "plain bearings have 0.03 to 0.6")  # fmt: skip
         if friction.mu.static > most:
             yield Finding(Severity.WARNING, "coefficient", f"{place}.mu.static",
@@ -88,7 +89,7 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
                           excess=friction.mu.static / most)  # fmt: skip
     effort, speed = _limits_of(site, scene)
     unit = "N" if site.sliding else "N m"
-    if isinstance(friction.coulomb, Coefficients) and friction.coulomb.static > effort:
+    if isinstance(friction.coulomb, CoulombFriction) and friction.coulomb.static > effort:
         yield Finding(
             Severity.WARNING, "coulomb", f"{place}.coulomb", f"{friction.coulomb.static:g} {unit}",
             f"the joint's effort limit is {effort:g} {unit}: it could not start",

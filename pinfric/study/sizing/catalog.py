@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pinfric.errors import CatalogError, PinfricWarning, SceneError, choose_from
-from pinfric.model.schema import Entry, NonNegative, Number, Positive, parse
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, parse
 from pinfric.model.yamlfile import brief, read_yaml
 
 #: The bundled catalogue's name, and its folder.

@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from pinfric.model.schema import Entry, Number, Positive
+from pinfric.model.entry import Entry, Number, Positive
 
 #: A truncation that keeps less than this of its normal distribution was not meant.
 _LEAST_KEPT = 1e-6

@@ -21,8 +21,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pinfric.errors import SceneError, SweepError
+from pinfric.model.entry import Entry, Number, Positive, parse
 from pinfric.model.scene_file import find_file
-from pinfric.model.schema import Entry, Number, Positive, parse
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sweep.distributions import (

@@ -25,13 +25,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import SweepError, choose_from, problems_line
+from pinfric.model.friction_terms import FrictionTerm
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Coefficients, Friction, Payload
+from pinfric.model.schema import Actuator, Friction, Payload, added_terms
 from pinfric.study.sweep.distributions import Distribution
 from pinfric.study.sweep.file import MOST_SAMPLES, SweepFile
 from pinfric.study.trajectory.trajectory import Trajectory
 
-_FRICTION_KEYS = ("mu", "coulomb", "viscous")
 _TRANSMISSION_KEYS = ("no_load_torque", "motor_viscous")
 _PAYLOAD_KEYS = ("mass", "com.x", "com.y", "com.z")
 _ANGLES = ("roll", "pitch")
@@ -100,7 +100,8 @@ def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
     section, _, rest = name.partition(".")
     if section == "mounting" and rest in _ANGLES:
         return section, rest, ()
-    keys = {"friction": _FRICTION_KEYS, "transmission": _TRANSMISSION_KEYS,
+    keys = {"friction": ("mu", "coulomb", "viscous", *added_terms()),
+            "transmission": _TRANSMISSION_KEYS,
             "payload": _PAYLOAD_KEYS}.get(section, ())  # fmt: skip
     for key in keys:
         if rest.endswith(f".{key}"):
@@ -110,7 +111,7 @@ def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
 
 def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, ...]:
     if section == "friction":
-        there = [n for n, f in scene.friction.items() if getattr(f, key)]
+        there = [n for n, f in scene.friction.items() if getattr(f, key, None)]
         what = f"joint with {key} in this scene"
     elif section == "transmission":
         there = [d.name for d in scene.drives if getattr(_transmission(d), key, 0.0)]
@@ -240,20 +241,8 @@ def _with_payload(payload: Payload, key: str, value: float) -> Payload:
 
 def _with_factor(friction: Friction, key: str, factor: float) -> Friction:
     given = getattr(friction, key)
-    if isinstance(given, Coefficients):
-        scaled: Any = _scaled(given, factor)
-    elif key == "viscous":
-        scaled = given * factor
-    else:
-        both = {"positive": _scaled(given.positive, factor),
-                "negative": _scaled(given.negative, factor)}  # fmt: skip
-        scaled = given.model_copy(update=both)
+    scaled = given.scaled(factor) if isinstance(given, FrictionTerm) else factor * given
     return friction.model_copy(update={key: scaled})
-
-
-def _scaled(pair: Coefficients, factor: float) -> Coefficients:
-    both = {"static": pair.static * factor, "kinetic": pair.kinetic * factor}
-    return pair.model_copy(update=both)
 
 
 def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Actuator:

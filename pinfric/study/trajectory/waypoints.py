@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
 from pinfric.errors import SceneError, TrajectoryError, choose_from
-from pinfric.model.schema import Entry, NonNegative, Number, Positive, parse
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, parse
 from pinfric.model.yamlfile import read_yaml
 
 FloatArray = NDArray[np.float64]

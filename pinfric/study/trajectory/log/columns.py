@@ -18,7 +18,7 @@ from pydantic import Field
 from pinfric.dynamics.motion import SITE_ARRAYS
 from pinfric.dynamics.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
 from pinfric.errors import SceneError, TrajectoryError, choose_from
-from pinfric.model.schema import Entry, Number, parse
+from pinfric.model.entry import Entry, Number, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.study.trajectory.joint_columns import JointColumn, listing
 

@@ -1,0 +1,132 @@
+"""Entries of the files a user writes: what a number is, and what is said of one that cannot be."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    ValidationError,
+)
+
+from pinfric.errors import PinfricWarning, SceneError, choose_from, problems_line
+from pinfric.model.magnitudes import LARGEST, SMALLEST
+from pinfric.model.yamlfile import brief
+
+
+def strict_number(value: Any) -> Any:
+    """Refuse what pydantic would silently turn into a number, and what no machine has."""
+    if isinstance(value, bool | str):
+        raise ValueError(f"should be a number, found {brief(value)}")
+    if isinstance(value, int | float) and LARGEST < abs(value) < math.inf:
+        raise ValueError(f"should be at most {LARGEST:g} in magnitude, found {brief(value)}")
+    return value
+
+
+def not_vanishing(value: float) -> float:
+    """Refuse what is not 0 but smaller than any machine's."""
+    if 0 < value < SMALLEST:
+        raise ValueError(f"should be at least {SMALLEST:g}, found {value:g}")
+    return value
+
+
+Number = Annotated[FiniteFloat, BeforeValidator(strict_number)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Positive = Annotated[Number, Field(gt=0), AfterValidator(not_vanishing)]
+Vector3 = tuple[Number, Number, Number]
+
+
+class Entry(BaseModel):
+    """Base of all sections: unknown keys are errors, nothing changes after reading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @classmethod
+    def keys_and_kinds(cls) -> dict[str, Any]:
+        """Return the keys a mapping may have, and the annotation of what stands there."""
+        return {key: field.annotation for key, field in cls.model_fields.items()}
+
+
+def parse(entry: type[BaseModel], content: Any, where: str) -> Any:
+    """Validate `content` as `entry`; all problems in one `SceneError` that begins with `where`."""
+    if isinstance(content, entry):
+        return content
+    if not isinstance(content, dict):
+        raise SceneError(f"{where}: should be a mapping of keys, found {brief(content)}")
+    try:
+        return entry.model_validate(content)
+    except ValidationError as error:
+        problems = [_problem(entry, problem) for problem in error.errors()]
+    raise SceneError(problems_line(where, problems))
+
+
+def _problem(entry: type[BaseModel], problem: Any) -> str:
+    """One pydantic problem in our words: key path, what was found, what is allowed."""
+    path = [str(part) for part in problem["loc"] if not _is_union_tag(part)]
+    key = ".".join(path)
+    if problem["type"] == "extra_forbidden":
+        allowed = _fields_at(entry, problem["loc"][:-1])
+        return f"unknown key `{key}`; {choose_from(path[-1], allowed)}"
+    if problem["type"] == "missing":
+        return f"`{key}` is missing"
+    if problem["type"] in ("model_type", "dict_type", "model_attributes_type"):
+        text = f"should be a mapping of keys, found {brief(problem['input'])}"
+    elif problem["type"] in ("too_short", "too_long", "tuple_type", "list_type"):
+        text = f"has a wrong length or is no list, found {brief(problem['input'])}"
+    elif problem["type"] == "value_error":
+        text = str(problem["ctx"]["error"])
+    else:
+        text = f"{problem['msg'][0].lower()}{problem['msg'][1:]}, found {brief(problem['input'])}"
+    return f"`{key}`: {text}" if key else text
+
+
+def _is_union_tag(part: int | str) -> bool:
+    return isinstance(part, str) and part in {
+        "SineEffort", "TableEffort", "CoulombFriction", "DirectedCoulombFriction",
+        "constrained-float", "finite-float", "function-before[strict_number(), finite-float]",
+    }  # fmt: skip
+
+
+def _fields_at(entry: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
+    """The keys allowed where `path` leads, by walking the annotations."""
+    current: Any = entry
+    for part in path:
+        found = _step(current, part)
+        if found is None:
+            return []
+        current = found
+    models = _models_in(current)
+    return [key for model in models for key in model.keys_and_kinds()]
+
+
+def _step(current: Any, part: int | str) -> Any:
+    for model in _models_in(current):
+        if part in model.keys_and_kinds():
+            return model.keys_and_kinds()[str(part)]
+        if model.__name__ == part:
+            return model
+    return current  # an index into a list or a name in a mapping: the annotation covers it
+
+
+def _models_in(annotation: Any) -> list[type[Entry]]:
+    if isinstance(annotation, type) and issubclass(annotation, Entry):
+        return [annotation]
+    return [model for arg in getattr(annotation, "__args__", ()) for model in _models_in(arg)]
+
+
+def question(key: str, value: float | None, largest_usual: float, unit: str) -> None:
+    """Warn where a magnitude is possible but so unusual that a wrong unit is likelier."""
+    if value is not None and value > largest_usual:
+        warnings.warn(
+            f"{key} = {value:g} {unit}: unusually large (usual: up to {largest_usual:g}); "
+            "check the unit",
+            PinfricWarning,
+            stacklevel=2,
+        )

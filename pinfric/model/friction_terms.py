@@ -1,0 +1,218 @@
+"""Friction terms: what opposes a joint's motion, each a class with its keys, checks and rows.
+
+At rest a term is a limit, in motion a sum of rows; both have a part that the normal load c
+multiplies, and one that it does not, forward and backward motion apart:
+
+    at rest     mu c + (forward or backward)
+    in motion   sum_i (mu_i c + (forward or backward)_i) s^power_i exp(-(s / velocity_i)^exponent_i)
+
+with s = |speed|. Rows with a power vanish at rest and drag; the others are dry.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from typing import Any, ClassVar, NamedTuple, Self
+
+from pydantic import model_validator
+
+from pinfric.model.entry import Entry, NonNegative, Positive
+
+
+class Strength(NamedTuple):
+    """How strong friction is: against forward motion mu c + forward, against backward mu c + ...
+
+    Attributes:
+        mu: factor of the normal load (1).
+        forward, backward: N m or N.
+    """
+
+    mu: float = 0.0
+    forward: float = 0.0
+    backward: float = 0.0
+
+
+class Shape(NamedTuple):
+    """How a row depends on the speed s: s^power exp(-(s / velocity)^exponent).
+
+    Attributes:
+        power: 0 or more; with a power the strengths are per (rad/s)^power or (m/s)^power.
+        velocity: rad/s or m/s; infinite where nothing decays.
+        exponent: 1.
+    """
+
+    power: float = 0.0
+    velocity: float = math.inf
+    exponent: float = 1.0
+
+
+CONSTANT, LINEAR = Shape(), Shape(power=1.0)
+
+#: A row: how strong it is, and how it depends on the speed.
+Row = tuple[Shape, Strength]
+
+
+class Stribeck(Entry):
+    """The fall from static to kinetic: exp(-(|v|/velocity)^exponent), joint velocity."""
+
+    velocity: Positive
+    exponent: Positive = 2.0
+
+
+class FrictionTerm(Entry):
+    """One term of a joint's friction: the base of all.
+
+    A subclass is a key of `friction.<joint>` as soon as it is defined; nothing else is edited for
+    it.
+
+    Attributes:
+        key: what the scene file calls it.
+        coefficients: fields that the term's strength is proportional to.
+    """
+
+    key: ClassVar[str]
+    coefficients: ClassVar[tuple[str, ...]] = ("coefficient",)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Make it a term."""
+        TERMS[cls.key] = cls
+
+    @abstractmethod
+    def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
+        """Return the term in motion.
+
+        Args:
+            stribeck: the joint's, for terms that fall from static to kinetic; None: in a jump.
+        """
+
+    def at_rest(self) -> Strength:
+        """Return the limit at rest, at least what the rows without a power sum up to."""
+        return Strength()
+
+    @property
+    def directed(self) -> bool:
+        """Whether it differs by the direction of motion."""
+        every = (self.at_rest(), *(strength for _, strength in self.rows(None)))
+        return any(strength.forward != strength.backward for strength in every)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the term `factor` times as strong."""
+        return self.model_copy(update={k: factor * getattr(self, k) for k in self.coefficients})
+
+    def without_static(self) -> Self:
+        """Return the term with no more friction at rest than in motion."""
+        return self
+
+
+#: The classes of all terms, by their keys.
+TERMS: dict[str, type[FrictionTerm]] = {}
+
+
+class Coefficients(Entry):
+    """A static and a kinetic value of the same kind of friction."""
+
+    static: NonNegative
+    kinetic: NonNegative
+
+    @model_validator(mode="after")
+    def _static_is_the_larger(self) -> Self:
+        if self.static < self.kinetic:
+            raise ValueError(
+                f"static {self.static:g} is less than kinetic {self.kinetic:g}: the two look "
+                "swapped (friction at rest is at least the friction in motion)"
+            )
+        return self
+
+    def scaled(self, factor: float) -> Self:
+        """Return both values times a factor."""
+        both = {"static": factor * self.static, "kinetic": factor * self.kinetic}
+        return self.model_copy(update=both)
+
+    def without_static(self) -> Self:
+        """Return the pair with the kinetic value at rest, too."""
+        return self.model_copy(update={"static": self.kinetic})
+
+
+class LoadFriction(Coefficients, FrictionTerm):
+    """Friction of the bearing's load, mu c (paper eq. 20, 21)."""
+
+    key = "mu"
+
+    def at_rest(self) -> Strength:
+        """See `FrictionTerm.at_rest`."""
+        return Strength(mu=self.static)
+
+    def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
+        """See `FrictionTerm.rows`."""
+        return falling(self.at_rest(), Strength(mu=self.kinetic), stribeck)
+
+
+class CoulombFriction(Coefficients, FrictionTerm):
+    """Friction that does not depend on the load, the same both ways (N m or N)."""
+
+    key = "coulomb"
+
+    def at_rest(self) -> Strength:
+        """See `FrictionTerm.at_rest`."""
+        return Strength(0.0, self.static, self.static)
+
+    def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
+        """See `FrictionTerm.rows`."""
+        return falling(self.at_rest(), Strength(0.0, self.kinetic, self.kinetic), stribeck)
+
+
+class DirectedCoulombFriction(FrictionTerm):
+    """Coulomb friction that differs by the direction of motion (N m or N)."""
+
+    key = "coulomb"
+
+    positive: Coefficients
+    negative: Coefficients
+
+    def at_rest(self) -> Strength:
+        """See `FrictionTerm.at_rest`."""
+        return Strength(0.0, self.positive.static, self.negative.static)
+
+    def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
+        """See `FrictionTerm.rows`."""
+        kinetic = Strength(0.0, self.positive.kinetic, self.negative.kinetic)
+        return falling(self.at_rest(), kinetic, stribeck)
+
+    def scaled(self, factor: float) -> Self:
+        """See `FrictionTerm.scaled`."""
+        return self._both(self.positive.scaled(factor), self.negative.scaled(factor))
+
+    def without_static(self) -> Self:
+        """See `FrictionTerm.without_static`."""
+        return self._both(self.positive.without_static(), self.negative.without_static())
+
+    def _both(self, positive: Coefficients, negative: Coefficients) -> Self:
+        return self.model_copy(update={"positive": positive, "negative": negative})
+
+
+class ViscousFriction(FrictionTerm):
+    """Friction proportional to the speed (N m s/rad or N s/m)."""
+
+    key = "viscous"
+
+    coefficient: NonNegative
+
+    def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
+        """See `FrictionTerm.rows`."""
+        return ((LINEAR, Strength(0.0, self.coefficient, self.coefficient)),)
+
+
+def falling(static: Strength, kinetic: Strength, stribeck: Stribeck | None) -> tuple[Row, ...]:
+    """Return rows that fall from static to kinetic: kinetic + (static - kinetic) exp(...).
+
+    Args:
+        static, kinetic: strengths at rest and in fast motion.
+        stribeck: how; None: in a jump, the static strength is at rest only.
+    """
+    if stribeck is None:
+        return ((CONSTANT, kinetic),)
+    excess = Strength(*(s - k for s, k in zip(static, kinetic, strict=True)))
+    shape = Shape(0.0, stribeck.velocity, stribeck.exponent)
+    return (CONSTANT, kinetic), (shape, excess)

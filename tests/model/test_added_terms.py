@@ -1,0 +1,190 @@
+"""A bearing kind and a friction term that only this file defines, from scene file to simulation.
+
+The collar carries c = weight |F_a| + |M|, the drag is coefficient |v|^exponent. On a turntable
+(axis z, mass m at the lever r, inertia I about the axis) F_a = m g, M_b = m g r and M_a = I a.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from cases import turning_four_bar
+from mechanisms import pin_friction
+
+import pinfric as pf
+from pinfric.errors import SceneError
+from pinfric.model.bearings import FZ, KINDS, MX, MY, MZ, Bearing, LoadTerms, norm_of
+from pinfric.model.effects import effects, with_effects
+from pinfric.model.entry import NonNegative, Positive
+from pinfric.model.friction_terms import TERMS, FrictionTerm, Row, Shape, Strength, Stribeck
+
+
+@pytest.fixture(scope="module", autouse=True)
+def added():
+    """The two classes, known while the tests of this file run."""
+
+    class Collar(Bearing):
+        fits = ("turning joint",)
+
+        kind: Literal["collar"]
+        weight: NonNegative
+
+        def terms(self) -> LoadTerms:
+            return LoadTerms([self.weight * norm_of(FZ), norm_of(MX, MY, MZ)])
+
+    class PowerDrag(FrictionTerm):
+        key = "power_drag"
+
+        coefficient: NonNegative
+        exponent: Positive
+
+        def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
+            both_ways = Strength(0.0, self.coefficient, self.coefficient)
+            return ((Shape(power=self.exponent), both_ways),)
+
+    yield
+    del KINDS["collar"], TERMS["power_drag"]
+
+
+M, R, J, G = 2.0, 0.3, 0.05, 9.81
+INERTIA = J + M * R * R
+MU, WEIGHT, DRAG, POWER = 0.05, 2.0, 0.4, 0.6
+COLLAR = "bearing: {kind: collar, weight: 2.0}, mu: {static: 0.05, kinetic: 0.05}"
+POWER_DRAG = "power_drag: {coefficient: 0.4, exponent: 0.6}"
+URDF = f"""<robot name="table"><link name="ground"/><link name="table"><inertial>
+<origin xyz="{R} 0 0"/><mass value="{M}"/>
+<inertia ixx="{J}" iyy="{J}" izz="{J}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="revolute"><parent link="ground"/><child link="table"/>
+<axis xyz="0 0 1"/>
+<limit lower="-99" upper="99" effort="0" velocity="0"/></joint></robot>"""
+
+
+def turntable(folder: Path, friction: str) -> pf.Scene:
+    (folder / "table.urdf").write_text(URDF)
+    file = folder / "scene.yaml"
+    file.write_text(
+        f"pinfric: 1\nrobot: {{urdf: table.urdf}}\nfriction: {{turn: {{{friction}}}}}\n"
+    )
+    return pf.load_scene(file)
+
+
+def load_of(a):
+    return WEIGHT * M * G + np.hypot(M * G * R, INERTIA * a)
+
+
+def test_inverse_dynamics_have_the_closed_form(tmp_path):
+    scene = turntable(tmp_path, f"{COLLAR}, {POWER_DRAG}, viscous: 0.1")
+    v = np.array([2.0, -0.5, 0.0])
+    a = np.array([1.0, 3.0, -2.0])
+    result = pf.inverse_dynamics(scene, np.zeros((3, 1)), v[:, None], a[:, None])
+    np.testing.assert_allclose(result.normal_load[:, 0], load_of(a), rtol=1e-14)
+    dry = MU * load_of(a)
+    drag = np.sign(v) * DRAG * np.abs(v) ** POWER + 0.1 * v
+    least = INERTIA * a + drag + np.where(v == 0, -dry, np.sign(v) * dry)
+    most = INERTIA * a + drag + np.where(v == 0, dry, np.sign(v) * dry)
+    np.testing.assert_allclose(result.effort_lower[:, 0], least, rtol=1e-13)
+    np.testing.assert_allclose(result.effort_upper[:, 0], most, rtol=1e-13)
+    assert result.check().passed()
+
+
+def test_creeping_adds_the_drag_to_what_standstill_admits(tmp_path):
+    scene = turntable(tmp_path, f"{COLLAR}, {POWER_DRAG}, stick_velocity: 0.5")
+    result = pf.inverse_dynamics(scene, [[0.0]], [[0.2]], [[0.0]])
+    dry, drag = MU * load_of(0.0), DRAG * 0.2**POWER
+    assert result.effort_lower[0, 0] == pytest.approx(-dry, rel=1e-13)
+    assert result.effort_upper[0, 0] == pytest.approx(dry + drag, rel=1e-13)
+    assert result.check().passed()
+
+
+@pytest.mark.parametrize("v", [2.0, -0.5])
+def test_forward_dynamics_have_the_closed_form(tmp_path, v):
+    scene = turntable(tmp_path, f"{COLLAR}, {POWER_DRAG}, viscous: 0.1")
+    for a in (-40.0, 0.5, 30.0):
+        drag = np.sign(v) * (DRAG * abs(v) ** POWER + MU * load_of(a)) + 0.1 * v
+        instant = pf.forward_dynamics(scene, [0.3], [v], [INERTIA * a + drag])
+        assert instant.a[0] == pytest.approx(a, rel=1e-12)
+        assert instant.normal_load[0] == pytest.approx(load_of(a), rel=1e-12)
+
+
+METHODS = [("event", 1e-7), ("timestepping", 1e-3), ("regularized", 1e-4)]
+
+
+@pytest.mark.parametrize(("method", "tolerance"), METHODS)
+def test_simulated_drag_runs_out_as_its_closed_form_does(tmp_path, method, tolerance):
+    """I dv/dt = -coefficient v^p, so v^(1-p) falls in proportion to the time."""
+    scene = turntable(tmp_path, POWER_DRAG)
+    stops = 2.0 ** (1 - POWER) * INERTIA / ((1 - POWER) * DRAG)
+    motion = pf.simulate(scene, [0.0], [2.0], [0.0], 0.9 * stops, method)
+    expected = 2.0 * (1 - motion.t / stops) ** (1 / (1 - POWER))
+    np.testing.assert_allclose(motion.v[:, 0], expected, rtol=0, atol=2.0 * tolerance)
+
+
+@pytest.mark.parametrize(("method", "tolerance"), METHODS)
+def test_simulated_collar_stops_as_its_closed_form_does(tmp_path, method, tolerance):
+    """x = I |a| = mu (A + sqrt(B^2 + x^2)) with A = weight m g, B = m g r."""
+    scene = turntable(tmp_path, COLLAR)
+    A, B = WEIGHT * M * G, M * G * R
+    x = (MU * A + np.sqrt((MU * A) ** 2 - (1 - MU**2) * MU**2 * (A**2 - B**2))) / (1 - MU**2)
+    stops = 2.0 * INERTIA / x
+    motion = pf.simulate(scene, [0.0], [2.0], [0.0], 1.2 * stops, method)
+    expected = np.maximum(2.0 * (1 - motion.t / stops), 0.0)
+    np.testing.assert_allclose(motion.v[:, 0], expected, rtol=0, atol=4.0 * tolerance)
+    if method != "regularized":
+        assert motion.v[-1, 0] == 0.0
+
+
+def test_loops_drag_too_and_their_judge_agrees():
+    friction = {**pin_friction(0.3), "power_drag": {"coefficient": 0.2, "exponent": 0.6}}
+    case = turning_four_bar(12, friction=friction)
+    result = case.inverse()
+    assert result.check().passed()
+    plain = turning_four_bar(12, friction=pin_friction(0.3)).inverse()
+    assert (result.effort_lower > plain.effort_lower).all()
+    single = np.flatnonzero(result.effort_upper[:, 0] - result.effort_lower[:, 0] < 1e-12)
+    assert len(single) > 8  # a reversal beside the others leaves an interval
+    for i in single:
+        instant = pf.forward_dynamics(case.scene, case.q[i], case.v[i], result.effort_lower[i])
+        np.testing.assert_allclose(instant.a, case.a[i], rtol=0, atol=1e-8)
+
+
+def test_they_are_effects_by_their_keys(tmp_path):
+    scene = turntable(tmp_path, f"{COLLAR}, {POWER_DRAG}")
+    found = {effect.name: effect for effect in effects(scene)}
+    assert (found["power_drag"].on, found["power_drag"].why) == (True, "friction.turn.power_drag")
+    left = with_effects(scene, without=["power_drag"])
+    assert left.friction["turn"].bearing == scene.friction["turn"].bearing
+    assert not {e.name: e for e in effects(left)}["power_drag"].on
+    assert with_effects(scene, only=["viscous"]).site_names == ()
+
+
+@pytest.mark.parametrize(
+    ("friction", "says"),
+    [
+        (COLLAR.replace("weight", "wieght"),
+         "unknown key `friction.turn.bearing.wieght`; did you mean 'weight'"),
+        (COLLAR.replace("weight", "radius"), "a collar has no `radius`; there are: weight"),
+        (COLLAR.replace(", weight: 2.0", ""), "a collar needs `weight`"),
+        (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*greater than or equal to 0"),
+        (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*or equal to 0"),
+        (POWER_DRAG.replace("exponent", "exponant"),
+         r"unknown key `friction\.turn\.power_drag\.exponant`; did you mean 'exponent'"),
+        (POWER_DRAG.replace("power_drag", "power_darg"),
+         r"unknown key `friction\.turn\.power_darg`; did you mean 'power_drag'"),
+    ],
+)  # fmt: skip
+def test_their_mistakes_are_named_like_those_of_the_others(tmp_path, friction, says):
+    with pytest.raises(SceneError, match=says) as caught:
+        turntable(tmp_path, friction)
+    assert "\n" not in str(caught.value)
+
+
+def test_nothing_else_knows_them():
+    """One class each; the package names neither."""
+    package = Path(pf.__file__).parent
+    for file in package.rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        assert "collar" not in text.lower()
+        assert "power_drag" not in text
