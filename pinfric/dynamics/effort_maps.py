@@ -32,6 +32,7 @@ class EffortTables(NamedTuple):
     entry_action: np.ndarray
     entry_ratio: np.ndarray
     contact_site: np.ndarray
+    contact_rank: np.ndarray
     contact_map: np.ndarray
     contact_map_moved: np.ndarray
     inverse_length: float
@@ -108,7 +109,8 @@ def map_friction(
                 site = s
                 _write_wrench(t, t.joint[s], wrench[i], X[i], y, site_wrench)
             moved = displacement[i, s] if displacement.size > 0 else 0.0
-            write_contact(t.contact_map[n], t.contact_map_moved[n], moved, site_wrench, force)
+            write_contact(t.contact_map[n], t.contact_map_moved[n], t.contact_rank[n], moved,
+                          site_wrench, force)  # fmt: skip
             for k in range(columns):
                 for e in range(3):
                     maps.contact[i, n, k, e] = force[e, k]

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.dynamics.closure import check_closed
-from pinfric.dynamics.reactions import applied_wrenches
+from pinfric.dynamics.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.result import Status
 from pinfric.dynamics.states import States
 from pinfric.dynamics.workspace import Workspace, workspace
-from pinfric.errors import StateError
+from pinfric.errors import PinfricError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, screen
 from pinfric.model.scene import Scene
@@ -93,14 +93,32 @@ def forward_dynamics(
         RollMomentError: a guide without width is loaded by a moment about its axis.
     """
     ws = workspace(scene, attached)
-    q, v, effort = _checked(ws, q, v, effort)
-    if scene.loops and np.isfinite(q).all() and np.isfinite(v).all():
-        # what an integrator hands to an effort function obeys loops to its tolerance only
-        check_closed(scene, q, v, slack=1e3)
-    ws.solve(q, v, effort, applied_wrenches(scene, external, 1) if external else None)
+    q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
+    effort = vector("effort", effort, ws.na, "na")
+    applied = applied_wrenches(scene, external, 1) if external else None
+    if not ws.must_obey:
+        ws.solve(q, v, effort, applied)
+    elif not _solved_as_given(ws, q, v, effort, applied):
+        states = States.of(scene, q, v, np.zeros(ws.nv))
+        q, v = states.q[0], states.v[0]
+        if scene.loops:  # what an integrator hands to an effort function obeys them roughly
+            check_closed(scene, q, v, slack=1e3)
+        ws.solve(q, v, effort, applied)
     if ws.tables.guides:
         ws.check_roll_moments()
     return instant(ws)
+
+
+def _solved_as_given(
+    ws: Workspace, q: np.ndarray, v: np.ndarray, effort: np.ndarray,
+    applied: list[AppliedWrench] | None,
+) -> bool:  # fmt: skip
+    """Solve a state; False where it is not closed, or not normalized, to the last digits."""
+    try:
+        ws.solve(q, v, effort, applied)
+    except PinfricError:  # what is wrong with the state is said first
+        return False
+    return ws.is_exact(q)
 
 
 def instant(ws: Workspace) -> Instant:
@@ -108,32 +126,17 @@ def instant(ws: Workspace) -> Instant:
     nv, ns = ws.a.size, ws.phi.size
     out = ws.out.copy()
     contraction, passes = ws.modes.figures.tolist()
+    multipliers = ws.multipliers.copy() if ws.closed else ws.multipliers
     return Instant(
-        a=out[:nv],
-        modes=ws.site_modes.copy(),
-        friction=out[nv : nv + ns],
-        multipliers=ws.multipliers.copy(),
-        normal_load=out[nv + ns : nv + 2 * ns],
-        wrench=out[nv + 2 * ns :].reshape(ns, 6),
-        contraction=contraction,
-        status=Status.CONVERGED,
-        iterations=int(passes),
-    )
-
-
-def _checked(
-    ws: Workspace, q: np.ndarray, v: np.ndarray, effort: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arrays as the kernels take them; non-finite values are found by the assembly."""
-    u = vector("effort", effort, ws.na, "na")
-    if ws.nq != ws.nv:
-        states = States.of(ws.scene, q, v, np.zeros(ws.nv))
-        return states.q[0], states.v[0], u
-    return vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv"), u
+        out[:nv], ws.site_modes.copy(), out[nv : nv + ns], multipliers, out[nv + ns : nv + 2 * ns],
+        out[nv + 2 * ns :].reshape(ns, 6), contraction, Status.CONVERGED, int(passes),
+    )  # fmt: skip
 
 
 def vector(name: str, given: Any, size: int, symbol: str) -> np.ndarray:
     """Return a (size,) C-ordered float array, or raise `StateError` naming it."""
+    if type(given) is np.ndarray and given.dtype == np.float64 and given.shape == (size,):
+        return np.ascontiguousarray(given)
     array = np.atleast_1d(real_numbers(name, given))
     if array.shape != (size,):
         raise StateError(f"{name}: shape {np.shape(given)}; should be ({size},), {symbol} = {size}")

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from pinfric.model.laws import Laws
-from pinfric.model.scene import Scene, Site
+from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
 
 
@@ -37,13 +37,14 @@ class Layout:
         stick_velocity: (nc,) at or below this speed it is at rest (rad/s or m/s).
         block, ball: (nc,) first coordinate of its joint; whether that is a ball.
         laws: of the sites. constant: (ns,) constant part of each load.
-        contact_site: (nt,) site of each contact force.
+        contact_site: (nt,) site of each contact force. contact_rank: rows of its maps.
         contact_map, contact_map_moved: (nt, 3, 6), see `bearings.Contacts`.
         displacement_q, displacement_ratio, displacement_shift: (ns,) how a site's displacement
             along its axis follows from q; ratio 0 where it does not matter.
         rubs: (ns,) whether its friction depends on its load.
         varies: (ns,) whether, with the motion given, its load depends on friction, too.
         guides: sites whose bearing cannot resist a moment about its axis.
+        roll_lever: (ns,) length that such a moment is compared with (m).
         inverse_length: 1/l of the weights that share reactions of redundant closures (1/m).
         scale: size of the levers and directions in Jacobians; what is small beside it is 0.
     """
@@ -70,6 +71,7 @@ class Layout:
     laws: Laws
     constant: np.ndarray
     contact_site: np.ndarray
+    contact_rank: np.ndarray
     contact_map: np.ndarray
     contact_map_moved: np.ndarray
     displacement_q: np.ndarray
@@ -78,6 +80,7 @@ class Layout:
     rubs: np.ndarray
     varies: np.ndarray
     guides: tuple[int, ...]
+    roll_lever: tuple[float, ...]
     inverse_length: float
     scale: float
 
@@ -108,6 +111,8 @@ def make_layout(scene: Scene) -> Layout:
     n_tree = scene.model.njoints - 1
     drive_v = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
     drive_action = np.array([getattr(d, "column", -1) for d in scene.drives], dtype=np.int64)
+    bearings = [site.friction.bearing for site in sites]
+    levers = [None if bearing is None else bearing.roll_lever() for bearing in bearings]
     rubs = t.laws.loaded & np.isin(np.arange(len(sites)), t.contacts.site)
     # with the motion given, a tree joint's wrench changes with what is solved for only
     felt = np.zeros(n_tree, dtype=bool)
@@ -125,22 +130,18 @@ def make_layout(scene: Scene) -> Layout:
         laws=t.laws,
         constant=t.contacts.constant,
         contact_site=t.contacts.site,
+        contact_rank=t.contacts.rank,
         contact_map=t.contacts.map,
         contact_map_moved=t.contacts.map_moved,
         rubs=rubs,
         varies=rubs & feels,
-        guides=tuple(s for s, site in enumerate(sites) if cannot_resist_roll(site)),
+        guides=tuple(s for s, lever in enumerate(levers) if lever is not None),
+        roll_lever=tuple(lever or 0.0 for lever in levers),
         inverse_length=1.0 / scene.redundancy_length,
         scale=1.0 if linkage is None else min(1.0, linkage.size),
         **_coordinates(scene),
         **_displacements(scene.twin(), t.joint, t.contacts.moves),
     )
-
-
-def cannot_resist_roll(site: Site) -> bool:
-    """Return whether a site's bearing leaves the moment about its axis to others."""
-    bearing = site.friction.bearing
-    return bearing is not None and bearing.roll_lever() is not None
 
 
 def _coordinates(scene: Scene) -> dict[str, np.ndarray]:

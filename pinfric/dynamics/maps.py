@@ -42,11 +42,14 @@ class Tables(NamedTuple):
         mass: (nj,) of all that each joint carries (kg).
         gravity: (3,) m/s^2.
         freedom_joint, freedom_v, freedom_ratio: (nf,) whose joint, which velocity, times what.
+        unit_q, unit_count: (nu,) where in q the parts of length 1 begin, and how long they are.
         armature: (nv,) rotor inertia reflected to the joints.
         freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
         wrench_row: (nr,) joints whose wrenches are wanted, the loops' after the tree's.
         contact_row: (nt,) row of its joint among those wanted. contact_site: its entry.
+        contact_rank: (nt,) how many rows of its map are used.
         actions: of loops and drives off the joints.
+        planar: (number of loops,) whether the axes of a loop's sides must be parallel unforced.
         direction_size: (nc,) 0, but for loops that slide: they have levers for directions, all of
             which vanish at a dead centre (m).
         site_row: (ns,) row of each site's joint among those wanted.
@@ -61,6 +64,8 @@ class Tables(NamedTuple):
     freedom_ratio: np.ndarray
     freedom_axis: np.ndarray
     armature: np.ndarray
+    unit_q: np.ndarray
+    unit_count: np.ndarray
     drive_v: np.ndarray
     drive_action: np.ndarray
     entry_site: np.ndarray
@@ -76,6 +81,7 @@ class Tables(NamedTuple):
     wrench_row: np.ndarray
     contact_row: np.ndarray
     contact_site: np.ndarray
+    contact_rank: np.ndarray
     contact_map: np.ndarray
     contact_map_moved: np.ndarray
     displacement_q: np.ndarray
@@ -84,6 +90,7 @@ class Tables(NamedTuple):
     site_row: np.ndarray
     first_entry: np.ndarray
     actions: Actions
+    planar: np.ndarray
     direction_size: np.ndarray
     off_joint: int
     multipliers: int
@@ -130,6 +137,8 @@ class Work(NamedTuple):
         a_map: (nv, 1 + nc). multiplier_map: (nl, 1 + nc). wrench_map: (nr, 6, 1 + nc).
         coordinate_rate: (nc,) relative velocity of each coordinate.
         idle, dead: (nc,) whether a joint is near, or at, its dead centre.
+        given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
+            (1 + nc, 6), momentum_above: (6,), force: (3, 1 + nc): of intermediate results.
         freedoms: (1,) int.
         stuck ... figures: see `Modes`. least, most: (nc,) static limits.
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6), of the solution.
@@ -160,6 +169,16 @@ class Work(NamedTuple):
     coordinate_rate: np.ndarray
     idle: np.ndarray
     dead: np.ndarray
+    given: np.ndarray
+    size: np.ndarray
+    push: np.ndarray
+    a_closure: np.ndarray
+    lower: np.ndarray
+    right: np.ndarray
+    below: np.ndarray
+    above: np.ndarray
+    momentum_above: np.ndarray
+    force: np.ndarray
     freedoms: np.ndarray
     stuck: np.ndarray
     direction: np.ndarray
@@ -194,7 +213,16 @@ class Work(NamedTuple):
     drag: np.ndarray
 
 
+class Machine(NamedTuple):
+    """All that the kernels of one scene work on, as one argument."""
+
+    tables: Tables
+    supply: Supply
+    work: Work
+
+
 TablesRecord, SupplyRecord, WorkRecord = record(Tables), record(Supply), record(Work)
+MachineRecord = record(Machine)
 
 
 @kernel
@@ -213,6 +241,12 @@ def box_supply(values: tuple[Any, ...]) -> Any:
 def box_work(values: tuple[Any, ...]) -> Any:
     """Return `Work` as one argument of kernels."""
     return WorkRecord(*values)
+
+
+@kernel
+def box_machine(values: tuple[Any, ...]) -> Any:
+    """Return `Machine`, of records, as one argument of kernels."""
+    return MachineRecord(*values)
 
 
 @kernel
@@ -311,6 +345,30 @@ def move_pairs(t: Tables, k: Supply, w: Work) -> None:
 
 
 @kernel
+def is_exact(machine: Machine, q: np.ndarray) -> bool:
+    """Whether q is normalized and obeys the loops, of which `w` holds gaps and rates, closely.
+
+    To 1e-8 of a loop's size and speed; `closure.check_closed` says what is wrong with others.
+    """
+    t, w = machine.tables, machine.work
+    for n in range(t.unit_q.size):
+        square = 0.0
+        for i in range(t.unit_q[n], t.unit_q[n] + t.unit_count[n]):
+            square += q[i] * q[i]
+        if not abs(square - 1.0) < 1e-14:
+            return False
+    for r in range(t.off_joint, t.off_joint + t.multipliers):
+        pair = t.actions.column_pair[r]
+        if not abs(w.gap[0, r]) < 1e-8 * t.scale:
+            return False
+        if not abs(w.rate[0, r]) <= 1e-8 * w.terms[0, pair, 0]:
+            return False
+        if not w.tilt[0, pair] < 1e-8 and t.planar[pair]:
+            return False
+    return True
+
+
+@kernel
 def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
     """Write D, S and the relative velocity of every coordinate."""
     D, S, J, rate = w.D, w.S, w.J, w.coordinate_rate
@@ -359,8 +417,9 @@ def _ball_speed(t: Tables, rate: np.ndarray, c: int) -> float:
 
 
 @kernel
-def relate(t: Tables, k: Supply, w: Work, v: np.ndarray) -> None:
+def relate(machine: Machine, v: np.ndarray) -> None:
     """Write rates, D and S at a state of which only poses and velocities are known."""
+    t, k, w = machine.tables, machine.supply, machine.work
     if w.tilt.size > 0:
         move_pairs(t, k, w)
     _write_rates(t, w, v)
@@ -417,7 +476,7 @@ def _reduce(w: Work, push: np.ndarray, a_closure: np.ndarray, d: int, closed: bo
     """
     M, Z, D, factor, a_map = w.M, w.Z, w.D, w.factor, w.a_map
     nv, nc = M.shape[0], D.shape[0]
-    L, Y = np.zeros((d, d)), np.zeros((d, 1 + nc))
+    L, Y = w.lower, w.right
     if not closed:
         for i in range(nv):
             Y[i, 0] = push[i]
@@ -426,7 +485,7 @@ def _reduce(w: Work, push: np.ndarray, a_closure: np.ndarray, d: int, closed: bo
             for c in range(nc):
                 Y[i, 1 + c] = D[c, i]
     else:
-        MZ = np.zeros((nv, d))
+        L, Y, MZ = np.zeros((d, d)), np.zeros((d, 1 + nc)), np.zeros((nv, d))
         for i in range(nv):
             for j in range(nv):
                 for f in range(d):
@@ -583,7 +642,10 @@ def _write_tree_wrench(t: Tables, k: Supply, w: Work, j: int, out: np.ndarray) -
     a_map, S, A = w.a_map, w.motion, w.momentum
     joint, velocity, ratio, carries = t.freedom_joint, t.freedom_v, t.freedom_ratio, t.carries
     columns = a_map.shape[1]
-    below, above = np.zeros((columns, 6)), np.zeros((columns, 6))
+    below, above, F = w.below, w.above, w.momentum_above
+    for n in range(columns):
+        for e in range(6):
+            below[n, e] = above[n, e] = 0.0
     for f in range(joint.size):
         b = joint[f]
         if carries[j, b]:
@@ -596,7 +658,7 @@ def _write_tree_wrench(t: Tables, k: Supply, w: Work, j: int, out: np.ndarray) -
                 share = ratio[f] * a_map[velocity[f], n]
                 for e in range(6):
                     above[n, e] += share * S[f, e]
-    R, p, F = k.R[1 + j], k.p[1 + j], np.empty(6)
+    R, p = k.R[1 + j], k.p[1 + j]
     for n in range(columns):
         _carry(t.mass[j], k.lever[1 + j], k.inertia[1 + j], above[n], F)
         for e in range(6):
@@ -708,10 +770,16 @@ def add_products(A: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
 
 @kernel
 def write_contact(
-    B: np.ndarray, C: np.ndarray, moved: float, wrench: np.ndarray, force: np.ndarray
+    B: np.ndarray, C: np.ndarray, rank: int, moved: float, wrench: np.ndarray, force: np.ndarray
 ) -> None:
-    """Write a contact force (3, columns), (B + moved C) w, of a wrench (6, columns)."""
-    for e in range(3):
+    """Write a contact force (3, columns), (B + moved C) w, of a wrench (6, columns).
+
+    The first `rank` rows of B and C (3, 6) count.
+    """
+    for e in range(rank, 3):
+        for n in range(wrench.shape[1]):
+            force[e, n] = 0.0
+    for e in range(rank):
         for n in range(wrench.shape[1]):
             force[e, n] = 0.0
         for m in range(6):
@@ -726,11 +794,12 @@ def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
     """Write contact forces as maps of friction; False: not finite."""
     G, total = w.wrench_map, 0.0
     columns = G.shape[2]
-    force = np.empty((3, columns))
+    force = w.force
     for i in range(t.contact_row.size):
         s = t.entry_site[t.contact_site[i]]
         moved = t.displacement_shift[s] + t.displacement_ratio[s] * q[t.displacement_q[s]]
-        write_contact(t.contact_map[i], t.contact_map_moved[i], moved, G[t.contact_row[i]], force)
+        write_contact(t.contact_map[i], t.contact_map_moved[i], t.contact_rank[i], moved,
+                      G[t.contact_row[i]], force)  # fmt: skip
         for e in range(3):
             w.contact_free[i, e] = force[e, 0]
             for n in range(columns):
@@ -745,12 +814,12 @@ def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
 
 @kernel
 def assemble(
-    t: Tables, k: Supply, w: Work, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float
+    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float
 ) -> int:
     """Write the coupled problem and all maps at one state.
 
     Args:
-        t, k, w: records; w is overwritten.
+        machine: its `work` is overwritten.
         q, v, effort: (nq,), (nv,), (na,).
         step: 0: r is the relative acceleration; else the time step (s) of which r is the relative
             velocity at the end, with viscous friction implicit.
@@ -758,13 +827,16 @@ def assemble(
     Returns:
         0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than drives.
     """
+    t, k, w = machine.tables, machine.supply, machine.work
     M, h, nv, nl = w.M, k.h, v.size, t.multipliers
     _move_freedoms(t, k, w)
     if w.tilt.size > 0:
         move_pairs(t, k, w)
     _write_rates(t, w, v)
     write_laws(t, w, step > 0.0)
-    given, terms, push, a_closure = np.zeros(nv), np.zeros(nv), np.empty(nv), np.zeros(nv)
+    given, terms, push, a_closure = w.given, w.size, w.push, w.a_closure
+    for i in range(nv):
+        given[i] = a_closure[i] = 0.0
     for d in range(effort.size):
         if t.drive_v[d] >= 0:
             given[t.drive_v[d]] += effort[d]
@@ -866,8 +938,9 @@ def turn_balls(t: Tables, w: Work) -> None:
 
 
 @kernel
-def finish(t: Tables, w: Work) -> None:
+def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
+    t, w = machine.tables, machine.work
     problem, x, a_map, G = _problem(w), w.friction, w.a_map, w.wrench_map
     nc = x.size
     for i in range(w.a.size):
@@ -899,19 +972,20 @@ def finish(t: Tables, w: Work) -> None:
 
 @kernel
 def solve_instant(
-    t: Tables, k: Supply, w: Work, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int
+    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int
 ) -> tuple[int, int, int, int]:
     """Assemble, try the modes and finish where one solution obeys: one call.
 
     Args:
-        t ... effort: see `assemble`.
+        machine ... effort: see `assemble`.
         choice: `FREE`, `GIVEN` or `TURNED`.
 
     Returns:
         (outcome, number of solutions or -1, how many obey, how many are at rest); the outcome is
         `UNDECIDED` where joints that may share their friction stick: no modes were tried.
     """
-    outcome = assemble(t, k, w, q, v, effort, 0.0)
+    t, w = machine.tables, machine.work
+    outcome = assemble(machine, q, v, effort, 0.0)
     if outcome != 0:
         return outcome, 0, 0, 0
     resting = 0
@@ -932,5 +1006,5 @@ def solve_instant(
         if w.friction.size > 0:
             w.friction[0] = np.nan  # no guess for the next solve
     elif obeying == 1:
-        finish(t, w)
+        finish(machine)
     return 0, found, obeying, resting

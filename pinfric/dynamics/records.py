@@ -16,6 +16,7 @@ import pinocchio as pin
 from pinfric.dynamics.layout import Layout
 from pinfric.dynamics.maps import Supply, Tables, Work
 from pinfric.dynamics.reactions import AppliedWrench
+from pinfric.dynamics.states import unit_parts
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import empty_problem
 from pinfric.model.closure import actions_of
@@ -141,6 +142,8 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
               for i in np.flatnonzero(layout.contact_site == s) if layout.rubs[s]]  # fmt: skip
     entry = np.array([e for e, _ in chosen], dtype=np.int64)
     contact = np.array([i for _, i in chosen], dtype=np.int64)
+    units = np.array(unit_parts(model), dtype=np.int64).reshape(-1, 2)
+    kinds = [] if linkage is None else [loop.kind for loop in linkage.loops]
     actions = actions_of(twin, linkage or make_linkage(twin.model, (), (), {}, ""))
     direction_size = np.zeros(len(layout.coordinate_v))
     for c, action in enumerate(layout.coordinate_action):
@@ -152,15 +155,19 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         gravity=np.array(model.gravity.linear),
         **freedoms,
         armature=twin.armature,
+        unit_q=units[:, 0].copy(),
+        unit_count=units[:, 1].copy(),
         laws=layout.laws,
         **{name: getattr(layout, name) for name in _LAYOUT_FIELDS},
         wrench_row=rows.astype(np.int64),
         contact_row=row_of[layout.joint[layout.entry_site[entry]]],
         contact_site=entry,
+        contact_rank=layout.contact_rank[contact],
         contact_map=layout.contact_map[contact],
         contact_map_moved=layout.contact_map_moved[contact],
         site_row=row_of[layout.joint],
         actions=actions,
+        planar=np.array([kind == "planar_pin" for kind in kinds], dtype=bool),
         direction_size=direction_size,
         off_joint=layout.off_joint,
         multipliers=layout.solved - layout.off_joint,
@@ -222,6 +229,9 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         a_map=np.zeros((nv, 1 + nc)), multiplier_map=np.zeros((nl, 1 + nc)),
         wrench_map=np.zeros((rows, 6, 1 + nc)), coordinate_rate=np.zeros(nc),
         idle=np.zeros(nc, dtype=bool), dead=np.zeros(nc, dtype=bool),
+        given=np.zeros(nv), size=np.zeros(nv), push=np.zeros(nv), a_closure=np.zeros(nv),
+        lower=np.zeros((nv, nv)), right=np.zeros((nv, 1 + nc)), below=np.zeros((1 + nc, 6)),
+        above=np.zeros((1 + nc, 6)), momentum_above=np.zeros(6), force=np.zeros((3, 1 + nc)),
         freedoms=np.zeros(1, dtype=np.int64),
         **dict(zip(MODE_FIELDS, Modes.of(nc, np.zeros(ne)).arrays(), strict=True)),
         least=np.zeros(nc), most=np.zeros(nc), a=out[:nv], phi=out[nv : nv + ns],

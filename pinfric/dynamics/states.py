@@ -154,18 +154,25 @@ _UNIT_PARTS = {
 }
 
 
+def unit_parts(model: pin.Model) -> list[tuple[int, int]]:
+    """Return where in q (cos, sin) pairs and quaternions begin, and how long they are."""
+    found = []
+    for joint in model.joints[1:]:
+        continuous = (0, 2 if (joint.nq, joint.nv) == (2, 1) else 0)
+        first, size = _UNIT_PARTS.get(joint.shortname(), continuous)
+        if size:
+            found.append((joint.idx_q + first, size))
+    return found
+
+
 def _on_manifold(model: pin.Model, q: np.ndarray) -> np.ndarray:
     """Normalize (cos, sin) pairs and quaternions; warn where that changes more than rounding."""
     if model.nq == model.nv:
         return q
     normal = q.copy()
     largest = 0.0
-    for joint in model.joints[1:]:
-        continuous = (0, 2 if (joint.nq, joint.nv) == (2, 1) else 0)
-        first, size = _UNIT_PARTS.get(joint.shortname(), continuous)
-        if size == 0:
-            continue
-        part = slice(joint.idx_q + first, joint.idx_q + first + size)
+    for first, size in unit_parts(model):
+        part = slice(first, first + size)
         norm = np.linalg.norm(q[:, part], axis=1, keepdims=True)
         if (norm < 1e-6).any():
             i = int(np.argmin(norm))

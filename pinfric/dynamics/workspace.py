@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NoReturn
+from math import hypot
+from typing import NoReturn, cast
 
 import numpy as np
 
@@ -17,11 +18,14 @@ from pinfric.dynamics.maps import (
     TOGGLE,
     TURNED,
     UNDECIDED,
+    Machine,
     assemble,
+    box_machine,
     box_supply,
     box_tables,
     box_work,
     finish,
+    is_exact,
     relate,
     solve_instant,
 )
@@ -57,6 +61,7 @@ class Workspace:
         tables: `Layout`.
         problem, modes: the coupled problem and its solution.
         mechanism: how its coordinates hang together.
+        must_obey: whether a configuration can be none: loops open, quaternions not of length 1.
         closed: whether loops close, so that coordinates may depend on each other.
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6) of the solution: accelerations,
             friction, normal load and wrench of each site; one after the other in `out`.
@@ -74,12 +79,13 @@ class Workspace:
         self.tables = t = make_layout(scene)
         self.linkage, self.closed = scene.linkage, t.solved > t.off_joint
         self.turns_balls, self.locked = True, False
+        self.must_obey = scene.linkage is not None or self.nq != self.nv
         self.supplier = Supplier(self.twin)
         tables = make_tables(self.twin, scene.linkage, t)
         self.out, self.work = make_work(self.twin, t, tables)
         w = self.work
-        self._plain: tuple[Any, ...] = tables, self.supplier.supply, w
-        self._boxed: tuple[Any, ...] | None = None
+        self._plain = Machine(tables, self.supplier.supply, w)
+        self._boxed: Machine | None = None
         if is_ready(box_work, (tuple(w),)):
             self._box()
         self.problem = Problem(*(getattr(w, name) for name in PROBLEM_FIELDS))
@@ -89,18 +95,20 @@ class Workspace:
         self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
         self.multipliers = w.multiplier
         self._balls = np.unique(t.block[t.ball])
+        self._guides = [(s, scene.sites[s].axis.tolist(), t.roll_lever[s]) for s in t.guides]
 
     @property
-    def _records(self) -> tuple[Any, ...]:
-        """Tables, supply and buffers: tuples while kernels are interpreted, then records."""
+    def _machine(self) -> Machine:
+        """Tables, supply and buffers: tuples while kernels are interpreted, then one record."""
         if self._boxed is None and not CLOCK.is_over():
             return self._plain
         return self._boxed or self._box()
 
-    def _box(self) -> tuple[Any, ...]:
+    def _box(self) -> Machine:
         boxes = box_tables, box_supply, box_work
-        self._boxed = tuple(box(tuple(x)) for box, x in zip(boxes, self._plain, strict=True))
-        return self._boxed
+        parts = tuple(box(tuple(x)) for box, x in zip(boxes, self._plain, strict=True))
+        self._boxed = boxed = box_machine(parts)
+        return cast("Machine", boxed)
 
     @property
     def a_free(self) -> np.ndarray:
@@ -120,6 +128,10 @@ class Workspace:
             self._relate(q, v)
             return self.work.coordinate_rate.copy()
         return np.asarray(v[self.tables.coordinate_v])
+
+    def is_exact(self, q: np.ndarray) -> bool:
+        """Whether the state solved last is normalized and obeys its loops to the last digits."""
+        return bool(is_exact(self._machine, q))
 
     def speeds(self, rates: np.ndarray) -> np.ndarray:
         """Return how fast each coordinate's joint moves (nc,): of a ball, its angular speed."""
@@ -148,7 +160,7 @@ class Workspace:
         """Write rates, J and D of a state."""
         q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
         self.supplier.move(q, v)
-        relate(*self._records, v)
+        relate(self._machine, v)
 
     def _stopped(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:
         v = v.copy()
@@ -252,7 +264,7 @@ class Workspace:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
         self._given = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
-        outcome, solutions, obeying, resting = solve_instant(*self._records, q, v, effort, choice)
+        outcome, solutions, obeying, resting = solve_instant(self._machine, q, v, effort, choice)
         self.locked = False
         if outcome == 0:
             return solutions, obeying, resting
@@ -281,7 +293,7 @@ class Workspace:
         """
         self._given = q, v, effort, applied, step
         self.supplier.at(q, v, applied)
-        outcome = assemble(*self._records, q, v, effort, step)
+        outcome = assemble(self._machine, q, v, effort, step)
         if outcome:
             self._refuse(outcome, q, v, effort)
         self.mechanism.factor = self.work.factor[: self.work.freedoms[0]]
@@ -376,8 +388,7 @@ class Workspace:
 
     def finish(self) -> None:
         """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
-        tables, _, work = self._records
-        finish(tables, work)
+        finish(self._machine)
         self.locked, stuck, factor = False, self.modes.stuck, self.mechanism.factor
         if self.closed and stuck.any():
             size = np.linalg.svd(factor[:, stuck], compute_uv=False)
@@ -409,13 +420,11 @@ class Workspace:
         Raises:
             RollMomentError: see there.
         """
-        for s in self.tables.guides:
-            site = self.scene.sites[s]
-            assert site.friction.bearing is not None  # that is what makes it one of these
-            force, moment = self.wrench[s, :3], self.wrench[s, 3:]
-            roll, length = float(moment @ site.axis), site.friction.bearing.roll_lever() or 0.0
-            if abs(roll) > 1e-9 * (np.linalg.norm(moment) + length * np.linalg.norm(force)):
-                raise RollMomentError(site.name, 0, roll)
+        for s, (x, y, z), lever in self._guides:
+            fx, fy, fz, mx, my, mz = self.wrench[s].tolist()
+            roll = mx * x + my * y + mz * z
+            if abs(roll) > 1e-9 * (hypot(mx, my, mz) + lever * hypot(fx, fy, fz)):
+                raise RollMomentError(self.scene.sites[s].name, 0, roll)
 
     def _refuse(self, outcome: int, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> NoReturn:
         for name, array in (("q", q), ("v", v), ("effort", effort)):
