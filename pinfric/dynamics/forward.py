@@ -117,6 +117,7 @@ def _solved_as_given(
     try:
         ws.solve(q, v, effort, applied)
     except PinfricError:  # what is wrong with the state is said first
+        ws.check_finite(q, v, effort)
         return False
     return ws.is_exact(q)
 

@@ -426,11 +426,19 @@ class Workspace:
             if abs(roll) > 1e-9 * (hypot(mx, my, mz) + lever * hypot(fx, fy, fz)):
                 raise RollMomentError(self.scene.sites[s].name, 0, roll)
 
-    def _refuse(self, outcome: int, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> NoReturn:
+    def check_finite(self, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> None:
+        """Refuse a state that holds what is no number.
+
+        Raises:
+            StateError: see there.
+        """
         for name, array in (("q", q), ("v", v), ("effort", effort)):
             if not np.isfinite(array).all():
                 i = int(np.flatnonzero(~np.isfinite(array))[0])
                 raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
+
+    def _refuse(self, outcome: int, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> NoReturn:
+        self.check_finite(q, v, effort)
         if outcome == NOT_FINITE:
             raise StateError("forward dynamics overflows at this state: values are too large")
         if outcome == TOGGLE:
