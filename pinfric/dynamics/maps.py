@@ -320,8 +320,8 @@ def _write_mass_matrix(t: Tables, w: Work) -> None:
 
 
 @kernel
-def move_pairs(t: Tables, k: Supply, w: Work) -> None:
-    """Write how the frames of all pairs are related, at a = 0, and what actions do to joints."""
+def _relate_frames(t: Tables, k: Supply, w: Work) -> None:
+    """Write how the frames of all pairs are related, at a = 0."""
     R, p, velocity, acceleration, gravity = w.R, w.p, w.velocity, w.acceleration, t.gravity
     v, a = k.velocity[1:], k.acceleration[1:]
     for j in range(t.mass.size):
@@ -341,7 +341,24 @@ def move_pairs(t: Tables, k: Supply, w: Work) -> None:
             acceleration[0, j, 3 + r] = x * a[j, 3] + y * a[j, 4] + z * a[j, 5]
     relate_pairs(p, R, velocity, acceleration, t.actions, w.gap, w.rate, w.rate_derivative, w.tilt,
                  w.terms)  # fmt: skip
-    act_on_joints(p, R, t.actions, w.X, w.J)
+
+
+@kernel
+def _move_pairs(t: Tables, k: Supply, w: Work) -> None:
+    """Write how the frames of all pairs are related, and what actions do to joints."""
+    if w.tilt.size > 0:
+        _relate_frames(t, k, w)
+        act_on_joints(w.p, w.R, t.actions, w.X, w.J)
+
+
+@kernel
+def measure_rates(machine: Machine, v: np.ndarray) -> None:
+    """Write the relative velocity of every coordinate, of which poses and velocities are known."""
+    t, w = machine.tables, machine.work
+    _relate_frames(t, machine.supply, w)
+    for c in range(w.coordinate_rate.size):
+        action = t.coordinate_action[c]
+        w.coordinate_rate[c] = v[t.coordinate_v[c]] if action < 0 else w.rate[0, action]
 
 
 @kernel
@@ -420,8 +437,7 @@ def _ball_speed(t: Tables, rate: np.ndarray, c: int) -> float:
 def relate(machine: Machine, v: np.ndarray) -> None:
     """Write rates, D and S at a state of which only poses and velocities are known."""
     t, k, w = machine.tables, machine.supply, machine.work
-    if w.tilt.size > 0:
-        move_pairs(t, k, w)
+    _move_pairs(t, k, w)
     _write_rates(t, w, v)
 
 
@@ -830,8 +846,7 @@ def assemble(
     t, k, w = machine.tables, machine.supply, machine.work
     M, h, nv, nl = w.M, k.h, v.size, t.multipliers
     _move_freedoms(t, k, w)
-    if w.tilt.size > 0:
-        move_pairs(t, k, w)
+    _move_pairs(t, k, w)
     _write_rates(t, w, v)
     write_laws(t, w, step > 0.0)
     given, terms, push, a_closure = w.given, w.size, w.push, w.a_closure

@@ -26,6 +26,7 @@ from pinfric.dynamics.maps import (
     box_work,
     finish,
     is_exact,
+    measure_rates,
     relate,
     solve_instant,
 )
@@ -125,7 +126,9 @@ class Workspace:
     def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
         if self.tables.has_loop_coordinates:
-            self._relate(q, v)
+            v = np.ascontiguousarray(v)
+            self.supplier.move(np.ascontiguousarray(q), v)
+            measure_rates(self._machine, v)
             return self.work.coordinate_rate.copy()
         return np.asarray(v[self.tables.coordinate_v])
 
