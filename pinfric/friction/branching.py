@@ -13,12 +13,14 @@ import numpy as np
 
 from pinfric.friction.least_use import Rest, friction_and_limits
 from pinfric.friction.minimax import least_violation
-from pinfric.model.compiled import kernel, long_kernel
+from pinfric.model.compiled import at_once, kernel
 
 #: What is proved is that nothing holds with a use of 1 - _MARGIN; programs are exact to _EXACT.
 _MARGIN, _EXACT = 1e-9, 1e-12
 #: Nodes that may wait.
 _MOST_WAITING = 4096
+#: Most proofs are over by then; only those that are not are worth compiling for.
+_FEW_NODES = 200
 
 
 class Program(NamedTuple):
@@ -47,7 +49,9 @@ def prove(rest: Rest, z: np.ndarray, most_nodes: int) -> tuple[int, int]:
     largest = float(np.linalg.norm(rest.force, axis=1).max(initial=1e-300))
     program = Program(np.empty((rows, dz)), np.empty(rows), np.empty(rows),
                       np.empty((nf, dz + 1)), np.maximum(above, below), largest)  # fmt: skip
-    outcome, nodes = branch(rest, program, z, most_nodes)
+    outcome, nodes = branch(rest, program, z, min(_FEW_NODES, most_nodes))
+    if outcome < 0 and nodes < most_nodes:
+        outcome, nodes = at_once(branch, rest, program, z, most_nodes)
     return int(outcome), int(nodes)
 
 
@@ -157,7 +161,7 @@ def worst_bounded(
     return cut, angle
 
 
-@long_kernel
+@kernel
 def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> tuple[int, int]:
     """Find a z (dz,) that holds, or prove that none does.
 

@@ -35,9 +35,10 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
 
 
-def long_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel as `kernel` does, but at once: one that runs long on few numbers."""
-    return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=False)
+def at_once(made: Any, *arguments: Any) -> Any:
+    """Call a kernel compiled, which with few numbers it need not be: it may run for long."""
+    made.compile(tuple(typeof(argument) for argument in arguments))
+    return made(*arguments)
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:

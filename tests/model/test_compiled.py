@@ -11,9 +11,12 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
-from pinfric.model.compiled import long_kernel
+from pinfric.model import interpreted
+from pinfric.model.compiled import kernel
 
-@long_kernel
+interpreted.PATIENCE = 0.0
+
+@kernel
 def twice(x):
     return 2.0 * x
 
