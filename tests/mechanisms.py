@@ -109,6 +109,26 @@ def four_bar(cut="B", kind="planar_pin", mu=0.3, gravity=(0.0, -9.81, 0.0), stat
     return scene, joints
 
 
+def six_bar(mu=0.2):
+    """Watt's six-bar in the plane, friction in seven pins, driven at its crank; scene and q."""
+    model, turns = grounded_model(), pin.JointModelRZ
+    crank = add_link(model, 0, turns(), shifted(0.0), "crank", bar(0.3, 0.1))
+    add_link(model, crank, turns(), shifted(0.1), "coupler", bar(0.6, 0.35))
+    rocker = add_link(model, 0, turns(), shifted(0.35), "rocker", bar(0.8, 0.4))
+    add_link(model, rocker, turns(), shifted(0.4), "rod", bar(0.5, 0.4))
+    add_link(model, 0, turns(), shifted(0.8), "lever", bar(0.6, 0.3))
+    loops = [
+        {"name": name, "kind": "planar_pin", "a": {"link": a, "xyz": [at_a, 0.0, 0.0]},
+         "b": {"link": b, "xyz": [at_b, 0.0, 0.0]}}
+        for name, a, at_a, b, at_b in (("first", "coupler", 0.35, "rocker", 0.25),
+                                       ("second", "rod", 0.4, "lever", 0.3))
+    ]  # fmt: skip
+    names = ("crank", "coupler", "rocker", "rod", "lever", "first", "second")
+    scene = pf.Scene(model=model, loops=loops, actuators=[{"joint": "crank"}],
+                     friction=dict.fromkeys(names, pin_friction(mu)))  # fmt: skip
+    return scene, scene.close(np.array([0.3, 0.2, 1.7, -1.4, 1.7]))
+
+
 CRANK, ROD = 0.05, 0.15
 
 

@@ -171,7 +171,7 @@ class EventIntegration:
             record.steps.append((polynomial, self.chart))
         for t in record.due(start, end):
             q, v = self._state(polynomial(t))
-            if self.linked:
+            if self.linked and not (self.ws.locked and not v.any()):
                 q, v = self.ws.obey(q, v)
             self.system.solve_given_modes(t, q, v)
             record.sample(t, q, v)

@@ -96,6 +96,7 @@ class Workspace:
         self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
         self.multipliers = w.multiplier
         self._balls = np.unique(t.block[t.ball])
+        self._kept: tuple[object, ...] | None = None
         self._guides = [(s, scene.sites[s].axis.tolist(), t.roll_lever[s]) for s in t.guides]
 
     @property
@@ -247,6 +248,8 @@ class Workspace:
 
         Args, raises: see `solve`.
         """
+        if self._kept is not None and self._kept == self._key(q, v, effort, applied):
+            return  # nothing moves and nothing has changed
         turned = TURNED if self._balls.size and self.turns_balls else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
         if resting < 0:
@@ -255,6 +258,15 @@ class Workspace:
                 self.finish()
         if obeying != 1:
             raise self.failure(only_candidate(solutions, obeying), q, v, effort)
+        self._kept = self._key(q, v, effort, applied) if self.locked else None
+
+    def _key(
+        self, q: np.ndarray, v: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
+    ) -> tuple[object, ...]:
+        """What the solution in `modes` belongs to."""
+        modes = self.modes
+        arrays = q, v, effort, modes.stuck, modes.direction, modes.friction
+        return id(applied), *(array.tobytes() for array in arrays)
 
     def _try(
         self,
@@ -265,6 +277,7 @@ class Workspace:
         choice: int,
     ) -> tuple[int, int, int]:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
+        self._kept = None
         self._given = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
         outcome, solutions, obeying, resting = solve_instant(self._machine, q, v, effort, choice)
@@ -294,6 +307,7 @@ class Workspace:
         Raises:
             StateError, SceneError, ToggleError: see `solve`.
         """
+        self._kept = None
         self._given = q, v, effort, applied, step
         self.supplier.at(q, v, applied)
         outcome = assemble(self._machine, q, v, effort, step)
@@ -392,12 +406,9 @@ class Workspace:
     def finish(self) -> None:
         """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
         finish(self._machine)
-        self.locked, stuck, factor = False, self.modes.stuck, self.mechanism.factor
-        if self.closed and stuck.any():
-            size = np.linalg.svd(factor[:, stuck], compute_uv=False)
-            if int((size > RANK * size[:1]).sum()) == len(factor):
-                self.a[:] = 0.0  # nothing can move
-                self.locked = True
+        self.locked = self.closed and self.mechanism.is_locked(self.modes.stuck)
+        if self.locked:
+            self.a[:] = 0.0
 
     def friction_rounding(self) -> np.ndarray:
         """Return how far friction (nc,) may be off by rounding, of the loads that cancel, too."""

@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,19 @@ from pinfric.friction.sharing import RANK, secular_root, share, share_one
 
 #: Passes of the search.
 _CHANGES = 60
+
+
+class Group(NamedTuple):
+    """Coordinates that rest together: their part of the factor is basis rates.
+
+    Attributes:
+        members: (m,) coordinates.
+        basis: (d, r), of rank r. rates: (r, m), orthonormal rows.
+    """
+
+    members: np.ndarray
+    basis: np.ndarray
+    rates: np.ndarray
 
 
 @dataclass(eq=False)
@@ -54,9 +68,35 @@ class Mechanism:
     ball: np.ndarray
     idle: np.ndarray
     way: np.ndarray
+    _groups: tuple[object, list[Group]] = (None, [])
+    _locked: tuple[object, bool] = (None, False)
 
-    def groups(self, stuck: np.ndarray) -> list[np.ndarray]:
-        """Return the coordinates that stick and share their friction, group by group."""
+    def groups(self, stuck: np.ndarray) -> list[Group]:
+        """Return the coordinates that stick and share their friction, group by group.
+
+        While nothing moves the answer stays: the last one is kept.
+        """
+        key = stuck.tobytes(), self.factor.tobytes()
+        if self._groups[0] != key:
+            self._groups = key, [self._decomposed(group) for group in self._find_groups(stuck)]
+        return self._groups[1]
+
+    def _decomposed(self, group: np.ndarray) -> Group:
+        left, size, right = np.linalg.svd(self.factor[:, group], full_matrices=False)
+        r = int((size > RANK * size[0]).sum())
+        return Group(group, left[:, :r] * size[:r], right[:r])
+
+    def is_locked(self, stuck: np.ndarray) -> bool:
+        """Return whether what sticks lets nothing move."""
+        if not stuck.any():
+            return False
+        key = stuck.tobytes(), self.factor.tobytes()
+        if self._locked[0] != key:
+            size = np.linalg.svd(self.factor[:, stuck], compute_uv=False)
+            self._locked = key, int((size > RANK * size[:1]).sum()) == len(self.factor)
+        return self._locked[1]
+
+    def _find_groups(self, stuck: np.ndarray) -> list[np.ndarray]:
         held = np.flatnonzero(stuck)
         if held.size == 0:
             return []
@@ -81,8 +121,8 @@ class Mechanism:
         """Return `fired` and what sticks with them in a group of one freedom."""
         broken = np.zeros(len(stuck), dtype=bool)
         broken[fired] = True
-        for group in self.groups(stuck):
-            if broken[group].any() and _rank(_normalized(self.factor[:, group])) == 1:
+        for group, _, rates in self.groups(stuck):
+            if broken[group].any() and len(rates) == 1:
                 broken[group[self.factor[:, group].any(axis=0)]] = True
         return np.flatnonzero(broken)
 
@@ -151,7 +191,7 @@ class _Shared:
     """One pass x -> G(x) of a problem in which groups share their friction."""
 
     def __init__(
-        self, problem: Problem, modes: Modes, mechanism: Mechanism, groups: list[np.ndarray]
+        self, problem: Problem, modes: Modes, mechanism: Mechanism, groups: list[Group]
     ) -> None:
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
         nc, ns = len(modes.stuck), len(problem.constant)
@@ -160,12 +200,9 @@ class _Shared:
         self.load, self.rate = np.empty(ns), np.empty(nc)
         self.least, self.most = np.empty(nc), np.empty(nc)
         self.shared = np.zeros(nc, dtype=bool)
-        self.groups = []
-        for group in groups:
+        self.groups = groups
+        for group, _, _ in groups:
             self.shared[group] = True
-            left, size, right = np.linalg.svd(mechanism.factor[:, group], full_matrices=False)
-            r = int((size > RANK * size[0]).sum())
-            self.groups.append((group, left[:, :r] * size[:r], right[:r]))
         self.alone = np.flatnonzero(modes.stuck & ~self.shared)
         self.possible, self.follows_loads = True, True
         self.push = np.zeros(nc)

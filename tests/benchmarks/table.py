@@ -106,17 +106,49 @@ def memory_in_chunks():
 
 
 def forward():
-    """One call of forward dynamics, UR5, all six pins sliding."""
+    """One call of forward dynamics where everything slides: UR5, and three mechanisms with loops
+    or a coupled guide."""
     model = ur5()
-    scene, data = with_pins(model), model.createData()
     rng = np.random.default_rng(0)
     q, v, u = rng.uniform(-2, 2, 6), rng.uniform(-2, 2, 6), rng.uniform(-20, 20, 6)
+    data = model.createData()
+    states = {"UR5, six pins": (with_pins(model), q, v, u, 8)}
+    for name, goal in (("drawer", 10), ("four_bar", 12), ("slider_crank", 12)):
+        scene = pf.load_scene(name)
+        motion = pf.load_trajectory(f"{name}.waypoints.yaml", scene)
+        moving = int(np.argmax(np.abs(motion.v).min(axis=1)))
+        states[name] = scene, motion.q[moving], motion.v[moving], np.ones(len(scene.drives)), goal
+    rows = []
+    for name, (scene, *state, goal) in states.items():
+        s = median_seconds({
+            "aba": lambda: pin.aba(model, data, q, v, u),
+            "pinfric": lambda scene=scene, state=state: pf.forward_dynamics(scene, *state),
+        }, rounds=41, calls=200)  # fmt: skip
+        more = f"{1e6 * s['pinfric']:.1f} to {1e6 * s['aba']:.1f} us a call"
+        rows.append(Row(f"forward dynamics, {name}", "pin.aba of the UR5", s["pinfric"] / s["aba"],
+                        goal, more=more))  # fmt: skip
+    return rows
+
+
+def at_rest_and_moving():
+    """One second of a slider-crank that friction locks, and of a six-bar that swings."""
+    from mechanisms import cut_slider_crank, six_bar
+
+    locked, _ = cut_slider_crank()
+    locked = locked.with_(friction={
+        name: {**entry.model_dump(exclude_none=True), "coulomb": {"static": 8.0, "kinetic": 8.0}}
+        for name, entry in locked.friction.items()
+    })  # fmt: skip
+    scene, q = six_bar()
+    v, _ = pf.consistent_motion(scene, q[None], ["crank"], np.array([[6.0]]), np.array([[0.0]]))
+    still, none = np.zeros(locked.model.nv), np.zeros(1)
+    start = locked.close(pin.neutral(locked.model))
     s = median_seconds({
-        "aba": lambda: pin.aba(model, data, q, v, u),
-        "pins": lambda: pf.forward_dynamics(scene, q, v, u),
-    }, rounds=41, calls=200)  # fmt: skip
-    return [Row("forward dynamics, UR5, six pins", "pin.aba", s["pins"] / s["aba"], 15,
-                more=f"{1e6 * s['pins']:.1f} to {1e6 * s['aba']:.1f} us a call")]  # fmt: skip
+        "locked": lambda: pf.simulate(locked, start, still, none, 1.0),
+        "moving": lambda: pf.simulate(scene, q, v[0], none, 1.0),
+    }, rounds=5)  # fmt: skip
+    return [Row("simulate a locked slider-crank 1 s", "", s["locked"], 1.0, "s"),
+            Row("simulate a six-bar 1 s", "", s["moving"], 2.0, "s")]  # fmt: skip
 
 
 def simulation():
@@ -210,7 +242,7 @@ def _against(name, runs, who, bound):
 
 def rows(with_peers=False):
     """Every row as it is measured, in the README's order."""
-    studies = [inverse, memory_in_chunks, threads, forward, simulation, loops]
+    studies = [inverse, memory_in_chunks, threads, forward, simulation, at_rest_and_moving, loops]
     if with_peers:
         studies.append(peers)
     for study in studies:

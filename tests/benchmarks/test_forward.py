@@ -7,13 +7,15 @@
 
 from __future__ import annotations
 
-from table import forward, simulation
+import pytest
+from table import at_rest_and_moving, forward, simulation
 
 
-def test_one_call_against_aba():
-    (row,) = forward()
-    print("\n", *row.cells(), sep="  ")
-    assert row.met
+@pytest.mark.parametrize("measure", [forward, at_rest_and_moving])
+def test_goals_are_met(measure):
+    rows = measure()
+    print(*("  ".join(row.cells()) for row in rows), sep="\n")
+    assert all(row.met for row in rows)
 
 
 def test_the_paper_s_robot_for_one_second():
