@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.dynamics.closure import check_closed
+from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.reactions import AppliedWrench, applied_wrenches
-from pinfric.dynamics.result import Status
 from pinfric.dynamics.states import States
 from pinfric.dynamics.workspace import Workspace, workspace
 from pinfric.errors import PinfricError, StateError

@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-from pinfric.dynamics.coupled_solve import Solver
+from pinfric.dynamics.interval_ends import Solver
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.solutions import one_sample
 from pinfric.friction.dense import solve_dense

@@ -1,7 +1,7 @@
-"""Friction, efforts and their ends where reactions depend on friction (design 2.3, 2.4).
+"""Friction, efforts and their ends where reactions depend on friction.
 
 Everything is affine in the friction but its law (`effort_maps.Maps`), so that each sample is a
-small coupled problem (`coupling`). What sticks, or reverses beside a sample, has a choice of
+small coupled problem (`given_modes`). What sticks, or reverses beside a sample, has a choice of
 frictions: the ends of efforts lie where each is at one of its limits. A *candidate* is a sample
 with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a sample all
 are candidates; beyond, sites are flipped one by one while that helps. A ball's limit is a sphere:
@@ -27,7 +27,7 @@ from pinfric.dynamics.choices import (
 )
 from pinfric.dynamics.effort_maps import Maps
 from pinfric.dynamics.layout import Layout
-from pinfric.dynamics.result import Status
+from pinfric.dynamics.outcome import Status
 from pinfric.friction.given_modes import MOST_SOLUTIONS
 from pinfric.friction.problem import empty_problem
 
