@@ -131,15 +131,14 @@ class Solver:
         drag = np.where(code == SLIDES, law.drag[sample], 0.0)
         dry = dry + np.where(layout.varies, 0.0, mu * law.fixed_load[sample])
         mu = np.where(layout.varies, mu, 0.0)
-        out = Candidates(sample, code, direction, np.zeros((m, MOST_SOLUTIONS, ns)),
-                         np.ones(m, dtype=np.int64), np.zeros((m, 2)))  # fmt: skip
-        if ns == 0:  # nothing rubs: that is the solution
-            return out
-        solve_list(
-            self.maps.contact, self._rows, layout.first_entry, layout.entry_count, sample,
-            direction, slip, mu, dry, drag, self.base, np.zeros(ns, dtype=np.bool_),
-            np.full(1, np.nan), out.x, out.found, out.figures,
-        )  # fmt: skip
+        x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
+        found = np.ones(m, dtype=np.int64)
+        out = Candidates(sample, code, direction, slip, mu, dry, drag, x, found, figures)
+        if ns > 0:  # else nothing rubs, and that is the solution
+            solve_list(
+                self.maps.contact, self._rows, layout.first_entry, layout.entry_count, self.base,
+                out,
+            )  # fmt: skip
         return out
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
@@ -326,14 +325,12 @@ class Solver:
         ns = len(layout.joint)
         L = np.zeros((m, ns, ne))
         phi = self._phi(c, 0)
-        mu = self.law.mu[c.code, c.sample[:, None], np.arange(ns)]
-        slip = np.choose(c.code, (self.law.slip[c.sample], 1.0, -1.0, 0.0))
         for t in self._rows:
             s = layout.contact_site[t]
             slope = self.maps.contact[c.sample, t, 1:]
             force = self.maps.contact[c.sample, t, 0] + np.einsum("mke,mk->me", slope, phi)
             size = np.maximum(np.linalg.norm(force, axis=1), 1e-300)
-            gain = -slip[:, s] * mu[:, s] / size
+            gain = -c.slip[:, s] * c.mu[:, s] / size
             L[:, s] += gain[:, None] * np.einsum("mke,me->mk", slope, force)
         D = np.zeros((m, ne, ns))
         D[:, np.arange(ne), self._phi_site] = c.direction

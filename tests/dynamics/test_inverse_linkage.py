@@ -129,7 +129,7 @@ def test_every_cut_of_the_four_bar_gives_the_same_efforts(kind, gravity, bearing
 
 
 def test_redundant_reactions_are_those_of_least_squares():
-    """Design 2.2: any other multipliers that balance the same have a larger sum over all joints."""
+    """Any other multipliers that balance the same have a larger sum over all joints."""
     length = 0.05
     scene, joints = four_bar("B", "revolute", gravity=(1.0, -8.0, 5.0), redundancy_length=length)
     q, v, a = crank_motion(joints, np.linspace(0.3, 5.9, 7))

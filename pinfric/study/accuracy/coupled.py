@@ -46,7 +46,7 @@ class CoupledRun:
         t: time of the sample (s), its number where there are no times.
         mu_factor: on every coefficient mu of the scene.
         share: the same as a share of the factor at which the sample jams.
-        contraction: certificate of `coupling`; below 1 the solution is certain, and the only one.
+        contraction: of `given_modes`; below 1 the solution is certain, and the only one.
         solver: `fixed point` or `Newton`.
         tolerance: relative residual max |x - G(x)| / max |G(x)| at which it stops.
         iterations: passes, an evaluation of G each.
