@@ -97,13 +97,13 @@ def solve_tree(
     _bound_efforts(scene, answer, threads)
     efforts = answer.effort_lower, answer.effort_upper
     _check_finite(scene, efforts, whole.start)
-    around = states.around(whole)
+    own, around = states.part(whole), states.around(whole)
     torques = motor_torques(scene, states, whole, efforts, states.v[around], states.a[around])
     if torques is not efforts:  # behind a gear
         _check_finite(scene, torques, whole.start)
     return InverseResult(
         scene=scene,
-        states=states.part(whole),
+        states=own,
         external=tuple(AppliedWrench(w.joint, w.wrench[whole]) for w in applied),
         **answer._asdict() | ({} if reacting else {"wrench": None}),
         motor_torque_lower=torques[0],
@@ -112,6 +112,11 @@ def solve_tree(
         iterations=np.zeros(T, dtype=np.int32),
         contraction=np.zeros(T),
         status=np.zeros(T, dtype=np.int8),
+        multipliers=None,
+        interval_exact=np.ones(T, dtype=bool),
+        redundant=False,
+        actuator_velocity=own.v,
+        actuator_acceleration=own.a,
     )
 
 

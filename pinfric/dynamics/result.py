@@ -95,19 +95,11 @@ class InverseResult(Shown):
     iterations: np.ndarray
     contraction: np.ndarray
     status: np.ndarray
-    multipliers: np.ndarray | None = None
-    interval_exact: np.ndarray = None  # type: ignore[assignment]  # filled below
-    redundant: bool = False
-    actuator_velocity: np.ndarray = None  # type: ignore[assignment]  # filled below
-    actuator_acceleration: np.ndarray = None  # type: ignore[assignment]  # filled below
-
-    def __post_init__(self) -> None:
-        # an open chain with joint drives: its intervals are the paper's, its drives the joints
-        if self.interval_exact is None:
-            object.__setattr__(self, "interval_exact", np.ones(len(self.status), dtype=bool))
-        if self.actuator_velocity is None:
-            object.__setattr__(self, "actuator_velocity", self.states.v)
-            object.__setattr__(self, "actuator_acceleration", self.states.a)
+    multipliers: np.ndarray | None
+    interval_exact: np.ndarray
+    redundant: bool
+    actuator_velocity: np.ndarray
+    actuator_acceleration: np.ndarray
 
     def __repr__(self) -> str:
         samples = counted(len(self.status), "sample")
