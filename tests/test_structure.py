@@ -15,22 +15,6 @@ PACKAGE = Path(__file__).parents[1] / "pinfric"
 FRONT = {"pinfric.__main__", "pinfric.cli", "pinfric.terminal"}
 #: Third parties that few calls need: who needs a module of ours that begins with one may wait.
 HEAVY = {"distributed"}
-#: To be mended: imports inside functions that hide a circle. Nothing is added.
-LATE = {
-    ("pinfric.dynamics.check", "pinfric.dynamics.coupled_check"),
-    ("pinfric.dynamics.inverse", "pinfric.dynamics.coupled_inverse"),
-    ("pinfric.dynamics.result", "pinfric.dynamics.check"),
-    ("pinfric.dynamics.result", "pinfric.dynamics.solutions"),
-}
-#: To be mended: functions of 60 lines or more, or of more than 12 arguments. Nothing is added.
-LARGE = {
-    "dynamics.choices.solve_list", "dynamics.coupled_inverse.solve_coupled",
-    "dynamics.inverse._solve", "dynamics.simulate.simulate",
-    "dynamics.threaded.embed_in_parts",
-    "friction.given_modes.eliminate", "friction.given_modes.residual",
-    "friction.given_modes.solve_given_modes",
-    "model.twin.embed", "model.twin.transmit",
-}  # fmt: skip
 
 
 class Import(NamedTuple):
@@ -90,7 +74,7 @@ def test_no_module_imports_itself_by_way_of_others():
     """Late imports count: they hide a circle from Python, not from a reader."""
     edges: dict[str, set[str]] = {}
     for found in IMPORTS:
-        if found.name in TREES and not found.typing and (found.by, found.name) not in LATE:
+        if found.name in TREES and not found.typing:
             edges.setdefault(found.by, set()).add(found.name)
     assert circle(edges) == []
     assert sum(map(len, edges.values())) > 400  # the search has seen the package
@@ -105,8 +89,7 @@ def test_no_function_imports_a_module_of_ours():
     late = {(i.by, i.name) for i in IMPORTS
             if i.late and i.name.split(".")[0] == "pinfric" and i.by not in FRONT
             and i.name not in heavy}  # fmt: skip
-    assert late - LATE == set()
-    assert LATE - late == set()  # what is mended leaves the list
+    assert late == set()
 
 
 def test_nothing_imports_the_front():
@@ -131,8 +114,7 @@ def is_large(function: ast.FunctionDef) -> bool:
 def test_functions_are_below_sixty_lines_and_thirteen_arguments():
     found = {name.removeprefix("pinfric.") for module, tree in TREES.items()
              for name, function in functions(tree, module) if is_large(function)}  # fmt: skip
-    assert found - LARGE == set()
-    assert LARGE - found == set()  # what is mended leaves the list
+    assert found == set()
 
 
 @pytest.mark.parametrize(

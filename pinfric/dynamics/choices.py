@@ -7,6 +7,7 @@ what sticks is at one of its two limits or has none.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,13 +47,13 @@ class Law:
     fixed_load: np.ndarray
 
 
-@dataclass(frozen=True)
-class Candidates:
+class Candidates(NamedTuple):
     """Samples with a choice of frictions each, and their solutions.
 
     Attributes:
         sample: (m,) which sample.
         code: (m, ns). direction: (m, ne).
+        slip, mu, dry, drag: (m, ns) of each site, x = -slip (mu load + dry) - drag.
         x: (m, MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
         found: (m,) number of solutions, -1 where rounding defeats the solver.
         figures: (m, 2) contraction, passes.
@@ -61,6 +62,10 @@ class Candidates:
     sample: np.ndarray
     code: np.ndarray
     direction: np.ndarray
+    slip: np.ndarray
+    mu: np.ndarray
+    dry: np.ndarray
+    drag: np.ndarray
     x: np.ndarray
     found: np.ndarray
     figures: np.ndarray
@@ -126,18 +131,8 @@ def solve_list(
     row: np.ndarray,
     first_entry: np.ndarray,
     entry_count: np.ndarray,
-    sample: np.ndarray,
-    direction: np.ndarray,
-    slip: np.ndarray,
-    mu: np.ndarray,
-    dry: np.ndarray,
-    drag: np.ndarray,
     base: Problem,
-    nobody: np.ndarray,
-    no_guess: np.ndarray,
-    x: np.ndarray,
-    found: np.ndarray,
-    figures: np.ndarray,
+    candidates: Candidates,
 ) -> None:
     """Solve a list of candidates, x = -slip (mu load + dry) - drag for each site.
 
@@ -145,18 +140,16 @@ def solve_list(
         contact: (n, nt, 1 + ne, 3), of `Maps`.
         row: (number of varying contact forces,) which of the nt.
         first_entry, entry_count: of `Layout`.
-        sample: (m,) direction: (m, ne).
-        slip, mu, dry, drag: (m, ns) of each site in each candidate.
         base: buffers; its sites, coordinates and constants are set.
-        nobody: (ns,) False. no_guess: (1,) NaN.
-        x, found, figures: (m, MOST_SOLUTIONS, ns), (m,), (m, 2), overwritten.
+        candidates: x, found, figures are overwritten.
     """
-    ns = first_entry.size
-    for m in range(sample.size):
-        i = sample[m]
+    ns, direction = first_entry.size, candidates.direction
+    nobody, no_guess = np.zeros(ns, np.bool_), np.full(1, np.nan)
+    for m in range(candidates.sample.size):
+        i = candidates.sample[m]
         for s in range(ns):
-            base.mu_slip[s], base.drag[s] = mu[m, s], drag[m, s]
-            base.coulomb_slip[s, 0] = base.coulomb_slip[s, 1] = dry[m, s]
+            base.mu_slip[s], base.drag[s] = candidates.mu[m, s], candidates.drag[m, s]
+            base.coulomb_slip[s, 0] = base.coulomb_slip[s, 1] = candidates.dry[m, s]
         for r in range(row.size):
             t = row[r]
             for e in range(3):
@@ -166,4 +159,6 @@ def solve_list(
                     for c in range(first_entry[s], first_entry[s] + entry_count[s]):
                         total += direction[m, c] * contact[i, t, 1 + c, e]
                     base.contact_slope[r, s, e] = total
-        found[m] = solve_given_modes(base, nobody, slip[m], no_guess, x[m], figures[m])
+        candidates.found[m] = solve_given_modes(
+            base, nobody, candidates.slip[m], no_guess, candidates.x[m], candidates.figures[m]
+        )

@@ -2,8 +2,8 @@
 
     M a + h - J_ext^T f_ext = u + D phi,     phi_k opposes v_k and depends on the wrench w_k
 
-(design 2.5). One batch on the wrench twin gives h, M and all reactions as functions of a; with
-a = M^-1 (u - h) + M^-1 D x eliminated, what is left is the small coupled problem of `problem.py`.
+(paper eq. 3, 16, 17). One batch on the wrench twin gives h, M and all reactions as functions of a;
+with a = M^-1 (u - h) + M^-1 D x eliminated, the small coupled problem of `problem.py` is left.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.dynamics.closure import check_closed
+from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.reactions import AppliedWrench, applied_wrenches
-from pinfric.dynamics.result import Status
 from pinfric.dynamics.states import States
 from pinfric.dynamics.workspace import Workspace, workspace
 from pinfric.errors import PinfricError, StateError
@@ -76,8 +76,8 @@ def forward_dynamics(
 ) -> Instant:
     """Return the accelerations, the modes and the friction that efforts cause at one state.
 
-    a = M^-1 (u - h + J_ext^T f_ext + D phi) with phi by the laws of friction (design 2.5; paper
-    eq. 3, 20, 21). A site at or below its stick velocity sticks wherever that is consistent.
+    a = M^-1 (u - h + J_ext^T f_ext + D phi) with phi by the laws of friction (paper eq. 3, 20,
+    21). A site at or below its stick velocity sticks wherever that is consistent.
 
     Args:
         scene: the robot with its friction and drives.

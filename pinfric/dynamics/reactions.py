@@ -11,8 +11,9 @@ import pinocchio as pin
 
 from pinfric.dynamics.states import States
 from pinfric.dynamics.threaded import embed_in_parts, team
-from pinfric.errors import SceneError, StateError, choose_from
+from pinfric.errors import RollMomentError, SceneError, StateError, choose_from
 from pinfric.model.arrays import real_numbers, whole_number
+from pinfric.model.closure import tree_tables
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin, embed, project, transmit
@@ -70,7 +71,7 @@ def joint_wrenches(
 ) -> np.ndarray:
     """Return the wrench every joint transmits, parent on child, as Pinocchio's `data.f`.
 
-    w = RNEA_twin(q, E v, E a) - sum of X f_ext (design 2.1; the multipliers of paper eq. 17).
+    w = RNEA_twin(q, E v, E a) - sum of X f_ext (the multipliers of paper eq. 17).
 
     Args:
         scene: the robot, with the payloads attached by default.
@@ -97,12 +98,11 @@ def joint_wrenches(
 def reactions(
     twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
 ) -> None:
-    """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (design 2.1).
+    """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (paper eq. 17).
 
     A robot too large to open is asked sample by sample: the wrenches are then Pinocchio's `data.f`.
     """
-    embedding = (q, v, a, twin.kind, twin.q_index, twin.v_index, twin.ratio, twin.shift, twin.axis,
-                 twin.components, batch.q, batch.v, batch.a)  # fmt: skip
+    embedding = q, v, a, twin.embedding, batch.q, batch.v, batch.a
     if threads == 1:
         embed(*embedding)
     else:
@@ -122,13 +122,12 @@ def reactions(
 def relieve(twin: Twin, applied: list[AppliedWrench], part: slice, batch: Batch) -> None:
     """Subtract what acts from outside from the joints that carry it."""
     for wrench in applied:
-        parents, p, R = _placements(twin)
-        transmit(wrench.wrench[part], wrench.joint, parents, p, R, batch.q, batch.wrench)
+        transmit(wrench.wrench[part], wrench.joint, *tree_tables(twin), batch.q, batch.wrench)
 
 
 def generalized_effort(twin: Twin, wrench: np.ndarray, a: np.ndarray, effort: np.ndarray) -> None:
     """Write tau_id = E^T w + armature a, the total effort (n, nv) that the motion takes."""
-    project(wrench, twin.v_index, twin.ratio, twin.axis, twin.components, effort)
+    project(wrench, twin.embedding, effort)
     if twin.armature.any():
         effort += twin.armature * a
 
@@ -183,6 +182,40 @@ def threads_for(samples: int, threads: int | None) -> int:
     return min(whole_number("threads", threads), cores or 1)
 
 
+def constant_payloads(
+    scene: Scene, states: States, whole: slice, size: int
+) -> Iterator[tuple[slice, Twin]]:
+    """Cut `whole` into batches of constant payload, with the twin that carries it."""
+    for start, stop, carried in states.phases(scene):
+        for part in slices(max(start, whole.start), min(stop, whole.stop), size):
+            yield part, scene.twin(carried)
+
+
+def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
+    """Refuse a moment about the axis that a bearing cannot carry (beyond rounding).
+
+    Args:
+        scene: with the bearings.
+        wrench: (n, ns, 6) of the sites, N and N m.
+        first: number of the first of these samples, for the message.
+
+    Raises:
+        RollMomentError: a guide without width is loaded so.
+    """
+    for s, site in enumerate(scene.sites):
+        bearing = site.friction.bearing
+        lever = None if bearing is None else bearing.roll_lever()
+        if lever is None:
+            continue
+        force, moment = wrench[:, s, :3], wrench[:, s, 3:]
+        roll = moment @ site.axis
+        scale = np.linalg.norm(moment, axis=1) + lever * np.linalg.norm(force, axis=1)
+        beyond = np.abs(roll) > 1e-9 * scale
+        if beyond.any():
+            sample = int(np.argmax(beyond))
+            raise RollMomentError(site.name, first + sample, float(roll[sample]))
+
+
 def batch_size(threads: int) -> int:
     """Return the samples of a batch: what stays in each thread's cache."""
     return CHUNK if threads == 1 else _SHARED_CHUNK * threads
@@ -192,13 +225,3 @@ def slices(start: int, stop: int, size: int) -> Iterator[slice]:
     """Cut [start, stop) into slices of at most `size`."""
     for begin in range(start, stop, size):
         yield slice(begin, min(begin + size, stop))
-
-
-def _placements(twin: Twin) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Parents' rows and the fixed placements of all joints, as `transmit` takes them."""
-    model = twin.model
-    joints = range(1, model.njoints)
-    parents = np.array([model.parents[j] - 1 for j in joints], dtype=np.int64)
-    p = np.array([model.jointPlacements[j].translation for j in joints])
-    R = np.array([model.jointPlacements[j].rotation for j in joints])
-    return parents, p, R

@@ -1,4 +1,4 @@
-"""Simulation with regularized friction, as others do it: for comparison (design 2.6).
+"""Simulation with regularized friction, as others do it: for comparison.
 
     x = -tanh(v / velocity) (mu(v) c + coulomb(v)) - drag
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.dynamics.check import Check, check_result
+from pinfric.dynamics.outcome import Solution, Status
 from pinfric.dynamics.reactions import AppliedWrench
+from pinfric.dynamics.solutions import find_jamming_site, find_solutions
 from pinfric.dynamics.states import States
 from pinfric.errors import StateError
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
@@ -18,46 +20,11 @@ from pinfric.model.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pinfric.dynamics.check import Check
-
-
-class Status(IntEnum):
-    """How the solution of one sample ended."""
-
-    CONVERGED = 0
-    #: No friction obeys the laws in this motion (moving), or friction holds against any effort (at
-    #: rest): efforts are NaN.
-    JAMMED = 1
-    #: Several do: `solutions(sample)` returns them, the interval of the efforts encloses them.
-    AMBIGUOUS = 2
-    #: There is a solution, and rounding keeps the solver from it: efforts are NaN.
-    NOT_CONVERGED = 3
-    #: The drives cannot balance the load here, or the closure changes its rank: a toggle, NaN.
-    SINGULAR = 4
-
 
 #: Columns `<actuator>.<quantity>` and `<site>.<quantity>` of a result's table.
 ACTUATOR_QUANTITIES = ("effort_lower", "effort_upper", "effort_frictionless",
                        "motor_torque_lower", "motor_torque_upper")  # fmt: skip
 SITE_QUANTITIES = ("sticking", "reversal", "normal_load", "friction_lower", "friction_upper")
-
-
-@dataclass(frozen=True)
-class Solution:
-    """One state of friction, efforts and reactions that obeys the laws at one sample.
-
-    Attributes:
-        effort: (na,). friction: (ns,), a ball's along its direction of slip.
-        friction_coordinates: (nf,) the same, a ball's as three components in frame b.
-        normal_load: (ns,). wrench: (ns, 6). multipliers: (number of loops, 6).
-    """
-
-    effort: np.ndarray
-    friction: np.ndarray
-    friction_coordinates: np.ndarray
-    normal_load: np.ndarray
-    wrench: np.ndarray
-    multipliers: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -103,7 +70,7 @@ class InverseResult(Shown):
         interval_exact: (T,) the ends are certain; False where more sites stick than are enumerated
             (a search by single flips), a coupled ball sticks, or a sample has several solutions.
         redundant: the loops close more directions than are independent: reactions are those of
-            least sum of |F|^2 + |M/l|^2 over all joints (design 2.2).
+            least sum of |F|^2 + |M/l|^2 over all joints.
         actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
             and per second).
 
@@ -128,19 +95,11 @@ class InverseResult(Shown):
     iterations: np.ndarray
     contraction: np.ndarray
     status: np.ndarray
-    multipliers: np.ndarray | None = None
-    interval_exact: np.ndarray = None  # type: ignore[assignment]  # filled below
-    redundant: bool = False
-    actuator_velocity: np.ndarray = None  # type: ignore[assignment]  # filled below
-    actuator_acceleration: np.ndarray = None  # type: ignore[assignment]  # filled below
-
-    def __post_init__(self) -> None:
-        # an open chain with joint drives: its intervals are the paper's, its drives the joints
-        if self.interval_exact is None:
-            object.__setattr__(self, "interval_exact", np.ones(len(self.status), dtype=bool))
-        if self.actuator_velocity is None:
-            object.__setattr__(self, "actuator_velocity", self.states.v)
-            object.__setattr__(self, "actuator_acceleration", self.states.a)
+    multipliers: np.ndarray | None
+    interval_exact: np.ndarray
+    redundant: bool
+    actuator_velocity: np.ndarray
+    actuator_acceleration: np.ndarray
 
     def __repr__(self) -> str:
         samples = counted(len(self.status), "sample")
@@ -179,11 +138,8 @@ class InverseResult(Shown):
         Raises:
             StateError: there is no such sample.
         """
-        from pinfric.dynamics.solutions import solutions
-
-        if not 0 <= sample < len(self.status):
-            raise StateError(f"there is no sample {sample}; there are {len(self.status)}")
-        return solutions(self, sample)
+        self._check_sample(sample)
+        return find_solutions(self, sample)
 
     def jamming_site(self, sample: int) -> str | None:
         """Return the site whose load grows most with the friction it and the others cause.
@@ -194,11 +150,12 @@ class InverseResult(Shown):
         Raises:
             StateError: there is no such sample.
         """
-        from pinfric.dynamics.solutions import jamming_site
+        self._check_sample(sample)
+        return find_jamming_site(self, sample)
 
+    def _check_sample(self, sample: int) -> None:
         if not 0 <= sample < len(self.status):
             raise StateError(f"there is no sample {sample}; there are {len(self.status)}")
-        return jamming_site(self, sample)
 
     @property
     def t(self) -> np.ndarray | None:
@@ -240,9 +197,7 @@ class InverseResult(Shown):
         Independent of the solver: Pinocchio's RNEA with external forces, one sample at a time, and
         the friction laws in plain NumPy.
         """
-        from pinfric.dynamics.check import check
-
-        return check(self)
+        return check_result(self)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all columns with names: `t`, the motion, then what was found.

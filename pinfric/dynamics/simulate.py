@@ -1,4 +1,4 @@
-"""Forward dynamics in time: one function, three methods (design 2.6)."""
+"""Forward dynamics in time: one function, three methods."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -36,6 +36,30 @@ _MOST_STEPS = 1e9
 METHODS = ("event", "timestepping", "regularized")
 
 
+class Numbers(TypedDict, total=False):
+    """The numbers that `simulate` takes by name.
+
+    Attributes:
+        rtol, atol: tolerances of `event` and `regularized` (rad, m, and per second); 1e-8, 1e-10.
+        dt: step of `timestepping` (s); 1e-3.
+        sample_step: time between samples (s); None gives 1001 of them. `event` adds one at every
+            event; `timestepping` takes the nearest step.
+        max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, t_end / 50
+            for an effort function: what changes within less time than its sixth part may go
+            unnoticed.
+        regularization_velocity: of `regularized` (rad/s or m/s); 1e-3.
+        max_events: of `event`; more are an error; 100 000.
+    """
+
+    rtol: float
+    atol: float
+    dt: float
+    sample_step: float | None
+    max_step: float | None
+    regularization_velocity: float
+    max_events: int
+
+
 def simulate(
     scene: Scene,
     q0: np.ndarray,
@@ -44,24 +68,19 @@ def simulate(
     t_end: float,
     method: str = "event",
     *,
-    rtol: float = 1e-8,
-    atol: float = 1e-10,
-    dt: float = 1e-3,
-    sample_step: float | None = None,
-    max_step: float | None = None,
     breakpoints: Sequence[float] | None = None,
-    regularization_velocity: float = 1e-3,
-    max_events: int = 100_000,
     external: Mapping[str, np.ndarray] | None = None,
     attached: Iterable[str] | None = None,
     progress: bool | Callable[[float], None] | None = None,
+    **numbers: Unpack[Numbers],
 ) -> Motion:
     """Return the motion that efforts cause from a state at t = 0, with stick and slip.
 
-    M a + h = u + D phi in time (design 2.6). `event`: the modes change at located instants, the
-    reference. `timestepping`: Moreau and Jean's scheme, fixed steps, friction impulses implicit,
-    first order, exact standstill. `regularized`: mu(v) smoothed by tanh(v / velocity), a stiff
-    solver; creeps where the others stand still, and knows no static friction.
+    M a + h = u + D phi in time (paper eq. 16, 20, 21). `event`: the modes change at located
+    instants, the reference. `timestepping`: Moreau and Jean's scheme, fixed steps, friction
+    impulses implicit, first order, exact standstill. `regularized`: mu(v) smoothed by
+    tanh(v / velocity), a stiff solver; creeps where the others stand still, and knows no static
+    friction.
 
     Args:
         scene: the robot with its friction and drives.
@@ -70,20 +89,13 @@ def simulate(
             or None for the scene's own; see `efforts.make_effort`.
         t_end: s.
         method: `event`, `timestepping` or `regularized`.
-        rtol, atol: tolerances of `event` and `regularized` (rad, m, and per second).
-        dt: step of `timestepping` (s).
-        sample_step: time between samples (s); None gives 1001 of them. `event` adds one at every
-            event; `timestepping` takes the nearest step.
-        max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, t_end / 50
-            for an effort function: what changes within less time than its sixth part may go
-            unnoticed.
         breakpoints: times (s) at which an effort function jumps or bends; tables know theirs.
-        regularization_velocity: of `regularized` (rad/s or m/s).
-        max_events: of `event`; more are an error.
         external: frame name -> (6,) constant wrench on it, in its axes at its origin (N, N m).
         attached: names of the payloads carried; None takes those attached by default.
         progress: function of t, called at every step; True shows a bar, False never; None shows
             one on a terminal where the run takes longer than two seconds.
+        numbers: rtol, atol, dt, sample_step, max_step, regularization_velocity, max_events; see
+            `Numbers`.
 
     Raises:
         SimulationError: an argument that cannot be, an effort function that raises, an integration
@@ -91,27 +103,19 @@ def simulate(
         NoConsistentAcceleration, AmbiguousAcceleration: with time and state. What was computed
             until then is the error's `motion`; after Ctrl-C it is returned, status `interrupted`.
     """
-    settings = _settings(method, t_end, rtol, atol, dt, sample_step, max_step,
-                         regularization_velocity, max_events)  # fmt: skip
-    q, v = _start(scene, q0, v0)
+    if unknown := numbers.keys() - Numbers.__annotations__.keys():
+        raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
+    settings, (q, v) = _settings(method, t_end, **numbers), _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints)
-    if max_step is None:
-        longest = _longest_step(made, settings.t_end)
-        settings = replace(settings, max_step=longest, look=settings.t_end / 250)
+    if numbers.get("max_step") is None:
+        settings = replace(settings, max_step=_longest_step(made, settings.t_end),
+                           look=settings.t_end / 250)  # fmt: skip
     applied = applied_wrenches(scene, external, 1)
     carried = None if attached is None else tuple(attached)
     system = System(Workspace(scene, carried), made, applied)
     record = Recorder(scene, system, method, settings.sample_step, carried)
     with _Progress(progress, settings.t_end) as record.progress:
-        try:
-            _run(method, system, settings, record, q, v)
-        except KeyboardInterrupt:
-            return record.motion(INTERRUPTED, "stopped by the user")
-        except (AccelerationError, SimulationError) as problem:
-            if record.rows:
-                problem.motion = record.motion(FAILED, str(problem))
-            raise
-    return record.motion(FINISHED, f"reached t_end = {settings.t_end:g} s")
+        return _run(method, system, settings, record, q, v)
 
 
 def _longest_step(effort: Effort, t_end: float) -> float:
@@ -120,31 +124,36 @@ def _longest_step(effort: Effort, t_end: float) -> float:
 
 
 def _run(
-    method: str,
-    system: System,
-    settings: Settings,
-    record: Recorder,
-    q: np.ndarray,
-    v: np.ndarray,
-) -> None:
-    if method == "event":
-        EventIntegration(system, settings, record).run(q, v)
-    elif method == "timestepping":
-        step_through(system, settings, record, q, v)
-    else:
-        RegularizedIntegration(system, settings, record).run(q, v)
+    method: str, system: System, settings: Settings, record: Recorder, q: np.ndarray, v: np.ndarray
+) -> Motion:
+    """Integrate; what is recorded until the user or a problem ends that is not lost."""
+    try:
+        if method == "event":
+            EventIntegration(system, settings, record).run(q, v)
+        elif method == "timestepping":
+            step_through(system, settings, record, q, v)
+        else:
+            RegularizedIntegration(system, settings, record).run(q, v)
+    except KeyboardInterrupt:
+        return record.motion(INTERRUPTED, "stopped by the user")
+    except (AccelerationError, SimulationError) as problem:
+        if record.rows:
+            problem.motion = record.motion(FAILED, str(problem))
+        raise
+    return record.motion(FINISHED, f"reached t_end = {settings.t_end:g} s")
 
 
 def _settings(
     method: str,
     t_end: float,
-    rtol: float,
-    atol: float,
-    dt: float,
-    sample_step: float | None,
-    max_step: float | None,
-    regularization_velocity: float,
-    max_events: int,
+    *,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    dt: float = 1e-3,
+    sample_step: float | None = None,
+    max_step: float | None = None,
+    regularization_velocity: float = 1e-3,
+    max_events: int = 100_000,
 ) -> Settings:
     """Check the numbers, and fill in what depends on the others."""
     if method not in METHODS:

@@ -8,17 +8,17 @@ import numpy as np
 
 from pinfric.dynamics.choices import LOWER
 from pinfric.dynamics.closure import pair_rates
-from pinfric.dynamics.coupled_inverse import (
+from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
+from pinfric.dynamics.interval_ends import Solver
+from pinfric.dynamics.layout import Layout, make_layout
+from pinfric.dynamics.linkage_batch import (
     Samples,
     friction_maps,
     friction_velocities,
     loop_wrenches,
 )
-from pinfric.dynamics.coupled_solve import Solver
-from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
-from pinfric.dynamics.layout import Layout, make_layout
+from pinfric.dynamics.outcome import Solution
 from pinfric.dynamics.reactions import Batch
-from pinfric.dynamics.result import Solution
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.given_modes import (
     contraction_matrix,
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 #: Starts of the wide search; how far apart solutions are at a site, relative to its friction; what
 #: rounding of the largest friction leaves in the smallest.
 _STARTS, _DISTINCT, _ROUNDING = 200, 1e-6, 1e-12
-#: What `coupling.newton` must reach to count as a solution (it stops at rounding).
+#: What `given_modes.newton` must reach to count as a solution (it stops at rounding).
 _RESIDUAL = 1e-12
 
 
-def solutions(result: InverseResult, sample: int) -> tuple[Solution, ...]:
+def find_solutions(result: InverseResult, sample: int) -> tuple[Solution, ...]:
     """Return the states of friction that obey the laws at one sample (`result.solutions`)."""
     if result.scene.linkage is None:
         return (_of_open_chain(result, sample),)
@@ -74,7 +74,7 @@ def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Sam
 def reduced_problem(
     solver: Solver,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return gain, offset, unknown, X and contact of `coupling` for a solver's only sample.
+    """Return gain, offset, unknown, X and contact of `given_modes` for a solver's only sample.
 
     Its problem, `solver.base`, is left as they belong to.
     """
@@ -92,7 +92,7 @@ def reduced_problem(
     return gain, offset, unknown, X[:, : nz + 1], contact
 
 
-def jamming_site(result: InverseResult, sample: int) -> str | None:
+def find_jamming_site(result: InverseResult, sample: int) -> str | None:
     """Return the site whose load grows most with friction (`result.jamming_site`)."""
     if result.scene.linkage is None or not result.site_names:
         return None

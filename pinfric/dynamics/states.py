@@ -96,6 +96,11 @@ class States:
             return part
         return slice(max(part.start - 1, 0), min(part.stop + 1, len(self.q)))
 
+    def inside(self, part: slice) -> slice:
+        """Return where the samples of a slice are among those of `around`."""
+        first = part.start - self.around(part).start
+        return slice(first, first + part.stop - part.start)
+
     def phases(self, scene: Scene) -> Iterator[tuple[int, int, tuple[str, ...] | None]]:
         """Yield (start, stop, names of the payloads carried) of each phase of constant load."""
         if self.attached is None or not scene.payloads:

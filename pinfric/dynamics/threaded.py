@@ -17,7 +17,7 @@ from pinfric.dynamics.motion_kernels import effort_bounds, mark_reversals
 from pinfric.model.bearings import Contacts, normal_loads
 from pinfric.model.compiled import parallel_kernel
 from pinfric.model.laws import Laws, friction_bounds
-from pinfric.model.twin import embed, project
+from pinfric.model.twin import Embedding, embed, project
 
 
 @contextmanager
@@ -38,13 +38,7 @@ def embed_in_parts(
     q: np.ndarray,
     v: np.ndarray,
     a: np.ndarray,
-    kind: np.ndarray,
-    q_index: np.ndarray,
-    v_index: np.ndarray,
-    ratio: np.ndarray,
-    shift: np.ndarray,
-    axis: np.ndarray,
-    components: np.ndarray,
+    joints: Embedding,
     q_twin: np.ndarray,
     v_twin: np.ndarray,
     a_twin: np.ndarray,
@@ -53,17 +47,14 @@ def embed_in_parts(
     n = q.shape[0]
     for part in numba.prange(parts):
         i, j = part * n // parts, (part + 1) * n // parts
-        embed(
-            q[i:j], v[i:j], a[i:j], kind, q_index, v_index, ratio, shift, axis, components,
-            q_twin[i:j], v_twin[i:j], a_twin[i:j],
-        )  # fmt: skip
+        embed(q[i:j], v[i:j], a[i:j], joints, q_twin[i:j], v_twin[i:j], a_twin[i:j])
 
 
 @parallel_kernel
 def friction_in_parts(
     parts: int,
     wrench: np.ndarray,
-    projection: tuple[np.ndarray, ...],
+    joints: Embedding,
     effort: np.ndarray,
     joint: np.ndarray,
     contacts: Contacts,
@@ -75,15 +66,14 @@ def friction_in_parts(
 ) -> None:
     """`twin.project`, `bearings.normal_loads`, `laws.friction_bounds` one after the other.
 
-    `projection` and `sides` are the fixed arguments of the first and the last of the third.
+    `sides` are the last arguments of the third.
     """
-    v_index, ratio, axis, components = projection
     at_rest, lower, upper, sticking = sides
     n = wrench.shape[0]
     for part in numba.prange(parts):
         i, j = part * n // parts, (part + 1) * n // parts
         moved = displacement[i:j] if displacement.shape[0] == n else displacement
-        project(wrench[i:j], v_index, ratio, axis, components, effort[i:j])
+        project(wrench[i:j], joints, effort[i:j])
         normal_loads(wrench[i:j], joint, contacts, moved, load[i:j])
         friction_bounds(
             velocity[i:j], load[i:j], laws, at_rest[i:j], lower[i:j], upper[i:j], sticking[i:j]

@@ -1,7 +1,7 @@
 """Whether modes are consistent: loads, static limits and slip directions of a solved `Problem`.
 
 A sticking coordinate must stay within its static limits (paper eq. 21), a slipping one that starts
-from rest must move the way its friction opposes (design 2.5).
+from rest must move the way its friction opposes (eq. 20).
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def judge(
     rate: np.ndarray,
     verdict: np.ndarray,
 ) -> int:
-    """Write what each coordinate does against its law, and return how many do (design 2.5).
+    """Write what each coordinate does against its law, and return how many do (paper eq. 20, 21).
 
     Args:
         problem, stuck, direction: see `slip_law`.

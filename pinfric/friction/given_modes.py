@@ -4,7 +4,7 @@ Modes given, the unknown is the friction z of the slipping coordinates whose loa
 z = G(z), by fixed point while that is fast (the paper), then by semi-smooth Newton; the residual of
 the answer is always verified. The certificate is `contraction`, a bound of the spectral radius of
 A_kj = gain Lip(load along z_j): below 1 the solution exists and is the only one; else others are
-searched for (design 2.3). Which modes are consistent is the matter of `consistency.py`, `modes.py`.
+searched for. Which modes are consistent is the matter of `consistency.py`, `modes.py`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from pinfric.model.compiled import kernel
 
 #: A residual below this many times the size of the terms it is the difference of is rounding.
 _RESIDUAL = 1e-15
+#: What Newton must reach to have found a solution, for each term of a residual.
+_FOUND = 1e-13
 #: Passes of Newton; fixed-point passes where the contraction is certain but Newton cycles.
 _NEWTON_PASSES, _FIXED_POINT_PASSES = 60, 5000
 #: Two solutions closer than this, relative to their size, are one; a z with a larger error is none
@@ -85,13 +87,11 @@ def eliminate(
         if gain[s] != 0.0 and unknown[c] < 0:
             unknown[c] = nz
             nz += 1
-    held = np.empty(nc, np.int64)
     nh = 0
     for c in range(nc):
         for j in range(nz + 1):
             X[c, j] = 0.0
         if stuck[c]:
-            held[nh] = c
             nh += 1
         elif unknown[c] >= 0:
             X[c, 1 + unknown[c]] = 1.0
@@ -100,24 +100,38 @@ def eliminate(
             for s in range(gain.size):  # a bearing with a preload only: its load is known
                 if problem.coordinate[s] == c:
                     X[c, 0] += gain[s] * problem.constant[s]
-    if nh == 0:
-        return nz
-    A, B = np.empty((nh, nh)), np.empty((nh, nz + 1))
+    if nh > 0 and not _hold(problem, stuck, nh, X[:, : nz + 1]):
+        return -1
+    return nz
+
+
+@kernel
+def _hold(problem: Problem, stuck: np.ndarray, nh: int, X: np.ndarray) -> bool:
+    """Write the friction of the nh sticking coordinates, r = 0; False where that is singular.
+
+    Args:
+        problem, stuck: see `slip_law`.
+        nh: number of sticking coordinates.
+        X: (nc, nz + 1), of the slipping coordinates; the other rows are overwritten.
+    """
+    nc, columns = X.shape
+    held = np.flatnonzero(stuck)
+    A, B = np.empty((nh, nh)), np.empty((nh, columns))
     for i in range(nh):
         c = held[i]
         for j in range(nh):
             A[i, j] = problem.rate_slope[c, held[j]]
-        for j in range(nz + 1):
+        for j in range(columns):
             B[i, j] = -problem.rate_free[c] if j == 0 else 0.0
             for d in range(nc):
                 if not stuck[d]:
                     B[i, j] -= problem.rate_slope[c, d] * X[d, j]
     if not solve_dense(A, B):
-        return -1
+        return False
     for i in range(nh):
-        for j in range(nz + 1):
+        for j in range(columns):
             X[held[i], j] = B[i, j]
-    return nz
+    return True
 
 
 @kernel
@@ -179,29 +193,10 @@ def residual(
     for t in range(contact.shape[0]):
         s = problem.contact_site[t]
         k = unknown[problem.coordinate[s]]
-        if k < 0 or gain[s] == 0.0:
-            continue
-        px, py, pz = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
-        terms = abs(px) + abs(py) + abs(pz)
-        for j in range(nz):
-            dx, dy, dz = (
-                contact[t, 1 + j, 0] * z[j],
-                contact[t, 1 + j, 1] * z[j],
-                contact[t, 1 + j, 2] * z[j],
-            )
-            px, py, pz = px + dx, py + dy, pz + dz
-            terms += abs(dx) + abs(dy) + abs(dz)
-        norm = np.sqrt(px * px + py * py + pz * pz)
-        rest[k] -= gain[s] * norm
-        size[k] += abs(gain[s]) * terms
-        if norm > 0.0:
-            for j in range(nz):
-                slope = (
-                    px * contact[t, 1 + j, 0]
-                    + py * contact[t, 1 + j, 1]
-                    + pz * contact[t, 1 + j, 2]
-                )
-                jacobian[k, j] -= gain[s] * slope / norm
+        if k >= 0 and gain[s] != 0.0:
+            norm, terms = _contact_force(contact[t], z, gain[s], jacobian[k])
+            rest[k] -= gain[s] * norm
+            size[k] += abs(gain[s]) * terms
     worst = 0.0
     for k in range(nz):
         if not abs(rest[k]) <= 1e300:
@@ -209,6 +204,32 @@ def residual(
         if rest[k] != 0.0:
             worst = max(worst, abs(rest[k]) / size[k])
     return worst
+
+
+@kernel
+def _contact_force(
+    contact: np.ndarray, z: np.ndarray, gain: float, jacobian: np.ndarray
+) -> tuple[float, float]:
+    """Return |p| and the size of the terms of p, one contact force; its slope goes to the Jacobian.
+
+    Args:
+        contact: (nz + 1, 3), p = contact[0] + contact[1:] z.
+        z: (nz,).
+        gain: of the site.
+        jacobian: (nz,) one row, less gain d|p| / dz afterwards.
+    """
+    px, py, pz = contact[0, 0], contact[0, 1], contact[0, 2]
+    terms = abs(px) + abs(py) + abs(pz)
+    for j in range(z.size):
+        dx, dy, dz = contact[1 + j, 0] * z[j], contact[1 + j, 1] * z[j], contact[1 + j, 2] * z[j]
+        px, py, pz = px + dx, py + dy, pz + dz
+        terms += abs(dx) + abs(dy) + abs(dz)
+    norm = np.sqrt(px * px + py * py + pz * pz)
+    if norm > 0.0:
+        for j in range(z.size):
+            slope = px * contact[1 + j, 0] + py * contact[1 + j, 1] + pz * contact[1 + j, 2]
+            jacobian[j] -= gain * slope / norm
+    return norm, terms
 
 
 @kernel
@@ -341,7 +362,7 @@ def settles(
 def contraction_matrix(
     problem: Problem, gain: np.ndarray, unknown: np.ndarray, contact: np.ndarray, A: np.ndarray
 ) -> None:
-    """Write A_kj = sum |gain| Lip(load along z_j): |G(z) - G(z')| <= A |z - z'| (design 2.3)."""
+    """Write A_kj = sum |gain| Lip(load along z_j): |G(z) - G(z')| <= A |z - z'|."""
     for k in range(A.shape[0]):
         for j in range(A.shape[0]):
             A[k, j] = 0.0
@@ -415,7 +436,7 @@ def solve_given_modes(
     A, perron = np.empty((nz, nz)), np.empty(nz)
     contraction_matrix(problem, gain, unknown, contact, A)
     figures[0] = spectral_radius_bound(A, perron)
-    tolerance = _RESIDUAL * (8 + nz) * 100
+    tolerance = _FOUND * (8 + nz)
     z = np.zeros(nz)
     if guess[0] == guess[0]:
         for c in range(nc):
@@ -423,34 +444,62 @@ def solve_given_modes(
                 z[unknown[c]] = guess[c]
     error, passes = newton(problem, gain, offset, unknown, contact, z, figures[0] < 1.0)
     figures[1] = passes
-    if figures[0] < 1.0:
-        if not error <= tolerance:
-            passes = fixed_point(problem, gain, offset, unknown, contact, z, tolerance)
-            figures[1] += passes
-            if passes == _FIXED_POINT_PASSES:
-                return -1
-        if figures[0] > 1.0 - _CERTAIN and not settles(problem, gain, offset, unknown, contact, z):
+    if figures[0] >= 1.0:
+        return _search(problem, direction, gain, offset, unknown, contact, X, z, error <= tolerance,
+                       perron, solutions, figures)  # fmt: skip
+    if not error <= tolerance:
+        passes = fixed_point(problem, gain, offset, unknown, contact, z, tolerance)
+        figures[1] += passes
+        if passes == _FIXED_POINT_PASSES:
             return -1
-        return keep(X, z, solutions, 0)
-    found = 0
-    if error <= tolerance and settles(problem, gain, offset, unknown, contact, z):
+    if figures[0] > 1.0 - _CERTAIN and not settles(problem, gain, offset, unknown, contact, z):
+        return -1
+    return keep(X, z, solutions, 0)
+
+
+@kernel
+def _search(
+    problem: Problem,
+    direction: np.ndarray,
+    gain: np.ndarray,
+    offset: np.ndarray,
+    unknown: np.ndarray,
+    contact: np.ndarray,
+    X: np.ndarray,
+    z: np.ndarray,
+    small: bool,
+    perron: np.ndarray,
+    solutions: np.ndarray,
+    figures: np.ndarray,
+) -> int:
+    """Look for solutions where there may be none or several: at rest and far out on every side.
+
+    Args:
+        problem, direction, gain, offset, unknown, contact: see `slip_law`, `residual`.
+        X: see `eliminate`.
+        z: (nz,) where Newton has come to, overwritten.
+        small: whether the residual there is small.
+        perron: (nz,) eigenvector of the contraction's matrix.
+        solutions, figures: see `solve_given_modes`.
+
+    Returns:
+        Number of solutions.
+    """
+    nz, tolerance, far, most, found = z.size, _FOUND * (8 + z.size), 1.0, 1.0, 0
+    if small and settles(problem, gain, offset, unknown, contact, z):
         found = keep(X, z, solutions, found)
-    # No uniqueness: look from where other solutions would be, rest and far out on every side.
-    far, most = 1.0, 1.0
-    for t in range(nt):
+    for t in range(contact.shape[0]):
         most = max(most, abs(gain[problem.contact_site[t]]))
         for e in range(3):
             far = max(far, abs(contact[t, 0, e]))
     for start in range(nz + 2):
-        for c in range(nc):
+        for c in range(unknown.size):
             k = unknown[c]
             if k >= 0:
                 weight = start * perron[k] if start < 2 else 1.0 if k == start - 2 else 0.0
                 z[k] = -direction[c] * 1e4 * far * most * weight
         error, passes = newton(problem, gain, offset, unknown, contact, z, False)
         figures[1] += passes
-        if not error <= tolerance:
-            continue
-        if settles(problem, gain, offset, unknown, contact, z):
+        if error <= tolerance and settles(problem, gain, offset, unknown, contact, z):
             found = keep(X, z, solutions, found)
     return found

@@ -1,4 +1,4 @@
-"""Which coordinates stick and which slip: the search over modes (design 2.5; Haug's reference 1).
+"""Which coordinates stick and which slip: the search over modes (Wu, Yang, Haug 1984).
 
 At rest stick has priority: a coordinate slips only where no admissible stick exists. So the modes
 wanted are the consistent ones with the fewest slipping coordinates; two different accelerations

@@ -1,8 +1,8 @@
-"""The coupled friction problem as numbers: what `coupling` solves and others fill.
+"""The coupled friction problem as numbers: what `given_modes` solves and others fill.
 
 Friction acts on *coordinates*: relative velocities that one site has to itself, or that a mimic
 joint's sites share with their leader's. With x the friction along each of them, everything that
-friction changes is affine in x (design 2.3, 2.5):
+friction changes is affine in x (paper eq. 3, 16, 17):
 
     r = rate_free + rate_slope x            relative acceleration (time stepping: next velocity)
     p = contact_free + contact_slope x      contact forces of the bearings; load c = sum |p| + const

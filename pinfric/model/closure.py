@@ -70,8 +70,7 @@ def embedded(twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[n
     """Return the twin's states (n, 7 nj), (n, 6 nj), (n, 6 nj) of a batch."""
     n, nj = len(q), twin.n_joints
     out = np.empty((n, 7 * nj)), np.empty((n, 6 * nj)), np.empty((n, 6 * nj))
-    embed(q, v, a, twin.kind, twin.q_index, twin.v_index, twin.ratio, twin.shift, twin.axis,
-          twin.components, *out)  # fmt: skip
+    embed(q, v, a, twin.embedding, *out)
     return out
 
 

@@ -31,7 +31,7 @@ class Actions(NamedTuple):
 
 
 @kernel
-def _rotation(x: float, y: float, z: float, w: float, R: np.ndarray) -> None:
+def rotation(x: float, y: float, z: float, w: float, R: np.ndarray) -> None:
     """Write the rotation matrix of a unit quaternion."""
     R[0, 0], R[0, 1], R[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
     R[1, 0], R[1, 1], R[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
@@ -84,7 +84,7 @@ def place_links(
     for i in range(q_twin.shape[0]):
         for j in range(parents.size):
             s, above = 7 * j, parents[j]
-            _rotation(q_twin[i, s + 3], q_twin[i, s + 4], q_twin[i, s + 5], q_twin[i, s + 6], turn)
+            rotation(q_twin[i, s + 3], q_twin[i, s + 4], q_twin[i, s + 5], q_twin[i, s + 6], turn)
             _turn(placement_R[j], q_twin[i, s : s + 3], moved)
             for r in range(3):
                 moved[r] += placement_p[j, r]

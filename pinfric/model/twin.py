@@ -9,13 +9,14 @@ components of w that E^T leaves out are the paper's constraint reactions.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import RobotError
 from pinfric.model.compiled import kernel
+from pinfric.model.kinematics import rotation
 
 #: Most joints that are opened: Pinocchio's `Data` holds arrays of nv^3 numbers, 55 MB for 20 opened
 #: joints, 1.5 GB for 60. Larger robots are asked joint by joint.
@@ -32,6 +33,18 @@ _MANY_DEGREES = {
     "JointModelTranslation": TRANSLATION,
     "JointModelFreeFlyer": FREE,
 }
+
+
+class Embedding(NamedTuple):
+    """The columns of `Twin` that its kernels read, one row per joint."""
+
+    kind: np.ndarray
+    q_index: np.ndarray
+    v_index: np.ndarray
+    ratio: np.ndarray
+    shift: np.ndarray
+    axis: np.ndarray
+    components: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -71,6 +84,15 @@ class Twin:
     def n_joints(self) -> int:
         """Number of joints, the universe left out."""
         return len(self.kind)
+
+    @property
+    def embedding(self) -> Embedding:
+        """The columns that the kernels read."""
+        return Embedding(*(getattr(self, name) for name in Embedding._fields))
+
+    def displacements(self, joint: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return positions (n, len(joint)) along the joints' axes (rad or m)."""
+        return np.asarray(self.ratio[joint] * q[:, self.q_index[joint]] + self.shift[joint])
 
     def pool(self, threads: int) -> pin.ModelPool:
         """Return Pinocchio's pool of `threads` copies of the opened model's data."""
@@ -188,94 +210,85 @@ def _leader(model: pin.Model, follower: int) -> int:
 
 @kernel
 def embed(
-    q: np.ndarray,
-    v: np.ndarray,
-    a: np.ndarray,
-    kind: np.ndarray,
-    q_index: np.ndarray,
-    v_index: np.ndarray,
-    ratio: np.ndarray,
-    shift: np.ndarray,
-    axis: np.ndarray,
-    components: np.ndarray,
-    q_twin: np.ndarray,
-    v_twin: np.ndarray,
-    a_twin: np.ndarray,
-) -> None:
+    q: np.ndarray, v: np.ndarray, a: np.ndarray, joints: Embedding,
+    q_twin: np.ndarray, v_twin: np.ndarray, a_twin: np.ndarray,
+) -> None:  # fmt: skip
     """Write the twin's configuration, velocity E v and acceleration E a of each sample.
 
     Args:
         q, v, a: (n, nq), (n, nv), (n, nv) of the robot.
-        kind ... components: the columns of `Twin`.
+        joints: `Twin.embedding`.
         q_twin, v_twin, a_twin: (n, 7 nj), (n, 6 nj), (n, 6 nj), overwritten: position and
             quaternion (x, y, z, w) of each joint's child side, its twist and its derivative in
             the child's frame, linear first. Joint bias accelerations are zero for these joints.
     """
+    kind, ratio, shift, axis = joints.kind, joints.ratio, joints.shift, joints.axis
     for i in range(q.shape[0]):
         for j in range(kind.size):
-            k, iq, iv = kind[j], q_index[j], v_index[j]
+            k, iq, iv = kind[j], joints.q_index[j], joints.v_index[j]
             p, s = 7 * j, 6 * j
-            if k <= CONTINUOUS:
-                rate, acceleration = ratio[j] * v[i, iv], ratio[j] * a[i, iv]
-                for c in range(6):
-                    v_twin[i, s + c] = axis[j, c] * rate
-                    a_twin[i, s + c] = axis[j, c] * acceleration
-                if k == PRISMATIC:
-                    distance = ratio[j] * q[i, iq] + shift[j]
-                    sine, cosine = 0.0, 1.0
-                else:
-                    distance = 0.0
-                    if k == CONTINUOUS:
-                        half = 0.5 * np.arctan2(q[i, iq + 1], q[i, iq])
-                    else:
-                        half = 0.5 * (ratio[j] * q[i, iq] + shift[j])
-                    sine, cosine = np.sin(half), np.cos(half)
-                for c in range(3):
-                    q_twin[i, p + c] = axis[j, c] * distance
-                    q_twin[i, p + 3 + c] = axis[j, 3 + c] * sine
-                q_twin[i, p + 6] = cosine
+            if k > CONTINUOUS:
+                _embed_many(k, q[i, iq:], v[i, iv:], a[i, iv:], joints.components[j],
+                            q_twin[i, p:], v_twin[i, s:], a_twin[i, s:])  # fmt: skip
                 continue
+            rate, acceleration = ratio[j] * v[i, iv], ratio[j] * a[i, iv]
             for c in range(6):
-                q_twin[i, p + c] = 0.0
-                v_twin[i, s + c] = 0.0
-                a_twin[i, s + c] = 0.0
-            q_twin[i, p + 6] = 1.0
-            n = 0
-            while n < 6 and components[j, n] >= 0:
-                v_twin[i, s + components[j, n]] = v[i, iv + n]
-                a_twin[i, s + components[j, n]] = a[i, iv + n]
-                n += 1
-            if k == PLANAR:
-                half = 0.5 * np.arctan2(q[i, iq + 3], q[i, iq + 2])
-                q_twin[i, p], q_twin[i, p + 1] = q[i, iq], q[i, iq + 1]
-                q_twin[i, p + 5], q_twin[i, p + 6] = np.sin(half), np.cos(half)
-            elif k == SPHERICAL:
-                for c in range(4):
-                    q_twin[i, p + 3 + c] = q[i, iq + c]
-            elif k == TRANSLATION:
-                for c in range(3):
-                    q_twin[i, p + c] = q[i, iq + c]
+                v_twin[i, s + c] = axis[j, c] * rate
+                a_twin[i, s + c] = axis[j, c] * acceleration
+            if k == PRISMATIC:
+                distance = ratio[j] * q[i, iq] + shift[j]
+                sine, cosine = 0.0, 1.0
             else:
-                for c in range(7):
-                    q_twin[i, p + c] = q[i, iq + c]
+                distance = 0.0
+                if k == CONTINUOUS:
+                    half = 0.5 * np.arctan2(q[i, iq + 1], q[i, iq])
+                else:
+                    half = 0.5 * (ratio[j] * q[i, iq] + shift[j])
+                sine, cosine = np.sin(half), np.cos(half)
+            for c in range(3):
+                q_twin[i, p + c] = axis[j, c] * distance
+                q_twin[i, p + 3 + c] = axis[j, 3 + c] * sine
+            q_twin[i, p + 6] = cosine
 
 
 @kernel
-def project(
-    wrench: np.ndarray,
-    v_index: np.ndarray,
-    ratio: np.ndarray,
-    axis: np.ndarray,
-    components: np.ndarray,
-    effort: np.ndarray,
-) -> None:
+def _embed_many(
+    kind: int, q: np.ndarray, v: np.ndarray, a: np.ndarray, components: np.ndarray,
+    q_twin: np.ndarray, v_twin: np.ndarray, a_twin: np.ndarray,
+) -> None:  # fmt: skip
+    """`embed` of one joint of many degrees; arrays begin with its numbers."""
+    for c in range(6):
+        q_twin[c] = v_twin[c] = a_twin[c] = 0.0
+    q_twin[6] = 1.0
+    n = 0
+    while n < 6 and components[n] >= 0:
+        v_twin[components[n]], a_twin[components[n]] = v[n], a[n]
+        n += 1
+    if kind == PLANAR:
+        half = 0.5 * np.arctan2(q[3], q[2])
+        q_twin[0], q_twin[1] = q[0], q[1]
+        q_twin[5], q_twin[6] = np.sin(half), np.cos(half)
+    elif kind == SPHERICAL:
+        for c in range(4):
+            q_twin[3 + c] = q[c]
+    elif kind == TRANSLATION:
+        for c in range(3):
+            q_twin[c] = q[c]
+    else:
+        for c in range(7):
+            q_twin[c] = q[c]
+
+
+@kernel
+def project(wrench: np.ndarray, joints: Embedding, effort: np.ndarray) -> None:
     """Write E^T w, the generalized effort of the joint wrenches.
 
     Args:
         wrench: (n, nj, 6), parent on child, in the child's joint frame, linear first.
-        v_index, ratio, axis, components: columns of `Twin`.
+        joints: `Twin.embedding`.
         effort: (n, nv), overwritten.
     """
+    v_index, ratio, axis, components = joints.v_index, joints.ratio, joints.axis, joints.components
     for i in range(wrench.shape[0]):
         for c in range(effort.shape[1]):
             effort[i, c] = 0.0
@@ -315,48 +328,30 @@ def transmit(
         q_twin: (n, 7 nj), as `embed` writes it.
         wrench: (n, nj, 6), changed in place.
     """
-    force, moment = np.empty(3), np.empty(3)
-    turned_f, turned_m = np.empty(3), np.empty(3)
-    R = np.empty((3, 3))
+    carried, R = np.empty(6), np.empty((3, 3))
     for i in range(wrench.shape[0]):
-        for c in range(3):
-            force[c], moment[c] = wrench_on_link[i, c], wrench_on_link[i, 3 + c]
+        for c in range(6):
+            carried[c] = wrench_on_link[i, c]
         j = start
         while j >= 0:
-            for c in range(3):
-                wrench[i, j, c] -= force[c]
-                wrench[i, j, 3 + c] -= moment[c]
+            for c in range(6):
+                wrench[i, j, c] -= carried[c]
             p = 7 * j
-            x, y, z, w = q_twin[i, p + 3], q_twin[i, p + 4], q_twin[i, p + 5], q_twin[i, p + 6]
-            R[0, 0], R[0, 1], R[0, 2] = (
-                1 - 2 * (y * y + z * z),
-                2 * (x * y - z * w),
-                2 * (x * z + y * w),
-            )
-            R[1, 0], R[1, 1], R[1, 2] = (
-                2 * (x * y + z * w),
-                1 - 2 * (x * x + z * z),
-                2 * (y * z - x * w),
-            )
-            R[2, 0], R[2, 1], R[2, 2] = (
-                2 * (x * z - y * w),
-                2 * (y * z + x * w),
-                1 - 2 * (x * x + y * y),
-            )
-            for step in range(2):  # child -> joint's parent side -> parent joint's frame
-                for r in range(3):
-                    turned_f[r] = turned_m[r] = 0.0
-                    for c in range(3):
-                        rotation = R[r, c] if step == 0 else placement_R[j, r, c]
-                        turned_f[r] += rotation * force[c]
-                        turned_m[r] += rotation * moment[c]
-                if step == 0:
-                    px, py, pz = q_twin[i, p], q_twin[i, p + 1], q_twin[i, p + 2]
-                else:
-                    px, py, pz = placement_p[j, 0], placement_p[j, 1], placement_p[j, 2]
-                for c in range(3):
-                    force[c] = turned_f[c]
-                moment[0] = turned_m[0] + py * force[2] - pz * force[1]
-                moment[1] = turned_m[1] + pz * force[0] - px * force[2]
-                moment[2] = turned_m[2] + px * force[1] - py * force[0]
+            rotation(q_twin[i, p + 3], q_twin[i, p + 4], q_twin[i, p + 5], q_twin[i, p + 6], R)
+            _move_wrench(R, q_twin[i, p : p + 3], carried)  # to the joint's side on the parent
+            _move_wrench(placement_R[j], placement_p[j], carried)  # to the parent joint's frame
             j = parents[j]
+
+
+@kernel
+def _move_wrench(R: np.ndarray, p: np.ndarray, wrench: np.ndarray) -> None:
+    """Write a wrench (6,) of a frame in the frame where that stands: R f, R m + p x R f."""
+    x, y, z = wrench[0], wrench[1], wrench[2]
+    for r in range(3):
+        wrench[r] = R[r, 0] * x + R[r, 1] * y + R[r, 2] * z
+    x, y, z = wrench[3], wrench[4], wrench[5]
+    for r in range(3):
+        wrench[3 + r] = R[r, 0] * x + R[r, 1] * y + R[r, 2] * z
+    wrench[3] = wrench[3] + p[1] * wrench[2] - p[2] * wrench[1]
+    wrench[4] = wrench[4] + p[2] * wrench[0] - p[0] * wrench[2]
+    wrench[5] = wrench[5] + p[0] * wrench[1] - p[1] * wrench[0]

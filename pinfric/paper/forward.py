@@ -2,7 +2,7 @@
 
 A sliding joint has friction -sign(rate) mu_k N(lambda), implicit because lambda depends on it. A
 sticking joint gets one more constraint, and is released when the multiplier of that constraint
-exceeds mu_s N (constraint addition-deletion: Wu, Yang, Haug 1984, the paper's reference 1).
+exceeds mu_s N (constraint addition-deletion: Wu, Yang, Haug 1984).
 
 `simulate` carries this on in time.
 """
@@ -262,7 +262,7 @@ def forward(
         NoConsistentFriction: no choice of stick and slip obeys the law of friction, or several do.
         PinfricError: something is at rest in a mechanism with loops.
 
-    Source: the paper, (3), (4), (21); its reference 1 for the change of constraints.
+    Source: the paper, (3), (4), (21); Wu, Yang, Haug 1984 for the change of constraints.
     """
     position, rate, effort = (np.asarray(x, float) for x in (position, rate, effort))
     state = prepare(mechanism, position, rate, effort)

@@ -123,7 +123,7 @@ def simulate(
         NoConsistentFriction: with time and state, where neither stick nor slip is consistent.
         PinfricError: the mechanism has loops, whose joints' positions would drift apart.
 
-    Source: the paper, (3), (20), (21) and its reference 1.
+    Source: the paper, (3), (20), (21); Wu, Yang, Haug 1984.
     """
     if mechanism.loops:
         raise PinfricError("simulate: takes mechanisms without loops")

@@ -34,7 +34,7 @@ def gentle(friction: dict) -> dict:
 def pinned_body(b: float, mu_static: float | None = None) -> pf.Scene:
     """A body on a pin, no gravity: friction over inertia torque is b, a = -b |(a, v^2)|.
 
-    b = mu R m l / J about the pin (design's issue 3), with m = l = J = 1 and R = 0.1.
+    b = mu R m l / J about the pin, with m = l = J = 1 and R = 0.1.
     """
     model = pin.Model()
     model.gravity.linear = np.zeros(3)

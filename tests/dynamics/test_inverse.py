@@ -10,7 +10,7 @@ import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics import inverse as inverse_module
+from pinfric.dynamics import inverse_tree
 from pinfric.errors import SceneError, StateError
 
 
@@ -214,9 +214,9 @@ def test_mimic_followers_give_their_friction_to_the_leader():
 def test_an_open_chain_never_iterates(monkeypatch):
     scene = scene_of(7)
     passes = []
-    original = inverse_module.reactions
+    original = inverse_tree.reactions
     monkeypatch.setattr(
-        inverse_module, "reactions", lambda *args: (passes.append(1), original(*args))[1]
+        inverse_tree, "reactions", lambda *args: (passes.append(1), original(*args))[1]
     )
     result = pf.inverse_dynamics(scene, *random_states(scene.model, 7, 100))
     assert len(passes) == 1  # one batch, looked at once
@@ -229,7 +229,7 @@ def test_constant_friction_computes_no_reactions(monkeypatch):
     scene = pf.Scene(
         model=model, friction={"joint_2": {"coulomb": {"static": 2.0, "kinetic": 1.0}}}
     )
-    monkeypatch.setattr(inverse_module, "reactions", lambda *_: pytest.fail("twin was called"))
+    monkeypatch.setattr(inverse_tree, "reactions", lambda *_: pytest.fail("twin was called"))
     q, v, a = random_states(model, 6, 4)
     result = pf.inverse_dynamics(scene, q, np.abs(v), a)
     np.testing.assert_allclose((result.effort_lower - result.effort_frictionless)[:, 1], 1.0)

@@ -8,7 +8,7 @@ import pytest
 from builders import random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics.inverse import reversals
+from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.threaded import team
 
 EVERYTHING = ("effort_lower", "effort_upper", "effort_frictionless", "normal_load", "wrench",

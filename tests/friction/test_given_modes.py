@@ -10,7 +10,7 @@ from builders import random_friction, random_tree
 from scipy.optimize import root
 
 import pinfric as pf
-from pinfric.dynamics.check import plain_normal_load
+from pinfric.dynamics.plain_laws import plain_normal_load
 from pinfric.friction import dense, modes
 from pinfric.friction import given_modes as coupling
 from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_friction, stick_limits

@@ -12,8 +12,7 @@ from cases import drawer_scene, turning_four_bar
 from mechanisms import pin_friction
 
 import pinfric as pf
-from pinfric.dynamics import coupled_inverse, coupled_solve
-from pinfric.dynamics import inverse as inverse_module
+from pinfric.dynamics import interval_ends, inverse_tree, linkage_batch, motor_torques
 from pinfric.errors import SceneError
 from pinfric.model.effects import STRUCTURAL, effects, switchable, with_effects
 
@@ -125,11 +124,12 @@ def count_calls(monkeypatch, solve):
 
         monkeypatch.setattr(module, name, call)
 
-    for name in ("reactions", "normal_loads", "_plain", "motor_torque_bounds"):
-        counted(inverse_module, name)
-    for name in ("reactions", "map_friction", "motor_torque_bounds"):
-        counted(coupled_inverse, name)
-    counted(coupled_solve, "solve_list")
+    for name in ("reactions", "normal_loads", "_plain"):
+        counted(inverse_tree, name)
+    for name in ("reactions", "map_friction"):
+        counted(linkage_batch, name)
+    counted(motor_torques, "motor_torque_bounds")
+    counted(interval_ends, "solve_list")
     solve()
     return counts
 

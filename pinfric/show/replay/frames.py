@@ -14,8 +14,9 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.motion import FINISHED, Motion
+from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.reactions import Batch, reactions, relieve
-from pinfric.dynamics.result import InverseResult, Status, StickInterval, runs
+from pinfric.dynamics.result import InverseResult, StickInterval, runs
 from pinfric.dynamics.states import States
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import loop_state

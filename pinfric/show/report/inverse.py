@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric import __version__
-from pinfric.dynamics.result import InverseResult, Status, runs
+from pinfric.dynamics.outcome import Status
+from pinfric.dynamics.result import InverseResult, runs
 from pinfric.model.brief import counted
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, json_safe, rough, span

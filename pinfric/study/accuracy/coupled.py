@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-from pinfric.dynamics.coupled_solve import Solver
+from pinfric.dynamics.interval_ends import Solver
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.solutions import one_sample
 from pinfric.friction.dense import solve_dense
@@ -46,7 +46,7 @@ class CoupledRun:
         t: time of the sample (s), its number where there are no times.
         mu_factor: on every coefficient mu of the scene.
         share: the same as a share of the factor at which the sample jams.
-        contraction: certificate of `coupling`; below 1 the solution is certain, and the only one.
+        contraction: of `given_modes`; below 1 the solution is certain, and the only one.
         solver: `fixed point` or `Newton`.
         tolerance: relative residual max |x - G(x)| / max |G(x)| at which it stops.
         iterations: passes, an evaluation of G each.

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from pinfric.dynamics.inverse import reversals
 from pinfric.dynamics.result import InverseResult, runs
+from pinfric.dynamics.reversals import reversals
 from pinfric.errors import StateError
 from pinfric.model.scene import Scene
 from pinfric.study.summary import effort_unit, ends_by_magnitude, rms

@@ -103,7 +103,7 @@ def test_both_solvers_find_the_push_of_the_closed_form(solve, mu):
 
 
 def test_a_four_bar_jams_beyond_its_certificate():
-    """Contraction 1 is a bound there: the jam comes 14 to 29 % later (design 2.3)."""
+    """Contraction 1 is a bound there: the jam comes 14 to 29 % later."""
     rows = coupled(turning_four_bar(40).inverse(), rounds=1)
     for row in rows:
         assert not row.problem

@@ -1,7 +1,7 @@
-"""Friction, efforts and their ends where reactions depend on friction (design 2.3, 2.4).
+"""Friction, efforts and their ends where reactions depend on friction.
 
 Everything is affine in the friction but its law (`effort_maps.Maps`), so that each sample is a
-small coupled problem (`coupling`). What sticks, or reverses beside a sample, has a choice of
+small coupled problem (`given_modes`). What sticks, or reverses beside a sample, has a choice of
 frictions: the ends of efforts lie where each is at one of its limits. A *candidate* is a sample
 with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a sample all
 are candidates; beyond, sites are flipped one by one while that helps. A ball's limit is a sphere:
@@ -27,7 +27,7 @@ from pinfric.dynamics.choices import (
 )
 from pinfric.dynamics.effort_maps import Maps
 from pinfric.dynamics.layout import Layout
-from pinfric.dynamics.result import Status
+from pinfric.dynamics.outcome import Status
 from pinfric.friction.given_modes import MOST_SOLUTIONS
 from pinfric.friction.problem import empty_problem
 
@@ -131,15 +131,14 @@ class Solver:
         drag = np.where(code == SLIDES, law.drag[sample], 0.0)
         dry = dry + np.where(layout.varies, 0.0, mu * law.fixed_load[sample])
         mu = np.where(layout.varies, mu, 0.0)
-        out = Candidates(sample, code, direction, np.zeros((m, MOST_SOLUTIONS, ns)),
-                         np.ones(m, dtype=np.int64), np.zeros((m, 2)))  # fmt: skip
-        if ns == 0:  # nothing rubs: that is the solution
-            return out
-        solve_list(
-            self.maps.contact, self._rows, layout.first_entry, layout.entry_count, sample,
-            direction, slip, mu, dry, drag, self.base, np.zeros(ns, dtype=np.bool_),
-            np.full(1, np.nan), out.x, out.found, out.figures,
-        )  # fmt: skip
+        x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
+        found = np.ones(m, dtype=np.int64)
+        out = Candidates(sample, code, direction, slip, mu, dry, drag, x, found, figures)
+        if ns > 0:  # else nothing rubs, and that is the solution
+            solve_list(
+                self.maps.contact, self._rows, layout.first_entry, layout.entry_count, self.base,
+                out,
+            )  # fmt: skip
         return out
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
@@ -326,14 +325,12 @@ class Solver:
         ns = len(layout.joint)
         L = np.zeros((m, ns, ne))
         phi = self._phi(c, 0)
-        mu = self.law.mu[c.code, c.sample[:, None], np.arange(ns)]
-        slip = np.choose(c.code, (self.law.slip[c.sample], 1.0, -1.0, 0.0))
         for t in self._rows:
             s = layout.contact_site[t]
             slope = self.maps.contact[c.sample, t, 1:]
             force = self.maps.contact[c.sample, t, 0] + np.einsum("mke,mk->me", slope, phi)
             size = np.maximum(np.linalg.norm(force, axis=1), 1e-300)
-            gain = -slip[:, s] * mu[:, s] / size
+            gain = -c.slip[:, s] * c.mu[:, s] / size
             L[:, s] += gain[:, None] * np.einsum("mke,me->mk", slope, force)
         D = np.zeros((m, ne, ns))
         D[:, np.arange(ne), self._phi_site] = c.direction

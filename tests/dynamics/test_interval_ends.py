@@ -12,8 +12,8 @@ from cases import Case, ball_tripod, four_bars_in_a_row, resting_four_bar, turni
 from mechanisms import pin_friction
 
 import pinfric as pf
-from pinfric.dynamics import choices, coupled_solve
-from pinfric.dynamics.coupled_solve import Solver
+from pinfric.dynamics import choices, interval_ends
+from pinfric.dynamics.interval_ends import Solver
 from pinfric.dynamics.solutions import one_sample
 
 # ---------------------------------------------------------------- creeping
@@ -157,7 +157,7 @@ def test_single_flips_find_what_enumeration_finds(monkeypatch):
     assert searched.sticking.all()
     assert searched.sticking.shape[1] == 10
     assert not searched.interval_exact.any()
-    monkeypatch.setattr(coupled_solve, "ENUMERATED", 1 << 10)
+    monkeypatch.setattr(interval_ends, "ENUMERATED", 1 << 10)
     exact = case.inverse()
     assert exact.interval_exact.all()
     np.testing.assert_allclose(searched.effort_lower, exact.effort_lower, rtol=1e-12)
@@ -168,7 +168,7 @@ def test_single_flips_find_what_enumeration_finds(monkeypatch):
 def test_flips_alone_agree_with_enumeration_on_the_four_bar(monkeypatch):
     case = resting_four_bar(40, friction=pin_friction(0.5, 0.03))
     exact = case.inverse()
-    monkeypatch.setattr(coupled_solve, "ENUMERATED", 1)
+    monkeypatch.setattr(interval_ends, "ENUMERATED", 1)
     searched = case.inverse()
     np.testing.assert_allclose(searched.effort_lower, exact.effort_lower, rtol=1e-12)
     np.testing.assert_allclose(searched.effort_upper, exact.effort_upper, rtol=1e-12)

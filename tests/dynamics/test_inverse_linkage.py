@@ -23,8 +23,8 @@ from dynamics.planar_newton_euler import PINS, FourBar, crank_torque
 from mechanisms import FOUR_BAR, LENGTHS, MASSES, four_bar, pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.coupled_solve import Solver
-from pinfric.dynamics.result import Status
+from pinfric.dynamics.interval_ends import Solver
+from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.solutions import one_sample, reduced_problem
 from pinfric.friction.given_modes import fixed_point, newton
 
@@ -129,7 +129,7 @@ def test_every_cut_of_the_four_bar_gives_the_same_efforts(kind, gravity, bearing
 
 
 def test_redundant_reactions_are_those_of_least_squares():
-    """Design 2.2: any other multipliers that balance the same have a larger sum over all joints."""
+    """Any other multipliers that balance the same have a larger sum over all joints."""
     length = 0.05
     scene, joints = four_bar("B", "revolute", gravity=(1.0, -8.0, 5.0), redundancy_length=length)
     q, v, a = crank_motion(joints, np.linspace(0.3, 5.9, 7))
@@ -360,9 +360,9 @@ def test_external_wrenches_and_payloads_act_in_loops():
 def test_open_chains_do_not_come_here(monkeypatch):
     from builders import block, plane_friction
 
-    import pinfric.dynamics.coupled_inverse as module
+    import pinfric.dynamics.inverse as module
 
-    monkeypatch.setattr(module, "solve_coupled", None)
+    monkeypatch.setattr(module, "solve_linkage", None)
     scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
     result = pf.inverse_dynamics(scene, [[0.0]], [[1.0]], [[0.0]])
     assert result.interval_exact.all()

@@ -1,7 +1,7 @@
 """The judge of scenes with loops, cylinders and forces: nothing of the solver's kernels.
 
 Jacobians come from Pinocchio's joint Jacobians, wrenches from `data.f` of its RNEA with every
-closure force, drive and friction torque as external forces, laws from plain NumPy (`check`).
+closure force, drive and friction torque as external forces, laws from plain NumPy (`plain_laws`).
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.check import plain_friction, plain_normal_load
-from pinfric.dynamics.result import Solution, Status
+from pinfric.dynamics.outcome import Solution, Status
+from pinfric.dynamics.plain_laws import plain_displacement, plain_friction, plain_normal_load
 from pinfric.model.scene import Scene, Site
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Pair:
     direction: np.ndarray
 
 
-def coupled_residuals(
+def linkage_residuals(
     result: InverseResult, model: pin.Model, data: pin.Data, i: int
 ) -> tuple[np.ndarray, float]:
     """Return (equilibrium, friction law, wrench) residuals of one sample, and its largest effort.
@@ -239,13 +239,9 @@ def _law_error(
     k: int, end: Solution, phi: np.ndarray, w: np.ndarray,
 ) -> float:  # fmt: skip
     """How far one site's load and friction are from the formulas."""
-    site, states = result.scene.sites[k], result.states
+    site = result.scene.sites[k]
     velocity = _site_velocity(result, site, pairs, model, data, i)
-    moved = 0.0
-    if site.loop < 0:
-        twin = result.scene.twin()
-        q = states.q[i, twin.q_index[site.joint]]
-        moved = float(twin.ratio[site.joint] * q + twin.shift[site.joint])
+    moved = plain_displacement(result.scene, site, result.states.q[i]) if site.loop < 0 else 0.0
     load = plain_normal_load(site, w, moved)
     error = abs(end.normal_load[k] - load)
     if not site.ball:

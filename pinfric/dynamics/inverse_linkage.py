@@ -1,0 +1,165 @@
+"""Inverse dynamics of scenes with loops, cylinders or forces, where reactions and friction couple.
+
+    M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi,     phi_k = -sign(v_k) mu_k c_k(w)
+
+(paper eq. 16, 17 solved together). One RNEA batch on the twin gives the wrenches without
+multipliers; `effort_maps` makes everything affine in phi; `interval_ends` finds phi.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.closure import PairRates, pair_rates
+from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
+from pinfric.dynamics.interval_ends import Answer, Solver
+from pinfric.dynamics.layout import Layout, make_layout
+from pinfric.dynamics.linkage_batch import friction_maps, friction_velocities, loop_wrenches
+from pinfric.dynamics.motor_torques import motor_torques
+from pinfric.dynamics.reactions import (
+    CHUNK,
+    AppliedWrench,
+    Batch,
+    check_roll_moments,
+    constant_payloads,
+    threads_for,
+)
+from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.reversals import reversals
+from pinfric.dynamics.states import States
+from pinfric.model.scene import Scene
+
+#: What of each batch's answer stays.
+_KEPT = ("lower", "upper", "load", "friction_lower", "friction_upper", "status", "iterations",
+         "contraction", "exact")  # fmt: skip
+
+
+def solve_linkage(
+    scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
+) -> InverseResult:
+    """Solve the samples of one slice; the samples beside it only tell reversals.
+
+    Args, raises: see `inverse.inverse_dynamics`; besides, `closure.pair_rates`.
+    """
+    layout, around, inner = make_layout(scene), states.around(whole), states.inside(whole)
+    rates = pair_rates(scene, states, around, whole)
+    wider = friction_velocities(layout, states.v[around], rates)
+    velocity = np.ascontiguousarray(wider[inner])
+    reversal = np.zeros((len(velocity), len(scene.sites)), dtype=bool)
+    if states.t is not None:
+        reversal = site_reversals(layout, wider)[inner]
+    answer, frictionless, wrench, multipliers = _solve_batches(
+        scene, layout, states, applied, whole, velocity, reversal, threads
+    )
+    check_roll_moments(scene, wrench, whole.start)
+    drive_rates = actuator_rates(scene, states, rates, around)
+    torques = motor_torques(scene, states, whole, (answer.lower, answer.upper), *drive_rates)
+    return InverseResult(
+        scene=scene,
+        states=states.part(whole),
+        external=tuple(AppliedWrench(w.joint, w.wrench[whole]) for w in applied),
+        effort_lower=answer.lower,
+        effort_upper=answer.upper,
+        effort_frictionless=frictionless,
+        motor_torque_lower=torques[0],
+        motor_torque_upper=torques[1],
+        sticking=site_speeds(layout, velocity) <= layout.laws.stick_velocity,
+        reversal=reversal,
+        normal_load=answer.load,
+        friction_lower=answer.friction_lower,
+        friction_upper=answer.friction_upper,
+        wrench=wrench,
+        iterations=answer.iterations,
+        contraction=answer.contraction,
+        status=answer.status,
+        multipliers=multipliers,
+        interval_exact=answer.exact,
+        redundant=layout.solved > len(layout.balanced),
+        actuator_velocity=drive_rates[0][inner],
+        actuator_acceleration=drive_rates[1][inner],
+    )
+
+
+def _solve_batches(
+    scene: Scene, layout: Layout, states: States, applied: list[AppliedWrench], whole: slice,
+    velocity: np.ndarray, reversal: np.ndarray, threads: int | None,
+) -> tuple[Answer, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Return answer, efforts without friction, wrenches (T, ns, 6) and multipliers of one slice.
+
+    Args:
+        scene, states, applied, threads: see `inverse.inverse_dynamics`.
+        layout: of the scene.
+        whole: the T samples.
+        velocity, reversal: (T, ne), (T, ns), see `choices.friction_laws`.
+    """
+    linkage, T = scene.linkage, len(velocity)
+    assert linkage is not None
+    threads = threads_for(T, threads)
+    answer, tables = Answer.of(layout, T), EffortTables.of(layout)
+    frictionless = np.empty((T, len(scene.drives)))
+    wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, layout.solved))
+    multipliers = np.empty((T, len(scene.loops), 6))
+    batch = Batch.of(scene.twin(), min(T, CHUNK * threads))
+    for part, twin in constant_payloads(scene, states, whole, CHUNK * threads):
+        here = slice(part.start - whole.start, part.stop - whole.start)
+        now = batch.first(part.stop - part.start)
+        samples = friction_maps(layout, linkage, twin, states, applied, part, now, threads)
+        maps, X = samples.maps, samples.X
+        frictionless[here] = maps.effort[:, :, 0]
+        found = Solver(layout, maps, velocity[here], reversal[here]).solve()
+        for name in _KEPT:
+            getattr(answer, name)[here] = getattr(found, name)
+        write_wrenches(tables, samples.wrench, X, maps.y, found.phi, wrench[here], solved[here])
+        multipliers[here] = loop_wrenches(linkage, X, solved[here])
+    return answer, frictionless, wrench, multipliers
+
+
+def site_speeds(layout: Layout, velocity: np.ndarray) -> np.ndarray:
+    """Return the speed (n, ns) of each site; a ball's is the length of its angular velocity."""
+    squares = np.add.reduceat(velocity**2, layout.first_entry, axis=1) if len(layout.joint) else (
+        np.zeros((len(velocity), 0)))  # fmt: skip
+    return np.asarray(np.sqrt(squares))
+
+
+def site_reversals(layout: Layout, velocity: np.ndarray) -> np.ndarray:
+    """Return (n, ns) at which samples a site passes through rest beside them.
+
+    A ball does where the straight line between two angular velocities comes as near to zero as its
+    stick velocity; of the two samples the slower one is marked (the earlier if equal).
+
+    Args:
+        layout: `Layout`.
+        velocity: (n, ne), `friction_velocities`.
+    """
+    stick = layout.laws.stick_velocity
+    marked = reversals(np.ascontiguousarray(velocity[:, layout.first_entry]), stick)
+    for s in np.flatnonzero(layout.entry_count == 3):
+        w = velocity[:, layout.first_entry[s] : layout.first_entry[s] + 3]
+        change = np.diff(w, axis=0)
+        square = np.maximum((change**2).sum(axis=1), 1e-300)
+        share = np.clip(-(w[:-1] * change).sum(axis=1) / square, 0.0, 1.0)
+        nearest = np.linalg.norm(w[:-1] + share[:, None] * change, axis=1)
+        speed = np.linalg.norm(w, axis=1)
+        moving = (speed[:-1] > stick[s]) & (speed[1:] > stick[s])
+        passes = np.flatnonzero((nearest <= stick[s]) & moving)
+        marked[:, s] = False
+        marked[np.where(speed[passes] <= speed[passes + 1], passes, passes + 1), s] = True
+    return marked
+
+
+def actuator_rates(
+    scene: Scene, states: States, rates: PairRates, around: slice
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n, na) velocity and acceleration of what each drive moves, of `around`."""
+    shape = around.stop - around.start, len(scene.drives)
+    velocity, acceleration = np.empty(shape), np.empty(shape)
+    for d, drive in enumerate(scene.drives):
+        column = getattr(drive, "column", -1)
+        if column >= 0:
+            velocity[:, d], acceleration[:, d] = (
+                rates.rate[:, column], rates.rate_derivative[:, column]
+            )  # fmt: skip
+        else:
+            velocity[:, d] = states.v[around, drive.velocity_index]
+            acceleration[:, d] = states.a[around, drive.velocity_index]
+    return velocity, acceleration

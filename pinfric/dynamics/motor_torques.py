@@ -1,0 +1,52 @@
+"""What the motors of a motion must give for the efforts that their drives deliver."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.reversals import reversals
+from pinfric.dynamics.states import States
+from pinfric.model.drives import Drive, motor_torque_bounds
+from pinfric.model.scene import Scene
+
+
+def motor_torques(
+    scene: Scene, states: States, whole: slice, efforts: tuple[np.ndarray, np.ndarray],
+    velocity: np.ndarray, acceleration: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return (T, na) least and greatest motor torque; the efforts themselves where no gear is.
+
+    T_m = effort / (r efficiency) + r (viscous v + J_rotor a), see `drives.motor_torque_bounds`.
+
+    Args:
+        scene: with the drives.
+        states: of all samples.
+        whole: the T samples that are asked for.
+        efforts: (T, na) least, (T, na) greatest (N m or N).
+        velocity, acceleration: (n, na) of what each drive moves (rad/s or m/s, and per second), of
+            the samples `states.around(whole)`.
+    """
+    if not any(drive.transmission for drive in scene.drives):
+        return efforts
+    stick = np.array([_stick_velocity(scene, drive) for drive in scene.drives])
+    at_rest = np.zeros(velocity.shape, dtype=bool)
+    if states.t is not None:
+        at_rest = reversals(velocity, stick)
+    inner = states.inside(whole)
+    lower, upper = (ends.copy() for ends in efforts)
+    for d, drive in enumerate(scene.drives):
+        if drive.transmission is not None:
+            lower[:, d], upper[:, d] = motor_torque_bounds(
+                drive.transmission, lower[:, d], upper[:, d], velocity[inner, d],
+                acceleration[inner, d], at_rest[inner, d], stick[d],
+            )  # fmt: skip
+    return lower, upper
+
+
+def _stick_velocity(scene: Scene, drive: Drive) -> float:
+    """Of the site that moves as the drive does, else the scene's default."""
+    for site in scene.sites:
+        joint = site.velocity_index == drive.velocity_index >= 0 and site.ratio == 1.0
+        if joint or site.name == drive.name:
+            return site.law.stick_velocity
+    return scene.stick_velocity

@@ -1,0 +1,138 @@
+"""The judge's loads and friction: the formulas of `bearings` and `laws` written out in NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.model.bearings import Ball, Guide, Linear, LoadTerms, Pin
+from pinfric.model.friction_terms import Coefficients, DirectedCoulombFriction
+from pinfric.model.scene import Scene, Site
+from pinfric.model.schema import Friction
+
+
+def plain_displacement(scene: Scene, site: Site, q: np.ndarray) -> float:
+    """Return the position of a site on the tree along its axis (rad or m) at q (nq,)."""
+    twin = scene.twin()
+    return float(twin.ratio[site.joint] * q[twin.q_index[site.joint]] + twin.shift[site.joint])
+
+
+def plain_normal_load(site: Site, wrench: np.ndarray, displacement: float) -> float:
+    """Return one site's normal load by the formulas of `bearings`, written out.
+
+    Args:
+        site: the joint and its bearing.
+        wrench: (6,), parent on child in the child's joint frame.
+        displacement: position of the child along the axis (m), for guides fixed to the parent.
+    """
+    bearing, k = site.friction.bearing, site.axis
+    if bearing is None:
+        return 0.0
+    if bearing.kind not in _LOADS:  # a kind that a class has added
+        return _by_terms(bearing.terms(), k, wrench, displacement)
+    on_parent = getattr(bearing, "on", "child") == "parent"
+    middle = getattr(bearing, "offset", 0.0) - (displacement if on_parent else 0.0)
+    F, M = wrench[:3], wrench[3:] - middle * np.cross(k, wrench[:3])
+    F_a, M_a = F @ k, M @ k
+    F_r, M_b = F - F_a * k, M - M_a * k
+    return float(_LOADS[bearing.kind](bearing, k, F_r, F_a, M_b, M_a))
+
+
+def _by_terms(terms: LoadTerms, k: np.ndarray, wrench: np.ndarray, displacement: float) -> float:
+    turn = pin.Quaternion.FromTwoVectors(k, np.array([0.0, 0.0, 1.0])).toRotationMatrix()
+    w = np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
+    moved = [*terms.moved, *np.zeros((len(terms.maps) - len(terms.moved), 3, 6))]
+    forces = [(B + displacement * C) @ w for B, C in zip(terms.maps, moved, strict=True)]
+    return float(sum(map(np.linalg.norm, forces)) + terms.constant)
+
+
+def _two_ends(length: float, k: np.ndarray, F_r: np.ndarray, M_b: np.ndarray) -> float:
+    couple = np.cross(M_b, k) / length
+    return float(np.linalg.norm(F_r / 2 + couple) + np.linalg.norm(F_r / 2 - couple))
+
+
+def _pin(b: Pin, k: np.ndarray, F_r: np.ndarray, F_a: float, M_b: np.ndarray, _: float) -> float:
+    radial = np.linalg.norm(F_r) if b.length is None else _two_ends(b.length, k, F_r, M_b)
+    return float(b.radius * (radial + b.preload) + b.thrust_radius * abs(F_a))
+
+
+def _guide(
+    b: Guide, k: np.ndarray, F_r: np.ndarray, _: float, M_b: np.ndarray, M_a: float
+) -> float:
+    roll = 0.0 if b.width is None else 2 * abs(M_a) / b.width
+    return _two_ends(b.length, k, F_r, M_b) + roll + b.preload
+
+
+def _linear(
+    b: Linear, k: np.ndarray, F_r: np.ndarray, F_a: float, M_b: np.ndarray, _: float
+) -> float:
+    radial, bending = np.linalg.norm(F_r), np.linalg.norm(M_b)
+    return float(b.radial * radial + b.axial * abs(F_a) + b.moment * bending + b.preload)
+
+
+def _ball(b: Ball, k: np.ndarray, F_r: np.ndarray, F_a: float, _: np.ndarray, __: float) -> float:
+    return float(b.radius * (np.linalg.norm(F_r + F_a * k) + b.preload))
+
+
+_LOADS: dict[str, Callable[..., float]] = {
+    "pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball,
+}  # fmt: skip
+
+
+def plain_friction(
+    site: Site, velocity: float, load: float, at_rest: bool = False
+) -> tuple[float, float]:
+    """Return the least and greatest friction of one site (`laws`; paper eq. 20, 21).
+
+    Args:
+        site: the joint and its law.
+        velocity: child relative to parent (rad/s or m/s).
+        load: normal load (N m or N).
+        at_rest: the site passes through rest beside this sample.
+    """
+    friction, speed, sign = site.friction, abs(velocity), float(np.sign(velocity))
+    rest = (-_dry(friction, load, 1.0, None), _dry(friction, load, -1.0, None))
+    drag = friction.viscous * velocity + sign * _added(friction, load, sign, speed, drags=True)
+    if speed <= site.law.stick_velocity:
+        if rest == (0.0, 0.0) and not any(any(term.at_rest()) for term in friction.terms):
+            return -drag, -drag  # nothing can hold it
+        return rest[0] - max(drag, 0.0), rest[1] - min(drag, 0.0)
+    phi = -sign * _dry(friction, load, sign, speed) - drag
+    return (min(rest[0], phi), max(rest[1], phi)) if at_rest else (phi, phi)
+
+
+def _dry(friction: Friction, load: float, direction: float, speed: float | None) -> float:
+    """Dry friction's magnitude at a speed; None: at rest, where it is at its limit."""
+    blend, stribeck = float(speed is None), friction.stribeck
+    if speed is not None and stribeck is not None:
+        blend = float(np.exp(-((speed / stribeck.velocity) ** stribeck.exponent)))
+    coulomb = friction.coulomb
+    if isinstance(coulomb, DirectedCoulombFriction):
+        pair: Coefficients | None = coulomb.positive if direction > 0 else coulomb.negative
+    else:
+        pair = coulomb
+    total = _added(friction, load, direction, speed, drags=False)
+    for given, factor in ((friction.mu, load), (pair, 1.0)):
+        if given is not None:
+            total += factor * (given.kinetic + (given.static - given.kinetic) * blend)
+    return total
+
+
+def _added(
+    friction: Friction, load: float, direction: float, speed: float | None, drags: bool
+) -> float:
+    """Magnitude of the terms that classes have added: what drags, or what is dry (see `_dry`)."""
+    total = 0.0
+    for term in friction.terms:
+        if term.key in Friction.model_fields:
+            continue
+        parts = [(1.0, term.at_rest())] if speed is None else [
+            (speed**power * np.exp(-((speed / velocity) ** exponent)), strength)
+            for (power, velocity, exponent), strength in term.rows(friction.stribeck)
+            if (power > 0.0) == drags
+        ]  # fmt: skip
+        for factor, (mu, forward, backward) in parts:
+            total += factor * (mu * load + (forward if direction > 0 else backward))
+    return float(total)
