@@ -104,7 +104,7 @@ def forward_dynamics(
         if scene.loops:  # what an integrator hands to an effort function obeys them roughly
             check_closed(scene, q, v, slack=1e3)
         ws.solve(q, v, effort, applied)
-    if ws.tables.guides:
+    if ws.tables.guides.size:
         ws.check_roll_moments()
     return instant(ws)
 

@@ -7,8 +7,7 @@ loop's joint. A site has one *entry* in the problem, a ball three, one along eac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +16,7 @@ from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
 
 
-@dataclass(frozen=True, eq=False)
-class Layout:
+class Layout(NamedTuple):
     """The tables of a scene; nothing in it changes.
 
     Attributes:
@@ -30,6 +28,7 @@ class Layout:
         first_entry, entry_count: (ns,) the entries of each site.
         entry_site, entry_coordinate: (ne,).
         entry_ratio: (ne,) site velocity per coordinate velocity; 1 but for mimic joints.
+        entry_v, entry_action: (ne,) the same of an entry's coordinate.
         coordinate_v, coordinate_action: (nc,) the velocity of a tree's, the action of a loop's;
             else -1.
         viscous: (nc,) N m s/rad or N s/m.
@@ -61,6 +60,8 @@ class Layout:
     entry_site: np.ndarray
     entry_coordinate: np.ndarray
     entry_ratio: np.ndarray
+    entry_v: np.ndarray
+    entry_action: np.ndarray
     coordinate_v: np.ndarray
     coordinate_action: np.ndarray
     viscous: np.ndarray
@@ -79,30 +80,20 @@ class Layout:
     displacement_shift: np.ndarray
     rubs: np.ndarray
     varies: np.ndarray
-    guides: tuple[int, ...]
-    roll_lever: tuple[float, ...]
+    guides: np.ndarray
+    roll_lever: np.ndarray
     inverse_length: float
     scale: float
 
-    @cached_property
+    @property
     def coordinate(self) -> np.ndarray:
         """(ns,) first coordinate of each site."""
         return np.asarray(self.entry_coordinate[self.first_entry])
 
-    @cached_property
+    @property
     def has_loop_coordinates(self) -> bool:
         """Whether friction acts at a joint that closes a loop."""
         return bool((self.coordinate_action >= 0).any())
-
-    @cached_property
-    def entry_v(self) -> np.ndarray:
-        """(ne,) velocity that an entry of the tree acts on; -1 for a loop's."""
-        return np.asarray(self.coordinate_v[self.entry_coordinate])
-
-    @cached_property
-    def entry_action(self) -> np.ndarray:
-        """(ne,) action of a loop's entry; -1 for a tree's."""
-        return np.asarray(self.coordinate_action[self.entry_coordinate])
 
 
 def make_layout(scene: Scene) -> Layout:
@@ -135,8 +126,8 @@ def make_layout(scene: Scene) -> Layout:
         contact_map_moved=t.contacts.map_moved,
         rubs=rubs,
         varies=rubs & feels,
-        guides=tuple(s for s, lever in enumerate(levers) if lever is not None),
-        roll_lever=tuple(lever or 0.0 for lever in levers),
+        guides=np.array([s for s, lever in enumerate(levers) if lever is not None], dtype=np.int64),
+        roll_lever=np.array([lever or 0.0 for lever in levers], dtype=float),
         inverse_length=1.0 / scene.redundancy_length,
         scale=1.0 if linkage is None else min(1.0, linkage.size),
         **_coordinates(scene),
@@ -176,6 +167,8 @@ def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
         "entry_site": np.array([s for s, _, _ in entries], dtype=np.int64),
         "entry_coordinate": np.array([c for _, c, _ in entries], dtype=np.int64),
         "entry_ratio": np.array([ratio for _, _, ratio in entries], dtype=float),
+        "entry_v": np.array([keys[c][0] for _, c, _ in entries], dtype=np.int64),
+        "entry_action": np.array([keys[c][1] for _, c, _ in entries], dtype=np.int64),
         "coordinate_v": np.array([v for v, _ in keys], dtype=np.int64),
         "coordinate_action": np.array([action for _, action in keys], dtype=np.int64),
         "viscous": viscous, "dry": dry, "stick_velocity": stick, "block": block, "ball": ball,

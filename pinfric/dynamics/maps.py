@@ -16,12 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pinfric.dynamics.layout import Layout
 from pinfric.friction.consistency import site_friction, stick_limits, try_modes
 from pinfric.friction.dense import eliminate_full_pivot, factorize
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel, record
 from pinfric.model.kinematics import Actions, act_on_joints, relate_pairs
-from pinfric.model.laws import Laws, friction_at
+from pinfric.model.laws import friction_at
 
 #: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
 #: face their motion.
@@ -35,7 +36,7 @@ _DEAD = 1e-13
 
 
 class Tables(NamedTuple):
-    """A scene for the kernels: `layout.Layout`, `loops.Linkage` and the freedoms of its joints.
+    """A scene for the kernels: its layout, what its actions are, and the freedoms of its joints.
 
     Attributes:
         carries: (nj, nj) int8, whether joint i carries joint j or is j itself.
@@ -53,9 +54,9 @@ class Tables(NamedTuple):
         direction_size: (nc,) 0, but for loops that slide: they have levers for directions, all of
             which vanish at a dead centre (m).
         site_row: (ns,) row of each site's joint among those wanted.
-        others: see `Layout`, `Linkage`, `Twin`.
     """
 
+    layout: Layout
     carries: np.ndarray
     mass: np.ndarray
     gravity: np.ndarray
@@ -66,36 +67,17 @@ class Tables(NamedTuple):
     armature: np.ndarray
     unit_q: np.ndarray
     unit_count: np.ndarray
-    drive_v: np.ndarray
-    drive_action: np.ndarray
-    entry_site: np.ndarray
-    entry_coordinate: np.ndarray
-    coordinate_v: np.ndarray
-    coordinate_action: np.ndarray
-    viscous: np.ndarray
-    dry: np.ndarray
-    stick_velocity: np.ndarray
-    block: np.ndarray
-    ball: np.ndarray
-    laws: Laws
     wrench_row: np.ndarray
     contact_row: np.ndarray
     contact_site: np.ndarray
     contact_rank: np.ndarray
     contact_map: np.ndarray
     contact_map_moved: np.ndarray
-    displacement_q: np.ndarray
-    displacement_ratio: np.ndarray
-    displacement_shift: np.ndarray
     site_row: np.ndarray
-    first_entry: np.ndarray
     actions: Actions
     planar: np.ndarray
     direction_size: np.ndarray
-    off_joint: int
     multipliers: int
-    inverse_length: float
-    scale: float
 
 
 class Supply(NamedTuple):
@@ -221,8 +203,14 @@ class Machine(NamedTuple):
     work: Work
 
 
-TablesRecord, SupplyRecord, WorkRecord = record(Tables), record(Supply), record(Work)
-MachineRecord = record(Machine)
+LayoutRecord, TablesRecord, SupplyRecord = record(Layout), record(Tables), record(Supply)
+WorkRecord, MachineRecord = record(Work), record(Machine)
+
+
+@kernel
+def box_layout(values: tuple[Any, ...]) -> Any:
+    """Return `Layout` as one argument of kernels."""
+    return LayoutRecord(*values)
 
 
 @kernel
@@ -355,10 +343,11 @@ def _move_pairs(t: Tables, k: Supply, w: Work) -> None:
 def measure_rates(machine: Machine, v: np.ndarray) -> None:
     """Write the relative velocity of every coordinate, of which poses and velocities are known."""
     t, w = machine.tables, machine.work
+    layout = t.layout
     _relate_frames(t, machine.supply, w)
     for c in range(w.coordinate_rate.size):
-        action = t.coordinate_action[c]
-        w.coordinate_rate[c] = v[t.coordinate_v[c]] if action < 0 else w.rate[0, action]
+        action = layout.coordinate_action[c]
+        w.coordinate_rate[c] = v[layout.coordinate_v[c]] if action < 0 else w.rate[0, action]
 
 
 @kernel
@@ -368,15 +357,16 @@ def is_exact(machine: Machine, q: np.ndarray) -> bool:
     To 1e-8 of a loop's size and speed; `closure.check_closed` says what is wrong with others.
     """
     t, w = machine.tables, machine.work
+    layout = t.layout
     for n in range(t.unit_q.size):
         square = 0.0
         for i in range(t.unit_q[n], t.unit_q[n] + t.unit_count[n]):
             square += q[i] * q[i]
         if not abs(square - 1.0) < 1e-14:
             return False
-    for r in range(t.off_joint, t.off_joint + t.multipliers):
+    for r in range(layout.off_joint, layout.off_joint + t.multipliers):
         pair = t.actions.column_pair[r]
-        if not abs(w.gap[0, r]) < 1e-8 * t.scale:
+        if not abs(w.gap[0, r]) < 1e-8 * layout.scale:
             return False
         if not abs(w.rate[0, r]) <= 1e-8 * w.terms[0, pair, 0]:
             return False
@@ -388,8 +378,9 @@ def is_exact(machine: Machine, q: np.ndarray) -> bool:
 @kernel
 def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
     """Write D, S and the relative velocity of every coordinate."""
+    layout = t.layout
     D, S, J, rate = w.D, w.S, w.J, w.coordinate_rate
-    velocity, action = t.coordinate_v, t.coordinate_action
+    velocity, action = layout.coordinate_v, layout.coordinate_action
     for c in range(velocity.size):
         if action[c] < 0:
             rate[c] = v[velocity[c]]
@@ -398,21 +389,27 @@ def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
         for i in range(v.size):
             D[c, i] = J[0, action[c], i]
             rate[c] += D[c, i] * v[i]
-    for d in range(t.drive_v.size):
-        if t.drive_v[d] < 0:
+    for d in range(layout.drive_v.size):
+        if layout.drive_v[d] < 0:
             for i in range(v.size):
-                S[d, i] = J[0, t.drive_action[d], i]
+                S[d, i] = J[0, layout.drive_action[d], i]
 
 
 @kernel
 def write_laws(t: Tables, w: Work, implicit: bool) -> None:
     """Write the friction coefficients of every entry at its present speed (see `laws`)."""
-    laws, rate, ratio, coordinate = t.laws, w.coordinate_rate, w.entry_ratio, t.entry_coordinate
+    layout = t.layout
+    laws, rate, ratio, coordinate = (
+        layout.laws,
+        w.coordinate_rate,
+        w.entry_ratio,
+        layout.entry_coordinate,
+    )
     for e in range(coordinate.size):
-        c, s = coordinate[e], t.entry_site[e]
+        c, s = coordinate[e], layout.entry_site[e]
         velocity = ratio[e] * rate[c]
         speed = abs(velocity)
-        if t.ball[c]:
+        if layout.ball[c]:
             speed = _ball_speed(t, rate, c)
         moving = friction_at(laws, s, speed)
         w.mu_stick[e] = laws.mu_static[s]
@@ -429,7 +426,7 @@ def write_laws(t: Tables, w: Work, implicit: bool) -> None:
 @kernel
 def _ball_speed(t: Tables, rate: np.ndarray, c: int) -> float:
     """The angular speed of the ball that coordinate c belongs to."""
-    first = t.block[c]
+    first = t.layout.block[c]
     return np.sqrt(rate[first] ** 2 + rate[first + 1] ** 2 + rate[first + 2] ** 2)
 
 
@@ -560,7 +557,7 @@ def _write_problem_rates(
         step: s, or 0.
         closed: see `_reduce`.
     """
-    D, a_map, factor, action, d = w.D, w.a_map, w.factor, t.coordinate_action, w.freedoms[0]
+    D, a_map, factor, action, d = w.D, w.a_map, w.factor, t.layout.coordinate_action, w.freedoms[0]
     nc, nv = D.shape
     scale = step if step > 0.0 else 1.0
     root = np.sqrt(scale)
@@ -627,18 +624,19 @@ def _balance(t: Tables, w: Work, push: np.ndarray, free: np.ndarray) -> int:
         push: (nv,) S u - h.
         free: (nl, nl), overwritten: its first nl - rank columns (redundant closures).
     """
+    layout = t.layout
     J, M, D, a_map, y = w.J, w.M, w.D, w.a_map, w.multiplier_map
     nl, (nc, nv) = t.multipliers, D.shape
     A, order = np.empty((nv, nl + 1 + nc)), np.empty(nl, np.int64)
     for i in range(nv):
         for r in range(nl):
-            A[i, r] = J[0, t.off_joint + r, i]
+            A[i, r] = J[0, layout.off_joint + r, i]
         for k in range(1 + nc):
             total = -push[i] if k == 0 else -D[k - 1, i]
             for j in range(nv):
                 total += M[i, j] * a_map[j, k]
             A[i, nl + k] = total
-    rank = eliminate_full_pivot(A, nl, order, t.scale)
+    rank = eliminate_full_pivot(A, nl, order, layout.scale)
     for r in range(nl):
         for k in range(1 + nc):
             y[order[r], k] = A[r, nl + k] if r < rank else 0.0
@@ -692,7 +690,8 @@ def _write_tree_wrench(t: Tables, k: Supply, w: Work, j: int, out: np.ndarray) -
 @kernel
 def _write_wrenches(t: Tables, k: Supply, w: Work, effort: np.ndarray) -> None:
     """Write the wrenches wanted as maps of friction, all but the multipliers' part."""
-    G, X, nj, action = w.wrench_map, w.X, t.mass.size, t.coordinate_action
+    layout = t.layout
+    G, X, nj, action = w.wrench_map, w.X, t.mass.size, layout.coordinate_action
     for row in range(t.wrench_row.size):
         j = t.wrench_row[row]
         if j < nj:
@@ -701,10 +700,10 @@ def _write_wrenches(t: Tables, k: Supply, w: Work, effort: np.ndarray) -> None:
             for e in range(6):
                 for n in range(G.shape[2]):
                     G[row, e, n] = 0.0
-        for d in range(t.drive_v.size):
-            if t.drive_v[d] < 0:
+        for d in range(layout.drive_v.size):
+            if layout.drive_v[d] < 0:
                 for e in range(6):
-                    G[row, e, 0] += X[0, j, e, t.drive_action[d]] * effort[d]
+                    G[row, e, 0] += X[0, j, e, layout.drive_action[d]] * effort[d]
         for c in range(action.size):
             if action[c] >= 0:
                 for e in range(6):
@@ -756,6 +755,7 @@ def share_redundant(
 @kernel
 def _add_multipliers(t: Tables, w: Work, push: np.ndarray) -> None:
     """Find the multipliers and add their part to the wrenches."""
+    layout = t.layout
     nl, X, G, y = t.multipliers, w.X, w.wrench_map, w.multiplier_map
     free = np.empty((nl, nl))
     rank = _balance(t, w, push, free)
@@ -764,12 +764,12 @@ def _add_multipliers(t: Tables, w: Work, push: np.ndarray) -> None:
     for row in range(rows):
         for e in range(6):
             for r in range(nl):
-                among[row, e, r] = X[0, t.wrench_row[row], e, t.off_joint + r]
+                among[row, e, r] = X[0, t.wrench_row[row], e, layout.off_joint + r]
     if rank < nl:
         given = G.copy()
         for row in range(rows):
             add_products(among[row], y, given[row])
-        share_redundant(given, among, free[:, : nl - rank].copy(), t.inverse_length, y)
+        share_redundant(given, among, free[:, : nl - rank].copy(), layout.inverse_length, y)
     for row in range(rows):
         add_products(among[row], y, G[row])
 
@@ -808,12 +808,16 @@ def write_contact(
 @kernel
 def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
     """Write contact forces as maps of friction; False: not finite."""
+    layout = t.layout
     G, total = w.wrench_map, 0.0
     columns = G.shape[2]
     force = w.force
     for i in range(t.contact_row.size):
-        s = t.entry_site[t.contact_site[i]]
-        moved = t.displacement_shift[s] + t.displacement_ratio[s] * q[t.displacement_q[s]]
+        s = layout.entry_site[t.contact_site[i]]
+        moved = (
+            layout.displacement_shift[s]
+            + layout.displacement_ratio[s] * q[layout.displacement_q[s]]
+        )
         write_contact(t.contact_map[i], t.contact_map_moved[i], t.contact_rank[i], moved,
                       G[t.contact_row[i]], force)  # fmt: skip
         for e in range(3):
@@ -850,20 +854,13 @@ def assemble(
     _write_rates(t, w, v)
     write_laws(t, w, step > 0.0)
     given, terms, push, a_closure = w.given, w.size, w.push, w.a_closure
-    for i in range(nv):
-        given[i] = a_closure[i] = 0.0
-    for d in range(effort.size):
-        if t.drive_v[d] >= 0:
-            given[t.drive_v[d]] += effort[d]
-        else:
-            for i in range(nv):
-                given[i] += w.S[d, i] * effort[d]
+    _write_given(t, w, effort)
     _write_mass_matrix(t, w)
     if step > 0.0:
         _add_drag(t, w, step, given)
     rank = 0
     if nl > 0:
-        rank = _close(t, w, v, step, a_closure)
+        rank = _close(t, w, v, step)
         if rank < nv - effort.size:
             w.freedoms[0] = nv - rank
             return TOGGLE
@@ -892,9 +889,23 @@ def assemble(
 
 
 @kernel
+def _write_given(t: Tables, w: Work, effort: np.ndarray) -> None:
+    """Write S u, the generalized effort of the drives."""
+    layout, given = t.layout, w.given
+    for i in range(given.size):
+        given[i] = w.a_closure[i] = 0.0
+    for d in range(effort.size):
+        if layout.drive_v[d] >= 0:
+            given[layout.drive_v[d]] += effort[d]
+        else:
+            for i in range(given.size):
+                given[i] += w.S[d, i] * effort[d]
+
+
+@kernel
 def _add_drag(t: Tables, w: Work, step: float, given: np.ndarray) -> None:
     """Let viscous friction act at the end of the step: M + step D^T c D, given - D^T c D v."""
-    M, D, viscous = w.M, w.D, t.viscous
+    M, D, viscous = w.M, w.D, t.layout.viscous
     nc, nv = D.shape
     for c in range(nc):
         if viscous[c] == 0.0:
@@ -907,17 +918,18 @@ def _add_drag(t: Tables, w: Work, step: float, given: np.ndarray) -> None:
 
 
 @kernel
-def _close(t: Tables, w: Work, v: np.ndarray, step: float, a_closure: np.ndarray) -> int:
+def _close(t: Tables, w: Work, v: np.ndarray, step: float) -> int:
     """Write Z and a_closure; of a step, such that the loops' rates are zero at its end."""
-    nl, J = t.multipliers, w.J[0, t.off_joint : t.off_joint + t.multipliers]
+    layout = t.layout
+    nl, J = t.multipliers, w.J[0, layout.off_joint : layout.off_joint + t.multipliers]
     target = np.empty(nl)
     for r in range(nl):
-        target[r] = -w.rate_derivative[0, t.off_joint + r]
+        target[r] = -w.rate_derivative[0, layout.off_joint + r]
         if step > 0.0:
             target[r] = 0.0
             for i in range(v.size):
                 target[r] -= J[r, i] * v[i] / step
-    return closure_basis(J, target, t.scale, w.Z, a_closure)
+    return closure_basis(J, target, layout.scale, w.Z, w.a_closure)
 
 
 @kernel
@@ -926,17 +938,18 @@ def _face(t: Tables, w: Work) -> int:
 
     At no speed at all the direction of what has no dry friction stays as it is.
     """
+    layout = t.layout
     rate, resting = w.coordinate_rate, 0
     for c in range(rate.size):
-        speed = _ball_speed(t, rate, c) if t.ball[c] else abs(rate[c])
-        w.at_rest[c] = t.dry[c] and speed <= t.stick_velocity[c]
+        speed = _ball_speed(t, rate, c) if layout.ball[c] else abs(rate[c])
+        w.at_rest[c] = layout.dry[c] and speed <= layout.stick_velocity[c]
         w.stuck[c] = w.at_rest[c]
         if w.stuck[c]:
             w.direction[c] = 0.0
             resting += 1
         elif speed > 0.0:
             w.direction[c] = rate[c] / speed
-        elif not t.ball[c]:
+        elif not layout.ball[c]:
             w.direction[c] = 0.0
     return resting
 
@@ -946,7 +959,7 @@ def turn_balls(t: Tables, w: Work) -> None:
     """Point the friction of balls that slip against their motion; at no speed it stays."""
     rate = w.coordinate_rate
     for c in range(rate.size):
-        if t.ball[c] and not w.stuck[c]:
+        if t.layout.ball[c] and not w.stuck[c]:
             speed = _ball_speed(t, rate, c)
             if speed > 0.0:
                 w.direction[c] = rate[c] / speed
@@ -956,6 +969,7 @@ def turn_balls(t: Tables, w: Work) -> None:
 def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     t, w = machine.tables, machine.work
+    layout = t.layout
     problem, x, a_map, G = _problem(w), w.friction, w.a_map, w.wrench_map
     nc = x.size
     for i in range(w.a.size):
@@ -963,8 +977,8 @@ def finish(machine: Machine) -> None:
         for c in range(nc):
             w.a[i] += a_map[i, 1 + c] * x[c]
     for c in range(nc):
-        if w.stuck[c] and t.coordinate_v[c] >= 0:
-            w.a[t.coordinate_v[c]] = 0.0
+        if w.stuck[c] and layout.coordinate_v[c] >= 0:
+            w.a[layout.coordinate_v[c]] = 0.0
     for r in range(w.multiplier.size):
         w.multiplier[r] = w.multiplier_map[r, 0]
         for c in range(nc):
@@ -972,11 +986,11 @@ def finish(machine: Machine) -> None:
     stick_limits(problem, w.entry_load, w.least, w.most)
     site_friction(problem, w.stuck, w.direction, x, w.entry_load, w.least, w.most, w.entry_phi)
     for s in range(w.phi.size):
-        e = t.first_entry[s]
-        c, row = t.entry_coordinate[e], t.site_row[s]
+        e = layout.first_entry[s]
+        c, row = layout.entry_coordinate[e], t.site_row[s]
         w.load[s], w.phi[s] = w.entry_load[e], w.entry_phi[e]
         w.site_modes[s] = np.sign(w.direction[c] * w.entry_ratio[e])
-        if t.ball[c]:
+        if layout.ball[c]:
             w.phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
             w.site_modes[s] = 0 if w.stuck[c] else 1
         for m in range(6):

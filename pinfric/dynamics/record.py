@@ -54,7 +54,7 @@ class Recorder:
             SimulationError: a guide without width is loaded by a moment about its axis.
         """
         ws = self.system.ws
-        if ws.tables.guides:
+        if ws.tables.guides.size:
             try:
                 ws.check_roll_moments()
             except RollMomentError as problem:

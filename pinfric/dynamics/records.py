@@ -23,6 +23,8 @@ from pinfric.model.closure import actions_of
 from pinfric.model.loops import CYLINDER, FORCE, Linkage, make_linkage
 from pinfric.model.twin import Twin
 
+_WORLD = pin.Convention.WORLD
+
 
 class Supplier:
     """Pinocchio's figures of one robot at the state asked for last.
@@ -37,7 +39,7 @@ class Supplier:
         self._zero = np.zeros(twin.nv)
         self._copies: list[tuple[np.ndarray, Sequence[np.ndarray]]] = []
         data, joints = self.data, range(twin.model.njoints)
-        pin.crba(self.model, data, pin.neutral(self.model), pin.Convention.WORLD)
+        pin.crba(self.model, data, pin.neutral(self.model), _WORLD)
         lever = self._rows([data.oYcrb[j].lever for j in joints])
         self.supply = Supply(
             R=self._rows([data.oMi[j].rotation for j in joints]),
@@ -52,11 +54,13 @@ class Supplier:
 
     def at(self, q: np.ndarray, v: np.ndarray, applied: Sequence[AppliedWrench] | None) -> None:
         """Compute everything at one state (nq,), (nv,), under wrenches from outside."""
-        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        pin.crba(self.model, self.data, q, _WORLD)
         pin.rnea(self.model, self.data, q, v, self._zero)
-        self._copy()
-        for wrench in applied or ():
-            self._relieve(wrench.joint, wrench.wrench[0])
+        if self._copies:
+            self._copy()
+        if applied:
+            for wrench in applied:
+                self._relieve(wrench.joint, wrench.wrench[0])
 
     def move(self, q: np.ndarray, v: np.ndarray) -> None:
         """Compute poses and velocities only."""
@@ -150,6 +154,7 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         if action >= 0 and actions.unit[action, :3].any():
             direction_size[c] = layout.scale
     return Tables(
+        layout=layout,
         carries=carries,
         mass=mass,
         gravity=np.array(model.gravity.linear),
@@ -157,8 +162,6 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         armature=twin.armature,
         unit_q=units[:, 0].copy(),
         unit_count=units[:, 1].copy(),
-        laws=layout.laws,
-        **{name: getattr(layout, name) for name in _LAYOUT_FIELDS},
         wrench_row=rows.astype(np.int64),
         contact_row=row_of[layout.joint[layout.entry_site[entry]]],
         contact_site=entry,
@@ -169,18 +172,8 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         actions=actions,
         planar=np.array([kind == "planar_pin" for kind in kinds], dtype=bool),
         direction_size=direction_size,
-        off_joint=layout.off_joint,
         multipliers=layout.solved - layout.off_joint,
-        inverse_length=layout.inverse_length,
-        scale=layout.scale,
     )
-
-
-_LAYOUT_FIELDS = (
-    "drive_v", "drive_action", "entry_site", "entry_coordinate", "coordinate_v",
-    "coordinate_action", "viscous", "dry", "stick_velocity", "block", "ball",
-    "displacement_q", "displacement_ratio", "displacement_shift", "first_entry",
-)  # fmt: skip
 
 
 def _freedoms(twin: Twin) -> dict[str, np.ndarray]:

@@ -20,6 +20,7 @@ from pinfric.dynamics.maps import (
     UNDECIDED,
     Machine,
     assemble,
+    box_layout,
     box_machine,
     box_supply,
     box_tables,
@@ -96,8 +97,11 @@ class Workspace:
         self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
         self.multipliers = w.multiplier
         self._balls = np.unique(t.block[t.ball])
+        self._loop_coordinates = bool((t.coordinate_action >= 0).any())
         self._kept: tuple[object, ...] | None = None
-        self._guides = [(s, scene.sites[s].axis.tolist(), t.roll_lever[s]) for s in t.guides]
+        self._guides = [
+            (int(s), scene.sites[s].axis.tolist(), float(t.roll_lever[s])) for s in t.guides
+        ]
 
     @property
     def _machine(self) -> Machine:
@@ -107,9 +111,9 @@ class Workspace:
         return self._boxed or self._box()
 
     def _box(self) -> Machine:
-        boxes = box_tables, box_supply, box_work
-        parts = tuple(box(tuple(x)) for box, x in zip(boxes, self._plain, strict=True))
-        self._boxed = boxed = box_machine(parts)
+        tables, supply, work = self._plain
+        scene = box_tables((box_layout(tuple(tables.layout)), *tables[1:]))
+        self._boxed = boxed = box_machine((scene, box_supply(tuple(supply)), box_work(tuple(work))))
         return cast("Machine", boxed)
 
     @property
@@ -126,7 +130,7 @@ class Workspace:
 
     def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
-        if self.tables.has_loop_coordinates:
+        if self._loop_coordinates:
             v = np.ascontiguousarray(v)
             self.supplier.move(np.ascontiguousarray(q), v)
             measure_rates(self._machine, v)
