@@ -6,6 +6,8 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from pinfric import model
+
 # Pinocchio's OpenMP threads would otherwise spin after each batch and starve the next kernel;
 # it must be set before Pinocchio loads.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -23,6 +25,8 @@ _PUBLIC = {
     "consistent_motion": "pinfric.dynamics.closure",
     "forward_dynamics": "pinfric.dynamics.forward",
     "Instant": "pinfric.dynamics.forward",
+    "Solver": "pinfric.dynamics.solver",
+    "InverseInstant": "pinfric.dynamics.solver",
     "holds": "pinfric.dynamics.holds",
     "StaticHold": "pinfric.dynamics.holds",
     "simulate": "pinfric.dynamics.simulate",
@@ -62,6 +66,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.result import InverseResult as InverseResult
     from pinfric.dynamics.result import StickInterval as StickInterval
     from pinfric.dynamics.simulate import simulate as simulate
+    from pinfric.dynamics.solver import InverseInstant as InverseInstant
+    from pinfric.dynamics.solver import Solver as Solver
     from pinfric.errors import PinfricError as PinfricError
     from pinfric.errors import PinfricWarning as PinfricWarning
     from pinfric.model.scene import Scene as Scene
@@ -89,6 +95,13 @@ def __getattr__(name: str) -> Any:
         globals()[name] = found  # the next access does not come here: 3 us a call otherwise
         return found
     raise AttributeError(f"module 'pinfric' has no attribute {name!r}")
+
+
+def _make_solver(*given: Any) -> Any:
+    return __getattr__("Solver")(*given)
+
+
+model.make_solver = _make_solver
 
 
 def __dir__() -> list[str]:

@@ -93,20 +93,31 @@ def forward_dynamics(
         RollMomentError: a guide without width is loaded by a moment about its axis.
     """
     ws = workspace(scene, attached)
+    solve_state(ws, q, v, effort, applied_wrenches(scene, external, 1) if external else None)
+    return instant(ws)
+
+
+def solve_state(
+    ws: Workspace, q: np.ndarray, v: np.ndarray, effort: np.ndarray,
+    applied: list[AppliedWrench] | None = None,
+) -> None:  # fmt: skip
+    """Check and solve one state in a workspace; see `forward_dynamics`.
+
+    Raises:
+        See `forward_dynamics`.
+    """
     q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
     effort = vector("effort", effort, ws.na, "na")
-    applied = applied_wrenches(scene, external, 1) if external else None
     if not ws.must_obey:
         ws.solve(q, v, effort, applied)
     elif not _solved_as_given(ws, q, v, effort, applied):
-        states = States.of(scene, q, v, np.zeros(ws.nv))
+        states = States.of(ws.scene, q, v, np.zeros(ws.nv))
         q, v = states.q[0], states.v[0]
-        if scene.loops:  # what an integrator hands to an effort function obeys them roughly
-            check_closed(scene, q, v, slack=1e3)
+        if ws.scene.loops:  # what an integrator hands to an effort function obeys them roughly
+            check_closed(ws.scene, q, v, slack=1e3)
         ws.solve(q, v, effort, applied)
     if ws.tables.guides.size:
-        ws.check_roll_moments()
-    return instant(ws)
+        ws.check_roll_moments(ws.wrench)
 
 
 def _solved_as_given(
@@ -120,6 +131,13 @@ def _solved_as_given(
         ws.check_finite(q, v, effort)
         return False
     return ws.is_exact(q)
+
+
+def solution(ws: Workspace) -> Instant:
+    """Return the workspace's solution as views, which its next solve overwrites."""
+    contraction, passes = ws.modes.figures.tolist()
+    return Instant(ws.a, ws.site_modes, ws.phi, ws.multipliers, ws.load, ws.wrench, contraction,
+                   Status.CONVERGED, int(passes))  # fmt: skip
 
 
 def instant(ws: Workspace) -> Instant:

@@ -96,11 +96,11 @@ def solve_tree(
         check_roll_moments(scene, answer.wrench, whole.start)
     _bound_efforts(scene, answer, threads)
     efforts = answer.effort_lower, answer.effort_upper
-    _check_finite(scene, efforts, whole.start)
+    check_finite(scene, efforts, whole.start)
     own, around = states.part(whole), states.around(whole)
     torques = motor_torques(scene, states, whole, efforts, states.v[around], states.a[around])
     if torques is not efforts:  # behind a gear
-        _check_finite(scene, torques, whole.start)
+        check_finite(scene, torques, whole.start)
     return InverseResult(
         scene=scene,
         states=own,
@@ -214,7 +214,7 @@ def _bound_efforts(scene: Scene, answer: _Answer, threads: int) -> None:
             efforts_in_parts(parts, *ends)
 
 
-def _check_finite(scene: Scene, ends: tuple[np.ndarray, np.ndarray], first: int) -> None:
+def check_finite(scene: Scene, ends: tuple[np.ndarray, np.ndarray], first: int) -> None:
     """Refuse a result that overflowed: a number that is none must not reach a table."""
     efforts = ends[0] + ends[1]
     if not np.isfinite(efforts).all():

@@ -351,6 +351,18 @@ def measure_rates(machine: Machine, v: np.ndarray) -> None:
 
 
 @kernel
+def is_normalized(first: np.ndarray, count: np.ndarray, q: np.ndarray) -> bool:
+    """Whether the parts of q that begin at `first` and are `count` long have length 1."""
+    for n in range(first.size):
+        square = 0.0
+        for i in range(first[n], first[n] + count[n]):
+            square += q[i] * q[i]
+        if not abs(square - 1.0) < 1e-14:
+            return False
+    return True
+
+
+@kernel
 def is_exact(machine: Machine, q: np.ndarray) -> bool:
     """Whether q is normalized and obeys the loops, of which `w` holds gaps and rates, closely.
 
@@ -358,12 +370,8 @@ def is_exact(machine: Machine, q: np.ndarray) -> bool:
     """
     t, w = machine.tables, machine.work
     layout = t.layout
-    for n in range(t.unit_q.size):
-        square = 0.0
-        for i in range(t.unit_q[n], t.unit_q[n] + t.unit_count[n]):
-            square += q[i] * q[i]
-        if not abs(square - 1.0) < 1e-14:
-            return False
+    if not is_normalized(t.unit_q, t.unit_count, q):
+        return False
     for r in range(layout.off_joint, layout.off_joint + t.multipliers):
         pair = t.actions.column_pair[r]
         if not abs(w.gap[0, r]) < 1e-8 * layout.scale:

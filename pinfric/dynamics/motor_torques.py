@@ -28,7 +28,7 @@ def motor_torques(
     """
     if not any(drive.transmission for drive in scene.drives):
         return efforts
-    stick = np.array([_stick_velocity(scene, drive) for drive in scene.drives])
+    stick = np.array([drive_stick_velocity(scene, drive) for drive in scene.drives])
     at_rest = np.zeros(velocity.shape, dtype=bool)
     if states.t is not None:
         at_rest = reversals(velocity, stick)
@@ -43,7 +43,7 @@ def motor_torques(
     return lower, upper
 
 
-def _stick_velocity(scene: Scene, drive: Drive) -> float:
+def drive_stick_velocity(scene: Scene, drive: Drive) -> float:
     """Of the site that moves as the drive does, else the scene's default."""
     for site in scene.sites:
         joint = site.velocity_index == drive.velocity_index >= 0 and site.ratio == 1.0

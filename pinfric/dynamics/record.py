@@ -56,7 +56,7 @@ class Recorder:
         ws = self.system.ws
         if ws.tables.guides.size:
             try:
-                ws.check_roll_moments()
+                ws.check_roll_moments(ws.wrench)
             except RollMomentError as problem:
                 raise timed(problem, t) from None
         return (np.array(t), q.copy(), v.copy(), ws.a.copy(), self.system.u.copy(),

@@ -62,6 +62,12 @@ class Supplier:
             for wrench in applied:
                 self._relieve(wrench.joint, wrench.wrench[0])
 
+    def balance(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
+        """Compute the wrenches and, in `h`, the efforts that a motion takes without friction."""
+        pin.rnea(self.model, self.data, q, v, a)
+        if self._copies:
+            self._copy()
+
     def move(self, q: np.ndarray, v: np.ndarray) -> None:
         """Compute poses and velocities only."""
         pin.forwardKinematics(self.model, self.data, q, v)
@@ -86,8 +92,8 @@ class Supplier:
         """One array whose rows are the given ones of Pinocchio's memory, or follow them."""
         places = np.diff([x.__array_interface__["data"][0] for x in arrays])
         first = arrays[0]
-        if (places == places[0]).all() and places[0] > 0:
-            strides = (int(places[0]), *first.strides)
+        if (places == places[:1]).all() and (places > 0).all():
+            strides = (int(places[0]) if places.size else first.nbytes, *first.strides)
             return np.lib.stride_tricks.as_strided(first, (len(arrays), *first.shape), strides)
         # of the same layout as the view would have: other types are other kernels
         wider = np.zeros((len(arrays), 2 * first.size))

@@ -10,7 +10,7 @@ from typing import NoReturn, cast
 
 import numpy as np
 
-from pinfric.dynamics.layout import make_layout
+from pinfric.dynamics.layout import layout_of
 from pinfric.dynamics.maps import (
     FREE,
     GIVEN,
@@ -48,8 +48,7 @@ from pinfric.friction.modes import MOST_ENUMERATED, Found, Modes, only_candidate
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
-from pinfric.model.compiled import is_ready
-from pinfric.model.interpreted import CLOCK
+from pinfric.model.compiled import KernelArgument, is_ready
 from pinfric.model.scene import Scene
 
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
@@ -78,7 +77,7 @@ class Workspace:
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
         self.scene, self.twin = scene, scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
-        self.tables = t = make_layout(scene)
+        self.tables = t = layout_of(scene)
         self.linkage, self.closed = scene.linkage, t.solved > t.off_joint
         self.turns_balls, self.locked = True, False
         self.must_obey = scene.linkage is not None or self.nq != self.nv
@@ -86,10 +85,8 @@ class Workspace:
         tables = make_tables(self.twin, scene.linkage, t)
         self.out, self.work = make_work(self.twin, t, tables)
         w = self.work
-        self._plain = Machine(tables, self.supplier.supply, w)
-        self._boxed: Machine | None = None
-        if is_ready(box_work, (tuple(w),)):
-            self._box()
+        ready = is_ready(box_work, (tuple(w),))
+        self._argument = KernelArgument(Machine(tables, self.supplier.supply, w), _box, ready)
         self.problem = Problem(*(getattr(w, name) for name in PROBLEM_FIELDS))
         self.modes = Modes(*(getattr(w, name) for name in MODE_FIELDS))
         self.mechanism = Mechanism(w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry)))
@@ -106,15 +103,7 @@ class Workspace:
     @property
     def _machine(self) -> Machine:
         """Tables, supply and buffers: tuples while kernels are interpreted, then one record."""
-        if self._boxed is None and not CLOCK.is_over():
-            return self._plain
-        return self._boxed or self._box()
-
-    def _box(self) -> Machine:
-        tables, supply, work = self._plain
-        scene = box_tables((box_layout(tuple(tables.layout)), *tables[1:]))
-        self._boxed = boxed = box_machine((scene, box_supply(tuple(supply)), box_work(tuple(work))))
-        return cast("Machine", boxed)
+        return self._argument.now
 
     @property
     def a_free(self) -> np.ndarray:
@@ -432,14 +421,17 @@ class Workspace:
 
     # ------------------------------------------------------------ what cannot be
 
-    def check_roll_moments(self) -> None:
+    def check_roll_moments(self, wrench: np.ndarray) -> None:
         """Refuse a moment about the axis that a bearing cannot carry (beyond rounding).
+
+        Args:
+            wrench: (ns, 6) at the sites.
 
         Raises:
             RollMomentError: see there.
         """
         for s, (x, y, z), lever in self._guides:
-            fx, fy, fz, mx, my, mz = self.wrench[s].tolist()
+            fx, fy, fz, mx, my, mz = wrench[s].tolist()
             roll = mx * x + my * y + mz * z
             if abs(roll) > 1e-9 * (hypot(mx, my, mz) + lever * hypot(fx, fy, fz)):
                 raise RollMomentError(self.scene.sites[s].name, 0, roll)
@@ -496,6 +488,13 @@ class Workspace:
         open_ = ~self.modes.stuck | self.modes.at_rest
         worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
         return int(self.tables.entry_site[worst])
+
+
+def _box(machine: Machine) -> Machine:
+    tables, supply, work = machine
+    scene = box_tables((box_layout(tuple(tables.layout)), *tables[1:]))
+    boxed = box_machine((scene, box_supply(tuple(supply)), box_work(tuple(work))))
+    return cast("Machine", boxed)
 
 
 class _Last(threading.local):

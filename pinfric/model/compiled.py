@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar, cast
 
 import numba
 from numba import typeof
@@ -24,6 +24,7 @@ from pinfric.errors import PinfricWarning
 from pinfric.model.interpreted import CLOCK, interpreted, is_small
 
 _DIGEST_SIZE = 16
+Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -137,6 +138,29 @@ def record(fields: type) -> Any:
     structref.define_constructor(proxy, Struct, names)
     structref.define_boxing(Struct, proxy)
     return proxy
+
+
+class KernelArgument(Generic[Fields]):
+    """An argument that stays: a NamedTuple while kernels are interpreted, then its record.
+
+    Args:
+        given: the NamedTuple.
+        box: makes the record of it (see `record`).
+        ready: whether to make it at once.
+    """
+
+    def __init__(self, given: Fields, box: Callable[[Fields], Any], ready: bool) -> None:
+        self._given, self._box = given, box
+        self._boxed = box(given) if ready else None
+
+    @property
+    def now(self) -> Fields:
+        """What to hand over to a kernel now."""
+        if self._boxed is None:
+            if not CLOCK.is_over():
+                return self._given
+            self._boxed = self._box(self._given)
+        return cast("Fields", self._boxed)
 
 
 class _CheckedCache(FunctionCache):

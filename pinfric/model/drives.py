@@ -14,10 +14,13 @@ self-locking gear: the load alone never moves it, so the motor must push to lowe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.model.compiled import kernel
 from pinfric.model.schema import Transmission
 
 
@@ -34,6 +37,86 @@ class Drive:
     name: str
     velocity_index: int
     transmission: Transmission | None = None
+
+
+class Gears(NamedTuple):
+    """Transmissions as arrays for kernels; an ideal drive has ratio 1 and loses nothing.
+
+    Attributes:
+        ratio, efficiency, back_efficiency: (na,).
+        no_load: (na,) no-load torque at the joint (N m or N).
+        viscous, rotor_inertia: (na,) at the motor's shaft (N m s/rad, kg m^2).
+        stick_velocity: (na,) at or below this speed the joint stands still (rad/s or m/s).
+    """
+
+    ratio: np.ndarray
+    efficiency: np.ndarray
+    back_efficiency: np.ndarray
+    no_load: np.ndarray
+    viscous: np.ndarray
+    rotor_inertia: np.ndarray
+    stick_velocity: np.ndarray
+
+
+def gear_table(
+    transmissions: Sequence[Transmission | None], stick_velocity: Sequence[float]
+) -> Gears:
+    """Return the transmissions of drives, and their joints' stick velocities, as arrays."""
+    rows = []
+    for gear, stick in zip(transmissions, stick_velocity, strict=True):
+        gear = Transmission(ratio=1.0) if gear is None else gear
+        back = 1.0 if gear.back_efficiency is None else gear.back_efficiency
+        rows.append((gear.ratio, gear.efficiency, back, gear.no_load_torque * abs(gear.ratio),
+                     gear.motor_viscous, gear.rotor_inertia, stick))  # fmt: skip
+    return Gears(*np.array(rows, dtype=float).reshape(-1, len(Gears._fields)).T.copy())
+
+
+@kernel
+def write_motor_torques(
+    gears: Gears,
+    effort_lower: np.ndarray,
+    effort_upper: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    at_rest: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> None:
+    """Write the least and greatest motor torque (n, na) of each drive; see the module's text.
+
+    Args:
+        gears: `gear_table`.
+        effort_lower ... at_rest: (n, na), see `motor_torque_bounds`.
+        lower, upper: (n, na), overwritten; NaN where the efforts are.
+    """
+    for i in range(lower.shape[0]):
+        for d in range(lower.shape[1]):
+            low, high, v = effort_lower[i, d], effort_upper[i, d], velocity[i, d]
+            if low != low or high != high:
+                lower[i, d] = upper[i, d] = np.nan
+                continue
+            eta, back, no_load = gears.efficiency[d], gears.back_efficiency[d], gears.no_load[d]
+            # upper(t) is convex and lower(t) concave, and neither is monotone in a self-locking
+            # gear: the outer ends lie at an end of the effort's interval, the inner ones where it
+            # is nearest to 0
+            inner = min(max(0.0, low), high)
+            forward_low, forward_high = max(low / eta, back * low), max(high / eta, back * high)
+            backward_low, backward_high = min(low / eta, back * low), min(high / eta, back * high)
+            still = at_rest[i, d] or abs(v) <= gears.stick_velocity[d]
+            if still or v < 0.0:
+                least = min(backward_low, backward_high) - no_load
+            else:
+                nearest = max(inner / eta, back * inner)
+                least = min(forward_low, forward_high, nearest) + no_load
+            if still or v > 0.0:
+                greatest = max(forward_low, forward_high) + no_load
+            else:
+                nearest = min(inner / eta, back * inner)
+                greatest = max(backward_low, backward_high, nearest) - no_load
+            r = gears.ratio[d]
+            motor_side = r * (gears.viscous[d] * v + gears.rotor_inertia[d] * acceleration[i, d])
+            ends = least / r + motor_side, greatest / r + motor_side
+            lower[i, d], upper[i, d] = min(ends[0], ends[1]), max(ends[0], ends[1])
 
 
 def motor_torque_bounds(
@@ -56,25 +139,8 @@ def motor_torque_bounds(
         at_rest: (T,) True where the joint comes to rest between two samples.
         stick_velocity: at or below this speed the joint stands still (rad/s or m/s).
     """
-    eta = transmission.efficiency
-    eta_back = 1.0 if transmission.back_efficiency is None else transmission.back_efficiency
-    r = transmission.ratio
-    no_load = transmission.no_load_torque * abs(r)
-    ends = np.stack([effort_lower, effort_upper])
-    # upper is convex in t and lower concave, and neither is monotone in a self-locking gear:
-    # the outer ends lie at an end of the effort's interval, the inner ones where it is nearest to 0
-    inner = np.clip(0.0, effort_lower, effort_upper)
-    forward = np.maximum(ends / eta, eta_back * ends).max(axis=0) + no_load
-    backward = np.minimum(ends / eta, eta_back * ends).min(axis=0) - no_load
-    forward_inner = np.maximum(ends / eta, eta_back * ends).min(axis=0)
-    backward_inner = np.minimum(ends / eta, eta_back * ends).max(axis=0)
-    forward_least = np.minimum(forward_inner, np.maximum(inner / eta, eta_back * inner)) + no_load
-    backward_most = np.maximum(backward_inner, np.minimum(inner / eta, eta_back * inner)) - no_load
-    still = at_rest | (np.abs(velocity) <= stick_velocity)
-    least = np.where(still | (velocity < 0), backward, forward_least)
-    greatest = np.where(still | (velocity > 0), forward, backward_most)
-    motor_side = r * (
-        transmission.motor_viscous * velocity + transmission.rotor_inertia * acceleration
-    )
-    torques = least / r + motor_side, greatest / r + motor_side
-    return np.minimum(*torques), np.maximum(*torques)
+    samples = effort_lower, effort_upper, velocity, acceleration, at_rest
+    lower, upper = np.empty((2, len(effort_lower), 1))
+    columns = (np.ascontiguousarray(given)[:, None] for given in samples)
+    write_motor_torques(gear_table([transmission], [stick_velocity]), *columns, lower, upper)
+    return lower[:, 0], upper[:, 0]

@@ -7,12 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from, cut
+from pinfric.model import make_solver
 from pinfric.model.alignment import align_axes, shift_frames
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, contacts
@@ -40,6 +41,9 @@ from pinfric.model.schema import (
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
 from pinfric.model.urdf import implausible_body
+
+if TYPE_CHECKING:
+    from pinfric.model import Solver
 
 _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
@@ -200,6 +204,17 @@ class Scene:
             changes["model"] = changes.get("model", self.model).copy()
             changes["model"].gravity.linear = linear
         return replace(self, **changes)
+
+    def solver(self, attached: Iterable[str] | None = None) -> Solver:
+        """Return a solver for one state at a time, for loops of one's own; see `Solver`.
+
+        Args:
+            attached: names of the payloads carried; None takes those attached by default.
+
+        Raises:
+            SceneError: there is no such payload.
+        """
+        return make_solver(self, attached)
 
     def check_unchanged(self) -> None:
         """Refuse a `scene.model` that was changed: what follows from it was computed before.
