@@ -130,6 +130,27 @@ def forward():
     return rows
 
 
+def solver():
+    """A prepared solver, one state at a time, everything sliding: a 7-axis arm with gears, UR5."""
+    rng, arm, model = np.random.default_rng(0), pf.load_scene("panda_pick_and_place"), ur5()
+    state = tuple(rng.uniform(-1, 1, (3, 7)))  # rows of an array would be made at every call
+    q, v, u = rng.uniform(-2, 2, 6), rng.uniform(-2, 2, 6), rng.uniform(-20, 20, 6)
+    arm_data, data = arm.model.createData(), model.createData()
+    inverse, forward = arm.solver().inverse, with_pins(model).solver().forward
+    s = median_seconds({
+        "rnea": lambda: pin.rnea(arm.model, arm_data, *state),
+        "inverse": lambda: inverse(*state),
+        "aba": lambda: pin.aba(model, data, q, v, u),
+        "forward": lambda: forward(q, v, u),
+    }, rounds=101, calls=30)  # fmt: skip
+    return [
+        Row("`Solver.inverse`, 7-axis arm with gears", "pin.rnea", s["inverse"] / s["rnea"], 6,
+            more=f"{1e6 * s['inverse']:.1f} to {1e6 * s['rnea']:.1f} us a call"),
+        Row("`Solver.forward`, UR5, six pins", "pin.aba", s["forward"] / s["aba"], 8,
+            more=f"{1e6 * s['forward']:.1f} to {1e6 * s['aba']:.1f} us a call"),
+    ]  # fmt: skip
+
+
 def at_rest_and_moving():
     """One second of a slider-crank that friction locks, and of a six-bar that swings."""
     from mechanisms import cut_slider_crank, six_bar
@@ -242,7 +263,8 @@ def _against(name, runs, who, bound):
 
 def rows(with_peers=False):
     """Every row as it is measured, in the README's order."""
-    studies = [inverse, memory_in_chunks, threads, forward, simulation, at_rest_and_moving, loops]
+    studies = [inverse, memory_in_chunks, threads, forward, solver, simulation,
+               at_rest_and_moving, loops]  # fmt: skip
     if with_peers:
         studies.append(peers)
     for study in studies:

@@ -8,10 +8,10 @@
 from __future__ import annotations
 
 import pytest
-from table import at_rest_and_moving, forward, simulation
+from table import at_rest_and_moving, forward, simulation, solver
 
 
-@pytest.mark.parametrize("measure", [forward, at_rest_and_moving])
+@pytest.mark.parametrize("measure", [forward, solver, at_rest_and_moving])
 def test_goals_are_met(measure):
     rows = measure()
     print(*("  ".join(row.cells()) for row in rows), sep="\n")
