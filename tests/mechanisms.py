@@ -60,41 +60,38 @@ def pin_friction(mu, radius=0.01, static=None, **more):
             "mu": {"static": mu if static is None else static, "kinetic": mu}}  # fmt: skip
 
 
-def four_bar(cut="B", kind="planar_pin", mu=0.3, gravity=(0.0, -9.81, 0.0), static=None,
-             friction=None, **more):  # fmt: skip
-    """The issue's four-bar, cut at one of its pins; joints are called by their pins O, A, B, C.
+def ring_of_bars(pins, place, masses, cut, kind, gravity):
+    """Bars pinned to each other and, the first and last, to the ground; cut at one of the pins.
+
+    Args:
+        pins: pin -> (bar, next bar), from the ground to the ground; joints are called by them.
+        place: (pin, bar) -> where the pin lies on the bar, from the bar's own start, along its x.
+        masses: of the bars; each reaches from 0 to the farther of its two pins.
+        cut, kind: which pin is the loop, and the loop's kind.
 
     Returns:
-        scene, and a function from the bars' angles (..., 3) to q or their rates to v.
+        model, loop, and a function from the bars' angles (..., n) to q or their rates to v.
     """
-    model = grounded_model(gravity)
-    order = {"A": ["O", "C", "B"], "B": ["O", "A", "C"], "C": ["O", "A", "B"],
-             "O": ["C", "B", "A"]}[cut]  # fmt: skip
+    model, names = grounded_model(gravity), list(pins)
+    at = names.index(cut)
+    order = names[:at] + names[:at:-1]
     ids, origin, parent_of = {"ground": 0}, {"ground": 0.0}, {}
     for name in order:
-        first, second = FOUR_BAR[name]
+        first, second = pins[name]
         parent, child = (first, second) if first in ids else (second, first)
         parent_of[name] = parent, child
-        placement = shifted(_PLACE[name, parent] - origin[parent])
+        placement = shifted(place[name, parent] - origin[parent])
         joint = model.addJoint(ids[parent], pin.JointModelRZ(), placement, name)
-        origin[child] = _PLACE[name, child]  # the child's frame sits at this pin
-        body = bar(MASSES[child], LENGTHS[child], -origin[child])
+        origin[child] = place[name, child]  # the child's frame sits at this pin
+        length = max(x for (_, bar_), x in place.items() if bar_ == child)
+        body = bar(masses[child], length, -origin[child])
         model.appendBodyToJoint(joint, body, pin.SE3.Identity())
         model.addFrame(pin.Frame(child, joint, pin.SE3.Identity(), pin.FrameType.BODY))
         ids[child] = joint
-    a, b = FOUR_BAR[cut]
     loop = {"name": cut, "kind": kind}
-    for side, link in (("a", a), ("b", b)):
-        loop[side] = {"link": link, "xyz": [_PLACE[cut, link] - origin[link], 0.0, 0.0]}
-    entry = pin_friction(mu, static=static) if friction is None else friction
-    scene = pf.Scene(
-        model=model,
-        friction=dict.fromkeys("OABC", entry) if entry else {},
-        actuators=[{"joint": "O"}],
-        loops=[loop],
-        **more,
-    )
-    bars = ("crank", "coupler", "rocker")
+    for side, link in zip("ab", pins[cut], strict=True):
+        loop[side] = {"link": link, "xyz": [place[cut, link] - origin[link], 0.0, 0.0]}
+    bars = list(masses)
     column = {name: model.joints[model.getJointId(name)].idx_v for name in order}
 
     def joints(of_bars):
@@ -106,6 +103,23 @@ def four_bar(cut="B", kind="planar_pin", mu=0.3, gravity=(0.0, -9.81, 0.0), stat
                 out[..., column[name]] -= of_bars[..., bars.index(parent)]
         return out
 
+    return model, loop, joints
+
+
+def four_bar(cut="B", kind="planar_pin", mu=0.3, gravity=(0.0, -9.81, 0.0), static=None,
+             friction=None, **more):  # fmt: skip
+    """The issue's four-bar, cut at one of its pins; joints are called by their pins O, A, B, C.
+
+    Args:
+        friction: of every pin, else that of `mu` and `static`; or a mapping by pin.
+
+    Returns:
+        scene, and a function from the bars' angles (..., 3) to q or their rates to v.
+    """
+    model, loop, joints = ring_of_bars(FOUR_BAR, _PLACE, MASSES, cut, kind, gravity)
+    entry = pin_friction(mu, static=static) if friction is None else friction
+    each = entry if set(entry) <= set("OABC") else dict.fromkeys("OABC", entry)
+    scene = pf.Scene(model=model, friction=each, actuators=[{"joint": "O"}], loops=[loop], **more)
     return scene, joints
 
 
@@ -127,6 +141,36 @@ def six_bar(mu=0.2):
     scene = pf.Scene(model=model, loops=loops, actuators=[{"joint": "crank"}],
                      friction=dict.fromkeys(names, pin_friction(mu)))  # fmt: skip
     return scene, scene.close(np.array([0.3, 0.2, 1.7, -1.4, 1.7]))
+
+
+#: As `FOUR_BAR`; two freedoms.
+FIVE_BAR = {"O": ("ground", "left"), "A": ("left", "upper_left"),
+            "B": ("upper_left", "upper_right"), "C": ("upper_right", "right"),
+            "D": ("ground", "right")}  # fmt: skip
+_FIVE_PLACE = {
+    ("O", "ground"): 0.0, ("D", "ground"): 0.2, ("O", "left"): 0.0, ("A", "left"): 0.2,
+    ("A", "upper_left"): 0.0, ("B", "upper_left"): 0.25, ("B", "upper_right"): 0.25,
+    ("C", "upper_right"): 0.0, ("C", "right"): 0.2, ("D", "right"): 0.0,
+}  # fmt: skip
+
+
+def five_bar(cut, friction, kind="planar_pin", gravity=(0.0, -9.81, 0.0)):
+    """Two arms whose forearms meet in pin B, cut at one of its pins; driven at O and at D.
+
+    Args:
+        cut, kind: which pin is the loop, and the loop's kind.
+        friction: by pin O, A, B, C, D.
+
+    Returns:
+        scene, and a symmetric q at which its loop closes.
+    """
+    masses = {"left": 0.6, "upper_left": 0.4, "upper_right": 0.5, "right": 0.7}
+    model, loop, joints = ring_of_bars(FIVE_BAR, _FIVE_PLACE, masses, cut, kind, gravity)
+    scene = pf.Scene(model=model, friction=friction, loops=[loop],
+                     actuators=[{"joint": "O"}, {"joint": "D"}])  # fmt: skip
+    elbow = 0.2 * np.cos(2.0) - 0.1  # from the middle, of the left one
+    reach = np.arccos(-elbow / 0.25)
+    return scene, joints([2.0, reach, np.pi - reach, np.pi - 2.0])
 
 
 CRANK, ROD = 0.05, 0.15

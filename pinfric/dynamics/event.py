@@ -59,11 +59,8 @@ class EventIntegration:
         """
         model = self.ws.scene.loaded_model()
         self.chart = Chart.at(model, q)
-        v = start_velocity(self.system, q, v)
+        q, v = begin(self.system, self.record, q, v)
         self.y = np.concatenate([self.chart.coordinates(q), v])
-        self.system.solve(0.0, q, v)
-        self.record.phase(0.0)
-        self.record.sample(0.0, q, v)
         self._allow()
         breaks = self.system.effort.breakpoints
         ends = [*breaks[(breaks > 0.0) & (breaks < self.settings.t_end)], self.settings.t_end]
@@ -168,7 +165,7 @@ class EventIntegration:
             if not record.step_t:
                 record.step_t.append(start)
             record.step_t.append(end)
-            record.steps.append((polynomial, self.chart))
+            record.steps.append((polynomial, self.chart, self.ws.standing))
         for t in record.due(start, end):
             q, v = self._state(polynomial(t))
             if self.linked and not (self.ws.locked and not v.any()):
@@ -293,6 +290,7 @@ class EventIntegration:
         if self.linked:
             self.y = self._obeying(self.y)
             q, v = self._state(self.y)
+            self.ws.stand(q)
         self.record.sample(self.t, q, v)
         self._allow()
         held = fired[before.stuck[fired] & modes.stuck[fired]]
@@ -353,8 +351,14 @@ class EventIntegration:
         )
 
 
-def start_velocity(system: System, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return v with exactly 0 where a coordinate is at or below its stick velocity."""
+def begin(
+    system: System, record: Recorder, q: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Record t = 0; return the state with exactly 0 where a coordinate is slow: it stands there."""
     ws = system.ws
     speed = ws.speeds(ws.rates(q, v))
-    return ws.stop(q, v, ws.tables.dry & (speed <= ws.tables.stick_velocity))[0]
+    v = ws.stop(q, v, ws.tables.dry & (speed <= ws.tables.stick_velocity))[0]
+    system.solve(0.0, q, v)
+    record.phase(0.0)
+    record.sample(0.0, q, v)
+    return ws.stand(q), v

@@ -8,6 +8,7 @@ import numpy as np
 
 from pinfric.dynamics.motion import Dense, Event, Motion
 from pinfric.dynamics.system import Chart, System, timed
+from pinfric.dynamics.workspace import Standing
 from pinfric.errors import RollMomentError
 from pinfric.model.scene import Scene
 
@@ -24,7 +25,7 @@ class Recorder:
     Attributes:
         rows: samples, in the order of `Row`; t increases strictly.
         events, phase_t, phase_modes: see `Motion`.
-        steps: (end, polynomial, chart) of every step, where the integrator has them.
+        steps: (polynomial, chart, what stands still) of every step, where the integrator has them.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class Recorder:
         self.phase_t: list[float] = []
         self.phase_modes: list[np.ndarray] = []
         self.step_t: list[float] = []
-        self.steps: list[tuple[Callable[[float], np.ndarray], Chart]] = []
+        self.steps: list[tuple[Callable[[float], np.ndarray], Chart, Standing | None]] = []
         self.progress: Callable[[float], None] = lambda t: None
         self._limits = _limits(scene)
         self._beyond = np.zeros(len(self._limits[0]), dtype=int)
@@ -155,7 +156,7 @@ class Recorder:
         steps, system, nv = self.steps, self.system, self.system.ws.nv
 
         def at(step: int, t: float) -> tuple[np.ndarray, np.ndarray]:
-            polynomial, chart = steps[step]
+            polynomial, chart, system.ws.standing = steps[step]
             y = polynomial(t)
             return chart.configuration(y[:nv].copy()), y[nv:].copy()
 

@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.event import start_velocity
+from pinfric.dynamics.event import begin
 from pinfric.dynamics.record import Recorder
 from pinfric.dynamics.system import Settings, System
 from pinfric.dynamics.workspace import Workspace
@@ -44,10 +44,7 @@ def step_through(
     steps = max(1, int(np.ceil(settings.t_end / settings.dt - 1e-9)))
     dt = settings.t_end / steps
     stride = max(1, round(settings.sample_step / dt))
-    v = start_velocity(system, q, v)
-    system.solve(0.0, q, v)
-    record.phase(0.0)
-    record.sample(0.0, q, v)
+    q, v = begin(system, record, q, v)
     before = ws.modes.copy()
     for k in range(steps):
         t, start = k * dt, q
@@ -67,6 +64,7 @@ def step_through(
         q, at_end = ws.obey(q, v)
         if stopped:
             _hold_or_turn(system, end, q, at_end, before)
+        ws.stand(q)
         _note_changes(record, system, before, end if stopped else t)
         before = ws.modes.copy()
         record.watch_limits(t, end, _between(model, t, dt, start, q))

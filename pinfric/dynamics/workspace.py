@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from math import hypot
 from typing import NoReturn, cast
 
@@ -49,10 +50,24 @@ from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
 from pinfric.model.compiled import KernelArgument, is_ready
+from pinfric.model.loops import Linkage, stand_still
 from pinfric.model.scene import Scene
 
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
 _STOP = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What stands still where loops close.
+
+    Attributes:
+        coordinates: (nc,) bool.
+        linkage: in which loops' joints among them are fixed where they stopped.
+    """
+
+    coordinates: np.ndarray
+    linkage: Linkage
 
 
 class Workspace:
@@ -69,6 +84,7 @@ class Workspace:
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
         locked: whether what sticks lets nothing move (known where loops close).
+        standing: what `obey` keeps where it is, see `stand`; None in an open chain.
         turns_balls: whether the friction of balls that slip is pointed against their motion.
         least, most: (nc,) static limits of the friction x.
         site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
@@ -99,6 +115,12 @@ class Workspace:
         self._guides = [
             (int(s), scene.sites[s].axis.tolist(), float(t.roll_lever[s])) for s in t.guides
         ]
+        self.standing: Standing | None = None
+        if self.closed:
+            assert scene.linkage is not None
+            self.standing = Standing(np.zeros(len(t.dry), dtype=bool), scene.linkage)
+        #: The configuration closed last, and what stands still in it.
+        self._last: tuple[np.ndarray, Standing | None] = np.zeros(0), None
 
     @property
     def _machine(self) -> Machine:
@@ -139,19 +161,51 @@ class Workspace:
         return speed
 
     def obey(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state with loops closed exactly and what sticks exactly at rest."""
+        """Return the state with loops closed exactly and what sticks exactly at rest.
+
+        What stands still stays where it is, see `stand`.
+        """
         stuck = self.modes.stuck
         if not self.closed:
             return q, self._stopped(v, stuck)
-        assert self.linkage is not None
-        velocity = self.tables.coordinate_v[stuck]
-        held = np.zeros(self.nv, dtype=bool)
-        held[velocity[velocity >= 0]] = True
-        if held.any() and (~held).sum() < self.nv - self.na:
-            held[:] = False  # too few joints are left free to close the loops
-        q = close(self.twin, self.linkage, q, held)
+        q = self._close(q)
         self._relate(q, v)
         return q, self._slowed(v, stuck)
+
+    def stand(self, q: np.ndarray) -> np.ndarray:
+        """Let `obey` keep what sticks, until it slips, where it is at q; return q (nq,), closed."""
+        stuck = self.modes.stuck
+        if self.standing is None or (self.standing.coordinates == stuck).all():
+            return q
+        q = self._close(q)
+        self.supplier.move(q, np.zeros(self.nv))
+        self._hold(stuck)
+        self._last = self._last[0], self.standing
+        return q
+
+    def _hold(self, coordinates: np.ndarray) -> None:
+        """Hold coordinates: those that stand already where they do, others where they are."""
+        assert self.linkage is not None
+        assert self.standing is not None
+        action = self.tables.coordinate_action[coordinates]
+        linkage = stand_still(self.linkage, self.standing.linkage, action[action >= 0],
+                              self.supplier.data.oMi)  # fmt: skip
+        self.standing = Standing(coordinates.copy(), linkage)
+
+    def _close(self, q: np.ndarray) -> np.ndarray:
+        """The configuration near q that closes the loops, what stands still left where it is."""
+        assert self.standing is not None
+        if (self.standing.coordinates & ~self.modes.stuck).any():
+            self._hold(self.standing.coordinates & self.modes.stuck)
+        last, standing = self._last
+        if standing is self.standing and np.array_equal(q, last):
+            return q
+        velocity = self.tables.coordinate_v[self.standing.coordinates]
+        held = np.zeros(self.nv, dtype=bool)
+        held[velocity[velocity >= 0]] = True
+        q = close(self.twin, self.standing.linkage, q, held)
+        self._last = q, self.standing
+        return q
 
     def _relate(self, q: np.ndarray, v: np.ndarray) -> None:
         """Write rates, J and D of a state."""

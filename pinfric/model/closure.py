@@ -122,6 +122,8 @@ def close(
 ) -> np.ndarray:
     """Return the configuration near a guess that closes every loop: Newton on Phi(q) = 0.
 
+    What stands still in the linkage (`loops.stand_still`) is closed, too.
+
     Args:
         twin, linkage: the robot and its loops.
         q_guess: (nq,) where to start.
@@ -172,7 +174,7 @@ def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.nd
     zero = np.zeros((1, twin.nv))
     state = loop_state(twin, linkage, q[None], zero, zero)
     _, J = action_maps(twin, linkage, state.p, state.R)
-    rows = linkage.lambdas
+    rows = linkage.closed
     length = np.where(linkage.turning, linkage.size, 1.0)
     return length * state.gap[0, rows], length[:, None] * J[0, rows]
 

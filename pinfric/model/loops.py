@@ -15,7 +15,8 @@ of the loops, friction of the loops' joints.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,7 @@ class Linkage:
         friction_column: (number of loops,) first friction column of each loop, -1 without
             friction; a spherical joint has three.
         size: m, a length of the mechanism that gaps are compared with.
+        standing: friction columns of loops' joints that stand still, see `stand_still`.
     """
 
     loops: tuple[Loop, ...]
@@ -106,16 +108,22 @@ class Linkage:
     multipliers: int
     friction_column: np.ndarray
     size: float
+    standing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def lambdas(self) -> slice:
         """The columns of the multipliers."""
         return slice(self.off_joint, self.off_joint + self.multipliers)
 
-    @property
+    @cached_property
+    def closed(self) -> np.ndarray:
+        """The columns (nc,) along which nothing moves: multipliers, then what stands still."""
+        return np.concatenate([np.arange(self.off_joint, self.solved), self.standing])
+
+    @cached_property
     def turning(self) -> np.ndarray:
-        """Which multipliers are moments (nc,); their gaps are angles."""
-        return np.asarray(self.unit[self.lambdas, 3:].any(axis=1))
+        """Which closed columns are moments (nc,); their gaps are angles."""
+        return np.asarray(self.unit[self.closed, 3:].any(axis=1))
 
     @property
     def solved(self) -> int:
@@ -124,7 +132,7 @@ class Linkage:
 
     def loop_of_row(self, row: int) -> Loop:
         """Return the loop that a row of the closure belongs to."""
-        return self.loops[self.column_pair[self.off_joint + row]]
+        return self.loops[self.column_pair[self.closed[row]]]
 
 
 def make_linkage(
@@ -181,6 +189,35 @@ def make_linkage(
         friction_column=friction_column,
         size=_size(model, pairs),
     )
+
+
+def stand_still(
+    linkage: Linkage, before: Linkage, columns: np.ndarray, place: Sequence[pin.SE3]
+) -> Linkage:
+    """Return the linkage some of whose loops' joints stand still, as fixed ones do.
+
+    Frame a is moved to where frame b is: all gaps of the two are then zero for as long as the joint
+    stands.
+
+    Args:
+        linkage: in which nothing stands still.
+        before: the same, in which some joints do: those keep their frames.
+        columns: friction columns of the joints that stand still.
+        place: where the joints of the tree are in the world, the ground first.
+    """
+    kind, rotation = linkage.pair_kind.copy(), linkage.rotation.copy()
+    p, R = linkage.frame_p.copy(), linkage.frame_R.copy()
+    known = set(before.column_pair[before.standing].tolist())
+    for pair in np.unique(linkage.column_pair[columns]):
+        kind[pair], rotation[pair] = LOOP, _ALL
+        if pair in known:
+            p[pair], R[pair] = before.frame_p[pair], before.frame_R[pair]
+            continue
+        a, b = (place[joint + 1] for joint in linkage.frame_joint[pair].tolist())
+        frame = a.actInv(b * pin.SE3(R[pair, 1], p[pair, 1]))
+        p[pair, 0], R[pair, 0] = frame.translation, frame.rotation
+    return replace(linkage, pair_kind=kind, rotation=rotation, frame_p=p, frame_R=R,
+                   standing=columns)  # fmt: skip
 
 
 def _drives(
