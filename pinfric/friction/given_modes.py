@@ -168,23 +168,19 @@ def residual(
     generalized Jacobian of the norm).
 
     Args:
-        problem, gain, offset: see `slip_law`.
-        unknown: (nc,) place in z.
+        problem, gain, offset, unknown: see `eliminate`.
         contact: (nt, nz + 1, 3), `reduce_contacts`.
         z: (nz,).
-        rest: (nz,), overwritten.
-        jacobian: (nz, nz), overwritten.
+        rest, jacobian: (nz,), (nz, nz), overwritten.
     """
-    nz = z.size
-    size = np.empty(nz)
+    nz, size, worst = z.size, np.empty(z.size), 0.0
+    jacobian[:] = 0.0
     for c in range(unknown.size):
         k = unknown[c]
         if k >= 0:
             rest[k] = z[k] - offset[c]
             size[k] = abs(z[k]) + abs(offset[c])
-    for k in range(nz):
-        for j in range(nz):
-            jacobian[k, j] = 1.0 if j == k else 0.0
+            jacobian[k, k] = 1.0
     for s in range(gain.size):
         k = unknown[problem.coordinate[s]]
         if k >= 0:
@@ -193,43 +189,28 @@ def residual(
     for t in range(contact.shape[0]):
         s = problem.contact_site[t]
         k = unknown[problem.coordinate[s]]
-        if k >= 0 and gain[s] != 0.0:
-            norm, terms = _contact_force(contact[t], z, gain[s], jacobian[k])
-            rest[k] -= gain[s] * norm
-            size[k] += abs(gain[s]) * terms
-    worst = 0.0
+        if k < 0 or gain[s] == 0.0:
+            continue
+        px, py, pz = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
+        terms = abs(px) + abs(py) + abs(pz)
+        for j in range(1, nz + 1):
+            x = z[j - 1]
+            dx, dy, dz = contact[t, j, 0] * x, contact[t, j, 1] * x, contact[t, j, 2] * x
+            px, py, pz = px + dx, py + dy, pz + dz
+            terms += abs(dx) + abs(dy) + abs(dz)
+        norm = np.sqrt(px * px + py * py + pz * pz)
+        rest[k] -= gain[s] * norm
+        size[k] += abs(gain[s]) * terms
+        if norm > 0.0:
+            for j in range(1, nz + 1):
+                slope = px * contact[t, j, 0] + py * contact[t, j, 1] + pz * contact[t, j, 2]
+                jacobian[k, j - 1] -= gain[s] * slope / norm
     for k in range(nz):
         if not abs(rest[k]) <= 1e300:
             return np.inf
         if rest[k] != 0.0:
             worst = max(worst, abs(rest[k]) / size[k])
     return worst
-
-
-@kernel
-def _contact_force(
-    contact: np.ndarray, z: np.ndarray, gain: float, jacobian: np.ndarray
-) -> tuple[float, float]:
-    """Return |p| and the size of the terms of p, one contact force; its slope goes to the Jacobian.
-
-    Args:
-        contact: (nz + 1, 3), p = contact[0] + contact[1:] z.
-        z: (nz,).
-        gain: of the site.
-        jacobian: (nz,) one row, less gain d|p| / dz afterwards.
-    """
-    px, py, pz = contact[0, 0], contact[0, 1], contact[0, 2]
-    terms = abs(px) + abs(py) + abs(pz)
-    for j in range(z.size):
-        dx, dy, dz = contact[1 + j, 0] * z[j], contact[1 + j, 1] * z[j], contact[1 + j, 2] * z[j]
-        px, py, pz = px + dx, py + dy, pz + dz
-        terms += abs(dx) + abs(dy) + abs(dz)
-    norm = np.sqrt(px * px + py * py + pz * pz)
-    if norm > 0.0:
-        for j in range(z.size):
-            slope = px * contact[1 + j, 0] + py * contact[1 + j, 1] + pz * contact[1 + j, 2]
-            jacobian[j] -= gain * slope / norm
-    return norm, terms
 
 
 @kernel
