@@ -89,9 +89,10 @@ def loop_state(
     q_twin, v_twin, a_twin = embedded(twin, q, v, a)
     parents, placement_p, placement_R = tree_tables(twin)
     p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
-    velocity, acceleration = np.empty((n, nj, 6)), np.empty((n, nj, 6))
+    velocity, acceleration = np.zeros((n, nj, 6)), np.zeros((n, nj, 6))
     place_links(q_twin, parents, placement_p, placement_R, p, R)
-    move_links(v_twin, a_twin, parents, p, R, velocity, acceleration)
+    if v.any() or a.any():
+        move_links(v_twin, a_twin, parents, p, R, velocity, acceleration)
     gap, rate, derivative = (np.empty((n, nx)) for _ in range(3))
     tilt, scale = np.empty((n, pairs)), np.empty((n, pairs, 2))
     actions = actions_of(twin, linkage)
