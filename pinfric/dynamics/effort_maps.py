@@ -19,6 +19,30 @@ from pinfric.friction.dense import eliminate_full_pivot
 from pinfric.model.compiled import kernel
 
 
+class EffortTables(NamedTuple):
+    """The part of `Layout` that these kernels read: each call copies all fields of a tuple."""
+
+    drive_v: np.ndarray
+    drive_action: np.ndarray
+    balanced: np.ndarray
+    joint: np.ndarray
+    n_tree: int
+    entry_v: np.ndarray
+    entry_action: np.ndarray
+    entry_ratio: np.ndarray
+    contact_site: np.ndarray
+    contact_rank: np.ndarray
+    contact_map: np.ndarray
+    contact_map_moved: np.ndarray
+    inverse_length: float
+    scale: float
+
+    @classmethod
+    def of(cls, layout: Layout) -> EffortTables:
+        """Take the part that is needed."""
+        return cls(*(getattr(layout, name) for name in cls._fields))
+
+
 class Maps(NamedTuple):
     """Everything of a batch as a function of the friction: [:, ..., 0] + [:, ..., 1:] phi.
 
@@ -48,7 +72,7 @@ class Maps(NamedTuple):
 
 @kernel
 def map_friction(
-    t: Layout,
+    t: EffortTables,
     wrench: np.ndarray,
     total_effort: np.ndarray,
     X: np.ndarray,
@@ -59,7 +83,7 @@ def map_friction(
     """Write efforts, multipliers and contact forces of a batch as affine functions of friction.
 
     Args:
-        t: `Layout`.
+        t: `EffortTables`.
         wrench: (n, nj, 6), of the tree's joints without multipliers, drives off the joints and
             friction: RNEA of the twin.
         total_effort: (n, nv), M a + h.
@@ -93,7 +117,7 @@ def map_friction(
 
 @kernel
 def _balance(
-    t: Layout,
+    t: EffortTables,
     wrench: np.ndarray,
     total_effort: np.ndarray,
     X: np.ndarray,
@@ -129,7 +153,7 @@ def _balance(
 
 
 @kernel
-def _lever(t: Layout, J: np.ndarray, k: int, v: int) -> float:
+def _lever(t: EffortTables, J: np.ndarray, k: int, v: int) -> float:
     """The generalized effort at velocity v of one unit of an entry's friction."""
     if t.entry_action[k] >= 0:
         return J[t.entry_action[k], v]
@@ -138,7 +162,7 @@ def _lever(t: Layout, J: np.ndarray, k: int, v: int) -> float:
 
 @kernel
 def _write_efforts(
-    t: Layout, total_effort: np.ndarray, J: np.ndarray, y: np.ndarray, effort: np.ndarray
+    t: EffortTables, total_effort: np.ndarray, J: np.ndarray, y: np.ndarray, effort: np.ndarray
 ) -> None:
     """Write the drives' efforts (na, 1 + ne) of one sample."""
     for d in range(t.drive_v.size):
@@ -155,7 +179,7 @@ def _write_efforts(
 
 @kernel
 def _write_wrench(
-    t: Layout, j: int, wrench: np.ndarray, X: np.ndarray, y: np.ndarray, out: np.ndarray
+    t: EffortTables, j: int, wrench: np.ndarray, X: np.ndarray, y: np.ndarray, out: np.ndarray
 ) -> None:
     """Write the wrench at joint j as (6, 1 + ne): [:, 0] + [:, 1:] phi."""
     for e in range(6):
@@ -171,7 +195,7 @@ def _write_wrench(
 
 @kernel
 def write_wrenches(
-    t: Layout,
+    t: EffortTables,
     wrench: np.ndarray,
     X: np.ndarray,
     y: np.ndarray,

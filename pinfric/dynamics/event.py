@@ -1,4 +1,4 @@
-"""Simulation with located events: the reference among the three methods (design 2.6).
+"""Simulation with located events: the reference among the three methods.
 
 Within a phase nothing changes its mode, the motion is smooth and SciPy's Dormand-Prince 8(5,3)
 integrates it. Guards are watched on its polynomials: the velocity of what slips, the distance of

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.closure import PairRates, pair_rates
-from pinfric.dynamics.effort_maps import write_wrenches
+from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
 from pinfric.dynamics.interval_ends import Answer, Solver
 from pinfric.dynamics.layout import Layout, layout_of
 from pinfric.dynamics.linkage_batch import friction_maps, friction_velocities, loop_wrenches
@@ -95,7 +95,7 @@ def _solve_batches(
     linkage, T = scene.linkage, len(velocity)
     assert linkage is not None
     threads = threads_for(T, threads)
-    answer = Answer.of(layout, T)
+    answer, tables = Answer.of(layout, T), EffortTables.of(layout)
     frictionless = np.empty((T, len(scene.drives)))
     wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, layout.solved))
     multipliers = np.empty((T, len(scene.loops), 6))
@@ -109,7 +109,7 @@ def _solve_batches(
         found = Solver(layout, maps, velocity[here], reversal[here]).solve()
         for name in _KEPT:
             getattr(answer, name)[here] = getattr(found, name)
-        write_wrenches(layout, samples.wrench, X, maps.y, found.phi, wrench[here], solved[here])
+        write_wrenches(tables, samples.wrench, X, maps.y, found.phi, wrench[here], solved[here])
         multipliers[here] = loop_wrenches(linkage, X, solved[here])
     return answer, frictionless, wrench, multipliers
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.dynamics.closure import PairRates
-from pinfric.dynamics.effort_maps import Maps, map_friction
+from pinfric.dynamics.effort_maps import EffortTables, Maps, map_friction
 from pinfric.dynamics.layout import Layout
 from pinfric.dynamics.reactions import (
     AppliedWrench,
@@ -72,7 +72,7 @@ def friction_maps(
     if layout.contact_map_moved.any():
         moved = np.zeros((n, len(layout.joint)))
         moved[:, tree] = twin.displacements(layout.joint[tree], q)
-    map_friction(layout, batch.wrench, tau, X, J, moved, maps)
+    map_friction(EffortTables.of(layout), batch.wrench, tau, X, J, moved, maps)
     return Samples(maps, batch.wrench, X)
 
 

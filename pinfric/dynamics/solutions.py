@@ -8,7 +8,7 @@ import numpy as np
 
 from pinfric.dynamics.choices import LOWER
 from pinfric.dynamics.closure import pair_rates
-from pinfric.dynamics.effort_maps import write_wrenches
+from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
 from pinfric.dynamics.interval_ends import Solver
 from pinfric.dynamics.layout import Layout, layout_of
 from pinfric.dynamics.linkage_batch import (
@@ -149,7 +149,8 @@ def _distinct(found: np.ndarray) -> list[np.ndarray]:
 def _solution(layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarray) -> Solution:
     maps, ns = samples.maps, len(layout.joint)
     wrench, solved = np.empty((1, ns, 6)), np.empty((1, layout.solved))
-    write_wrenches(layout, samples.wrench, samples.X, maps.y, phi[None], wrench, solved)
+    tables = EffortTables.of(layout)
+    write_wrenches(tables, samples.wrench, samples.X, maps.y, phi[None], wrench, solved)
     one = np.concatenate([[1.0], phi])
     load = layout.constant.copy()
     forces = np.linalg.norm(np.einsum("tke,k->te", maps.contact[0], one), axis=1)

@@ -1,4 +1,4 @@
-"""Simulation by time stepping: fixed steps, friction as implicit impulses (design 2.6).
+"""Simulation by time stepping: fixed steps, friction as implicit impulses.
 
 Moreau's midpoint scheme (Moreau 1988; Jean 1999):
 

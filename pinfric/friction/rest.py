@@ -259,7 +259,7 @@ class _Shared:
         return out
 
     def judge(self) -> int:
-        """Write `verdict` and `way`; return how many coordinates break their law (design 2.5)."""
+        """Write `verdict` and `way`; return how many coordinates break their law."""
         p, m, way = self.problem, self.modes, self.mechanism.way
         at_rest = m.at_rest & ~self.shared
         judge(p, m.stuck, m.direction, at_rest, m.friction, m.load, m.rate, m.verdict)
@@ -408,7 +408,7 @@ def _enumerate(
     otherwise: Found,
     fewest: int = 0,
 ) -> Found:
-    """All modes of up to `MOST_ENUMERATED` joints, the fewest slipping first (design 2.5)."""
+    """All modes of up to `MOST_ENUMERATED` joints, the fewest slipping first."""
     joints = np.unique(mechanism.block[free])
     if len(joints) > independent.MOST_ENUMERATED:
         return otherwise
