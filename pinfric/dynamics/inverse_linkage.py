@@ -13,7 +13,7 @@ import numpy as np
 from pinfric.dynamics.closure import PairRates, pair_rates
 from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
 from pinfric.dynamics.interval_ends import Answer, Solver
-from pinfric.dynamics.layout import Layout, layout_of
+from pinfric.dynamics.layout import Layout, make_layout
 from pinfric.dynamics.linkage_batch import friction_maps, friction_velocities, loop_wrenches
 from pinfric.dynamics.motor_torques import motor_torques
 from pinfric.dynamics.reactions import (
@@ -41,7 +41,7 @@ def solve_linkage(
 
     Args, raises: see `inverse.inverse_dynamics`; besides, `closure.pair_rates`.
     """
-    layout, around, inner = layout_of(scene), states.around(whole), states.inside(whole)
+    layout, around, inner = make_layout(scene), states.around(whole), states.inside(whole)
     rates = pair_rates(scene, states, around, whole)
     wider = friction_velocities(layout, states.v[around], rates)
     velocity = np.ascontiguousarray(wider[inner])

@@ -96,15 +96,6 @@ class Layout(NamedTuple):
         return bool((self.coordinate_action >= 0).any())
 
 
-def layout_of(scene: Scene) -> Layout:
-    """Return a scene's tables, made at first; they live in its twin."""
-    pools = scene.twin().pools
-    if "layout" not in pools:
-        pools["layout"] = make_layout(scene)
-    found: Layout = pools["layout"]
-    return found
-
-
 def make_layout(scene: Scene) -> Layout:
     """Tabulate a scene."""
     linkage, sites, t = scene.linkage, scene.sites, scene.site_tables

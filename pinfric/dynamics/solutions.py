@@ -10,7 +10,7 @@ from pinfric.dynamics.choices import LOWER
 from pinfric.dynamics.closure import pair_rates
 from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
 from pinfric.dynamics.interval_ends import Solver
-from pinfric.dynamics.layout import Layout, layout_of
+from pinfric.dynamics.layout import Layout, make_layout
 from pinfric.dynamics.linkage_batch import (
     Samples,
     friction_maps,
@@ -61,7 +61,7 @@ def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Sam
     scene, states = result.scene, result.states
     linkage = scene.linkage
     assert linkage is not None
-    layout = layout_of(scene)
+    layout = make_layout(scene)
     part = slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
     twin = scene.twin(carried)

@@ -11,7 +11,7 @@ from typing import NoReturn, cast
 
 import numpy as np
 
-from pinfric.dynamics.layout import layout_of
+from pinfric.dynamics.layout import make_layout
 from pinfric.dynamics.maps import (
     FREE,
     GIVEN,
@@ -93,7 +93,7 @@ class Workspace:
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
         self.scene, self.twin = scene, scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
-        self.tables = t = layout_of(scene)
+        self.tables = t = make_layout(scene)
         self.linkage, self.closed = scene.linkage, t.solved > t.off_joint
         self.turns_balls, self.locked = True, False
         self.must_obey = scene.linkage is not None or self.nq != self.nv
