@@ -70,11 +70,11 @@ def test_symbols_are_the_names_in_the_code():
 def test_way_to_the_solver_exists():
     hops = README.split("in four hops:")[1].split("## ")[0]
     files = re.findall(r"\[`(pinfric/[\w/]+\.py)`\]\(([\w/.]+)\)", hops)
-    assert len(files) == 7
+    assert len(files) == 10
     assert all(shown == target and (ROOT / target).is_file() for shown, target in files)
     modules = [importlib.import_module(f[:-3].replace("/", ".")) for f, _ in files]
     named = {"load_scene", "inverse_dynamics", "solve_tree", "reactions", "make_twin", "embed",
-             "friction_bounds"}  # fmt: skip
+             "friction_bounds", "forward_dynamics", "solve_instant"}  # fmt: skip
     for name in named:
         assert f"`{name}`" in hops
         assert any(hasattr(module, name) for module in modules)

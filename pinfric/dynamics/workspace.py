@@ -562,13 +562,16 @@ _LAST = _Last()
 
 
 def workspace(scene: Scene, attached: Iterable[str] | None = None) -> Workspace:
-    """Return this thread's workspace of a scene, made at first; it lives in the scene's twin."""
+    """Return this thread's workspace of a scene, made at first; it lives in the scene's twin.
+
+    Scenes that differ in friction alone may share a twin: the last one asked for has its workspace.
+    """
     if attached is None and _LAST.scene() is scene:
         scene.check_unchanged()
         return _LAST.found
     twin = scene.twin(attached)
     key = "forward", threading.get_ident()
-    if key not in twin.pools:
+    if key not in twin.pools or twin.pools[key].scene is not scene:
         twin.pools[key] = Workspace(scene, attached)
     found: Workspace = twin.pools[key]
     if attached is None:
