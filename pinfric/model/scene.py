@@ -399,6 +399,11 @@ class Scene:
 
     def __getstate__(self) -> dict[str, Any]:
         self.check_unchanged()
+        if len(self.model.mimicking_joints):
+            raise SceneError(
+                f"{self.source}: a robot with mimic joints cannot be sent to another process: "
+                "Pinocchio loses what they follow; take one process, or lock them"
+            )
         derived = {"_variants", "_made_of", "sites", "site_tables", "drives", "linkage"}
         kept = {key: value for key, value in self.__dict__.items() if key not in derived}
         return kept | {"friction": dict(self.friction), "payloads": dict(self.payloads)}

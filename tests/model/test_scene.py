@@ -155,3 +155,15 @@ def test_copies_are_scenes_like_the_first():
         with pytest.raises(TypeError):
             again.friction["slide"] = None
         again.model.gravity.linear = np.array([0.0, 0.0, -9.81])
+
+
+def test_mimic_joints_are_not_sent_to_other_processes():
+    """Pinocchio's pickle of them ends the process that uses it."""
+    model = pin.Model()
+    for name in ("leader", "follower"):
+        joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    followed = pin.transformJointIntoMimic(model, 1, 2, 0.5, 0.0)
+    assert pickle.loads(pickle.dumps(pf.Scene(model=model))).joint_names == ("leader", "follower")
+    with pytest.raises(SceneError, match="mimic joints cannot be sent"):
+        pickle.dumps(pf.Scene(model=followed))
