@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -186,6 +187,10 @@ class Motion(Shown):
         `event`: by Gauss quadrature on the integrator's polynomials, as exact as the motion;
         other motions: by the trapezoidal rule over the samples.
         """
+        return self._energy
+
+    @cached_property
+    def _energy(self) -> Energy:
         model = self.scene.loaded_model(self.carried)
         data = model.createData()
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.motion import INTERRUPTED, Motion
 from pinfric.model.brief import counted
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, json_safe
@@ -20,8 +20,11 @@ _MOST_ROWS = 12
 
 
 def motion_json(motion: Motion, warnings: Sequence[str] = ()) -> dict[str, Any]:
-    """Return everything `pinfric simulate --json` prints; SI units, None for what is no number."""
-    energy = motion.energy()
+    """Return everything `pinfric simulate --json` prints; SI units, None for what is no number.
+
+    Of a motion that Ctrl-C ended there is no energy: to integrate it can take as long as it took.
+    """
+    energy = None if motion.status == INTERRUPTED else motion.energy()
     return json_safe({
         "scene": motion.scene.source,
         "method": motion.method,
@@ -32,7 +35,7 @@ def motion_json(motion: Motion, warnings: Sequence[str] = ()) -> dict[str, Any]:
         "evaluations": motion.evaluations,
         "stick_intervals": [asdict(interval) for interval in motion.stick_intervals()],
         "events": [asdict(event) for event in motion.events],
-        "energy": {
+        "energy": energy and {
             "work": energy.work,
             "change": energy.change,
             "friction_loss": dict(zip(motion.site_names, energy.friction_loss, strict=True)),
@@ -70,7 +73,8 @@ def motion_report(motion: Motion) -> list[RenderableType]:
         columns = (Column("time s"), Column("joint", Kind.NAME, motion.scene.joint_names),
                    Column("what", Kind.LABEL), Column("way", Kind.LABEL))  # fmt: skip
         items += [Text(), _first("events", columns, rows)]
-    items += [Text(), _energy_table(motion)]
+    if motion.status != INTERRUPTED:
+        items += [Text(), _energy_table(motion)]
     if motion.status != "finished":
         items += [Text(), Text(f"{motion.status}: {motion.message}")]
     return items
