@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -305,9 +305,7 @@ class Dense:
     def sample(self, motion: Motion, times: np.ndarray) -> Motion:
         """See `Motion.sample`."""
         columns = [np.array(column) for column in zip(*self.rows(motion, times), strict=True)]
-        fields = dict(motion.__dict__)
-        fields.update(zip(ARRAYS[:8], columns, strict=True))
-        return Motion(**fields)
+        return replace(motion, **dict(zip(ARRAYS[:8], columns, strict=True)))
 
     def integrate(self, motion: Motion) -> tuple[float, np.ndarray]:
         """Work of the efforts and loss (ns,) at the sites, J, by Gauss's rule in every step.
