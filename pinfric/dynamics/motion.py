@@ -305,7 +305,8 @@ class Dense:
     def sample(self, motion: Motion, times: np.ndarray) -> Motion:
         """See `Motion.sample`."""
         columns = [np.array(column) for column in zip(*self.rows(motion, times), strict=True)]
-        return replace(motion, **dict(zip(ARRAYS[:8], columns, strict=True)))
+        changed: dict[str, Any] = dict(zip(ARRAYS[:8], columns, strict=True))
+        return replace(motion, **changed)
 
     def integrate(self, motion: Motion) -> tuple[float, np.ndarray]:
         """Work of the efforts and loss (ns,) at the sites, J, by Gauss's rule in every step.
