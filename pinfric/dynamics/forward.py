@@ -2,8 +2,9 @@
 
     M a + h - J_ext^T f_ext = u + D phi,     phi_k opposes v_k and depends on the wrench w_k
 
-(paper eq. 3, 16, 17). One batch on the wrench twin gives h, M and all reactions as functions of a;
-with a = M^-1 (u - h) + M^-1 D x eliminated, the small coupled problem of `problem.py` is left.
+(paper eq. 3, 16, 17). `maps` writes accelerations, reactions and loads as functions of the friction
+alone, from Pinocchio's figures at the state; what is left is the small coupled problem of
+`friction/problem.py`.
 """
 
 from __future__ import annotations

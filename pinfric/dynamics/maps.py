@@ -118,7 +118,7 @@ class Work(NamedTuple):
         factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
         a_map: (nv, 1 + nc). multiplier_map: (nl, 1 + nc). wrench_map: (nr, 6, 1 + nc).
         coordinate_rate: (nc,) relative velocity of each coordinate.
-        idle, dead: (nc,) whether a joint is near, or at, its dead centre.
+        idle: (nc,) whether a joint is near its dead centre.
         given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
             (1 + nc, 6), momentum_above: (6,), force: (3, 1 + nc): of intermediate results.
         freedoms: (1,) int.
@@ -150,7 +150,6 @@ class Work(NamedTuple):
     wrench_map: np.ndarray
     coordinate_rate: np.ndarray
     idle: np.ndarray
-    dead: np.ndarray
     given: np.ndarray
     size: np.ndarray
     push: np.ndarray
@@ -613,8 +612,7 @@ def _find_dead_centres(t: Tables, w: Work, d: int) -> None:
         for i in range(nv):
             size = max(size, abs(D[c, i]))
         w.idle[c] = share <= _IDLE * size * most
-        w.dead[c] = share <= _DEAD * size * most
-        if w.dead[c]:
+        if share <= _DEAD * size * most:
             for f in range(d):
                 factor[f, c] = 0.0
 

@@ -227,7 +227,7 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         D=D, S=S, Z=np.zeros((nv, nv)), M=np.empty((nv, nv)), factor=np.zeros((nv, nc)),
         a_map=np.zeros((nv, 1 + nc)), multiplier_map=np.zeros((nl, 1 + nc)),
         wrench_map=np.zeros((rows, 6, 1 + nc)), coordinate_rate=np.zeros(nc),
-        idle=np.zeros(nc, dtype=bool), dead=np.zeros(nc, dtype=bool),
+        idle=np.zeros(nc, dtype=bool),
         given=np.zeros(nv), size=np.zeros(nv), push=np.zeros(nv), a_closure=np.zeros(nv),
         lower=np.zeros((nv, nv)), right=np.zeros((nv, 1 + nc)), below=np.zeros((1 + nc, 6)),
         above=np.zeros((1 + nc, 6)), momentum_above=np.zeros(6), force=np.zeros((3, 1 + nc)),

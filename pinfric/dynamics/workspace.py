@@ -110,7 +110,7 @@ class Workspace:
         self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
         self.multipliers = w.multiplier
         self._balls = np.unique(t.block[t.ball])
-        self._loop_coordinates = bool((t.coordinate_action >= 0).any())
+        self._loop_coordinates = t.has_loop_coordinates
         self._kept: tuple[object, ...] | None = None
         self._guides = [
             (int(s), scene.sites[s].axis.tolist(), float(t.roll_lever[s])) for s in t.guides

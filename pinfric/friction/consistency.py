@@ -175,30 +175,3 @@ def try_modes(
         evaluate(problem, friction, load, rate)
         judge(problem, stuck, direction, at_rest, friction, load, rate, verdict)
     return found, obeying
-
-
-@kernel
-def settle(
-    v: np.ndarray,
-    coordinate_v: np.ndarray,
-    dry: np.ndarray,
-    stick_velocity: np.ndarray,
-    stuck: np.ndarray,
-    direction: np.ndarray,
-    at_rest: np.ndarray,
-) -> int:
-    """Set the modes that velocities fix and stick everything at rest; return how many are.
-
-    Args:
-        v: (nv,) of the robot.
-        coordinate_v, dry, stick_velocity: (nc,), see `workspace.Tables`.
-        stuck, direction, at_rest: (nc,), overwritten, see `slip_law`, `judge`.
-    """
-    resting = 0
-    for c in range(coordinate_v.size):
-        speed = v[coordinate_v[c]]
-        at_rest[c] = dry[c] and abs(speed) <= stick_velocity[c]
-        stuck[c] = at_rest[c]
-        direction[c] = 0.0 if stuck[c] else np.sign(speed)
-        resting += at_rest[c]
-    return resting
