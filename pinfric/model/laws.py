@@ -112,11 +112,6 @@ class Laws(NamedTuple):
         more = np.array([self.mu[start:end].any() for start, end in spans], dtype=bool)
         return np.asarray((self.mu_static > 0.0) | (self.mu_kinetic > 0.0) | more)
 
-    def of_sites(self, index: np.ndarray) -> Laws:
-        """Return the laws of some sites, in the order of `index`."""
-        first = self._fields.index("mu")
-        return Laws(*(array[index] for array in self[:first]), *self[first:])
-
 
 def law_table(laws: Sequence[FrictionLaw]) -> Laws:
     """Return the laws of all sites as arrays."""
