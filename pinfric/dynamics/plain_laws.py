@@ -94,13 +94,20 @@ def plain_friction(
     """
     friction, speed, sign = site.friction, abs(velocity), float(np.sign(velocity))
     rest = (-_dry(friction, load, 1.0, None), _dry(friction, load, -1.0, None))
-    drag = friction.viscous * velocity + sign * _added(friction, load, sign, speed, drags=True)
+    drag = sign * _added(friction, load, sign, speed, drags=True)
+    if (viscous := friction.viscous) is not None:
+        drag += sign * viscous.coefficient * _power(speed, viscous.exponent)
     if speed <= site.law.stick_velocity:
         if rest == (0.0, 0.0) and not any(any(term.at_rest()) for term in friction.terms):
             return -drag, -drag  # nothing can hold it
         return rest[0] - max(drag, 0.0), rest[1] - min(drag, 0.0)
     phi = -sign * _dry(friction, load, sign, speed) - drag
     return (min(rest[0], phi), max(rest[1], phi)) if at_rest else (phi, phi)
+
+
+def _power(speed: float, power: float) -> float:
+    """speed^power; at most 1e-6 (rad/s or m/s) along the chord where it is infinitely steep."""
+    return float(speed * max(speed, 1e-6) ** (power - 1.0) if 0 < power < 1 else speed**power)
 
 
 def _dry(friction: Friction, load: float, direction: float, speed: float | None) -> float:
@@ -129,7 +136,7 @@ def _added(
         if term.key in Friction.model_fields:
             continue
         parts = [(1.0, term.at_rest())] if speed is None else [
-            (speed**power * np.exp(-((speed / velocity) ** exponent)), strength)
+            (_power(speed, power) * np.exp(-((speed / velocity) ** exponent)), strength)
             for (power, velocity, exponent), strength in term.rows(friction.stribeck)
             if (power > 0.0) == drags
         ]  # fmt: skip

@@ -6,16 +6,17 @@ multiplies, and one that it does not, forward and backward motion apart:
     at rest     mu c + (forward or backward)
     in motion   sum_i (mu_i c + (forward or backward)_i) s^power_i exp(-(s / velocity_i)^exponent_i)
 
-with s = |speed|. Rows with a power vanish at rest and drag; the others are dry.
+with s = |speed|. Rows with a power vanish at rest and drag; the others are dry. A power below 1 is
+infinitely steep at rest: at and below s_0 = 1e-6 (rad/s or m/s) s s_0^(power - 1) stands for it.
 """
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
-from pydantic import model_validator
+from pydantic import BeforeValidator, Field, TypeAdapter, model_validator
 
 from pinfric.model.entry import Entry, NonNegative, Positive
 
@@ -46,6 +47,9 @@ class Shape(NamedTuple):
     velocity: float = math.inf
     exponent: float = 1.0
 
+
+#: rad/s or m/s: below it a power of the speed less than 1 is replaced by a straight line.
+STEEP = 1.0e-6
 
 CONSTANT, LINEAR = Shape(), Shape(power=1.0)
 
@@ -193,15 +197,33 @@ class DirectedCoulombFriction(FrictionTerm):
 
 
 class ViscousFriction(FrictionTerm):
-    """Friction proportional to the speed (N m s/rad or N s/m)."""
+    """Friction that grows with the speed, coefficient |v|^exponent; a number is its coefficient.
+
+    viscous: 3.0                                    # N m s/rad or N s/m
+    viscous: {coefficient: 0.4, exponent: 0.667}    # N m (s/rad)^exponent: grease, strain waves
+    """
 
     key = "viscous"
 
     coefficient: NonNegative
+    exponent: Annotated[Positive, Field(le=4.0)] = 1.0
 
     def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
         """See `FrictionTerm.rows`."""
-        return ((LINEAR, Strength(0.0, self.coefficient, self.coefficient)),)
+        return ((Shape(power=self.exponent), Strength(0.0, self.coefficient, self.coefficient)),)
+
+
+def _with_coefficient(value: Any) -> Any:
+    """Read a number as a coefficient; 0 is no friction."""
+    if value is None or isinstance(value, dict | ViscousFriction):
+        return value
+    coefficient = _COEFFICIENT.validate_python(value)
+    return ViscousFriction(coefficient=coefficient) if coefficient > 0 else None
+
+
+_COEFFICIENT: TypeAdapter[float] = TypeAdapter(NonNegative)
+#: `ViscousFriction`, also as a number.
+Viscous = Annotated[ViscousFriction | None, BeforeValidator(_with_coefficient)]
 
 
 def falling(static: Strength, kinetic: Strength, stribeck: Stribeck | None) -> tuple[Row, ...]:

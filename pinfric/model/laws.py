@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.model.compiled import inlined_kernel, kernel
-from pinfric.model.friction_terms import CONSTANT, LINEAR, Row, Strength
+from pinfric.model.friction_terms import CONSTANT, LINEAR, STEEP, Row, Strength
 from pinfric.model.schema import Friction
 
 
@@ -156,6 +156,14 @@ class Moving(NamedTuple):
 
 
 @inlined_kernel
+def power_of(speed: float, power: float) -> float:
+    """Return speed^power, for powers below 1 with a finite slope at rest (see `friction_terms`)."""
+    if power < 1.0 and speed < STEEP:
+        return speed * STEEP ** (power - 1.0)
+    return speed**power
+
+
+@inlined_kernel
 def friction_at(laws: Laws, site: int, speed: float) -> Moving:
     """Return a site's friction in motion but for `laws.viscous`: the sums of its rows.
 
@@ -172,7 +180,7 @@ def friction_at(laws: Laws, site: int, speed: float) -> Moving:
         if laws.velocity[r] < np.inf:
             shape = np.exp(-((speed / laws.velocity[r]) ** laws.exponent[r]))
         if laws.power[r] > 0.0:
-            shape *= speed ** laws.power[r]
+            shape *= power_of(speed, laws.power[r])
             drag_mu += laws.mu[r] * shape
             drag_forward += laws.coulomb[r, 0] * shape
             drag_backward += laws.coulomb[r, 1] * shape

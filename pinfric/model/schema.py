@@ -36,7 +36,7 @@ from pinfric.model.friction_terms import (
     FrictionTerm,
     LoadFriction,
     Stribeck,
-    ViscousFriction,
+    Viscous,
 )
 
 
@@ -86,7 +86,7 @@ class Friction(Entry):
     mu: LoadFriction | None = None
     stribeck: Stribeck | None = None
     coulomb: CoulombFriction | DirectedCoulombFriction | None = None
-    viscous: NonNegative = 0.0
+    viscous: Viscous = None
     stick_velocity: NonNegative | None = None
 
     @classmethod
@@ -97,9 +97,7 @@ class Friction(Entry):
     @property
     def terms(self) -> tuple[FrictionTerm, ...]:
         """The terms it is a sum of."""
-        viscous = ViscousFriction(coefficient=self.viscous) if self.viscous > 0 else None
-        every = (*(value for _, value in self), viscous)
-        return tuple(term for term in every if isinstance(term, FrictionTerm))
+        return tuple(term for _, term in self if isinstance(term, FrictionTerm))
 
     @model_validator(mode="before")
     @classmethod

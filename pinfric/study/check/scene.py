@@ -95,13 +95,17 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
             f"the joint's effort limit is {effort:g} {unit}: it could not start",
             excess=friction.coulomb.static / effort,
         )  # fmt: skip
-    if math.isfinite(speed) and friction.viscous * speed > effort:
-        rate = "N s/m" if site.sliding else "N m s/rad"
-        yield Finding(
-            Severity.WARNING, "viscous", f"{place}.viscous", f"{friction.viscous:g} {rate}",
-            f"{friction.viscous * speed:.3g} {unit} at the joint's speed limit, more than its "
-            f"effort limit {effort:g} {unit}", excess=friction.viscous * speed / effort,
-        )  # fmt: skip
+    if math.isfinite(speed) and (viscous := friction.viscous) is not None:
+        drag = viscous.coefficient * speed**viscous.exponent
+        if drag > effort:
+            per = "s/m" if site.sliding else "s/rad"
+            per = per if viscous.exponent == 1 else f"({per})^{viscous.exponent:g}"
+            yield Finding(
+                Severity.WARNING, "viscous", f"{place}.viscous",
+                f"{viscous.coefficient:g} {unit} {per}",
+                f"{drag:.3g} {unit} at the joint's speed limit, more than its effort limit "
+                f"{effort:g} {unit}", excess=drag / effort,
+            )  # fmt: skip
     if friction.stribeck is not None and friction.stribeck.velocity > speed:
         yield Finding(
             Severity.NOTE, "stribeck", f"{place}.stribeck.velocity",

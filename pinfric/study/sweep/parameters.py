@@ -25,7 +25,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import SweepError, choose_from, problems_line
-from pinfric.model.friction_terms import FrictionTerm
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Payload, added_terms
 from pinfric.study.sweep.distributions import Distribution
@@ -240,9 +239,7 @@ def _with_payload(payload: Payload, key: str, value: float) -> Payload:
 
 
 def _with_factor(friction: Friction, key: str, factor: float) -> Friction:
-    given = getattr(friction, key)
-    scaled = given.scaled(factor) if isinstance(given, FrictionTerm) else factor * given
-    return friction.model_copy(update={key: scaled})
+    return friction.model_copy(update={key: getattr(friction, key).scaled(factor)})
 
 
 def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Actuator:

@@ -71,7 +71,7 @@ def test_samples_are_single_runs_of_the_changed_scene():
     for values, figures in zip(found.values, found.figures, strict=True):
         friction = {name: entry.model_dump(exclude_none=True, exclude_unset=True)
                     for name, entry in scene.friction.items()}  # fmt: skip
-        friction["panda_joint2"]["viscous"] *= values[0]
+        friction["panda_joint2"]["viscous"]["coefficient"] *= values[0]
         for name, factor in (("panda_joint4", values[1]), ("panda_joint5", values[2])):
             for key in ("static", "kinetic"):
                 friction[name]["coulomb"][key] *= factor
