@@ -16,7 +16,7 @@ def motor_torques(
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return (T, na) least and greatest motor torque; the efforts themselves where no gear is.
 
-    T_m = effort / (r efficiency) + r (viscous v + J_rotor a), see `drives.motor_torque_bounds`.
+    T_m = effort / (r efficiency) + motor_viscous + r J_rotor a, see `drives.motor_torque_bounds`.
 
     Args:
         scene: with the drives.

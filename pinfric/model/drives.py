@@ -1,16 +1,17 @@
 """Drives: which degree of freedom each actuator moves, and what its transmission does to torque.
 
 `effort` is what the drive delivers at the joint, `motor_torque` what its motor must give at its
-shaft. With t = effort, ratio r and no-load torque n (at the motor, so n|r| at the joint), the
-motor's torque times r is
+shaft. With t = effort, ratio r, no-load torque n (at the motor, so n|r| at the joint) and the
+load's loss g(w) L(|t|) (`transmission`; with constant efficiencies L = (1/eta - 1)|t| where the
+motor drives, (1 - eta_b)|t| where it is driven), the motor's torque times r is
 
-    moving forward    upper(t) = max(t/eta, eta_b t) + n|r|
-    moving backward   lower(t) = min(t/eta, eta_b t) - n|r|
+    moving forward    upper(t) = t + g L(|t|) + n|r|
+    moving backward   lower(t) = t - g L(|t|) - n|r|
     at standstill     anything from the least lower(t) to the greatest upper(t) over the efforts t
 
-plus r^2 viscous v and r^2 J_rotor a, which do not pass through the loss; at standstill with the
-no-load torque that it takes to leave rest. eta_b <= 0 is a self-locking gear: the load alone never
-moves it, so the motor must push to lower it.
+plus r^2 J_rotor a and the motor's viscous friction, which do not pass through the loss; at
+standstill with the no-load torque that it takes to leave rest. eta_b <= 0 is a self-locking gear:
+the load alone never moves it, so the motor must push to lower it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.model.compiled import kernel
-from pinfric.model.schema import Transmission
+from pinfric.model.friction_terms import ViscousFriction
+from pinfric.model.laws import power_of
+from pinfric.model.transmission import Transmission, driven_loss, driving_loss
 
 
 @dataclass(frozen=True)
@@ -44,35 +47,73 @@ class Gears(NamedTuple):
     """Transmissions as arrays for kernels; an ideal drive has ratio 1 and loses nothing.
 
     Attributes:
-        ratio, efficiency, back_efficiency: (na,).
-        no_load, no_load_static: (na,) no-load torque at the joint, in motion and at rest (N m or
-            N).
-        viscous, rotor_inertia: (na,) at the motor's shaft (N m s/rad, kg m^2).
+        ratio, rotor_inertia: (na,) motor turns per joint turn; at the motor's shaft (kg m^2).
+        viscous, power: (na,) the motor's viscous friction, N m (s/rad)^power.
         stick_velocity: (na,) at or below this speed the joint stands still (rad/s or m/s).
+        no_load, no_load_static: (na, 2) no-load torque at the joint, in motion and at rest, of
+            forward and backward motion of the joint (N m or N).
+        constant, rise, exponent: (na, 2) factor constant + rise w^exponent on the load's loss, of
+            a motor that drives and one that is driven; w its speed (rad/s).
+        first, last: (na, 2) which lines of the loss are theirs, `last` beyond the end.
+        load, loss, slope: (nl,) where each line begins, the loss there, how it grows (N m or N).
     """
 
     ratio: np.ndarray
-    efficiency: np.ndarray
-    back_efficiency: np.ndarray
+    rotor_inertia: np.ndarray
+    viscous: np.ndarray
+    power: np.ndarray
+    stick_velocity: np.ndarray
     no_load: np.ndarray
     no_load_static: np.ndarray
-    viscous: np.ndarray
-    rotor_inertia: np.ndarray
-    stick_velocity: np.ndarray
+    constant: np.ndarray
+    rise: np.ndarray
+    exponent: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    load: np.ndarray
+    loss: np.ndarray
+    slope: np.ndarray
 
 
 def gear_table(
     transmissions: Sequence[Transmission | None], stick_velocity: Sequence[float]
 ) -> Gears:
     """Return the transmissions of drives, and their joints' stick velocities, as arrays."""
-    rows = []
-    for gear, stick in zip(transmissions, stick_velocity, strict=True):
-        gear = Transmission(ratio=1.0) if gear is None else gear
-        back = 1.0 if gear.back_efficiency is None else gear.back_efficiency
-        no_load = gear.no_load_torque * abs(gear.ratio)
-        rows.append((gear.ratio, gear.efficiency, back, no_load, no_load, gear.motor_viscous,
-                     gear.rotor_inertia, stick))  # fmt: skip
-    return Gears(*np.array(rows, dtype=float).reshape(-1, len(Gears._fields)).T.copy())
+    gears = [_IDEAL if gear is None else gear for gear in transmissions]
+    viscous = [gear.motor_viscous or _FRICTIONLESS for gear in gears]
+    losses = [loss for gear in gears for loss in (driving_loss(gear), driven_loss(gear))]
+    ends = np.cumsum([0, *(len(loss.loads) for loss in losses)], dtype=np.int64)
+    no_load = np.array([_no_load(gear) for gear in gears], dtype=float).reshape(-1, 2, 2)
+    return Gears(
+        ratio=np.array([gear.ratio for gear in gears], dtype=float),
+        rotor_inertia=np.array([gear.rotor_inertia for gear in gears], dtype=float),
+        viscous=np.array([term.coefficient for term in viscous], dtype=float),
+        power=np.array([term.exponent for term in viscous], dtype=float),
+        stick_velocity=np.array(stick_velocity, dtype=float),
+        no_load=no_load[:, 0].copy(),
+        no_load_static=no_load[:, 1].copy(),
+        constant=np.array([loss.constant for loss in losses], dtype=float).reshape(-1, 2),
+        rise=np.array([loss.rise for loss in losses], dtype=float).reshape(-1, 2),
+        exponent=np.array([loss.exponent for loss in losses], dtype=float).reshape(-1, 2),
+        first=ends[:-1].reshape(-1, 2).copy(),
+        last=ends[1:].reshape(-1, 2).copy(),
+        load=np.array([x for loss in losses for x in loss.loads], dtype=float),
+        loss=np.array([x for loss in losses for x in loss.losses], dtype=float),
+        slope=np.array([x for loss in losses for x in loss.slopes], dtype=float),
+    )
+
+
+_IDEAL, _FRICTIONLESS = Transmission(ratio=1.0), ViscousFriction(coefficient=0.0)
+
+
+def _no_load(gear: Transmission) -> np.ndarray:
+    """No-load torque (2, 2) in motion and at rest, of forward and backward motion of the joint."""
+    if gear.no_load_torque is None:
+        return np.zeros((2, 2))
+    size, step = abs(gear.ratio), 1 if gear.ratio > 0 else -1
+    kinetic, static = gear.no_load_torque.rows(None)[0][1], gear.no_load_torque.at_rest()
+    ways = np.array([kinetic[1:], static[1:]])[:, ::step]
+    return size * ways
 
 
 @kernel
@@ -95,23 +136,37 @@ def gear_line(
     Returns:
         (slope, offset, least, greatest): the line holds for efforts from least to greatest.
     """
-    offset = direction * (gears.no_load_static[d] if static else gears.no_load[d])
-    drives = direction * effort > 0.0 or (effort == 0.0 and direction > 0.0)
-    slope = 1.0 / gears.efficiency[d] if drives else gears.back_efficiency[d]
-    if drives == (direction > 0.0):
-        return slope, offset, 0.0, np.inf
-    return slope, offset, -np.inf, 0.0
+    side, size = 0 if direction > 0.0 else 1, abs(effort)
+    up = effort >= 0.0  # at 0 the line above, too
+    way = 0 if up == (direction > 0.0) else 1
+    factor = gears.constant[d, way]
+    if gears.rise[d, way] > 0.0:
+        w = abs(gears.ratio[d]) * speed
+        factor += gears.rise[d, way] * power_of(w, gears.exponent[d, way])
+    k, end = gears.first[d, way], gears.last[d, way]
+    while k + 1 < end and (size > gears.load[k + 1] or (up and size == gears.load[k + 1])):
+        k += 1
+    rise = factor * gears.slope[k]
+    offset = factor * gears.loss[k] - rise * gears.load[k]
+    offset += gears.no_load_static[d, side] if static else gears.no_load[d, side]
+    slope = 1.0 + rise if way == 0 else 1.0 - rise
+    beyond = gears.load[k + 1] if k + 1 < end else np.inf
+    if up:
+        return slope, direction * offset, gears.load[k], beyond
+    return slope, direction * offset, -beyond, -gears.load[k]
 
 
 @kernel
 def gear_drag(gears: Gears, d: int, velocity: float) -> float:
-    """Return the torque that the motor's viscous friction takes, at the joint: r^2 viscous v.
+    """Return the torque that the motor's viscous friction takes, at the joint: |r| c |r v|^p.
 
     Args:
         gears, d: see `gear_line`.
         velocity: of the joint (rad/s or m/s).
     """
-    return gears.ratio[d] ** 2 * gears.viscous[d] * velocity
+    size = abs(gears.ratio[d])
+    drag = size * gears.viscous[d] * power_of(size * abs(velocity), gears.power[d])
+    return drag if velocity > 0.0 else -drag
 
 
 @kernel
@@ -210,7 +265,7 @@ def motor_torque_bounds(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and greatest motor torque (N m at the motor's shaft) of each sample.
 
-    T_m = [lower(t) or upper(t)]/r + r viscous v + r J_rotor a (see the module's text).
+    T_m = [lower(t) or upper(t)]/r + viscous + r J_rotor a (see the module's text).
 
     Args:
         transmission: ratio, efficiencies and the motor-side losses.

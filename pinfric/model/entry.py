@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from pydantic import (
@@ -13,6 +14,7 @@ from pydantic import (
     ConfigDict,
     Field,
     FiniteFloat,
+    TypeAdapter,
     ValidationError,
 )
 
@@ -40,6 +42,30 @@ def not_vanishing(value: float) -> float:
 Number = Annotated[FiniteFloat, BeforeValidator(strict_number)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Positive = Annotated[Number, Field(gt=0), AfterValidator(not_vanishing)]
+#: What reads the value of a key, before pydantic checks its type.
+Reader = Callable[[Any], Any]
+
+
+def number_or(entry: Reader, number: Any, made: Reader = lambda x: x) -> Reader:
+    """Return what reads a mapping as `entry` says, anything else as `made` of a number.
+
+    Decided here, an error names the one form that was meant, not every member of a union.
+
+    Args:
+        entry: reads a mapping.
+        number: the annotation of numbers.
+        made: of a valid number.
+    """
+    adapter = TypeAdapter(number)
+
+    def read(value: Any) -> Any:
+        if value is None or isinstance(value, Entry):
+            return value
+        return entry(value) if isinstance(value, dict) else made(adapter.validate_python(value))
+
+    return read
+
+
 Vector3 = tuple[Number, Number, Number]
 
 

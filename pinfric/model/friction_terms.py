@@ -16,9 +16,9 @@ import math
 from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
-from pydantic import BeforeValidator, Field, TypeAdapter, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from pinfric.model.entry import Entry, NonNegative, Positive
+from pinfric.model.entry import Entry, NonNegative, Positive, number_or
 
 
 class Strength(NamedTuple):
@@ -196,6 +196,17 @@ class DirectedCoulombFriction(FrictionTerm):
         return self.model_copy(update={"positive": positive, "negative": negative})
 
 
+def constant_friction(size: float) -> CoulombFriction | None:
+    """Return Coulomb friction (N m or N), the same at rest and in motion; None of 0."""
+    return CoulombFriction(static=size, kinetic=size) if size > 0 else None
+
+
+def coulomb_of(value: Any) -> CoulombFriction | DirectedCoulombFriction:
+    """Read a mapping as Coulomb friction, by the direction of motion if it says one."""
+    directed = bool({"positive", "negative"} & value.keys())
+    return (DirectedCoulombFriction if directed else CoulombFriction).model_validate(value)
+
+
 class ViscousFriction(FrictionTerm):
     """Friction that grows with the speed, coefficient |v|^exponent; a number is its coefficient.
 
@@ -213,17 +224,16 @@ class ViscousFriction(FrictionTerm):
         return ((Shape(power=self.exponent), Strength(0.0, self.coefficient, self.coefficient)),)
 
 
-def _with_coefficient(value: Any) -> Any:
-    """Read a number as a coefficient; 0 is no friction."""
-    if value is None or isinstance(value, dict | ViscousFriction):
-        return value
-    coefficient = _COEFFICIENT.validate_python(value)
+def linear_drag(coefficient: float) -> ViscousFriction | None:
+    """Return friction proportional to the speed (N m s/rad or N s/m); None of 0."""
     return ViscousFriction(coefficient=coefficient) if coefficient > 0 else None
 
 
-_COEFFICIENT: TypeAdapter[float] = TypeAdapter(NonNegative)
-#: `ViscousFriction`, also as a number.
-Viscous = Annotated[ViscousFriction | None, BeforeValidator(_with_coefficient)]
+#: `ViscousFriction`, also as a number; 0 is none.
+Viscous = Annotated[
+    ViscousFriction | None,
+    BeforeValidator(number_or(ViscousFriction.model_validate, NonNegative, linear_drag)),
+]
 
 
 def falling(static: Strength, kinetic: Strength, stribeck: Stribeck | None) -> tuple[Row, ...]:

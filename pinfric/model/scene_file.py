@@ -11,7 +11,7 @@ import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
 from pinfric.model.entry import parse
-from pinfric.model.friction_terms import CoulombFriction, ViscousFriction
+from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Friction, SceneFile
@@ -106,8 +106,8 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
         entry = friction.get(name, Friction())
         update: dict[str, Any] = {}
         if entry.coulomb is None and dynamics.friction > 0:
-            update["coulomb"] = CoulombFriction(static=dynamics.friction, kinetic=dynamics.friction)
+            update["coulomb"] = constant_friction(dynamics.friction)
         if "viscous" not in entry.model_fields_set and dynamics.damping > 0:
-            update["viscous"] = ViscousFriction(coefficient=dynamics.damping)
+            update["viscous"] = linear_drag(dynamics.damping)
         friction[name] = entry.model_copy(update=update)
     return friction

@@ -13,7 +13,6 @@ from pydantic import (
     ConfigDict,
     Field,
     SerializeAsAny,
-    field_validator,
     model_validator,
 )
 from pydantic_core import PydanticKnownError
@@ -25,7 +24,6 @@ from pinfric.model.entry import (
     Number,
     Positive,
     Vector3,
-    not_vanishing,
     question,
     strict_number,
 )
@@ -37,7 +35,14 @@ from pinfric.model.friction_terms import (
     LoadFriction,
     Stribeck,
     Viscous,
+    coulomb_of,
 )
+from pinfric.model.transmission import Transmission
+
+Coulomb = Annotated[
+    CoulombFriction | DirectedCoulombFriction | None,
+    BeforeValidator(lambda value: coulomb_of(value) if isinstance(value, dict) else value),
+]
 
 
 class Payload(Entry):
@@ -85,7 +90,7 @@ class Friction(Entry):
     bearing: SerializeAsAny[Bearing] | None = None
     mu: LoadFriction | None = None
     stribeck: Stribeck | None = None
-    coulomb: CoulombFriction | DirectedCoulombFriction | None = None
+    coulomb: Coulomb = None
     viscous: Viscous = None
     stick_velocity: NonNegative | None = None
 
@@ -107,16 +112,6 @@ class Friction(Entry):
             return value
         return {k: x if k in cls.model_fields else (k, x) for k, x in value.items()}
 
-    @field_validator("coulomb", mode="before")
-    @classmethod
-    def _which_coulomb(cls, value: Any) -> Any:
-        # decided here so that an error names one form, not every member of the union
-        if isinstance(value, dict):
-            directed = bool({"positive", "negative"} & value.keys())
-            form = DirectedCoulombFriction if directed else CoulombFriction
-            return form.model_validate(value)
-        return value
-
     @model_validator(mode="after")
     def _bearing_and_mu_belong_together(self) -> Friction:
         if (self.bearing is None) != (self.mu is None):
@@ -126,31 +121,6 @@ class Friction(Entry):
             question("mu.static", self.mu.static, 2.0, "")
         if self.stribeck is not None and self.mu is None and self.coulomb is None:
             raise ValueError("`stribeck` needs `mu` or `coulomb` to act on")
-        return self
-
-
-class Transmission(Entry):
-    """Ratio and losses between motor and joint; torques and inertia at the motor's shaft."""
-
-    ratio: Number
-    efficiency: Annotated[Positive, Field(le=1)] = 1.0
-    back_efficiency: Annotated[Number, Field(le=1)] | None = None
-    no_load_torque: NonNegative = 0.0
-    motor_viscous: NonNegative = 0.0
-    rotor_inertia: NonNegative = 0.0
-
-    @model_validator(mode="after")
-    def _plausible(self) -> Transmission:
-        if self.ratio == 0:
-            raise ValueError("ratio 0 connects nothing; give motor turns per joint turn")
-        not_vanishing(abs(self.ratio))
-        if self.efficiency < 1 and self.back_efficiency is None:
-            raise ValueError(
-                "`efficiency` below 1 needs `back_efficiency`, which catalogues rarely print; "
-                f"equal losses both ways give 2 - 1/efficiency = {2 - 1 / self.efficiency:.3g}"
-            )
-        question("transmission.rotor_inertia", self.rotor_inertia, 0.1, "kg m^2 (kg cm^2 entered?)")
-        question("transmission.ratio", abs(self.ratio), 1000.0, "")
         return self
 
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.robot import payload_inertia
 from pinfric.model.scene import Scene, Site
-from pinfric.model.schema import Transmission
+from pinfric.model.transmission import Transmission, driving_loss
 from pinfric.study.check.findings import (
     ANGLES,
     LENGTHS,
@@ -211,11 +211,17 @@ def _drives(scene: Scene) -> Iterator[Finding]:
 
 
 def _losses(transmission: Transmission, place: str, effort: float) -> Iterator[Finding]:
-    lost = transmission.no_load_torque * abs(transmission.ratio)
+    if (fit := driving_loss(transmission)).error > 0:
+        yield Finding(Severity.NOTE, "efficiency", f"{place}.efficiency.over_speed",
+                      f"fitted by a loss {fit.constant:.3g} + {fit.rise:.3g} w^{fit.exponent:.3g}",
+                      f"misses an efficiency by at most {100 * fit.error:.2g} points")  # fmt: skip
+    if transmission.no_load_torque is None:
+        return
+    static = max(transmission.no_load_torque.at_rest())
+    lost = static * abs(transmission.ratio)
     if 0 < effort < lost:
         yield Finding(
-            Severity.WARNING, "no-load torque", f"{place}.no_load_torque",
-            f"{transmission.no_load_torque:g} N m",
+            Severity.WARNING, "no-load torque", f"{place}.no_load_torque", f"{static:g} N m",
             f"{lost:.3g} at the joint, whose effort limit is {effort:.4g}", excess=lost / effort,
         )  # fmt: skip
 

@@ -17,10 +17,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from pinfric.errors import CatalogError, PinfricWarning, SceneError, choose_from
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, parse
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, number_or, parse
+from pinfric.model.friction_terms import constant_friction, linear_drag
+from pinfric.model.transmission import (
+    BackDriving,
+    MakersEfficiency,
+    Share,
+    Transmission,
+    driving_loss,
+)
 from pinfric.model.yamlfile import brief, read_yaml
 
 #: The bundled catalogue's name, and its folder.
@@ -125,7 +133,8 @@ class GearMotor(Sourced):
 class Gear(Sourced):
     """A gear: torques at its output unless named input; speeds and inertia at its input.
 
-    `efficiency` is the maker's at rated torque, no-load loss included. `ratio` in motor turns per
+    `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
+    scene's transmission takes them (`transmission.MakersEfficiency`). `ratio` in motor turns per
     output turn (in rad/m where `output` is linear, efforts in N then), or a list of ratios with
     the same figures. `nominal_life`: L50 in hours at rated torque and speed.
     """
@@ -143,7 +152,10 @@ class Gear(Sourced):
     input_inertia: NonNegative | None = None
     mass: Positive | None = None
     nominal_life: Positive | None = None
-    efficiency: Annotated[Positive, Field(le=1)] | None = None
+    efficiency: Annotated[
+        float | MakersEfficiency | None,
+        BeforeValidator(number_or(MakersEfficiency.model_validate, Share)),
+    ] = None
     back_efficiency: Annotated[Number, Field(le=1)] | None = None
     no_load_running_torque: NonNegative | None = None
     no_load_speed: Positive | None = None
@@ -158,9 +170,12 @@ class Gear(Sourced):
         _ascending(self, "average_input_speed", "max_input_speed")
         if not self.ratios:
             raise ValueError("ratio: an empty list; give at least one")
-        if self.no_load_running_torque is not None and self.efficiency is not None:
-            for ratio in self.ratios:
-                self._check_no_load(ratio)
+        for ratio in self.ratios:
+            if isinstance(self.efficiency, MakersEfficiency):
+                values = {"ratio": ratio, "efficiency": self.efficiency, **self.no_load()}
+                driving_loss(Transmission.model_construct(**values))
+            elif self.no_load_running_torque is not None and self.efficiency is not None:
+                self._check_no_load(ratio, self.efficiency)
         return self
 
     @property
@@ -168,17 +183,40 @@ class Gear(Sourced):
         """All ratios this entry comes in."""
         return self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
 
-    def _check_no_load(self, ratio: float) -> None:
-        assert self.no_load_running_torque is not None and self.efficiency is not None  # noqa: PT018
+    def no_load(self) -> dict[str, Any]:
+        """Return `no_load_torque` and `motor_viscous` of a transmission, as far as printed.
+
+        n_run = starting torque + viscous x speed; without a running torque the starting torque is
+        all there is, of which an efficiency that is a number at rated torque knows nothing.
+        """
+        starting, running = self.starting_torque, self.no_load_running_torque
+        viscous = 0.0
+        if running is None:
+            running = (starting or 0.0) if isinstance(self.efficiency, MakersEfficiency) else 0.0
+        elif starting is not None and self.no_load_speed is not None and running >= starting:
+            viscous, running = (running - starting) / self.no_load_speed, starting
+        return {"no_load_torque": constant_friction(running), "motor_viscous": linear_drag(viscous)}
+
+    def back_driving(self, ratio: float) -> tuple[BackDriving, float] | None:
+        """Return the torques that start it without load, and eta_b by them; None if above 1."""
+        if not self.starting_torque or self.back_driving_torque is None:
+            return None
+        found = ratio * self.starting_torque / self.back_driving_torque
+        torques = BackDriving(starting_torque=self.starting_torque,
+                              back_driving_torque=self.back_driving_torque)  # fmt: skip
+        return (torques, found) if found <= 1.0 else None
+
+    def _check_no_load(self, ratio: float, efficiency: float) -> None:
+        assert self.no_load_running_torque is not None
         if self.rated_torque is None:
             raise ValueError("no_load_running_torque beside `efficiency` needs `rated_torque`, to "
                              "take the two apart")  # fmt: skip
-        loss = self.rated_torque / ratio * (1 / self.efficiency - 1)
+        loss = self.rated_torque / ratio * (1 / efficiency - 1)
         if self.no_load_running_torque > loss:
             raise ValueError(
                 f"no_load_running_torque {self.no_load_running_torque:g} N m is more than the "
                 f"whole loss at rated torque, {loss:.3g} N m at the input (efficiency "
-                f"{self.efficiency:g}): is it at the output, or in N cm?"
+                f"{efficiency:g}): is it at the output, or in N cm?"
             )
 
 

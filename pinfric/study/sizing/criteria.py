@@ -16,6 +16,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from pinfric.model.transmission import driven_efficiency
 from pinfric.study.sizing.catalog import Conditions, Gear
 from pinfric.study.sizing.demand import DriveCycle, JointDemand, largest
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, Ratings, too_hot
@@ -372,7 +373,7 @@ def _back_driving(candidate: Candidate, conditions: Conditions) -> Criterion:
         text = note or ("" if wanted == "any" else "no figure (losses backwards)")
         return Criterion(name, status, None, None, "", None, formula, source, text)
     assert transmission is not None
-    back = 1.0 if transmission.back_efficiency is None else transmission.back_efficiency
+    back = driven_efficiency(transmission)
     if wanted == "required":
         locked = "self-locking" if back <= 0 else note
         status = Status.PASSES if back > 0 else Status.FAILS

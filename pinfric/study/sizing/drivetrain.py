@@ -9,7 +9,8 @@ the input, what is lost in proportion to the load alone is
     eta_load = t/(t/eta - n_run),      n_run = starting torque + viscous x speed
 
 so that at rated torque and speed the whole loss is the maker's, and nothing counts twice. Without
-`back_efficiency` the same loss is taken in both directions: eta_b = 2 - 1/eta_load.
+`back_efficiency` eta_b = ratio n_s/F_b, of the torques that start it without load, n_s at the input
+and F_b at the output; without these the same loss is taken both ways: eta_b = 2 - 1/eta_load.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from typing import Any
 import numpy as np
 
 from pinfric.model.drives import motor_torque_bounds
-from pinfric.model.schema import Transmission
+from pinfric.model.friction_terms import constant_friction, linear_drag
+from pinfric.model.transmission import MakersEfficiency, Transmission, load_part
 from pinfric.study.sizing.catalog import (
     REFERENCE_TEMPERATURE,
     Catalog,
@@ -307,31 +309,33 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
         rotor_inertia: at its input, the motor's included, kg m^2.
     """
     assert gear.efficiency is not None
-    eta, viscous = gear.efficiency, 0.0
-    no_load = gear.starting_torque or 0.0
-    text = f"efficiency {eta:.3g}"
-    if gear.no_load_running_torque is not None:
-        running = gear.no_load_running_torque
+    values, eta = gear.no_load(), gear.efficiency
+    back: Any = gear.back_efficiency
+    if isinstance(eta, MakersEfficiency):
+        text = "efficiency by the maker's curve"
+    elif gear.no_load_running_torque is not None:
         assert gear.rated_torque is not None  # the schema requires it
-        t = gear.rated_torque / ratio
-        eta = min(t / (t / gear.efficiency - running), 1.0)
-        if gear.starting_torque is None or gear.no_load_speed is None or running < no_load:
-            no_load = running
-        else:
-            viscous = (running - no_load) / gear.no_load_speed
-        text += f" at rated torque = {eta:.3f} load-proportional and {running:.3g} N m no-load"
+        t, running = gear.rated_torque / ratio, gear.no_load_running_torque
+        whole, eta = eta, min(t / (t + load_part(eta, t, running)), 1.0)
+        text = (f"efficiency {whole:.3g} at rated torque = {eta:.3f} load-proportional and "
+                f"{running:.3g} N m no-load")  # fmt: skip
+    else:  # without the running torque it cannot be taken out of the efficiency
+        text = (f"efficiency {eta:.3g} at any load (its no-load part is not known: part loads come "
+                "out too well)")  # fmt: skip
+    text += "; backwards "
+    if back is not None:
+        text += f"{back:.3f}"
+    elif (driven := gear.back_driving(ratio)) is not None:
+        back, found = driven
+        text += f"{found:.3f} = ratio x starting torque/back-driving torque"
+    elif isinstance(eta, MakersEfficiency):
+        back = "same_loss"
+        text += "the same loss (assumed)"
     else:
-        no_load = 0.0  # without the running torque it cannot be taken out of the efficiency
-        text += " at any load (its no-load part is not known: part loads come out too well)"
-    back = 2 - 1 / eta if gear.back_efficiency is None else gear.back_efficiency
-    text += f"; backwards {back:.3f}"
-    text += (
-        " = 2 - 1/eta, the same loss both ways (assumed)" if gear.back_efficiency is None else ""
-    )
-    values: dict[str, Any] = {
-        "ratio": ratio, "efficiency": eta, "back_efficiency": back, "no_load_torque": no_load,
-        "motor_viscous": viscous, "rotor_inertia": rotor_inertia,
-    }  # fmt: skip
+        back = 2 - 1 / eta
+        text += f"{back:.3f} = 2 - 1/eta, the same loss both ways (assumed)"
+    values |= {"ratio": ratio, "efficiency": eta, "back_efficiency": back,
+               "rotor_inertia": rotor_inertia}  # fmt: skip
     return Transmission.model_construct(**values), text  # the figures were validated in the entry
 
 
@@ -446,15 +450,15 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
     missing = ("rotor inertia",) if entry.rotor_inertia is None else ()
     friction = entry.friction
     values: dict[str, Any] = {
-        "ratio": entry.ratio, "efficiency": 1.0, "back_efficiency": 1.0, "no_load_torque": 0.0,
-        "motor_viscous": 0.0, "rotor_inertia": entry.rotor_inertia or 0.0,
+        "ratio": entry.ratio, "efficiency": 1.0, "back_efficiency": 1.0,
+        "rotor_inertia": entry.rotor_inertia or 0.0,
     }  # fmt: skip
     losses = "inside the maker's ratings at the output"
     if friction is not None:  # at the output: effort (1 + l) + base + viscous v
         values["efficiency"] = 1 / (1 + friction.load_dependent)
         values["back_efficiency"] = 1 - friction.load_dependent
-        values["no_load_torque"] = friction.base / entry.ratio
-        values["motor_viscous"] = friction.viscous / entry.ratio**2
+        values["no_load_torque"] = constant_friction(friction.base / entry.ratio)
+        values["motor_viscous"] = linear_drag(friction.viscous / entry.ratio**2)
         losses = "identified friction at the output: base, load-dependent, viscous"
     stall, derived = _stall(entry.continuous_torque, entry.rated_speed, entry.no_load_speed, None)
     return Candidate(

@@ -27,6 +27,7 @@ import pinocchio as pin
 from pinfric.errors import SweepError, choose_from, problems_line
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Payload, added_terms
+from pinfric.model.transmission import MakersEfficiency
 from pinfric.study.sweep.distributions import Distribution
 from pinfric.study.sweep.file import MOST_SAMPLES, SweepFile
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -121,6 +122,10 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
     if not found:
         raise SweepError(f"there is no {what} that is called {pattern!r}; "
                          f"{choose_from(pattern, there)}")  # fmt: skip
+    for drive in scene.drives if section == "transmission" else ():
+        if drive.name in found and isinstance(_transmission(drive).efficiency, MakersEfficiency):
+            raise SweepError(f"the efficiency of {drive.name} has the loss without load in it: "
+                             "give it as a number, of the load alone")  # fmt: skip
     if section == "payload" and len(found) > 1:
         raise SweepError(f"means {len(found)} payloads; name one: {', '.join(found)}")
     return found
@@ -246,7 +251,9 @@ def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Act
     factors = losses.get(actuator.joint or "")
     if not factors or actuator.transmission is None:
         return actuator
-    values = {key: getattr(actuator.transmission, key) * factor for key, factor in factors.items()}
+    values = {
+        key: getattr(actuator.transmission, key).scaled(factor) for key, factor in factors.items()
+    }
     return actuator.model_copy(
         update={"transmission": actuator.transmission.model_copy(update=values)}
     )

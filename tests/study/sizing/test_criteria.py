@@ -204,10 +204,10 @@ def test_catalogue_efficiency_and_no_load_torque_do_not_count_twice(tmp_path):
     transmission, text = gear_transmission(gear, 100.0, 0.0)
     assert transmission.efficiency == pytest.approx(0.87 / (0.87 / 0.77 - 0.195), rel=1e-12)
     assert transmission.efficiency == pytest.approx(0.93, abs=0.005)
-    assert transmission.no_load_torque == 0.069
+    assert transmission.no_load_torque.kinetic == 0.069
     # at rated torque and speed the input takes what the catalogue's efficiency says
-    at_input = 0.87 / transmission.efficiency + transmission.no_load_torque
-    at_input += transmission.motor_viscous * 209.44
+    at_input = 0.87 / transmission.efficiency + transmission.no_load_torque.kinetic
+    at_input += transmission.motor_viscous.coefficient * 209.44
     assert at_input == pytest.approx(0.87 / 0.77, rel=1e-12)
     assert transmission.back_efficiency == pytest.approx(2 - 1 / transmission.efficiency)
     assert "assumed" in text

@@ -77,7 +77,8 @@ def test_samples_are_single_runs_of_the_changed_scene():
                 friction[name]["coulomb"][key] *= factor
         actuators = [a.model_dump(exclude_none=True) for a in scene.actuators]
         for actuator in actuators:
-            actuator["transmission"]["no_load_torque"] *= values[3]
+            for key in ("static", "kinetic"):
+                actuator["transmission"]["no_load_torque"][key] *= values[3]
         box = scene.payloads["box"].model_dump()
         box["com"] = (0.0, 0.0, values[4])
         box["inertia"] = [x * values[5] / box["mass"] for x in box["inertia"]]

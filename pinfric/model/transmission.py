@@ -1,0 +1,335 @@
+"""Transmissions: ratio, rotor, and what a gear loses, as makers give it.
+
+With t what the joint gets (N m or N), r the ratio, sigma the joint's direction and w the motor's
+speed, what arrives at a moving gear is, seen from the joint,
+
+    u = t + sigma (g(w) L(|t|) + |r| n),     g(w) = c + d |w|^p
+
+with L the loss that the load makes, a broken line through 0, apart for a motor that drives
+(sigma t > 0) and one that is driven (sigma t < 0), and n the no-load torque at the motor. The
+motor's viscous friction and rotor inertia come on top.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from pinfric.model.entry import (
+    Entry,
+    NonNegative,
+    Number,
+    Positive,
+    not_vanishing,
+    number_or,
+    question,
+)
+from pinfric.model.friction_terms import (
+    CoulombFriction,
+    DirectedCoulombFriction,
+    Viscous,
+    constant_friction,
+    coulomb_of,
+)
+
+Share = Annotated[Positive, Field(le=1)]
+#: A number is the same both ways, at rest as in motion.
+NoLoadTorque = Annotated[
+    CoulombFriction | DirectedCoulombFriction | None,
+    BeforeValidator(number_or(coulomb_of, NonNegative, constant_friction)),
+]
+#: By how much curves over load and over speed may miss each other where they meet.
+_APART = 0.02
+
+
+class Temperature(Entry):
+    """What the temperature does to the part of a loss that grows with the speed: a factor on d.
+
+    temperature: {factor: 2.7, source: "CSD-20-100 curves: 0.71 at 0 C over 0.26 at 20 C"}
+    """
+
+    factor: Positive
+    source: Annotated[str, Field(min_length=1)]
+
+
+class MakersEfficiency(Entry):
+    """A data sheet's efficiency: all losses in it, those without load (`no_load_torque`) too.
+
+    Loads are torques (or forces) at the output, N m (N); speeds are the motor's, rad/s.
+
+        efficiency: {rated: 0.77, load: 52.0, speed: 209.4}
+        efficiency: {over_load: [[8, 0.52], [20, 0.70], [34, 0.78]], speed: 104.7}
+        efficiency: {over_speed: [[52.4, 0.76], [104.7, 0.71], [209.4, 0.64]], load: 40.0}
+
+    `speed` counts `motor_viscous` as part of what is lost there. A curve over the speed is fitted
+    by a loss c + d w^exponent; with both curves, the one over load holds at `speed`.
+    """
+
+    rated: Share | None = None
+    load: Positive | None = None
+    speed: NonNegative = 0.0
+    over_load: tuple[tuple[Positive, Share], ...] = ()
+    over_speed: tuple[tuple[NonNegative, Share], ...] = ()
+    exponent: Annotated[Positive, Field(le=4.0)] = 2.0 / 3.0
+    temperature: Temperature | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> MakersEfficiency:
+        curve = "over_speed" if self.over_speed else "over_load" if self.over_load else None
+        if (self.rated is None) == (curve is None):
+            raise ValueError(f"`rated` and `{curve}` both say it: leave one out" if curve else
+                             "needs `rated`, `over_load` or `over_speed`")  # fmt: skip
+        if self.load is None and (self.rated is not None or self.over_speed):
+            raise ValueError(f"`{'over_speed' if self.over_speed else 'rated'}` needs `load`, the "
+                             "torque at the output (N m, N) at which it holds")  # fmt: skip
+        if self.over_load and self.over_speed and "speed" not in self.model_fields_set:
+            raise ValueError("`over_load` beside `over_speed` needs `speed`, at which it holds")
+        for key in {"exponent", "temperature"} & self.model_fields_set:
+            if not self.over_speed:
+                raise ValueError(f"`{key}` says how losses grow with the speed: needs `over_speed`")
+        for key, points in (("over_load", self.over_load), ("over_speed", self.over_speed)):
+            if points and (len(points) < 2 or any(b[0] <= a[0] for a, b in pairwise(points))):
+                raise ValueError(f"`{key}` needs two points or more, ascending")
+        return self
+
+
+class BackDriving(Entry):
+    """The torques without load at which a gear starts: at its input, and driven at its output.
+
+        back_efficiency: {starting_torque: 0.029, back_driving_torque: 3.06}
+
+    With nothing at the input, F_b at the output leaves eta_b F_b for the |r| n_s that holds it:
+    eta_b = |ratio| starting_torque/back_driving_torque.
+    """
+
+    starting_torque: Positive
+    back_driving_torque: Positive
+
+
+Efficiency = Annotated[
+    float | MakersEfficiency, BeforeValidator(number_or(MakersEfficiency.model_validate, Share))
+]
+_back_efficiency = number_or(BackDriving.model_validate, Annotated[Number, Field(le=1)])
+BackEfficiency = Annotated[
+    float | BackDriving | Literal["same_loss"] | None,
+    BeforeValidator(lambda given: given if given == "same_loss" else _back_efficiency(given)),
+]
+
+
+class Transmission(Entry):
+    """Ratio and losses between motor and joint; torques and inertia at the motor's shaft.
+
+    `efficiency` as a number is what the load alone costs (t/u), `no_load_torque` comes on top; as
+    a mapping it is the maker's (`MakersEfficiency`). `back_efficiency` below 0 is a self-locking
+    gear, `same_loss` takes the driving loss backwards, too. `no_load_torque` is a number, or
+    {static, kinetic}, or these by the motor's direction, {positive: ..., negative: ...}.
+
+        transmission: {ratio: 100, efficiency: {rated: 0.77, load: 52.0, speed: 209.4},
+                       back_efficiency: {starting_torque: 0.037, back_driving_torque: 3.89},
+                       no_load_torque: {static: 0.037, kinetic: 0.030},
+                       motor_viscous: {coefficient: 0.0021, exponent: 0.667}}
+    """
+
+    ratio: Number
+    efficiency: Efficiency = 1.0
+    back_efficiency: BackEfficiency = None
+    no_load_torque: NoLoadTorque = None
+    motor_viscous: Viscous = None
+    rotor_inertia: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _plausible(self) -> Transmission:
+        if self.ratio == 0:
+            raise ValueError("ratio 0 connects nothing; give motor turns per joint turn")
+        not_vanishing(abs(self.ratio))
+        driving = driving_loss(self)
+        if self.efficiency != 1 and self.back_efficiency is None:
+            equal = ("take `same_loss`" if isinstance(self.efficiency, MakersEfficiency) else
+                     f"give 2 - 1/efficiency = {2 - 1 / self.efficiency:.3g}")  # fmt: skip
+            raise ValueError("`efficiency` below 1 needs `back_efficiency`, which catalogues rarely"
+                             f" print; equal losses both ways {equal}")  # fmt: skip
+        _check_back_driving(self)
+        if driving.error > _APART:
+            question("transmission.efficiency.over_speed: missed by", driving.error, _APART,
+                     "at most; try another `exponent` than "
+                     f"{driving.exponent:.3g}")  # fmt: skip
+        question("transmission.rotor_inertia", self.rotor_inertia, 0.1, "kg m^2 (kg cm^2 entered?)")
+        question("transmission.ratio", abs(self.ratio), 1000.0, "")
+        return self
+
+
+class LoadLoss(NamedTuple):
+    """What the load makes a gear lose, g(w) L(|t|): L a broken line, g constant + rise w^exponent.
+
+    Attributes:
+        loads: where its lines begin, the first at 0 (N m or N at the output).
+        losses, slopes: L there (N m or N), and how it grows from there (1).
+        constant, rise, exponent: of the factor on it; w is the motor's speed (rad/s).
+        error: by how much the factor misses the maker's efficiencies over the speed, at most (1).
+    """
+
+    loads: tuple[float, ...]
+    losses: tuple[float, ...]
+    slopes: tuple[float, ...]
+    constant: float = 1.0
+    rise: float = 0.0
+    exponent: float = 1.0
+    error: float = 0.0
+
+
+def load_part(efficiency: float, load: float, no_load: float) -> float:
+    """Return what the load makes of a whole loss: load (1/efficiency - 1) - no_load.
+
+    Args:
+        efficiency: whole, at this load. load, no_load: at the output (N m or N).
+    """
+    return load * (1.0 / efficiency - 1.0) - no_load
+
+
+def driving_loss(gear: Transmission) -> LoadLoss:
+    """Return what the load costs a motor that drives.
+
+    A number eta: L = (1/eta - 1) |t|. A maker's efficiencies: L = |t| (1/eta - 1) - |r| n(w) at
+    each point, straight between them, in proportion to the load beyond the last.
+
+    Raises:
+        ValueError: no such gear: a negative loss, or one by which the motor's torque falls while
+            the load grows.
+    """
+    given = gear.efficiency
+    if not isinstance(given, MakersEfficiency):
+        return LoadLoss((0.0,), (0.0,), (1.0 / given - 1.0,))
+    if given.rated is not None:
+        assert given.load is not None  # the entry requires it
+        lost = _load_part(gear, given.rated, given.load, given.speed)
+        return LoadLoss((0.0,), (0.0,), (lost / given.load,))
+    points = given.over_load
+    loads = [0.0, *(load for load, _ in points)]
+    losses = [0.0, *(_load_part(gear, eta, load, given.speed) for load, eta in points)]
+    slopes = [(after - before) / (end - start)
+              for (start, end), (before, after) in zip(pairwise(loads), pairwise(losses),
+                                                       strict=True)]  # fmt: skip
+    slopes.append(losses[-1] / loads[-1] if points else 1.0)
+    if not given.over_speed:
+        return _rising(LoadLoss(tuple(loads), tuple(losses), tuple(slopes)))
+    assert given.load is not None  # the entry requires it
+    there = float(np.interp(given.load, loads, losses)) if points else given.load
+    if points and given.load > loads[-1]:
+        there = given.load * slopes[-1]
+    return _rising(LoadLoss(tuple(loads), tuple(losses), tuple(slopes),
+                            *_over_speed(gear, given, there)))  # fmt: skip
+
+
+def driven_loss(gear: Transmission) -> LoadLoss:
+    """Return what the load loses by driving the motor: L = (1 - eta_b) |t|, or the driving loss."""
+    back = gear.back_efficiency
+    if back == "same_loss":
+        return driving_loss(gear)
+    if isinstance(back, BackDriving):
+        back = abs(gear.ratio) * back.starting_torque / back.back_driving_torque
+    return LoadLoss((0.0,), (0.0,), (0.0 if back is None else 1.0 - back,))
+
+
+def driven_efficiency(gear: Transmission) -> float:
+    """Return 1 - g(0) L' at large loads: at 0 or below no load moves the motor, self-locking."""
+    loss = driven_loss(gear)
+    return 1.0 - loss.constant * loss.slopes[-1]
+
+
+def _no_load(gear: Transmission, speed: float) -> float:
+    """What is lost without load at a motor's speed, at the output; the mean of both directions."""
+    term, viscous = gear.no_load_torque, gear.motor_viscous
+    lost = 0.0 if viscous is None else viscous.coefficient * speed**viscous.exponent
+    if term is not None:
+        kinetic = term.rows(None)[0][1]
+        lost += 0.5 * (kinetic.forward + kinetic.backward)
+    return abs(gear.ratio) * lost
+
+
+def _load_part(gear: Transmission, efficiency: float, load: float, speed: float) -> float:
+    no_load = _no_load(gear, speed)
+    part = load_part(efficiency, load, no_load)
+    if part < -1e-12 * load:
+        raise ValueError(
+            f"`efficiency` {efficiency:g} at load {load:g} loses {part + no_load:.4g} N m (N), "
+            f"`no_load_torque` and `motor_viscous` alone {no_load:.4g} at the output: the load's "
+            f"part would be {load / (load + part):.3g}, above 1; no such pair exists, take the "
+            "maker's curve (`over_load`), or give no_load_torque at the motor's shaft in N m"
+        )
+    return max(part, 0.0)
+
+
+def _over_speed(
+    gear: Transmission, given: MakersEfficiency, there: float
+) -> tuple[float, float, float, float]:
+    """Constant, rise and exponent of g, and by how much it misses the maker's efficiencies.
+
+    Least squares of g(w_i) there = load (1/eta_i - 1) - |r| n(w_i), with constant, rise >= 0.
+
+    Args:
+        gear, given: its efficiencies over the speed.
+        there: L at their load (N m or N).
+    """
+    assert given.load is not None  # the entry requires it
+    load, factor = given.load, 1.0 if given.temperature is None else given.temperature.factor
+    speeds, eta = np.array(given.over_speed).T
+    if there <= 0.0:
+        raise ValueError("`over_load` leaves no loss at `load` for `over_speed` to act on")
+    parts = [_load_part(gear, e, load, w) for w, e in zip(speeds, eta, strict=True)]
+    powers, right = speeds**given.exponent, np.array(parts) / there
+    columns = np.stack([np.ones_like(powers), powers], axis=1)
+    constant, rise = (float(x) for x in np.linalg.lstsq(columns, right, rcond=None)[0])
+    if rise < 0.0:
+        constant, rise = float(right.mean()), 0.0
+    elif constant < 0.0:
+        constant, rise = 0.0, float(powers @ right / (powers @ powers))
+    no_load = np.array([_no_load(gear, w) for w in speeds])
+    fitted = load / (load + (constant + rise * powers) * there + no_load)
+    if given.over_load:
+        _check_meeting(gear, given, there, constant + rise * given.speed**given.exponent)
+    return constant, rise * factor, given.exponent, float(np.abs(fitted - eta).max())
+
+
+def _check_meeting(gear: Transmission, given: MakersEfficiency, there: float, g: float) -> None:
+    """Refuse curves over load and over speed that differ where both say something."""
+    assert given.load is not None  # the entry requires it
+    no_load = _no_load(gear, given.speed)
+    by_load, by_speed = (given.load / (given.load + part + no_load) for part in (there, g * there))
+    if abs(by_load - by_speed) > _APART:
+        raise ValueError(f"at load {given.load:g} and speed {given.speed:g} `over_load` gives "
+                         f"{by_load:.3g}, `over_speed` {by_speed:.3g}: one of them holds "
+                         "elsewhere")  # fmt: skip
+
+
+def _rising(loss: LoadLoss) -> LoadLoss:
+    """Refuse a loss by which the motor's torque falls while the load grows."""
+    for start, slope in zip(loss.loads, loss.slopes, strict=True):
+        if 1.0 + loss.constant * slope <= 1e-9 or (slope < 0.0 < loss.rise):
+            why = ("the loss falls while the load grows, at speed without end" if loss.rise else
+                   "the motor's torque falls while the load grows")  # fmt: skip
+            raise ValueError(f"`over_load`: from {start:g} on {why}; smooth the curve")
+    return loss
+
+
+def _check_back_driving(gear: Transmission) -> None:
+    """Refuse torques at no load that cannot be, and a starting torque that is another."""
+    back, term = gear.back_efficiency, gear.no_load_torque
+    if not isinstance(back, BackDriving):
+        return
+    eta = abs(gear.ratio) * back.starting_torque / back.back_driving_torque
+    if eta > 1.0:
+        raise ValueError(
+            f"`back_efficiency`: starting_torque {back.starting_torque:g} N m x ratio = "
+            f"{abs(gear.ratio) * back.starting_torque:.4g} is more than back_driving_torque "
+            f"{back.back_driving_torque:g}: eta_b {eta:.3g}, above 1; the first is at the input, "
+            "the second at the output, both in N m"
+        )
+    if term is None or term == term.without_static():
+        return  # of what starts it nothing is said there
+    static = term.at_rest().forward
+    if abs(static - back.starting_torque) > 0.01 * static:
+        raise ValueError(f"`no_load_torque.static` {static:g} and `back_efficiency.starting_torque`"
+                         f" {back.starting_torque:g} are the same torque: they differ")  # fmt: skip
