@@ -7,7 +7,7 @@ loop's joint. A site has one *entry* in the problem, a ball three, one along eac
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,10 @@ class Layout(NamedTuple):
         n_tree: number of joints of the tree; the loops' joints follow them.
         drive_v, drive_action: (na,) velocity of each drive, its action; -1 where it has none.
         balanced: (nr,) velocities that no joint drive moves: only actions balance them.
+        part: (na,) of its joint's effort that each joint drive delivers; 1 off the joints.
+        cost: (na,) 1 / share of redundant drives, else 0.
+        shifts: number of ways to shift work between drives that are not on one joint.
+        freedoms: degrees of freedom that the loops leave.
         off_joint, solved: number of drives off the joints, and with the multipliers.
         joint: (ns,) row of each site's joint.
         first_entry, entry_count: (ns,) the entries of each site.
@@ -52,6 +56,10 @@ class Layout(NamedTuple):
     drive_v: np.ndarray
     drive_action: np.ndarray
     balanced: np.ndarray
+    part: np.ndarray
+    cost: np.ndarray
+    shifts: int
+    freedoms: int
     off_joint: int
     solved: int
     joint: np.ndarray
@@ -115,6 +123,8 @@ def make_layout(scene: Scene) -> Layout:
         drive_v=drive_v,
         drive_action=drive_action,
         balanced=np.setdiff1d(np.arange(scene.model.nv), drive_v[drive_v >= 0]).astype(np.int64),
+        **_shares(scene, drive_v),
+        freedoms=scene.mobility.freedoms,
         off_joint=0 if linkage is None else linkage.off_joint,
         solved=0 if linkage is None else linkage.solved,
         joint=np.ascontiguousarray(t.joint),
@@ -133,6 +143,36 @@ def make_layout(scene: Scene) -> Layout:
         **_coordinates(scene),
         **_displacements(scene.twin(), t.joint, t.contacts.moves),
     )
+
+
+def make_inverse_layout(scene: Scene) -> Layout:
+    """Tabulate a scene with an imagined drive, after its own, on what no drive moves.
+
+    A motion that the scene can do needs none of them.
+    """
+    layout, undriven = make_layout(scene), np.array(scene.mobility.undriven, dtype=np.int64)
+    count = len(undriven)
+    return layout._replace(
+        drive_v=np.concatenate([layout.drive_v, undriven]),
+        drive_action=np.concatenate([layout.drive_action, np.full(count, -1)]),
+        balanced=np.setdiff1d(layout.balanced, undriven),
+        part=np.concatenate([layout.part, np.ones(count)]),
+        cost=np.concatenate([layout.cost, np.zeros(count)]),
+    )
+
+
+def _shares(scene: Scene, drive_v: np.ndarray) -> dict[str, Any]:
+    """How redundant drives share the work, where all of them say so."""
+    mobility = scene.mobility
+    share, cost = np.ones(len(drive_v)), np.zeros(len(drive_v))
+    for d in mobility.redundant:
+        share[d] = scene.drives[d].share or 1.0
+        cost[d] = 1.0 / share[d]
+    together = np.where(drive_v[:, None] < 0, np.eye(len(drive_v)), drive_v[:, None] == drive_v)
+    on_joints = len(np.unique(drive_v[drive_v >= 0]))
+    driven = mobility.freedoms - len(mobility.undriven)
+    shifts = on_joints + int((drive_v < 0).sum()) - driven
+    return {"part": share / (together @ share), "cost": cost, "shifts": shifts}
 
 
 def _coordinates(scene: Scene) -> dict[str, np.ndarray]:

@@ -68,7 +68,9 @@ class InverseResult(Shown):
         multipliers: (T, number of loops, 6) force and moment of side a on side b of each loop, in
             frame b, friction and drives at the loop's joint left out; None without loops.
         interval_exact: (T,) the ends are certain; False where more sites stick than are enumerated
-            (a search by single flips), a coupled ball sticks, or a sample has several solutions.
+            (a search by single flips), a coupled ball sticks, or a sample has several solutions;
+            and, with loops, cylinders or forces, where something sticks and a joint has no drive:
+            there they are bounds, since friction balances that joint, too.
         redundant: the loops close more directions than are independent: reactions are those of
             least sum of |F|^2 + |M/l|^2 over all joints.
         actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
