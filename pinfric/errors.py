@@ -96,9 +96,9 @@ class UndrivenMotionError(StateError):
     def __init__(self, joint: str, sample: int, effort: float, counts: str) -> None:
         self.joint, self.sample, self.effort = joint, sample, effort
         super().__init__(
-            f"actuators: {counts}; undriven: {joint}, where this motion takes {effort:.3g} N m (N) "
-            f"at sample {sample}; name a drive for it, lock the joint, or give a motion that it "
-            "does by itself"
+            f"actuators: {counts}; undriven: {joint}, where this motion takes {effort:.3g} "
+            f"(N m or N) at sample {sample}; name a drive for it, lock the joint, or give a motion "
+            "that it does by itself"
         )
 
 

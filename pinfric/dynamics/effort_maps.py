@@ -186,9 +186,11 @@ def _share_work(
         if t.cost[d] == 0.0:
             continue
         for f in range(nf):
+            if t.drive_v[d] < 0:
+                along[d, f] = free[t.drive_action[d], f]
+                continue
             for c in range(ny):
-                lever = -J[c, t.drive_v[d]] if t.drive_v[d] >= 0 else float(c == t.drive_action[d])
-                along[d, f] += t.part[d] * lever * free[c, f]
+                along[d, f] -= t.part[d] * J[c, t.drive_v[d]] * free[c, f]
         for f in range(nf):
             for g in range(nf):
                 work[f, g] += t.cost[d] * along[d, f] * along[d, g]

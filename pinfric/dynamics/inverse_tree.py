@@ -220,13 +220,13 @@ def _bound_efforts(scene: Scene, answer: _Answer, threads: int) -> None:
 
 
 def _on_drives(scene: Scene, states: States, whole: slice, answer: _Answer) -> _Answer:
-    """Give the joints' efforts to their drives; see `undriven.check_undriven` for what it raises."""
+    """Give the joints' efforts to their drives; it raises what `check_undriven` does."""
     layout, undriven = make_layout(scene), list(scene.mobility.undriven)
     lower, upper = answer.effort_lower, answer.effort_upper
     check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
     narrow_friction(scene, answer.effort_frictionless, answer.friction_lower, answer.friction_upper)
-    efforts = (array[:, layout.drive_v] * layout.part for array in answer[:3])
-    return _Answer(*efforts, *answer[3:])
+    efforts = [array[:, layout.drive_v] * layout.part for array in answer[:3]]
+    return _Answer._make([*efforts, *answer[3:]])
 
 
 def _of_drives(scene: Scene, *rates: np.ndarray) -> tuple[np.ndarray, ...]:

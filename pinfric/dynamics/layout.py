@@ -7,7 +7,7 @@ loop's joint. A site has one *entry* in the problem, a ball three, one along eac
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -110,6 +110,7 @@ def make_layout(scene: Scene) -> Layout:
     n_tree = scene.model.njoints - 1
     drive_v = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
     drive_action = np.array([getattr(d, "column", -1) for d in scene.drives], dtype=np.int64)
+    part, cost, shifts = _shares(scene, drive_v)
     bearings = [site.friction.bearing for site in sites]
     levers = [None if bearing is None else bearing.roll_lever() for bearing in bearings]
     rubs = t.laws.loaded & np.isin(np.arange(len(sites)), t.contacts.site)
@@ -123,7 +124,9 @@ def make_layout(scene: Scene) -> Layout:
         drive_v=drive_v,
         drive_action=drive_action,
         balanced=np.setdiff1d(np.arange(scene.model.nv), drive_v[drive_v >= 0]).astype(np.int64),
-        **_shares(scene, drive_v),
+        part=part,
+        cost=cost,
+        shifts=shifts,
         freedoms=scene.mobility.freedoms,
         off_joint=0 if linkage is None else linkage.off_joint,
         solved=0 if linkage is None else linkage.solved,
@@ -161,8 +164,8 @@ def make_inverse_layout(scene: Scene) -> Layout:
     )
 
 
-def _shares(scene: Scene, drive_v: np.ndarray) -> dict[str, Any]:
-    """How redundant drives share the work, where all of them say so."""
+def _shares(scene: Scene, drive_v: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """Part, cost and shifts: how redundant drives share the work, where all of them say so."""
     mobility = scene.mobility
     share, cost = np.ones(len(drive_v)), np.zeros(len(drive_v))
     for d in mobility.redundant:
@@ -172,7 +175,7 @@ def _shares(scene: Scene, drive_v: np.ndarray) -> dict[str, Any]:
     on_joints = len(np.unique(drive_v[drive_v >= 0]))
     driven = mobility.freedoms - len(mobility.undriven)
     shifts = on_joints + int((drive_v < 0).sum()) - driven
-    return {"part": share / (together @ share), "cost": cost, "shifts": shifts}
+    return share / (together @ share), cost, shifts
 
 
 def _coordinates(scene: Scene) -> dict[str, np.ndarray]:

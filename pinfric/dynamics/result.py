@@ -115,7 +115,7 @@ class InverseResult(Shown):
         ended = [(status.name.lower(), int((self.status == status).sum())) for status in Status]
         return screen("InverseResult", f"of {file_name(self.scene.source)}: {samples}{span}", {
             "drives": listed(self.actuator_names),
-            "peaks": f"{listed(self.actuator_names, peaks)} (N m or N)",
+            "peaks": f"{listed(self.actuator_names, peaks)} (N m or N)" if peaks else "",
             "friction": friction if sticks else "none",
             "status": ", ".join(f"{count} {name}" for name, count in ended if count),
             "more": ".summary() .plot() .to_dataframe() .stick_intervals() .check()",

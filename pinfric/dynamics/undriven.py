@@ -1,4 +1,4 @@
-"""Scenes whose drives are not one per freedom: what inverse dynamics can say of them, and cannot."""
+"""Scenes whose drives are not one per freedom: what inverse dynamics can say of them."""
 
 from __future__ import annotations
 
@@ -67,9 +67,7 @@ def _size(scene: Scene, states: States) -> float:
     return float((np.abs(bias) + np.abs(whole - bias)).max(initial=0.0))
 
 
-def narrow_friction(
-    scene: Scene, effort: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> None:
+def narrow_friction(scene: Scene, effort: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
     """Narrow the friction (T, ns) of undriven joints of an open chain to what balances them.
 
     sum of ratio phi over a joint's sites = effort: each has what the others leave.

@@ -73,7 +73,9 @@ def mobility_of_linkage(
     Raises:
         SceneError: a loop that cannot close, a planar pin whose axes are nearly parallel.
     """
-    freedoms, best, undriven, redundant = twin.nv, -1, [0], ()
+    freedoms, best = twin.nv, -1
+    undriven: list[int] = []
+    redundant: list[int] = []
     scale = min(1.0, linkage.size)
     for q in closed_configurations(twin, linkage, start, source, doubts):
         zero = np.zeros((1, twin.nv))
@@ -93,6 +95,7 @@ def mobility_of_linkage(
         freedoms = min(freedoms, twin.nv - rank_closed)
         if rank > best:
             best, undriven = rank, sorted(order[rank:])
-            redundant = tuple(d for d in range(len(S)) if len(S) > rank - rank_closed and
-                              full_pivot(np.delete(rows, len(closed) + d, 0), scale)[0] == rank)
-    return Mobility(freedoms, tuple(undriven), redundant)
+            without = [np.delete(rows, len(closed) + d, axis=0) for d in range(len(S))]
+            redundant = [d for d, others in enumerate(without)
+                         if full_pivot(others, scale)[0] == rank]  # fmt: skip
+    return Mobility(freedoms, tuple(undriven), tuple(redundant))
