@@ -8,7 +8,7 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
 from pinfric.dynamics.closure import working_rates
-from pinfric.errors import SceneError, UndrivenMotionError
+from pinfric.errors import SceneError, StateError, UndrivenMotionError
 
 CART, POLE, LENGTH = 2.0, 0.5, 0.6
 ARM = POLE * LENGTH / 2  # first moment about the pin
@@ -150,6 +150,11 @@ def test_a_mechanism_without_drives_keeps_its_energy():
     kinetic = pin.computeKineticEnergy(scene.model, data, motion.q[-1], motion.v[-1])
     assert kinetic > 0.1
     np.testing.assert_allclose(energy, energy[0], atol=1e-7 * kinetic)
+    assert motion.summary().empty
+    found = pf.inverse_dynamics(scene, motion)
+    assert found.summary().empty
+    with pytest.raises(StateError, match="has no drives"):
+        found.plot()
 
 
 @pytest.mark.parametrize("still", [False, True])

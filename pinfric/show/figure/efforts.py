@@ -87,13 +87,15 @@ def effort_figure(
             said below the title.
 
     Raises:
-        StateError: the result has no times, or no drive of a name.
+        StateError: the result has no times, no drives, or no drive of a name.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     if result.t is None:
         raise StateError("a figure over time needs times: give `t` to inverse_dynamics")
+    if not result.actuator_names:
+        raise StateError(f"{result.scene.source}: has no drives, whose efforts a figure would show")
     chosen, left = _chosen(result, summarize(result), drives)
     count = len(chosen)
     columns = 1 if count <= 8 else 2 if count <= 16 else 3
