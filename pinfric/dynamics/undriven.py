@@ -9,9 +9,10 @@ from pinfric.dynamics.states import States
 from pinfric.errors import SceneError, UndrivenMotionError
 from pinfric.model.closure import velocity_names
 from pinfric.model.scene import Scene
+from pinfric.model.twin import PRISMATIC
 
-#: A motion whose undriven joints take this share of its largest effort does without.
-_OBEYS = 1e-6
+#: What is this small beside the terms that it is the sum of is none: angles have six digits.
+_OBEYS = 1e-5
 
 
 def check_shares(scene: Scene) -> None:
@@ -46,25 +47,39 @@ def check_undriven(
     Raises:
         UndrivenMotionError: 0 is not between them, by more than rounding.
     """
-    undriven = scene.mobility.undriven
+    undriven = list(scene.mobility.undriven)
     if not undriven or not len(lower):
         return
-    missing = np.fmax(np.fmax(lower, -upper), 0.0)
-    sample, place = np.unravel_index(np.argmax(np.nan_to_num(missing)), missing.shape)
-    if missing[sample, place] > _OBEYS * _size(scene, states.part(whole)):
+    missing = np.nan_to_num(np.fmax(np.fmax(lower, -upper), 0.0))
+    size = np.maximum(_terms(scene, states.part(whole)), _weights(scene)[undriven])
+    sample, place = np.unravel_index(np.argmax(missing / np.maximum(size, 1e-300)), missing.shape)
+    if missing[sample, place] > _OBEYS * size[place]:
         raise UndrivenMotionError(
             velocity_names(scene.model)[undriven[place]], whole.start + int(sample),
             float(missing[sample, place]), scene.mobility.counts(len(scene.drives)),
         )  # fmt: skip
 
 
-def _size(scene: Scene, states: States) -> float:
-    """The largest of the terms, |h| + |M a|, that efforts are the sum of (N m or N)."""
+def _terms(scene: Scene, states: States) -> float:
+    """The largest |h| + |M a| of a motion (N m or N)."""
     pool = scene.twin().plain_pool(1)
     bias, whole = np.empty_like(states.v), np.empty_like(states.v)
     pin.rneaInParallel(1, pool, states.q.T, states.v.T, np.zeros_like(states.a).T, bias.T)
     pin.rneaInParallel(1, pool, states.q.T, states.v.T, states.a.T, whole.T)
     return float((np.abs(bias) + np.abs(whole - bias)).max(initial=0.0))
+
+
+def _weights(scene: Scene) -> np.ndarray:
+    """(nv,) most that the weight of what a joint carries can take of it (N m or N)."""
+    model, out = scene.model, np.zeros(scene.model.nv)
+    data, g = model.createData(), float(np.linalg.norm(model.gravity.linear))
+    pin.crba(model, data, pin.neutral(model))
+    for kind, joint, carried in zip(
+        scene.twin().kind, list(model.joints)[1:], list(data.Ycrb)[1:], strict=True
+    ):
+        lever = 1.0 if kind == PRISMATIC else float(np.linalg.norm(carried.lever))
+        out[joint.idx_v : joint.idx_v + joint.nv] = carried.mass * g * lever
+    return out
 
 
 def narrow_friction(scene: Scene, effort: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:

@@ -95,7 +95,8 @@ def mobility_of_linkage(
         freedoms = min(freedoms, twin.nv - rank_closed)
         if rank > best:
             best, undriven = rank, sorted(order[rank:])
-            without = [np.delete(rows, len(closed) + d, axis=0) for d in range(len(S))]
+            several = len(S) > rank - rank_closed
+            without = [np.delete(rows, len(closed) + d, axis=0) for d in range(len(S) * several)]
             redundant = [d for d, others in enumerate(without)
                          if full_pivot(others, scale)[0] == rank]  # fmt: skip
     return Mobility(freedoms, tuple(undriven), tuple(redundant))

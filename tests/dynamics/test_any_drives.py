@@ -110,12 +110,18 @@ def test_a_motion_that_an_undriven_joint_does_not_do_is_refused_with_joint_sampl
     q, v = np.array([[0.0, -np.pi / 2]] * 3), np.zeros((3, 2))
     a = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
     # hanging: the cart's acceleration takes m c x'' at the pole; static friction holds 0.02
-    a[0, 1], taken = 0.0, 2.0 * ARM - 0.02
+    taken = 2.0 * ARM - 0.02
     with pytest.raises(UndrivenMotionError, match=r"1 for 2 .* undriven: pole") as said:
         pf.inverse_dynamics(scene, q, v, a)
     assert (said.value.joint, said.value.sample) == ("pole", 2)
     assert said.value.effort == pytest.approx(taken, rel=1e-9)
     assert pf.inverse_dynamics(scene, q[:1], v[:1], a[:1]).effort_upper[0, 0] == 0.3
+
+
+@pytest.mark.parametrize("digits", [16, 4])
+def test_a_pole_that_hangs_without_friction_needs_no_drive_whatever_its_digits(digits):
+    q = np.array([0.0, round(-np.pi / 2, digits)])
+    assert pf.inverse_dynamics(cart_pole({}), q, np.zeros(2), np.zeros(2)).effort_upper == 0.0
 
 
 def test_friction_at_rest_of_an_undriven_joint_is_what_balances_it():
