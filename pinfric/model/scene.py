@@ -352,12 +352,16 @@ class Scene:
             joints = range(1, self.model.njoints)
             return tuple(drive for joint in joints for drive in self._ideal(joint))
         off_joint = {} if self.linkage is None else {d.name: d for d in self.linkage.drives}
+        moving = {*self.joint_names, *(loop.name for loop in self.loops)}
         listed: dict[str, Drive] = {}
         for actuator in self.actuators:
             name = actuator.drive_name
             if name in listed:
                 raise SceneError(f"{self.source}: actuators: {name!r} stands twice; several drives "
                                  "on one joint need a `name` each")  # fmt: skip
+            if name != actuator.joint and name in moving:
+                raise SceneError(f"{self.source}: actuators: the name {name!r} is taken by a joint "
+                                 "or a loop that this drive does not move")  # fmt: skip
             listed[name] = off_joint.get(name) or self._drive(actuator)
         if self.linkage is not None:
             return tuple(listed.values())

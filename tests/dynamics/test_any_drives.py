@@ -228,6 +228,10 @@ def test_a_cylinder_and_a_motor_on_one_joint_share_by_their_levers():
     found = pf.inverse_dynamics(boom(shares), [angle], [0.7], [a])
     np.testing.assert_allclose(found.effort_lower[0], by_hand, rtol=1e-12)
     assert found.check().passed()
+    rubs = {"boom": {"coulomb": {"static": 3.0, "kinetic": 2.0}}}
+    rest = pf.inverse_dynamics(boom(shares, friction=rubs), [angle], [0.0], [a])
+    for end, side in ((rest.effort_lower, -3.0), (rest.effort_upper, 3.0)):
+        np.testing.assert_allclose(end[0], by_hand * (1.0 + side / tau), rtol=1e-12)
     back = pf.forward_dynamics(boom(), np.array([angle]), np.array([0.7]), by_hand)
     np.testing.assert_allclose(back.a, [a], rtol=1e-12)
 
@@ -271,6 +275,7 @@ def test_two_motors_at_the_joint_that_closes_a_loop():
     ("actuators", "says"),
     [
         ([{"joint": "cart"}, {"joint": "cart"}], "'cart' stands twice; .* need a `name` each"),
+        ([{"joint": "cart", "name": "pole"}], "the name 'pole' is taken by a joint"),
         ([{"joint": "cart", "share": 0}], "share"),
         ([{"force": {"name": "f", "link": "cart", "direction": [1, 0, 0]}, "name": "g"}],
          "`name` stands inside `force`"),
