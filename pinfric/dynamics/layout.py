@@ -155,6 +155,8 @@ def make_inverse_layout(scene: Scene) -> Layout:
     """
     layout, undriven = make_layout(scene), np.array(scene.mobility.undriven, dtype=np.int64)
     count = len(undriven)
+    if not count:
+        return layout
     return layout._replace(
         drive_v=np.concatenate([layout.drive_v, undriven]),
         drive_action=np.concatenate([layout.drive_action, np.full(count, -1)]),
@@ -168,6 +170,8 @@ def _shares(scene: Scene, drive_v: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     """Part, cost and shifts: how redundant drives share the work, where all of them say so."""
     mobility = scene.mobility
     share, cost = np.ones(len(drive_v)), np.zeros(len(drive_v))
+    if not mobility.redundant:
+        return share, cost, 0
     for d in mobility.redundant:
         share[d] = scene.drives[d].share or 1.0
         cost[d] = 1.0 / share[d]

@@ -94,8 +94,6 @@ def effort_figure(
 
     if result.t is None:
         raise StateError("a figure over time needs times: give `t` to inverse_dynamics")
-    if not result.actuator_names:
-        raise StateError(f"{result.scene.source}: has no drives, whose efforts a figure would show")
     chosen, left = _chosen(result, summarize(result), drives)
     count = len(chosen)
     columns = 1 if count <= 8 else 2 if count <= 16 else 3
@@ -150,6 +148,8 @@ def _chosen(
     result: InverseResult, summaries: Sequence[ActuatorSummary], drives: Sequence[str] | None
 ) -> tuple[dict[int, ActuatorSummary], str]:
     """What is drawn, by column, and what to say of the rest."""
+    if not summaries:
+        raise StateError(f"{result.scene.source}: has no drives, whose efforts a figure would show")
     if drives is not None:
         for name in drives:
             if name not in result.actuator_names:
