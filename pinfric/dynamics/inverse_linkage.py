@@ -55,8 +55,8 @@ def solve_linkage(
     check_roll_moments(scene, wrench, whole.start)
     drive_rates = actuator_rates(scene, states, rates, around)
     if scene.mobility.undriven:  # friction at rest must balance it, too: what it can do is less
-        answer.exact[:] &= (site_speeds(layout, velocity) > layout.laws.stick_velocity).all(axis=1)
-        answer.exact[:] &= ~reversal.any(axis=1)
+        rests = reversal | (site_speeds(layout, velocity) <= layout.laws.stick_velocity)
+        answer.exact[(rests & layout.laws.dry).any(axis=1)] = False
     na, undriven = len(scene.drives), answer.lower[:, len(scene.drives) :]
     check_undriven(scene, states, whole, undriven, answer.upper[:, na:])
     efforts = answer.lower[:, :na], answer.upper[:, :na]
