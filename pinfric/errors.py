@@ -84,18 +84,36 @@ class LoopMotionError(StateError):
         )
 
 
+class UndrivenMotionError(StateError):
+    """A motion that takes an effort where the scene has no drive.
+
+    Attributes:
+        joint: what no drive moves.
+        sample: the one that takes most.
+        effort: what it takes there beyond all that friction can give (N m or N).
+    """
+
+    def __init__(self, joint: str, sample: int, effort: float, counts: str) -> None:
+        self.joint, self.sample, self.effort = joint, sample, effort
+        super().__init__(
+            f"actuators: {counts}; undriven: {joint}, where this motion takes {effort:.3g} "
+            f"(N m or N) at sample {sample}; name a drive for it, lock the joint, or give a motion "
+            "that it does by itself"
+        )
+
+
 class ToggleError(StateError):
-    """A configuration in which the loops let more motions through than there are drives.
+    """A configuration in which the loops let more motions through than elsewhere.
 
     Attributes:
         loop: name of one of the loops.
     """
 
-    def __init__(self, loop: str, freedoms: int, drives: int) -> None:
-        self.loop, self.freedoms, self.drives = loop, freedoms, drives
+    def __init__(self, loop: str, freedoms: int, elsewhere: int) -> None:
+        self.loop, self.freedoms, self.elsewhere = loop, freedoms, elsewhere
         super().__init__(
             f"loop {loop!r}: a toggle: the mechanism has {freedoms} degrees of freedom here and "
-            f"{drives} elsewhere: how it moves on does not follow from its mechanics; start "
+            f"{elsewhere} elsewhere: how it moves on does not follow from its mechanics; start "
             "elsewhere or keep the motion away from it"
         )
 

@@ -85,8 +85,8 @@ def _plain_rnea(
 def _residuals(
     result: InverseResult, i: int, total: np.ndarray, wrenches: np.ndarray
 ) -> np.ndarray:
-    sites = result.scene.sites
-    states = result.states
+    sites, states = result.scene.sites, result.states
+    undriven = list(result.scene.mobility.undriven)
     D = np.zeros((len(total), len(sites)))
     law = wrench = 0.0
     for s, site in enumerate(sites):
@@ -97,16 +97,21 @@ def _residuals(
         load = plain_normal_load(site, w, plain_displacement(result.scene, site, states.q[i]))
         v = site.ratio * states.v[i, site.velocity_index]
         least, greatest = plain_friction(site, v, load, bool(result.reversal[i, s]))
-        law = max(law, abs(result.friction_lower[i, s] - least),
-                  abs(result.friction_upper[i, s] - greatest),
-                  abs(result.normal_load[i, s] - load))  # fmt: skip
+        ends = result.friction_lower[i, s] - least, greatest - result.friction_upper[i, s]
+        # what balances an undriven joint is less than what friction can do
+        off = max(-min(ends), 0.0) if site.velocity_index in undriven else np.abs(ends).max()
+        law = max(law, off, abs(result.normal_load[i, s] - load))
     # the friction that gives each end of each effort, by the sign of its column
     phi_low, phi_high = result.friction_lower[i], result.friction_upper[i]
     most = np.where(D >= 0, D * phi_high, D * phi_low).sum(axis=1)
     least_d = np.where(D >= 0, D * phi_low, D * phi_high).sum(axis=1)
+    on = [drive.velocity_index for drive in result.scene.drives]
+    share = np.array([drive.share or 1.0 for drive in result.scene.drives])
+    part = share / [share[np.equal(on, v)].sum() for v in on]
     equilibrium = max(
-        float(np.abs(total - result.effort_lower[i] - most).max(initial=0)),
-        float(np.abs(total - result.effort_upper[i] - least_d).max(initial=0)),
-        float(np.abs(total - result.effort_frictionless[i]).max(initial=0)),
+        float(np.abs(part * (total - most)[on] - result.effort_lower[i]).max(initial=0)),
+        float(np.abs(part * (total - least_d)[on] - result.effort_upper[i]).max(initial=0)),
+        float(np.abs(part * total[on] - result.effort_frictionless[i]).max(initial=0)),
+        float(np.maximum(total - most, least_d - total)[undriven].max(initial=0)),
     )
     return np.array([equilibrium, law, wrench])

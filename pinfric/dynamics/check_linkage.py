@@ -140,6 +140,8 @@ def _pairs(scene: Scene, model: pin.Model, data: pin.Data) -> dict[str, Pair]:
             along = np.array(force.direction) / np.linalg.norm(force.direction)
             direction = np.concatenate([pose.rotation @ along, np.zeros(3)])
             pairs[force.name] = Pair(force.name, 0, b, pose.translation, pose.rotation, direction)
+        elif actuator.joint in pairs:  # of a loop, under the drive's own name
+            pairs[actuator.drive_name] = pairs[actuator.joint]
     return pairs
 
 
@@ -190,6 +192,8 @@ def _residuals(
     vector = pin.StdVec_Force()
     vector.extend(forces)
     left = pin.rnea(model, model.createData(), s.q[i], s.v[i], s.a[i], vector) - drive_effort
+    if not result.interval_exact[i]:  # ends are bounds, of whatever balances what is undriven
+        left[list(scene.mobility.undriven)] = 0.0
     work = model.createData()
     pin.rnea(model, work, s.q[i], s.v[i], s.a[i], vector)
     wrenches = np.array([f.vector for f in work.f][1:]).reshape(-1, 6)
@@ -199,7 +203,7 @@ def _residuals(
         if site.loop >= 0:
             w = end.multipliers[site.loop] + _loop_friction(site, phi)
             for drive, effort in zip(scene.drives, end.effort, strict=True):
-                if drive.name == site.name:
+                if drive.velocity_index < 0 and pairs[drive.name] is pairs[site.name]:
                     w = w + effort * _loop_friction(site, np.ones(1))
         else:
             w = wrenches[site.joint]
@@ -257,7 +261,11 @@ def _law_error(
 def _frictionless(
     result: InverseResult, model: pin.Model, data: pin.Data, pairs: dict[str, Pair], i: int
 ) -> float:
-    """How far `effort_frictionless` is from the least-squares solution of the equilibrium."""
+    """How far `effort_frictionless` is from the least-squares solution of the equilibrium.
+
+    Of all that balances along the motions that loops and undriven joints leave, the sum of
+    effort^2 / share is least.
+    """
     scene, s = result.scene, result.states
     forces = pin.StdVec_Force()
     forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
@@ -272,6 +280,7 @@ def _frictionless(
         else:
             unit = _generalized(model, data, pairs[drive.name], pairs[drive.name].direction)
         columns.append(unit)
+    passive = list(np.eye(model.nv)[list(scene.mobility.undriven)])
     linkage = scene.linkage
     assert linkage is not None
     for c in range(linkage.off_joint, linkage.solved):
@@ -280,8 +289,12 @@ def _frictionless(
             scene.loops[linkage.column_pair[c]].kind == "universal" and linkage.unit[c, 3:].any()
         )
         wrench = pair.direction if turns else _in_world(pair, linkage.unit[c])
-        columns.append(_generalized(model, data, pair, wrench))
-    K = np.array(columns).T
-    x = np.linalg.lstsq(K, tau, rcond=1e-12)[0]
-    error = np.abs(result.effort_frictionless[i] - x[: len(scene.drives)]).max(initial=0.0)
-    return max(float(error), float(np.abs(K @ x - tau).max(initial=0.0)))
+        passive.append(_generalized(model, data, pair, wrench))
+    root = np.sqrt([drive.share or 1.0 for drive in scene.drives])
+    S = np.array(columns).reshape(-1, model.nv).T
+    still, size, _ = np.linalg.svd(np.array(passive).reshape(-1, model.nv).T)
+    rank = int((size > 1e-12 * size.max(initial=0.0)).sum())
+    free = still[:, rank:].T
+    u = root * np.linalg.lstsq(free @ S * root, free @ tau, rcond=1e-12)[0]
+    error = np.abs(result.effort_frictionless[i] - u).max(initial=0.0)
+    return max(float(error), float(np.abs(free @ (S @ u - tau)).max(initial=0.0)))

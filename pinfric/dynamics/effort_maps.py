@@ -4,7 +4,8 @@
 
 (paper eq. 7, 16, 17). Drives on joints of the tree only balance their own row, so A has the other
 rows. Full pivoting, the paper's choice, finds its rank: fewer than its rows is a toggle, where
-drives cannot balance the load; fewer than its columns, redundant closures (`maps.share_redundant`).
+drives cannot balance the load; fewer than its columns, redundant drives, which share the work such
+that the sum of u^2 / share is least, and redundant closures (`maps.share_redundant`).
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ class EffortTables(NamedTuple):
     drive_v: np.ndarray
     drive_action: np.ndarray
     balanced: np.ndarray
+    part: np.ndarray
+    cost: np.ndarray
+    shifts: int
     joint: np.ndarray
     n_tree: int
     entry_v: np.ndarray
@@ -146,10 +150,65 @@ def _balance(
         free[order[nr + f], f] = 1.0
         for r in range(nr):
             free[order[r], f] = -A[r, nr + f]
+    if t.shifts > 0:
+        left = np.empty((ny, free.shape[1] - t.shifts))
+        if not _share_work(t, total_effort, J, free, y, left):
+            return False
+        free = left
+        if free.shape[1] == 0:
+            return True
     given = np.empty((X.shape[0], 6, columns))
     for j in range(X.shape[0]):
         _write_wrench(t, j, wrench, X, y, given[j])
     return share_redundant(given, X, free, t.inverse_length, y)
+
+
+@kernel
+def _share_work(
+    t: EffortTables, total_effort: np.ndarray, J: np.ndarray, free: np.ndarray, y: np.ndarray,
+    left: np.ndarray,
+) -> bool:  # fmt: skip
+    """Add to y what is free of it so that the sum of cost u^2 over the drives is least.
+
+    Args:
+        t, total_effort, J: see `_balance`.
+        free: (ny, nf) what may be added to y (ny, 1 + ne).
+        left: (ny, nf - shifts), overwritten: what may still be added, which moves no drive.
+
+    Returns:
+        False where the least is not unique.
+    """
+    (ny, nf), (na, columns) = free.shape, (t.drive_v.size, y.shape[1])
+    effort, along = np.empty((na, columns)), np.zeros((na, nf))
+    _write_efforts(t, total_effort, J, y, effort)
+    work, order = np.zeros((nf, nf + columns)), np.empty(nf, np.int64)
+    for d in range(na):
+        if t.cost[d] == 0.0:
+            continue
+        for f in range(nf):
+            if t.drive_v[d] < 0:
+                along[d, f] = free[t.drive_action[d], f]
+                continue
+            for c in range(ny):
+                along[d, f] -= t.part[d] * J[c, t.drive_v[d]] * free[c, f]
+        for f in range(nf):
+            for g in range(nf):
+                work[f, g] += t.cost[d] * along[d, f] * along[d, g]
+            for n in range(columns):
+                work[f, nf + n] -= t.cost[d] * along[d, f] * effort[d, n]
+    rank = eliminate_full_pivot(work, nf, order, 0.0)
+    if rank != t.shifts:
+        return False
+    for f in range(rank):
+        for n in range(columns):
+            for c in range(ny):
+                y[c, n] += free[c, order[f]] * work[f, nf + n]
+    for f in range(nf - rank):
+        for c in range(ny):
+            left[c, f] = free[c, order[rank + f]]
+            for r in range(rank):
+                left[c, f] -= free[c, order[r]] * work[r, rank + f]
+    return True
 
 
 @kernel
@@ -174,7 +233,7 @@ def _write_efforts(
             total = total_effort[v] if k == 0 else -_lever(t, J, k - 1, v)
             for c in range(y.shape[0]):
                 total -= J[c, v] * y[c, k]
-            effort[d, k] = total
+            effort[d, k] = t.part[d] * total
 
 
 @kernel

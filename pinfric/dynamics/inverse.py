@@ -18,6 +18,7 @@ from pinfric.dynamics.inverse_tree import solve_tree
 from pinfric.dynamics.reactions import applied_wrenches, slices
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike, States, attached_columns
+from pinfric.dynamics.undriven import check_shares
 from pinfric.errors import StateError
 from pinfric.model.arrays import whole_number
 from pinfric.model.scene import Scene
@@ -73,6 +74,8 @@ def inverse_dynamics(
         StateError: not real numbers, a wrong shape, a value not finite, times not increasing.
         RollMomentError: a guide without width is loaded by a moment about its axis.
         LoopMotionError: a loop is open, or the motion violates it.
+        SceneError: drives share the work, and nothing says how.
+        UndrivenMotionError: a joint without drive would need one.
     """
     if not isinstance(q, np.ndarray) and hasattr(q, "q"):
         if not (v is None and a is None and t is None):
@@ -84,6 +87,7 @@ def inverse_dynamics(
         raise StateError("inverse_dynamics needs q, v and a, or one motion that has all of them")
     states = States.of(scene, q, v, a, t, attached)
     applied = applied_wrenches(scene, external, len(states.q))
+    check_shares(scene)
     solve = solve_tree if scene.linkage is None else solve_linkage
     if chunks is None:
         return solve(scene, states, applied, slice(0, len(states.q)), threads)

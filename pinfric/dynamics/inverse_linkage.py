@@ -13,7 +13,7 @@ import numpy as np
 from pinfric.dynamics.closure import PairRates, pair_rates
 from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
 from pinfric.dynamics.interval_ends import Answer, Solver
-from pinfric.dynamics.layout import Layout, make_layout
+from pinfric.dynamics.layout import Layout, make_inverse_layout
 from pinfric.dynamics.linkage_batch import friction_maps, friction_velocities, loop_wrenches
 from pinfric.dynamics.motor_torques import motor_torques
 from pinfric.dynamics.reactions import (
@@ -27,6 +27,7 @@ from pinfric.dynamics.reactions import (
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.states import States
+from pinfric.dynamics.undriven import check_undriven
 from pinfric.model.scene import Scene
 
 #: What of each batch's answer stays.
@@ -41,7 +42,7 @@ def solve_linkage(
 
     Args, raises: see `inverse.inverse_dynamics`; besides, `closure.pair_rates`.
     """
-    layout, around, inner = make_layout(scene), states.around(whole), states.inside(whole)
+    layout, around, inner = make_inverse_layout(scene), states.around(whole), states.inside(whole)
     rates = pair_rates(scene, states, around, whole)
     wider = friction_velocities(layout, states.v[around], rates)
     velocity = np.ascontiguousarray(wider[inner])
@@ -53,14 +54,20 @@ def solve_linkage(
     )
     check_roll_moments(scene, wrench, whole.start)
     drive_rates = actuator_rates(scene, states, rates, around)
-    torques = motor_torques(scene, states, whole, (answer.lower, answer.upper), *drive_rates)
+    if scene.mobility.undriven:  # friction at rest must balance it, too: what it can do is less
+        rests = reversal | (site_speeds(layout, velocity) <= layout.laws.stick_velocity)
+        answer.exact[(rests & layout.laws.dry).any(axis=1)] = False
+    na, undriven = len(scene.drives), answer.lower[:, len(scene.drives) :]
+    check_undriven(scene, states, whole, undriven, answer.upper[:, na:])
+    efforts = answer.lower[:, :na], answer.upper[:, :na]
+    torques = motor_torques(scene, states, whole, efforts, *drive_rates)
     return InverseResult(
         scene=scene,
         states=states.part(whole),
         external=tuple(AppliedWrench(w.joint, w.wrench[whole]) for w in applied),
-        effort_lower=answer.lower,
-        effort_upper=answer.upper,
-        effort_frictionless=frictionless,
+        effort_lower=efforts[0],
+        effort_upper=efforts[1],
+        effort_frictionless=frictionless[:, :na],
         motor_torque_lower=torques[0],
         motor_torque_upper=torques[1],
         sticking=site_speeds(layout, velocity) <= layout.laws.stick_velocity,
@@ -74,7 +81,7 @@ def solve_linkage(
         status=answer.status,
         multipliers=multipliers,
         interval_exact=answer.exact,
-        redundant=layout.solved > len(layout.balanced),
+        redundant=layout.solved - layout.off_joint > scene.model.nv - layout.freedoms,
         actuator_velocity=drive_rates[0][inner],
         actuator_acceleration=drive_rates[1][inner],
     )
@@ -96,7 +103,7 @@ def _solve_batches(
     assert linkage is not None
     threads = threads_for(T, threads)
     answer, tables = Answer.of(layout, T), EffortTables.of(layout)
-    frictionless = np.empty((T, len(scene.drives)))
+    frictionless = np.empty((T, len(layout.drive_v)))
     wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, layout.solved))
     multipliers = np.empty((T, len(scene.loops), 6))
     batch = Batch.of(scene.twin(), min(T, CHUNK * threads))

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from pinfric.dynamics.layout import make_layout
 from pinfric.dynamics.motion_kernels import effort_bounds
 from pinfric.dynamics.motor_torques import motor_torques
 from pinfric.dynamics.reactions import (
@@ -30,6 +31,7 @@ from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.states import States
 from pinfric.dynamics.threaded import efforts_in_parts, friction_in_parts, team
+from pinfric.dynamics.undriven import check_undriven, narrow_friction
 from pinfric.errors import StateError
 from pinfric.model.bearings import normal_loads
 from pinfric.model.laws import friction_bounds
@@ -95,10 +97,13 @@ def solve_tree(
     if reacting:
         check_roll_moments(scene, answer.wrench, whole.start)
     _bound_efforts(scene, answer, threads)
+    own, around = states.part(whole), states.around(whole)
+    v, a = states.v[around], states.a[around]
+    if not scene.mobility.one_drive_each:
+        answer, v, a = _on_drives(scene, states, whole, answer), *_of_drives(scene, v, a)
     efforts = answer.effort_lower, answer.effort_upper
     check_finite(scene, efforts, whole.start)
-    own, around = states.part(whole), states.around(whole)
-    torques = motor_torques(scene, states, whole, efforts, states.v[around], states.a[around])
+    torques = motor_torques(scene, states, whole, efforts, v, a)
     if torques is not efforts:  # behind a gear
         check_finite(scene, torques, whole.start)
     return InverseResult(
@@ -115,8 +120,8 @@ def solve_tree(
         multipliers=None,
         interval_exact=np.ones(T, dtype=bool),
         redundant=False,
-        actuator_velocity=own.v,
-        actuator_acceleration=own.a,
+        actuator_velocity=v[states.inside(whole)],
+        actuator_acceleration=a[states.inside(whole)],
     )
 
 
@@ -212,6 +217,22 @@ def _bound_efforts(scene: Scene, answer: _Answer, threads: int) -> None:
     else:
         with team(threads) as parts:
             efforts_in_parts(parts, *ends)
+
+
+def _on_drives(scene: Scene, states: States, whole: slice, answer: _Answer) -> _Answer:
+    """Give the joints' efforts to their drives; it raises what `check_undriven` does."""
+    layout, undriven = make_layout(scene), list(scene.mobility.undriven)
+    lower, upper = answer.effort_lower, answer.effort_upper
+    check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
+    narrow_friction(scene, answer.effort_frictionless, answer.friction_lower, answer.friction_upper)
+    efforts = [array[:, layout.drive_v] * layout.part for array in answer[:3]]
+    return _Answer._make([*efforts, *answer[3:]])
+
+
+def _of_drives(scene: Scene, *rates: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(n, na) of each drive what is given (n, nv) of each velocity."""
+    drive_v = [drive.velocity_index for drive in scene.drives]
+    return tuple(array[:, drive_v] for array in rates)
 
 
 def check_finite(scene: Scene, ends: tuple[np.ndarray, np.ndarray], first: int) -> None:

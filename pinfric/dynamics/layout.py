@@ -23,6 +23,10 @@ class Layout(NamedTuple):
         n_tree: number of joints of the tree; the loops' joints follow them.
         drive_v, drive_action: (na,) velocity of each drive, its action; -1 where it has none.
         balanced: (nr,) velocities that no joint drive moves: only actions balance them.
+        part: (na,) of its joint's effort that each joint drive delivers; 1 off the joints.
+        cost: (na,) 1 / share of redundant drives, else 0.
+        shifts: number of ways to shift work between drives that are not on one joint.
+        freedoms: degrees of freedom that the loops leave.
         off_joint, solved: number of drives off the joints, and with the multipliers.
         joint: (ns,) row of each site's joint.
         first_entry, entry_count: (ns,) the entries of each site.
@@ -52,6 +56,10 @@ class Layout(NamedTuple):
     drive_v: np.ndarray
     drive_action: np.ndarray
     balanced: np.ndarray
+    part: np.ndarray
+    cost: np.ndarray
+    shifts: int
+    freedoms: int
     off_joint: int
     solved: int
     joint: np.ndarray
@@ -102,6 +110,7 @@ def make_layout(scene: Scene) -> Layout:
     n_tree = scene.model.njoints - 1
     drive_v = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
     drive_action = np.array([getattr(d, "column", -1) for d in scene.drives], dtype=np.int64)
+    part, cost, shifts = _shares(scene, drive_v)
     bearings = [site.friction.bearing for site in sites]
     levers = [None if bearing is None else bearing.roll_lever() for bearing in bearings]
     rubs = t.laws.loaded & np.isin(np.arange(len(sites)), t.contacts.site)
@@ -115,6 +124,10 @@ def make_layout(scene: Scene) -> Layout:
         drive_v=drive_v,
         drive_action=drive_action,
         balanced=np.setdiff1d(np.arange(scene.model.nv), drive_v[drive_v >= 0]).astype(np.int64),
+        part=part,
+        cost=cost,
+        shifts=shifts,
+        freedoms=scene.mobility.freedoms,
         off_joint=0 if linkage is None else linkage.off_joint,
         solved=0 if linkage is None else linkage.solved,
         joint=np.ascontiguousarray(t.joint),
@@ -133,6 +146,40 @@ def make_layout(scene: Scene) -> Layout:
         **_coordinates(scene),
         **_displacements(scene.twin(), t.joint, t.contacts.moves),
     )
+
+
+def make_inverse_layout(scene: Scene) -> Layout:
+    """Tabulate a scene with an imagined drive, after its own, on what no drive moves.
+
+    A motion that the scene can do needs none of them.
+    """
+    layout, undriven = make_layout(scene), np.array(scene.mobility.undriven, dtype=np.int64)
+    count = len(undriven)
+    if not count:
+        return layout
+    return layout._replace(
+        drive_v=np.concatenate([layout.drive_v, undriven]),
+        drive_action=np.concatenate([layout.drive_action, np.full(count, -1)]),
+        balanced=np.setdiff1d(layout.balanced, undriven),
+        part=np.concatenate([layout.part, np.ones(count)]),
+        cost=np.concatenate([layout.cost, np.zeros(count)]),
+    )
+
+
+def _shares(scene: Scene, drive_v: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """Part, cost and shifts: how redundant drives share the work, where all of them say so."""
+    mobility = scene.mobility
+    share, cost = np.ones(len(drive_v)), np.zeros(len(drive_v))
+    if not mobility.redundant:
+        return share, cost, 0
+    for d in mobility.redundant:
+        share[d] = scene.drives[d].share or 1.0
+        cost[d] = 1.0 / share[d]
+    together = np.where(drive_v[:, None] < 0, np.eye(len(drive_v)), drive_v[:, None] == drive_v)
+    on_joints = len(np.unique(drive_v[drive_v >= 0]))
+    driven = mobility.freedoms - len(mobility.undriven)
+    shifts = on_joints + int((drive_v < 0).sum()) - driven
+    return share / (together @ share), cost, shifts
 
 
 def _coordinates(scene: Scene) -> dict[str, np.ndarray]:

@@ -851,7 +851,7 @@ def assemble(
             velocity at the end, with viscous friction implicit.
 
     Returns:
-        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than drives.
+        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than elsewhere.
     """
     t, k, w = machine.tables, machine.supply, machine.work
     M, h, nv, nl = w.M, k.h, v.size, t.multipliers
@@ -867,7 +867,7 @@ def assemble(
     rank = 0
     if nl > 0:
         rank = _close(t, w, v, step)
-        if rank < nv - effort.size:
+        if rank < nv - t.layout.freedoms:
             w.freedoms[0] = nv - rank
             return TOGGLE
     size = np.abs(q).sum()

@@ -7,6 +7,7 @@ import numpy as np
 from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.states import States
 from pinfric.model.drives import Drive, motor_torque_bounds
+from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 
 
@@ -44,9 +45,13 @@ def motor_torques(
 
 
 def drive_stick_velocity(scene: Scene, drive: Drive) -> float:
-    """Of the site that moves as the drive does, else the scene's default."""
+    """Return that of the site that moves as the drive does, else the scene's default."""
+    moved = drive.name
+    if isinstance(drive, OffJointDrive) and scene.linkage is not None:
+        pair = int(scene.linkage.column_pair[drive.column])
+        moved = scene.loops[pair].name if pair < len(scene.loops) else moved
     for site in scene.sites:
         joint = site.velocity_index == drive.velocity_index >= 0 and site.ratio == 1.0
-        if joint or site.name == drive.name:
+        if joint or site.name == moved:
             return site.law.stick_velocity
     return scene.stick_velocity

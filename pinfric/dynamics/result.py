@@ -68,7 +68,9 @@ class InverseResult(Shown):
         multipliers: (T, number of loops, 6) force and moment of side a on side b of each loop, in
             frame b, friction and drives at the loop's joint left out; None without loops.
         interval_exact: (T,) the ends are certain; False where more sites stick than are enumerated
-            (a search by single flips), a coupled ball sticks, or a sample has several solutions.
+            (a search by single flips), a coupled ball sticks, or a sample has several solutions;
+            and, with loops, cylinders or forces, where something sticks and a joint has no drive:
+            there they are bounds, since friction balances that joint, too.
         redundant: the loops close more directions than are independent: reactions are those of
             least sum of |F|^2 + |M/l|^2 over all joints.
         actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
@@ -113,7 +115,7 @@ class InverseResult(Shown):
         ended = [(status.name.lower(), int((self.status == status).sum())) for status in Status]
         return screen("InverseResult", f"of {file_name(self.scene.source)}: {samples}{span}", {
             "drives": listed(self.actuator_names),
-            "peaks": f"{listed(self.actuator_names, peaks)} (N m or N)",
+            "peaks": f"{listed(self.actuator_names, peaks)} (N m or N)" if peaks else "",
             "friction": friction if sticks else "none",
             "status": ", ".join(f"{count} {name}" for name, count in ended if count),
             "more": ".summary() .plot() .to_dataframe() .stick_intervals() .check()",

@@ -10,7 +10,7 @@ from pinfric.dynamics.choices import LOWER
 from pinfric.dynamics.closure import pair_rates
 from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
 from pinfric.dynamics.interval_ends import Solver
-from pinfric.dynamics.layout import Layout, make_layout
+from pinfric.dynamics.layout import Layout, make_inverse_layout, make_layout
 from pinfric.dynamics.linkage_batch import (
     Samples,
     friction_maps,
@@ -53,7 +53,8 @@ def find_solutions(result: InverseResult, sample: int) -> tuple[Solution, ...]:
         found = found[~np.isnan(found).any(axis=1)]
     else:
         found = _search(solver)
-    return tuple(_solution(layout, linkage, samples, phi) for phi in _distinct(found))
+    na = len(result.scene.drives)
+    return tuple(_solution(layout, linkage, samples, phi, na) for phi in _distinct(found))
 
 
 def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Samples, np.ndarray]:
@@ -61,7 +62,7 @@ def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Sam
     scene, states = result.scene, result.states
     linkage = scene.linkage
     assert linkage is not None
-    layout = make_layout(scene)
+    layout = make_inverse_layout(scene)
     part = slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
     twin = scene.twin(carried)
@@ -146,7 +147,9 @@ def _distinct(found: np.ndarray) -> list[np.ndarray]:
     return kept
 
 
-def _solution(layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarray) -> Solution:
+def _solution(
+    layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarray, na: int
+) -> Solution:
     maps, ns = samples.maps, len(layout.joint)
     wrench, solved = np.empty((1, ns, 6)), np.empty((1, layout.solved))
     tables = EffortTables.of(layout)
@@ -160,7 +163,7 @@ def _solution(layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarra
         first = layout.first_entry[s]
         friction[s] = -np.linalg.norm(phi[first : first + 3])
     return Solution(
-        effort=maps.effort[0] @ one,
+        effort=maps.effort[0, :na] @ one,
         friction=friction,
         friction_coordinates=phi.copy(),
         normal_load=load,
@@ -176,9 +179,10 @@ def _of_open_chain(result: InverseResult, sample: int) -> Solution:
         result.friction_lower[sample] == result.friction_upper[sample],
         result.friction_lower[sample], 0.0,
     )  # fmt: skip
-    sites = result.scene.site_tables
-    effort = result.effort_frictionless[sample].copy()
-    np.subtract.at(effort, sites.velocity_index, sites.ratio * friction)
+    sites, layout = result.scene.site_tables, make_layout(result.scene)
+    total = np.zeros(result.scene.model.nv)
+    np.add.at(total, sites.velocity_index, sites.ratio * friction)
+    effort = result.effort_frictionless[sample] - layout.part * total[layout.drive_v]
     ns = len(friction)
     wrench = np.full((ns, 6), np.nan) if result.wrench is None else result.wrench[sample]
     return Solution(effort, friction, friction, result.normal_load[sample], wrench,

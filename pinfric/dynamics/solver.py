@@ -10,18 +10,20 @@ reactions and friction couple, inverse dynamics is that of batches, on one sampl
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from pinfric.dynamics.forward import Instant, solution, solve_state, vector
 from pinfric.dynamics.inverse_linkage import solve_linkage
-from pinfric.dynamics.inverse_tree import check_finite
+from pinfric.dynamics.inverse_tree import check_finite, solve_tree
 from pinfric.dynamics.maps import is_normalized
 from pinfric.dynamics.motion_kernels import effort_bounds
 from pinfric.dynamics.motor_torques import drive_stick_velocity
 from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.states import States, unit_parts
+from pinfric.dynamics.undriven import check_shares
 from pinfric.dynamics.workspace import Workspace
 from pinfric.model.bearings import Contacts, normal_loads
 from pinfric.model.compiled import KernelArgument, is_ready, kernel, record
@@ -217,7 +219,8 @@ class Solver:
         self.scene = scene.with_()
         self._carried = None if attached is None else tuple(attached)
         self._ws = Workspace(self.scene, self._carried)
-        if self.scene.linkage is None:
+        self._at_once = self.scene.linkage is None and self.scene.mobility.one_drive_each
+        if self._at_once:
             self._sample = x = make_sample(self._ws)
             self._q, self._v, self._a = x.q, x.v[0], x.a[0]
             self._argument = KernelArgument(x, _box, is_ready(box_sample, (tuple(x),)))
@@ -243,9 +246,10 @@ class Solver:
             StateError: not real numbers, a wrong shape, a value not finite.
             RollMomentError: a guide without width is loaded by a moment about its axis.
             LoopMotionError: a loop is open, or the motion violates it.
+            SceneError, UndrivenMotionError: drives are not one per freedom, see `inverse_dynamics`.
         """
-        if self.scene.linkage is not None:
-            return self._inverse_of_linkage(q, v, a)
+        if not self._at_once:
+            return self._inverse_of_batch(q, v, a)
         self._q[:] = vector("q", q, self._q.size, "nq")
         self._v[:] = vector("v", v, self._v.size, "nv")
         self._a[:] = vector("a", a, self._a.size, "nv")
@@ -257,12 +261,18 @@ class Solver:
             self._ws.check_roll_moments(self._found.wrench)
         return self._found
 
-    def _inverse_of_linkage(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
+    def _inverse_of_batch(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
         attached = None
         if self._carried is not None:
             attached = np.array([[name in self._carried for name in self.scene.payloads]])
         states = States.of(self.scene, q, v, a, None, attached)
-        found = solve_linkage(self.scene, states, [], slice(0, 1), 1)
+        check_shares(self.scene)
+        solve = solve_tree if self.scene.linkage is None else solve_linkage
+        found = solve(self.scene, states, [], slice(0, 1), 1)
+        if found.wrench is None:  # nothing looks at reactions
+            self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
+            wrench = self._ws.supplier.supply.force[1 + self._ws.tables.joint]
+            found = replace(found, wrench=wrench[None])
         figures = {name: getattr(found, name)[0] for name in InverseInstant._fields}
         return InverseInstant(**figures | {"status": Status(found.status[0])})
 

@@ -507,7 +507,8 @@ class Workspace:
             raise StateError("forward dynamics overflows at this state: values are too large")
         if outcome == TOGGLE:
             assert self.linkage is not None
-            raise ToggleError(self.linkage.loops[0].name, int(self.work.freedoms[0]), self.na)
+            raise ToggleError(self.linkage.loops[0].name, int(self.work.freedoms[0]),
+                              self.tables.freedoms)  # fmt: skip
         raise SceneError(
             f"{self.scene.source}: the mass matrix is not positive definite at this state: a joint "
             "moves no mass; give its link an inertia, or lock it"

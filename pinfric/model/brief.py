@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pinfric
+from pinfric.model.closure import velocity_names
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,6 +83,7 @@ def scene_screen(scene: Scene) -> str:
     mass = sum(inertia.mass for inertia in model.inertias)
     title = f"{file_name(scene.source)}: {counted(len(joints), 'joint')}, {mass:.4g} kg that move"
     geared = sum(drive.transmission is not None for drive in scene.drives)
+    none = [velocity_names(model)[v] for v in scene.mobility.undriven]
 
     def among(names: Sequence[str]) -> str:
         return "at every joint" if tuple(names) == joints else listed(names)
@@ -90,6 +92,7 @@ def scene_screen(scene: Scene) -> str:
         "joints": listed(joints),
         "friction": among(scene.site_names) or "none",
         "drives": among(scene.actuator_names) + f"; {geared} with a transmission" * bool(geared),
+        "undriven": listed(none),
         "payloads": listed(list(scene.payloads),
                            [f"{payload.mass:.4g} kg" for payload in scene.payloads.values()]),
         "loops": listed([loop.name for loop in scene.loops]),

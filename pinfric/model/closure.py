@@ -229,62 +229,21 @@ def velocity_indices(model: pin.Model, joints: Sequence[str], where: str) -> np.
     return np.array(sorted(set(indices)), dtype=np.int64)
 
 
-def check_drives(
-    twin: Twin, linkage: Linkage, drives: Sequence[tuple[str, int, int]], start: np.ndarray,
-    source: str, doubts: Mapping[str, str],
-) -> None:  # fmt: skip
-    """Check that the loops can close and that the drives move every freedom exactly once.
-
-    Args:
-        twin, linkage: the robot and its loops.
-        drives: (name, velocity index or -1, column of the linkage) of each.
-        start: (nq,) a configuration near which the loops close.
-        source: the scene, for messages.
-        doubts: loop -> which of its axes are nearly parallel (`alignment.Alignment`).
-
-    Raises:
-        SceneError: a loop that cannot close, a planar pin whose axes are nearly parallel, or
-            actuators that are not one per freedom.
-    """
-    known = _closed_configurations(twin, linkage, start, source, doubts)
-    freedom, best, undriven = twin.nv, -1, [0]
-    for q in known:
-        zero = np.zeros((1, twin.nv))
-        state = loop_state(twin, linkage, q[None], zero, zero)
-        for row, loop in enumerate(linkage.loops):
-            if loop.kind == "planar_pin" and loop.name in doubts and (
-                state.tilt[0, row] > NEARLY_CLOSED
-            ):  # fmt: skip
-                raise SceneError(f"{source}: loops.{loop.name}: the axes of its sides differ by "
-                                 f"{state.tilt[0, row]:.3g} rad; {doubts[loop.name]}")  # fmt: skip
-        J = action_maps(twin, linkage, state.p, state.R)[1][0]
-        S = np.array([np.eye(twin.nv)[v] if v >= 0 else J[column] for _, v, column in drives])
-        scale = min(1.0, linkage.size)
-        freedom = min(freedom, twin.nv - full_pivot(J[linkage.lambdas], scale)[0])
-        rows = np.concatenate([J[linkage.lambdas], S.reshape(-1, twin.nv)])
-        rank, order = full_pivot(rows, scale)
-        if rank > best:
-            best, undriven = rank, order[rank:]
-    counts = (
-        f"{source}: actuators: {len(drives)} for {freedom} "
-        f"degree{'' if freedom == 1 else 's'} of freedom"
-    )
-    if best < twin.nv:
-        names = velocity_names(twin.model)
-        raise SceneError(f"{counts}; undriven: {', '.join(names[v] for v in sorted(undriven))}; "
-                         "name a drive for each freedom, or lock the joint")  # fmt: skip
-    if len(drives) > freedom:
-        raise SceneError(
-            f"{counts}: how they share the work does not follow from the motion; name "
-            f"{freedom} of {', '.join(name for name, _, _ in drives)}"
-        )
-
-
-def _closed_configurations(
+def closed_configurations(
     twin: Twin, linkage: Linkage, start: np.ndarray, source: str, doubts: Mapping[str, str],
     wanted: int = 3,
 ) -> list[np.ndarray]:  # fmt: skip
-    """Some closed configurations: the one at the start, and others so that none is special."""
+    """Return some closed configurations: the one at the start, and others so that none is special.
+
+    Args:
+        twin, linkage: the robot and its loops.
+        start: (nq,) a configuration near which the loops close.
+        source, doubts: see `mobility.mobility_of_linkage`.
+        wanted: how many.
+
+    Raises:
+        SceneError: a loop that cannot close.
+    """
     held = np.zeros(twin.nv, dtype=bool)
     found: list[np.ndarray] = []
     least = np.full(linkage.multipliers, np.inf)

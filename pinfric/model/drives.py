@@ -33,14 +33,16 @@ class Drive:
     """One actuator on one joint.
 
     Attributes:
-        name: the actuator's name: its joint's, with an index where a joint has several.
+        name: the actuator's own name, else its joint's.
         velocity_index: the column of v it moves.
         transmission: None for an ideal drive of ratio 1 (motor torque = effort).
+        share: w of the sum of effort^2 / w that redundant drives make least; None: not said.
     """
 
     name: str
     velocity_index: int
     transmission: Transmission | None = None
+    share: float | None = None
 
 
 class Gears(NamedTuple):

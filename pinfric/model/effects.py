@@ -99,7 +99,7 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
     for kind in _kinds():
         where = [name for name, friction in scene.friction.items() if kind.present(friction)]
         found.append(_effect(kind.name, f"friction.{{}}.{kind.key}", where))
-    geared = [a.joint or "?" for a in scene.actuators or () if _lossless(a) != a]
+    geared = [a.drive_name for a in scene.actuators or () if _lossless(a) != a]
     ideal = not geared and any(a.transmission is not None for a in scene.actuators or ())
     found.append(
         Effect("transmission", False, "actuators.<name>.transmission have ratios only, no losses")

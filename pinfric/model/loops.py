@@ -238,17 +238,18 @@ def _drives(
                 raise SceneError(f"{where}: loop {actuator.joint!r} is {loops[row].kind}: it has "
                                  "no single axis to drive")  # fmt: skip
             columns.append((row, _free_direction(loops[row].kind, pairs[row]["axis"])))
-            name, kind = actuator.joint, "N" if slides(loops[row]) else "N m"
+            kind = "N" if slides(loops[row]) else "N m"
         elif actuator.cylinder is not None:
-            name, kind = actuator.cylinder.name, "N"
+            kind = "N"
             pairs.append(_cylinder_pair(model, actuator.cylinder, where))
             columns.append((len(pairs) - 1, np.zeros(6)))
         else:
             assert actuator.force is not None  # the schema requires one of the three
-            name, kind = actuator.force.name, "N"
+            kind = "N"
             pairs.append(_force_pair(model, actuator.force, where))
             columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
-        drives.append(OffJointDrive(name, -1, actuator.transmission, len(drives), kind))
+        drives.append(OffJointDrive(actuator.drive_name, -1, actuator.transmission, actuator.share,
+                                    len(drives), kind))  # fmt: skip
     return drives, columns
 
 

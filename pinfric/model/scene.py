@@ -18,12 +18,13 @@ from pinfric.model.alignment import align_axes, shift_frames
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, contacts
 from pinfric.model.brief import scene_screen
-from pinfric.model.closure import check_drives, close, velocity_indices
+from pinfric.model.closure import close, velocity_indices
 from pinfric.model.drives import Drive
 from pinfric.model.entry import parse
 from pinfric.model.laws import FrictionLaw, Laws, friction_law, law_table
 from pinfric.model.loops import Linkage, check_bearing, make_linkage, slides
 from pinfric.model.magnitudes import LARGEST
+from pinfric.model.mobility import Mobility, mobility_of_linkage, mobility_of_tree
 from pinfric.model.robot import (
     Robot,
     changed_parts,
@@ -111,6 +112,9 @@ class Scene:
         loop_tolerance: by how much axes along loops may miss being parallel or perpendicular, and
             frames each other, where they are then made to fit (`alignment`).
 
+    Attributes:
+        mobility: its freedoms, and which of them no drive moves, or more than one.
+
     Raises:
         SceneError: an entry that cannot be, or that names a joint or link that is not there.
     """
@@ -126,6 +130,7 @@ class Scene:
     loops: Sequence[Loop] = ()
     redundancy_length: float = 0.1
     loop_tolerance: LoopTolerance = field(default_factory=LoopTolerance)
+    mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         def entries(kind: type[Any], section: str, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -152,10 +157,13 @@ class Scene:
         doubts = self._align() if self.loops else {}
         # what cannot be is said now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
-        if self.linkage is not None:
-            columns = [(d.name, d.velocity_index, getattr(d, "column", -1)) for d in self.drives]
-            check_drives(self.twin(), self.linkage, columns, self.start_configuration, self.source,
-                         doubts)  # fmt: skip
+        set_(self, "mobility", self._mobility(doubts))
+
+    def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
+        if self.linkage is None:
+            return mobility_of_tree(self.model.nv, self.drives)
+        return mobility_of_linkage(self.twin(), self.linkage, self.drives,
+                                   self.start_configuration, self.source, doubts)  # fmt: skip
 
     def _align(self) -> dict[str, str]:
         """Make a mechanism of what a file rounded; say so, and return what stays in doubt."""
@@ -189,7 +197,7 @@ class Scene:
             SceneError: there is no such argument, or an entry that cannot be.
         """
         self.check_unchanged()
-        names = [entry.name for entry in fields(self)]
+        names = [entry.name for entry in fields(self) if entry.init]
         for name in changes:
             if name not in names:
                 raise SceneError(
@@ -335,40 +343,29 @@ class Scene:
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """The drives, one per degree of freedom.
+        """The drives; freedoms may have none, one or several (`mobility`).
 
         In the order of the model's velocities; as they are listed where loops or drives off the
         joints leave no such order.
         """
-        every = [drive for joint in range(1, self.model.njoints) for drive in self._ideal(joint)]
         if self.actuators is None:
-            return tuple(every)
-        if self.linkage is not None:
-            return self._listed_drives(self.actuators, self.linkage)
-        chosen: dict[str, Drive] = {}
-        for actuator in self.actuators:
-            drive = self._drive(actuator)
-            if drive.name in chosen:
-                raise SceneError(f"{self.source}: actuators: joint {drive.name!r} stands twice")
-            chosen[drive.name] = drive
-        undriven = [drive.name for drive in every if drive.name not in chosen]
-        if undriven:
-            raise SceneError(
-                f"{self.source}: actuators: {len(chosen)} for {self.model.nv} degrees of freedom; "
-                f"undriven: {', '.join(undriven)}; name a drive for each, or lock the joint"
-            )
-        return tuple(chosen[drive.name] for drive in every)
-
-    def _listed_drives(self, actuators: Sequence[Actuator], linkage: Linkage) -> tuple[Drive, ...]:
-        off_joint = {drive.name: drive for drive in linkage.drives}
+            joints = range(1, self.model.njoints)
+            return tuple(drive for joint in joints for drive in self._ideal(joint))
+        off_joint = {} if self.linkage is None else {d.name: d for d in self.linkage.drives}
+        moving = {*self.joint_names, *(loop.name for loop in self.loops)}
         listed: dict[str, Drive] = {}
-        for actuator in actuators:
-            given = actuator.cylinder or actuator.force
-            name = actuator.joint or (given.name if given else "")
+        for actuator in self.actuators:
+            name = actuator.drive_name
             if name in listed:
-                raise SceneError(f"{self.source}: actuators: {name!r} stands twice")
+                raise SceneError(f"{self.source}: actuators: {name!r} stands twice; several drives "
+                                 "on one joint need a `name` each")  # fmt: skip
+            if name != actuator.joint and name in moving:
+                raise SceneError(f"{self.source}: actuators: the name {name!r} is taken by a joint "
+                                 "or a loop that this drive does not move")  # fmt: skip
             listed[name] = off_joint.get(name) or self._drive(actuator)
-        return tuple(listed.values())
+        if self.linkage is not None:
+            return tuple(listed.values())
+        return tuple(sorted(listed.values(), key=lambda drive: drive.velocity_index))
 
     def loaded_model(self, attached: Iterable[str] | None = None) -> pin.Model:
         """Return a model with the named payloads; None takes those attached by default."""
@@ -484,7 +481,8 @@ class Scene:
         driven = [d for joint in range(1, self.model.njoints) for d in self._ideal(joint)]
         for drive in driven:
             if drive.name == name:
-                return Drive(name, drive.velocity_index, actuator.transmission)
+                return Drive(actuator.drive_name, drive.velocity_index, actuator.transmission,
+                             actuator.share)  # fmt: skip
         names = [d.name for d in driven]
         follows = (
             " is a mimic joint, driven through its leader;" if name in self.joint_names else ""

@@ -197,9 +197,16 @@ class Redundancy(Entry):
 
 
 class Actuator(Entry):
-    """One drive: on a joint (of the robot or of a loop), a cylinder, or a force at a point."""
+    """One drive: on a joint (of the robot or of a loop), a cylinder, or a force at a point.
+
+    A joint with several drives needs `name`s for them. Where drives outnumber the freedoms that
+    they move, `share`s w say who does how much: the sum of effort^2 / w is least, so that drives
+    on one joint share its effort as w1 : w2.
+    """
 
     joint: str | None = None
+    name: str | None = None
+    share: Positive | None = None
     transmission: Transmission | None = None
     cylinder: Cylinder | None = None
     force: PointForce | None = None
@@ -209,7 +216,15 @@ class Actuator(Entry):
         kinds = [k for k in ("joint", "cylinder", "force") if getattr(self, k) is not None]
         if len(kinds) != 1:
             raise ValueError(f"an actuator is one of joint, cylinder, force; found {kinds}")
+        if self.name is not None and self.joint is None:
+            raise ValueError(f"`name` stands inside `{kinds[0]}`")
         return self
+
+    @property
+    def drive_name(self) -> str:
+        """The name of its efforts: its own, else its joint's."""
+        given = self.cylinder or self.force
+        return given.name if given is not None else self.name or self.joint or ""
 
 
 class Stick(Entry):

@@ -85,7 +85,7 @@ def _(result: SweepResult) -> Figure:
 
 
 def _by_drive(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    return pd.DataFrame(rows).set_index("name").rename_axis("drive")
+    return pd.DataFrame(rows or {"name": []}).set_index("name").rename_axis("drive")
 
 
 @summary.register(InverseResult)

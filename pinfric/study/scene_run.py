@@ -10,8 +10,9 @@ from pinfric.dynamics.closure import consistent_motion, independent_joints
 from pinfric.dynamics.motion import INTERRUPTED, Motion
 from pinfric.dynamics.simulate import simulate
 from pinfric.errors import ClosureError, SceneError, choose_from
-from pinfric.model.closure import velocity_indices
+from pinfric.model.closure import velocity_indices, velocity_names
 from pinfric.model.scene import Scene
+from pinfric.model.schema import Start
 
 
 def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Motion:
@@ -76,22 +77,22 @@ def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         v0[scene.model.joints[scene.model.getJointId(name)].idx_v] = rate
     if not scene.loops:
         return scene.start_configuration, v0
-    return _closed_start(scene, list(start.v), v0)
+    return _closed_start(scene, start, v0)
 
 
-def _closed_start(scene: Scene, named: list[str], v0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _closed_start(scene: Scene, start: Start, v0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The start of a scene with loops: closed, and moving as its independent joints do."""
-    driven = [drive.name for drive in scene.drives if drive.velocity_index >= 0]
+    names, freedoms = velocity_names(scene.model), scene.mobility.freedoms
+    driven = [names[d.velocity_index] for d in scene.drives if d.velocity_index >= 0]
+    driven = list(dict.fromkeys([*driven, *start.q]))[:freedoms]
     try:
         q0 = scene.close(scene.start_configuration, driven)
     except ClosureError:  # what is driven cannot stay where it is: let all joints move
         q0 = scene.close(scene.start_configuration)
     if not v0.any():
         return q0, v0
-    leading = [*named, *(name for name in driven if name not in named)][: len(scene.drives)]
-    if len(leading) < len(scene.drives):
-        others = (name for name in independent_joints(scene, q0) if name not in leading)
-        leading += list(others)[: len(scene.drives) - len(leading)]
+    others = independent_joints(scene, q0)
+    leading = list(dict.fromkeys([*start.v, *driven, *others]))[:freedoms]
     rates = np.array([[v0[velocity_indices(scene.model, [n], "start")[0]] for n in leading]])
     v, _ = consistent_motion(scene, q0[None], leading, rates, np.zeros_like(rates))
     return q0, v[0]

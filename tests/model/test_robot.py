@@ -209,7 +209,6 @@ def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
          SceneError, "a guide does not fit a turning joint; take pin"),
         ("friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: {static: 0, kinetic: 0}}}",
          SceneError, "take pin or linear .a ball fits a spherical loop"),
-        ("actuators: []", SceneError, "0 for 1 degrees of freedom; undriven: swing"),
         ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "stands twice"),
         ("actuators: [{joint: wing}]", SceneError, "did you mean 'swing'"),
         ("actuators: [{cylinder: {name: boom}}]", SceneError, "`actuators.0.cylinder.a` is mis"),

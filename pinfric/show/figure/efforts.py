@@ -87,7 +87,7 @@ def effort_figure(
             said below the title.
 
     Raises:
-        StateError: the result has no times, or no drive of a name.
+        StateError: the result has no times, no drives, or no drive of a name.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -148,6 +148,8 @@ def _chosen(
     result: InverseResult, summaries: Sequence[ActuatorSummary], drives: Sequence[str] | None
 ) -> tuple[dict[int, ActuatorSummary], str]:
     """What is drawn, by column, and what to say of the rest."""
+    if not summaries:
+        raise StateError(f"{result.scene.source}: has no drives, whose efforts a figure would show")
     if drives is not None:
         for name in drives:
             if name not in result.actuator_names:

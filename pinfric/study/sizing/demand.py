@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pinfric.dynamics.motor_torques import drive_stick_velocity
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.dynamics.reversals import reversals
 from pinfric.errors import StateError
@@ -123,7 +124,7 @@ def drive_cycle(result: InverseResult, actuator: int, holding: np.ndarray) -> Dr
     """
     if result.t is None or len(result.t) < 2:
         raise StateError("sizing needs a motion with times and at least two samples")
-    stick = _stick_velocity(result.scene, actuator)
+    stick = drive_stick_velocity(result.scene, result.scene.drives[actuator])
     velocity = result.actuator_velocity[:, actuator]  # a cylinder's rate is no joint's
     turns = reversals(velocity[:, None], np.array([stick]))[:, 0]
     return DriveCycle(
@@ -147,9 +148,9 @@ def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
         v: (T, nv) rad/s or m/s.
     """
     limits = np.full(v.shape[1], scene.stick_velocity)
-    for i, drive in enumerate(scene.drives):
+    for drive in scene.drives:
         if drive.velocity_index >= 0:  # a cylinder moves no column of its own
-            limits[drive.velocity_index] = _stick_velocity(scene, i)
+            limits[drive.velocity_index] = drive_stick_velocity(scene, drive)
     return _lasting((np.abs(v) <= limits).all(axis=1))
 
 
@@ -242,13 +243,3 @@ def _power(t: np.ndarray, one: np.ndarray, other: np.ndarray) -> Power:
     delivered, returned = np.maximum(most, 0.0), np.maximum(-least, 0.0)
     return Power(float(delivered.max()), float(returned.max()),
                  positive_part(t, most), positive_part(t, -least))  # fmt: skip
-
-
-def _stick_velocity(scene: Scene, actuator: int) -> float:
-    """The stick velocity of the site on the drive's own joint, else the scene's default."""
-    drive = scene.drives[actuator]
-    for site in scene.sites:
-        own = site.name == drive.name or 0 <= drive.velocity_index == site.velocity_index
-        if own and site.ratio == 1.0:
-            return site.law.stick_velocity
-    return scene.stick_velocity

@@ -25,7 +25,7 @@ from pinfric.dynamics.states import MotionLike
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator
+from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.urdf import implausible_body
 from pinfric.study.sizing.assess import Assessment, assess, nearest_miss
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
@@ -414,26 +414,27 @@ def with_masses(
         changed = True
     actuators: Sequence[Actuator] | None = scene.actuators
     if drives and taken:
-        actuators = [_actuator(scene, i, taken.get(i)) for i in range(len(scene.drives))]
+        chosen = {scene.drives[i].name: a.candidate.transmission for i, a in taken.items()}
+        actuators = geared(scene, chosen)
     elif not changed:
         return scene
     return replace(scene, model=model, actuators=actuators)
 
 
-def _actuator(scene: Scene, i: int, taken: Assessment | None) -> Actuator:
-    drive = scene.drives[i]
-    transmission = drive.transmission if taken is None else taken.candidate.transmission
-    return Actuator.model_construct(joint=drive.name, transmission=transmission, cylinder=None,
-                                    force=None)  # fmt: skip
+def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> list[Actuator]:
+    """Return the scene's actuators, those of the named drives with other transmissions."""
+    given = scene.actuators
+    if given is None:
+        given = [Actuator(joint=drive.name) for drive in scene.drives]
+    return [a.model_copy(update={"transmission": gears[a.drive_name]})
+            if a.drive_name in gears else a for a in given]  # fmt: skip
 
 
 def _joint(scene: Scene, actuator: int) -> int | None:
     """The model's index of a drive's joint; None for one direction of a joint with several."""
-    name = scene.drives[actuator].name
-    if not scene.model.existJointName(name):
-        return None
-    joint = int(scene.model.getJointId(name))
-    return joint if scene.model.joints[joint].nv == 1 else None
+    moved = scene.drives[actuator].velocity_index
+    joints = list(enumerate(scene.model.joints))[1:]
+    return next((i for i, joint in joints if joint.nv == 1 and joint.idx_v == moved), None)
 
 
 def _loads(scene: Scene, drive: int, actuator: int) -> bool:

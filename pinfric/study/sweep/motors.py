@@ -16,13 +16,13 @@ import numpy as np
 from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, problems_line
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Transmission
+from pinfric.model.schema import Transmission
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
 from pinfric.study.sizing.criteria import Status, check
 from pinfric.study.sizing.demand import DriveCycle, JointDemand, Power
 from pinfric.study.sizing.drivetrain import Candidate, Ratings, candidates
-from pinfric.study.sizing.size import BASE_AXES, check_names, depth, with_masses
+from pinfric.study.sizing.size import BASE_AXES, check_names, depth, geared, with_masses
 from pinfric.study.summary import effort_unit
 from pinfric.study.sweep.cycle import FIGURES, Judge, JudgedTransmission
 from pinfric.study.sweep.file import MotorOnTrial, SweepFile
@@ -163,7 +163,8 @@ def _equipped(
             **dict(transmission), judge=judge
         )
     try:
-        return _with_gears(with_masses(scene, weighed, conditions, drives=False), gears)
+        heavier = with_masses(scene, weighed, conditions, drives=False)
+        return dataclasses.replace(heavier, actuators=geared(heavier, gears))
     except SizingError as problem:
         raise SweepError(f"{source}: {problem}") from None
 
@@ -184,7 +185,7 @@ def _trial(
     ratings, scale, candidate = Ratings(), 1.0, None
     if entry.drive is not None:
         assert catalog is not None
-        if not isinstance(drive, Drive) or not scene.model.existJointName(name):
+        if not isinstance(drive, Drive) or not depth(scene, actuator):
             raise SweepError("takes no motor with a gear; give the ratings, or `motor`")
         candidate = _candidate(catalog, entry.drive, effort_unit(scene, actuator) == "N")
         if candidate.transmission is None:
@@ -252,18 +253,3 @@ def _bare_ratings(catalog: Catalog, name: str) -> Ratings:
         continuous = motor.torque_constant * motor.continuous_current
     return Ratings(continuous_torque=continuous, peak_torque=motor.peak_torque,
                    max_speed=motor.max_speed)  # fmt: skip
-
-
-def _with_gears(scene: Scene, gears: Mapping[str, Transmission]) -> Scene:
-    given = scene.actuators
-    if given is None:
-        given = [_actuator(drive.name, None) for drive in scene.drives]
-    changed = [_actuator(a.joint, gears[a.joint]) if a.joint and a.joint in gears else a
-               for a in given]  # fmt: skip
-    return dataclasses.replace(scene, actuators=changed)
-
-
-def _actuator(joint: str | None, transmission: Transmission | None) -> Actuator:
-    values: dict[str, Any] = {"joint": joint, "transmission": transmission, "cylinder": None,
-                              "force": None}  # fmt: skip
-    return Actuator.model_construct(**values)

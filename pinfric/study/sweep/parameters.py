@@ -248,7 +248,7 @@ def _with_factor(friction: Friction, key: str, factor: float) -> Friction:
 
 
 def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Actuator:
-    factors = losses.get(actuator.joint or "")
+    factors = losses.get(actuator.drive_name)
     if not factors or actuator.transmission is None:
         return actuator
     values = {

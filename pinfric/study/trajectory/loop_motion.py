@@ -37,7 +37,7 @@ def named_columns(
     if not isinstance(scene, Scene) or not scene.loops:
         return tuple(columns)
     named = tuple(column for column in columns if column.name in names)
-    freedom = len(scene.drives)  # one drive per degree of freedom, checked when the scene was made
+    freedom = scene.mobility.freedoms
     if len(named) not in (freedom, len(columns)):
         problems.append(
             f"names {len(named)} joint{'' if len(named) == 1 else 's'} "
