@@ -488,7 +488,7 @@ def export(
     trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     made = make(scene, trajectory, to)
     folder = out is None or out.is_dir() or not out.suffix
-    file = (out or Path()) / made.file_name if folder else Path(str(out))
+    file = (out or Path()) / made.default_name if folder else Path(str(out))
     check_writable(file.parent, [file.name])
     if scene.robot is not None and file.resolve() == scene.robot.urdf.resolve():
         raise PinfricError(f"{file}: is the scene's own URDF; name another file")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def export_json(exported: Exported, file: Path, warnings: Sequence[str] = ()) -> dict[str, Any]:
     """Return everything `pinfric export --json` prints; SI units, None for what is not known."""
     return json_safe({
-        "scene": exported.scene, "trajectory": exported.motion, "to": exported.to,
+        "scene": exported.scene, "trajectory": exported.trajectory, "to": exported.to,
         "file": str(file), "samples": exported.samples,
         "joints": [asdict(joint) for joint in exported.joints],
         "left_out": list(exported.left_out), "warnings": list(warnings),
@@ -39,7 +39,7 @@ def export_report(exported: Exported) -> list[RenderableType]:
     figures = [Column(f"{heading}\n{unit}".rstrip()) for heading in headings]
     columns = (*key, *map(Column, form.terms.values()), *figures,
                Column(f"standing\nstill\n{unit}".rstrip(), Kind.LABEL))  # fmt: skip
-    title = f"{Path(exported.scene).stem} · {file_name(exported.motion)}: {form.title}"
+    title = f"{Path(exported.scene).stem} · {file_name(exported.trajectory)}: {form.title}"
     lines = [
         "constants in the joint's unit, per rad/s or m/s, and in kg m^2 or kg; error: theirs "
         "against the scene's torque (motor's x ratio) where the joint moves",

@@ -15,6 +15,7 @@ from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.effects import effects
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
+from pinfric.model.urdf import implausible_body
 from pinfric.study.export.constants import JointConstants, joint_constants
 from pinfric.study.export.mjcf import MjcfJoint, mjcf
 from pinfric.study.export.tree import bodies, check_plain_tree
@@ -71,16 +72,16 @@ class Exported(Shown):
     """A scene in another engine's format, and what its constants cost.
 
     Attributes:
-        scene, motion: names of their files.
+        scene, trajectory: names of their files.
         to: the format, of `FORMATS`.
-        samples: of the motion.
+        samples: of the trajectory.
         joints: the constants and their errors, in the model's order.
         left_out: what the scene has and the file has not, a line each.
         text: the file.
     """
 
     scene: str
-    motion: str
+    trajectory: str
     to: str
     samples: int
     joints: tuple[JointConstants, ...]
@@ -91,14 +92,14 @@ class Exported(Shown):
         moved = [joint for joint in self.joints if joint.moving]
         errors = [f"{j.error_peak:.3g} of {j.torque_peak:.3g}" for j in moved]
         return screen("Exported", f"{file_name(self.scene)} to {FORMATS[self.to].title}", {
-            "motion": f"{file_name(self.motion)}, {counted(self.samples, 'sample')}",
+            "trajectory": f"{file_name(self.trajectory)}, {counted(self.samples, 'sample')}",
             "errors": f"{listed([j.joint for j in moved], errors)} (peaks, N m or N)",
             "left out": "; ".join(self.left_out),
             "more": ".write(path) .summary() .text",
         })  # fmt: skip
 
     @property
-    def file_name(self) -> str:
+    def default_name(self) -> str:
         """What the file is called where nobody names it."""
         return f"{Path(self.scene).stem}{FORMATS[self.to].suffix}"
 
@@ -111,7 +112,7 @@ class Exported(Shown):
         return write_file(path, lambda file: file.write_text(self.text, encoding="utf-8"))
 
 
-def export(scene: Scene, motion: MotionLike | None = None, to: str = "mjcf") -> Exported:
+def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf") -> Exported:
     """Return the scene for another engine: constants in place of friction, each with its error.
 
     min sum (r T_m - tau_id - frictionloss sign(v) - damping v - armature a)^2 over the samples of
@@ -119,8 +120,8 @@ def export(scene: Scene, motion: MotionLike | None = None, to: str = "mjcf") -> 
 
     Args:
         scene: an open chain with drives at its joints.
-        motion: a trajectory or a simulated motion, with the payloads it carries; None takes 1000
-            seeded random states inside the limits.
+        trajectory: or a simulated motion, with the payloads it carries; None takes 1000 seeded
+            random states inside the limits.
         to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots).
 
     Raises:
@@ -130,13 +131,13 @@ def export(scene: Scene, motion: MotionLike | None = None, to: str = "mjcf") -> 
         raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
     columns = check_plain_tree(scene)
     form = FORMATS[to]
-    if motion is None:
+    if trajectory is None:
         q, v, a = random_states(scene)
         result = inverse_dynamics(scene, q, v, a)
         name = f"{len(q)} random states inside the limits"
     else:
-        result = inverse_dynamics(scene, motion)
-        name = str(getattr(motion, "source", "a motion"))
+        result = inverse_dynamics(scene, trajectory)
+        name = str(getattr(trajectory, "source", "a simulated motion"))
     joints = joint_constants(result, columns, tuple(form.terms))
     left_out = _left_out(scene, to)
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
@@ -158,6 +159,12 @@ def _mjcf(
     scene: Scene, joints: Sequence[JointConstants], lines: dict[str, str], header: Sequence[str]
 ) -> str:
     tree = bodies(scene)
+    for body in tree:
+        if why := implausible_body(body.inertia.mass, body.inertia.inertia):
+            raise PinfricError(
+                f"{scene.source}: joint {body.joint.name!r} moves a body that MuJoCo refuses: "
+                f"{why}; correct the <inertia> of its links"
+            )
     entries = [
         MjcfJoint(joint.frictionloss, joint.damping, joint.armature + body.armature, joint.ratio,
                   lines[joint.joint])

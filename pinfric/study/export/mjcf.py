@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.errors import PinfricError, one_line
-from pinfric.model.urdf import implausible_body
+from pinfric.errors import one_line
 from pinfric.study.export.tree import Body
 
 #: Dry friction of joints as hard and as quick as a step of 1 ms lets MuJoCo have it. By default it
@@ -66,9 +65,6 @@ def mjcf(
         friction: attributes of all joints that say how MuJoCo's friction constraint is solved.
         limits: whether joints stop at theirs.
         comment: lines at the top.
-
-    Raises:
-        PinfricError: a body that MuJoCo refuses because no matter could form it.
     """
     root = ElementTree.Element("mujoco", model=name)
     root.extend(xml_comment(line) for line in comment)
@@ -137,11 +133,6 @@ def _add_capsule(element: ElementTree.Element, to: np.ndarray) -> None:
 def _inertia(body: Body) -> np.ndarray:
     """The body's (3, 3) inertia, raised so that rounding leaves the triangle inequality true."""
     inertia = body.inertia.inertia
-    if why := implausible_body(body.inertia.mass, inertia):
-        raise PinfricError(
-            f"joint {body.joint.name!r} moves a body that MuJoCo refuses: {why}; correct the "
-            "<inertia> of its links"
-        )
     moments = np.linalg.eigvalsh(inertia)
     lacking = max(moments[2] - moments[0] - moments[1], -moments[0], 0.0)
     rounding = 1e-12 * moments[2]
