@@ -36,6 +36,8 @@ _PUBLIC = {
     "Trajectory": "pinfric.study.trajectory.trajectory",
     "load_trajectory": "pinfric.study.trajectory.trajectory",
     "ReadingOptions": "pinfric.study.trajectory.log.reading",
+    "export": "pinfric.study.export.export",
+    "Exported": "pinfric.study.export.export",
     "size": "pinfric.study.sizing.size",
     "SizingReport": "pinfric.study.sizing.size",
     "load_catalog": "pinfric.study.sizing.catalog",
@@ -78,6 +80,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.show.views import summary as summary
     from pinfric.study.check.findings import CheckReport as CheckReport
     from pinfric.study.check.plausibility import check as check
+    from pinfric.study.export.export import Exported as Exported
+    from pinfric.study.export.export import export as export
     from pinfric.study.scene_run import run_scene as run_scene
     from pinfric.study.sizing.catalog import load_catalog as load_catalog
     from pinfric.study.sizing.size import SizingReport as SizingReport

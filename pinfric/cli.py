@@ -456,6 +456,47 @@ def explain(
         show(explain_report(explanation, scene.source))
 
 
+@app.command()
+@takes_logs
+def export(
+    *,
+    scene_name: SceneName,
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="mjcf, urdf or ur.")],
+    trajectory_name: Annotated[
+        str | None,
+        typer.Option(
+            "--trajectory", metavar="FILE", help="What constants are fitted to; else random states."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE | DIR", help="By default SCENE.mjcf.xml, ... here."),
+    ] = None,
+    as_json: AsJson = False,
+    log: Any,
+) -> None:
+    """Write the robot for MuJoCo, as a URDF or for UR, with constants in place of its friction.
+
+    Beside each constant stands the error it makes against the scene along the trajectory.
+    """
+    from pinfric.model.files import check_writable
+    from pinfric.model.scene_file import load_scene
+    from pinfric.show.report.export import export_json, export_report
+    from pinfric.study.export.export import export as make
+
+    scene = load_scene(scene_name)
+    trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
+    made = make(scene, trajectory, to)
+    folder = out is None or out.is_dir() or not out.suffix
+    file = (out or Path()) / made.default_name if folder else Path(str(out))
+    check_writable(file.parent, [file.name])
+    if scene.robot is not None and file.resolve() == scene.robot.urdf.resolve():
+        raise PinfricError(f"{file}: is the scene's own URDF; name another file")
+    made.write(file)
+    say(f"wrote {file}")
+    show(export_json(made, file, noticed) if as_json else export_report(made))
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit; bad input ends in one line on stderr and exit code 2.
 

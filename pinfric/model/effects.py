@@ -86,9 +86,11 @@ def _kinds() -> tuple[_Kind, ...]:
 
 def switchable() -> tuple[str, ...]:
     """Return all effects that can be switched, in the order they build on each other."""
-    return *(kind.name for kind in _kinds()), "transmission", "payload"
+    return *(kind.name for kind in _kinds()), "transmission", "gear", "payload"
 
 
+#: Those that change motors' torques, and no effort at a joint.
+MOTOR_SIDE = ("transmission", "gear")
 #: Those that cannot: they follow from how the mechanism is built.
 STRUCTURAL = ("loops", "coupling")
 
@@ -105,6 +107,8 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
         Effect("transmission", False, "actuators.<name>.transmission have ratios only, no losses")
         if ideal else _effect("transmission", "actuators.{}.transmission", geared)
     )  # fmt: skip
+    lossy = [a.joint or "?" for a in scene.actuators or () if _unloaded(a) != a]
+    found.append(_effect("gear", "actuators.{}.transmission.efficiency", lossy))
     found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
     found.append(_effect("loops", "loops.{}", [loop.name for loop in scene.loops]))
     found.append(_coupling(scene))
@@ -156,8 +160,9 @@ def with_effects(
     # an entry with nothing left in it is no site: it costs nothing
     friction = {name: entry for name, entry in friction.items() if _acts(entry)}
     actuators = scene.actuators
-    if "transmission" in off and actuators is not None:
-        actuators = tuple(_lossless(actuator) for actuator in actuators)
+    for name, changed in (("gear", _unloaded), ("transmission", _lossless)):
+        if name in off and actuators is not None:
+            actuators = tuple(changed(actuator) for actuator in actuators)
     return dataclasses.replace(
         scene,
         friction=friction,
@@ -168,6 +173,15 @@ def with_effects(
 
 def _acts(friction: Friction) -> bool:
     return friction.bearing is not None or bool(friction.terms)
+
+
+def _unloaded(actuator: Actuator) -> Actuator:
+    """Without what grows with the load: `efficiency` and `back_efficiency`."""
+    gear = actuator.transmission
+    if gear is None or (gear.efficiency == 1.0 and gear.back_efficiency in (None, 1.0)):
+        return actuator
+    unloaded = gear.model_copy(update={"efficiency": 1.0, "back_efficiency": None})
+    return actuator.model_copy(update={"transmission": unloaded})
 
 
 def _lossless(actuator: Actuator) -> Actuator:

@@ -120,7 +120,7 @@ def _build(
             raise RobotError(f"robot.locked: {urdf} has no joint {name!r}; "
                              f"{choose_from(name, movable)}")  # fmt: skip
     followers = {j.name: j.mimic for j in document.joints if j.mimic is not None}
-    positions = _with_followers(locked, followers)
+    positions = with_followers(locked, followers)
     # Pinocchio cannot reduce a model around a mimic joint: without one left, leave mimicry out.
     mimic = bool(followers.keys() - positions.keys())
     if mimic and followers.keys() & positions.keys():
@@ -164,10 +164,13 @@ def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
         )
 
 
-def _with_followers(
-    locked: Mapping[str, float], followers: Mapping[str, Mimic]
-) -> dict[str, float]:
-    """`locked`, plus each mimic joint whose leader is locked, at the position it follows to."""
+def with_followers(locked: Mapping[str, float], followers: Mapping[str, Mimic]) -> dict[str, float]:
+    """Return `locked`, plus each mimic joint whose leader is locked, where it follows to.
+
+    Args:
+        locked: joint -> position (rad or m).
+        followers: joint -> what it mimics.
+    """
     positions = dict(locked)
     for name, mimic in followers.items():
         if mimic.joint in locked:

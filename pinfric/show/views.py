@@ -19,6 +19,7 @@ from pinfric.errors import StateError
 from pinfric.show.figure.efforts import effort_figure
 from pinfric.show.figure.motion import motion_figure
 from pinfric.show.figure.sweep import sweep_figure
+from pinfric.study.export.export import Exported
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import effort_unit, rms, summarize
 from pinfric.study.sweep.cycle import DEMANDS
@@ -51,7 +52,7 @@ def summary(result: Any) -> pd.DataFrame:
     Args:
         result: of `inverse_dynamics` (`peak`, `rms`, ... as `--json` names them), `simulate`
             (efforts, their work, and at its joint heat and time at rest), `size` (demand and
-            choice) or `sweep` (percentiles, `peak_95` and so on).
+            choice), `sweep` (percentiles, `peak_95` and so on) or `export` (a row a joint).
 
     Raises:
         StateError: it is none of these, or has no times.
@@ -130,6 +131,11 @@ def _(result: Motion) -> pd.DataFrame:
             "stick_time": rest.get(drive.name, np.nan),
         })  # fmt: skip
     return _by_drive(rows)
+
+
+@summary.register(Exported)
+def _(result: Exported) -> pd.DataFrame:
+    return pd.DataFrame([asdict(joint) for joint in result.joints]).set_index("joint")
 
 
 @summary.register(SweepResult)

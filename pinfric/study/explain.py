@@ -9,12 +9,20 @@ import numpy as np
 
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
-from pinfric.errors import StateError
-from pinfric.model.effects import STRUCTURAL, Effect, effects, with_effects
+from pinfric.model.effects import MOTOR_SIDE, STRUCTURAL, Effect, effects, with_effects
 from pinfric.model.scene import Scene
+from pinfric.study.random_states import random_states
+from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.timing import interleaved, repeated_times, timed_repeats
 from pinfric.study.trajectory.trajectory import Trajectory
-from pinfric.study.variants import Efforts, effort_change, hardly_rubbing, one_pass, solve
+from pinfric.study.variants import (
+    Efforts,
+    effort_change,
+    effort_changes,
+    hardly_rubbing,
+    one_pass,
+    solve,
+)
 
 _ROUNDS = 9
 #: Samples a timing takes at least; a short motion is repeated to that length, unless that takes
@@ -51,17 +59,35 @@ class Explained:
 
 
 @dataclass(frozen=True)
+class GearLoss:
+    """What a gear loses in proportion to its load, as its motor feels it.
+
+    Attributes:
+        drive: its name.
+        peak_change, rms_change: of the motor's torque through that loss (N m).
+        rms: of the motor's torque with it (N m).
+    """
+
+    drive: str
+    peak_change: float
+    rms_change: float
+    rms: float
+
+
+@dataclass(frozen=True)
 class Explanation:
     """All effects of a scene, and what the whole costs.
 
     Attributes:
         effects: one row each.
+        gears: one row for each gear whose loss grows with its load.
         total_us: inverse dynamics with everything on, per sample, on one thread.
         plain_us: the same motion without any effect.
         samples: of the motion.
     """
 
     effects: tuple[Explained, ...]
+    gears: tuple[GearLoss, ...]
     total_us: float
     plain_us: float
     samples: int
@@ -89,7 +115,7 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
         if effect.name not in variants:
             rows.append(Explained(effect.name, effect.on, effect.why, _NAN, _NAN, _NAN, "", False))
             continue
-        motor_side = effect.name == "transmission"
+        motor_side = effect.name in MOTOR_SIDE
         if effect.name in STRUCTURAL:
             assert trajectory is not None  # where something couples there is one
             change = _coupling_change(scene, trajectory)
@@ -99,8 +125,24 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
         cost = each * (seconds[""] - seconds[effect.name])
         rows.append(Explained(effect.name, True, effect.why, cost, *change, motor_side))
     return Explanation(
-        tuple(rows), seconds[""] * each, seconds["plain"] * each, len(motion.trajectory[0])
-    )
+        tuple(rows), _gear_losses(scene, motion, whole),
+        seconds[""] * each, seconds["plain"] * each, len(motion.trajectory[0]),
+    )  # fmt: skip
+
+
+def _gear_losses(scene: Scene, motion: _Motion, whole: InverseResult) -> tuple[GearLoss, ...]:
+    """By drive, for gears do not act on each other: one scene without all their losses."""
+    unloaded = with_effects(scene, without=["gear"])
+    here, below = Efforts.of(whole), Efforts.of(motion.solve(unloaded))
+    peaks, rms = effort_changes(here, below, motor=True)
+    worst, _ = ends_by_magnitude(here.motor_lower, here.motor_upper)
+    lossy = [drive.transmission != ideal.transmission
+             for drive, ideal in zip(scene.drives, unloaded.drives, strict=True)]  # fmt: skip
+    return tuple(
+        GearLoss(drive.name, float(peaks[d]), float(rms[d]),
+                 float(np.sqrt(np.nanmean(worst[:, d] ** 2))))
+        for d, drive in enumerate(scene.drives) if lossy[d]
+    )  # fmt: skip
 
 
 def _without(scene: Scene, effect: Effect) -> Scene:
@@ -133,12 +175,8 @@ class _Motion:
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory | None) -> _Motion:
-        if trajectory is None and scene.linkage is not None:
-            raise StateError(
-                f"{scene.source}: random states do not close its loops; give a trajectory"
-            )
         if trajectory is None:
-            qva: tuple[np.ndarray, np.ndarray, np.ndarray] = _random_motion(scene)
+            qva: tuple[np.ndarray, np.ndarray, np.ndarray] = random_states(scene)
             t, attached = None, None
         else:
             qva = trajectory.q, trajectory.v, trajectory.a
@@ -162,17 +200,3 @@ class _Motion:
         t = None if self.t is None else repeated_times(self.t, n)
         phases = None if attached is None else np.tile(attached, (n, 1))
         return lambda: inverse_dynamics(scene, q, v, a, t=t, attached=phases, threads=1)
-
-
-def _random_motion(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """1000 seeded states inside the position limits, at up to 1 rad/s or m/s."""
-    import pinocchio as pin
-
-    model = scene.model
-    rng = np.random.default_rng(0)
-    low = np.clip(np.nan_to_num(model.lowerPositionLimit, neginf=-1.0), -1.0, 1.0)
-    high = np.clip(np.nan_to_num(model.upperPositionLimit, posinf=1.0), -1.0, 1.0)
-    pin.seed(0)
-    q = np.array([pin.randomConfiguration(model, low, np.maximum(low, high)) for _ in range(1000)])
-    v, a = rng.uniform(-1, 1, (2, 1000, model.nv))
-    return q, v, a

@@ -107,12 +107,17 @@ def effort_change(
     scene: Scene, here: Efforts, below: Efforts, motor: bool
 ) -> tuple[float, float, str]:
     """Changes of peak and RMS of the worst end, of the drive where its RMS changes most."""
+    peaks, rms = effort_changes(here, below, motor)
+    i = int(np.argmax(np.abs(rms)))
+    return float(peaks[i]), float(rms[i]), scene.actuator_names[i]
+
+
+def effort_changes(here: Efforts, below: Efforts, motor: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Changes (na,) of peak and of RMS of the worst end of every drive's effort."""
     worst = [
         ends_by_magnitude(*((e.motor_lower, e.motor_upper) if motor else (e.lower, e.upper)))[0]
         for e in (here, below)
     ]
     peaks = [np.nanmax(np.abs(w), axis=0) for w in worst]
     rms = [np.sqrt(np.nanmean(w**2, axis=0)) for w in worst]
-    i = int(np.argmax(np.abs(rms[0] - rms[1])))
-    name = scene.actuator_names[i]
-    return float((peaks[0] - peaks[1])[i]), float((rms[0] - rms[1])[i]), name
+    return peaks[0] - peaks[1], rms[0] - rms[1]

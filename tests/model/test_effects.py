@@ -65,14 +65,17 @@ def test_gears_without_losses_are_not_denied():
 @pytest.mark.parametrize("name", NAMES)
 def test_an_effect_taken_out_is_off_and_the_others_stay(name):
     left = on(with_effects(whole_scene(), without=[name]))
-    # bending needs a load; the Stribeck curve lies between static and kinetic
-    follow = {"load": {"bending"}, "static": {"stribeck"}}.get(name, set())
+    # bending needs a load; the Stribeck curve lies between static and kinetic; a gear transmits
+    follow = {"load": {"bending"}, "static": {"stribeck"}, "transmission": {"gear"}}.get(
+        name, set()
+    )
     assert left == set(NAMES) - {name} - follow
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_single_effect_can_be_kept(name):
-    needs = {"bending": {"load"}, "stribeck": {"load", "static"}, "static": {"load"}}
+    needs = {"bending": {"load"}, "stribeck": {"load", "static"}, "static": {"load"},
+             "gear": {"transmission"}}  # fmt: skip
     kept = {name} | needs.get(name, set())
     assert on(with_effects(whole_scene(), only=kept)) == kept
 

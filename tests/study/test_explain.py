@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from builders import block
 
@@ -27,6 +28,43 @@ def test_changes_are_those_of_the_drive_by_hand():
     assert found["viscous"].drive == "slide"
     assert not found["load"].on
     assert np.isnan(found["load"].cost_us)
+
+
+def test_what_gears_lose_with_their_load_is_a_row_each():
+    """One joint drives, the other is driven back; the third loses nothing that grows."""
+    model = three_wheels()
+    gears = [{"ratio": 50.0, "efficiency": 0.8, "back_efficiency": 0.7},
+             {"ratio": 20.0, "efficiency": 0.9, "back_efficiency": 0.6},
+             {"ratio": 10.0, "rotor_inertia": 1e-3, "no_load_torque": 0.1}]  # fmt: skip
+    actuators = [{"joint": f"wheel_{i}", "transmission": gear} for i, gear in enumerate(gears)]
+    scene = pf.Scene(model=model, actuators=actuators)
+    t = np.linspace(0.0, 1.0, 101)
+    a = np.tile([3.0, -4.0, 5.0], (101, 1))
+    v = np.array([1.0, 9.0, 1.0]) + a * t[:, None]
+    motion = Trajectory.from_arrays(scene, t, np.zeros((101, 3)), v, a)
+    explanation = explain(scene, motion)
+    drives, back = explanation.gears
+    assert (drives.drive, back.drive) == ("wheel_0", "wheel_1")
+    assert drives.rms == pytest.approx(2.0 * 3.0 / 0.8 / 50.0)
+    assert drives.peak_change == pytest.approx(2.0 * 3.0 / 50.0 * (1 / 0.8 - 1))
+    assert back.rms_change == pytest.approx(2.0 * 4.0 / 20.0 * (0.6 - 1))
+    rows = {e.name: e for e in explanation.effects}
+    assert rows["gear"].on
+    assert rows["gear"].motor_side
+    assert rows["gear"].rms_change == pytest.approx(back.rms_change)
+    lossless = scene.with_(actuators=actuators[2:] + [
+        {"joint": a["joint"], "transmission": {"ratio": 2.0}} for a in actuators[:2]])  # fmt: skip
+    assert explain(lossless, motion).gears == ()
+
+
+def three_wheels():
+    """Three wheels of 2 kg m^2 on fixed axles, without weight."""
+    model = pin.Model()
+    for i in range(3):
+        wheel = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"wheel_{i}")
+        body = pin.Inertia(1.0, np.zeros(3), np.diag([1.0, 1.0, 2.0]))
+        model.appendBodyToJoint(wheel, body, pin.SE3.Identity())
+    return model
 
 
 def test_the_command_prints_what_it_measured(capsys):

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from pinfric.dynamics.closure import working_rates
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.motion import FINISHED, Motion
+from pinfric.dynamics.motor_torques import drive_stick_velocity, motor_torques
 from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.reactions import Batch, reactions, relieve
 from pinfric.dynamics.result import InverseResult, StickInterval, runs
@@ -71,6 +73,8 @@ class Frames:
         sites: what each site does when.
         stick_intervals: all intervals, in the order of the sites.
         carried: payload -> spans in which it is carried.
+        gears: drive -> spans in which its gear holds the joint by itself: it stands still under an
+            effort other than 0, and the motor's torque may be 0. Drives without any are left out.
         simulated: True for a simulated motion.
         ended: why a simulation ended before its time, or "".
     """
@@ -86,6 +90,7 @@ class Frames:
     sites: tuple[SiteTimes, ...]
     stick_intervals: tuple[StickInterval, ...]
     carried: dict[str, Spans]
+    gears: dict[str, Spans]
     simulated: bool
     ended: str = ""
 
@@ -132,6 +137,7 @@ def make_frames(scene: Scene, motion: InverseResult | Motion, rate: float = RATE
         sites=tuple(_site_times(motion, s, intervals, use) for s in range(len(scene.sites))),
         stick_intervals=intervals,
         carried=_carried(scene, states),
+        gears=_gears(scene, motion, states),
         simulated=isinstance(motion, Motion),
         ended=ended,
     )
@@ -339,6 +345,28 @@ def _spans(t: np.ndarray, mask: np.ndarray, half: bool = False) -> Spans:
             end = 0.5 * (end + t[min(last + 1, len(t) - 1)])
         found.append((float(start), float(end)))
     return tuple(found)
+
+
+def _gears(scene: Scene, motion: InverseResult | Motion, states: States) -> dict[str, Spans]:
+    """Which gears hold by themselves, and when: see `Frames.gears`."""
+    rates, _ = working_rates(scene, states.q, states.v)
+    if isinstance(motion, Motion):
+        effort = motion.effort, motion.effort
+        still = np.zeros_like(rates)  # of interest at rest only, where nothing accelerates
+        torque = motor_torques(scene, states, slice(0, len(rates)), effort, rates, still)
+    else:
+        effort = motion.effort_lower, motion.effort_upper
+        torque = motion.motor_torque_lower, motion.motor_torque_upper
+    loaded = (effort[0] > 0.0) | (effort[1] < 0.0)
+    free = (torque[0] <= 0.0) & (torque[1] >= 0.0)
+    found = {}
+    for d, drive in enumerate(scene.drives):
+        rests = np.abs(rates[:, d]) <= drive_stick_velocity(scene, drive)
+        holds = rests & loaded[:, d] & free[:, d]
+        if drive.transmission is not None and holds.any():
+            assert states.t is not None
+            found[drive.name] = _spans(states.t, holds)
+    return found
 
 
 def _carried(scene: Scene, states: States) -> dict[str, Spans]:

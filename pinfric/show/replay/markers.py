@@ -32,6 +32,9 @@ MEANINGS = {
 }
 #: What a simulated motion means otherwise.
 SIMULATED = {"reversal": "reverses without sticking"}
+#: Of a gear that holds its joint without its motor, and what that means.
+GEAR_COLOR = "#56B4E9"
+GEAR_MEANING = "gear holds by itself: its motor may be without torque"
 FORCE_COLOR = "#7B4FB5"
 PAYLOAD_COLOR = "#1FAF86"
 #: Radius of a ring, as parts of the robot's size: least and most.
@@ -68,15 +71,35 @@ def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker
     """
     bearing = site.friction.bearing
     offset = getattr(bearing, "offset", 0.0)  # not every kind has one, nor a radius
-    up = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), site.axis).toRotationMatrix()
-    placement = pin.SE3(up, offset * site.axis)
     radius = 1.15 * getattr(bearing, "radius", 0.0)
-    least, most = _SMALLEST * size, max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
-    if site.loop >= 0:
-        assert scene.linkage is not None  # there are loops
-        joint, frame = linkage_frame(scene.linkage, site.loop, 1)
-        return Marker(joint, frame * placement, float(np.clip(radius, least, most)), up.T)
-    joint = site.joint + 1
+    if site.loop < 0:
+        return joint_marker(scene, site.joint + 1, site.axis, shapes, size, radius, offset)
+    assert scene.linkage is not None  # there are loops
+    joint, frame = linkage_frame(scene.linkage, site.loop, 1)
+    up = _upright(site.axis)
+    least, most = _extremes(radius, size)
+    placement = frame * pin.SE3(up, offset * site.axis)
+    return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
+
+
+def joint_marker(
+    scene: Scene, joint: int, axis: np.ndarray, shapes: Shapes, size: float,
+    radius: float = 0.0, offset: float = 0.0,
+) -> Marker:  # fmt: skip
+    """Place a ring round a joint's axis, outside the links if it can.
+
+    Args:
+        scene: the robot.
+        joint: Pinocchio's index.
+        axis: (3,) unit vector in the joint's frame.
+        shapes: what is drawn of the robot.
+        size: of the robot, m.
+        radius: at least, if it is in proportion (m).
+        offset: of the ring along the axis (m).
+    """
+    up = _upright(axis)
+    placement = pin.SE3(up, offset * axis)
+    least, most = _extremes(radius, size)
     seen = _points_around(scene, joint, shapes)
     if len(seen):
         local = (seen - placement.translation) @ placement.rotation
@@ -86,6 +109,17 @@ def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker
         if len(reach) > 10:
             radius = max(radius, 1.12 * float(np.quantile(reach, 0.75)))
     return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
+
+
+def _upright(axis: np.ndarray) -> np.ndarray:
+    """(3, 3) that turns z onto the axis."""
+    up = np.array([0.0, 0.0, 1.0])
+    return np.asarray(pin.Quaternion.FromTwoVectors(up, axis).toRotationMatrix())
+
+
+def _extremes(radius: float, size: float) -> tuple[float, float]:
+    """Least and greatest radius of a ring (m)."""
+    return _SMALLEST * size, max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
 
 
 def _points_around(scene: Scene, joint: int, shapes: Shapes) -> np.ndarray:

@@ -39,7 +39,8 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
     import meshcat
 
     window = RecordingWindow()
-    staged = stage.set_stage(meshcat.Visualizer(window=window), scene, frames.placement)
+    viewed = meshcat.Visualizer(window=window)
+    staged = stage.set_stage(viewed, scene, frames.placement, frames.gears)
     viewer = Path(meshcat.__file__).parent / "viewer/dist/main.min.js"
     return _fill(
         _template("replay.html"),
@@ -84,6 +85,10 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
             {"name": name, "path": path, "spans": frames.carried[name]}
             for name, path in staged.payload_paths.items()
         ],
+        "gears": [
+            {"name": name, "path": staged.gear_paths.get(name, ""), "spans": spans}
+            for name, spans in frames.gears.items()
+        ],
         "cylinders": [
             {"path": c.path, "a": [c.a[0] - 1, c.a[1]], "b": [c.b[0] - 1, c.b[1]]}
             for c in staged.cylinders
@@ -92,6 +97,8 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
         "colors": markers.COLORS,
         "meanings": markers.MEANINGS | (markers.SIMULATED if frames.simulated else {}),
         "force_color": markers.FORCE_COLOR,
+        "gear_color": markers.GEAR_COLOR,
+        "gear_meaning": markers.GEAR_MEANING,
         "payload_color": markers.PAYLOAD_COLOR,
         "drive_color": stage.DRIVE_COLOR,
         "drives": bool(staged.cylinders) or any(a.force for a in scene.actuators or ()),

@@ -14,6 +14,7 @@ Used alike for a page without a server (the window keeps the commands) and for a
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ import pinocchio as pin
 
 from pinfric.model.loops import CYLINDER, FORCE, Linkage
 from pinfric.model.scene import Scene, Site
+from pinfric.model.twin import PRISMATIC
 from pinfric.show.replay import markers, surfaces
 from pinfric.show.replay.drawn import DrawnMesh, Surface
 from pinfric.show.replay.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
@@ -60,6 +62,7 @@ class Stage:
         joint_paths: nodes of the joints, in the model's order, the universe left out.
         site_paths: nodes of the markers, in the order of the sites.
         payload_paths: payload -> node.
+        gear_paths: drive -> node of the mark of its gear, hidden at first.
         cylinders: the drives along a line between two links.
         markers: in the order of the sites.
         upright: (3, 3) turns the world's axes so that gravity points down.
@@ -71,6 +74,7 @@ class Stage:
     joint_paths: tuple[str, ...]
     site_paths: tuple[str, ...]
     payload_paths: dict[str, str]
+    gear_paths: dict[str, str]
     cylinders: tuple[DrawnCylinder, ...]
     markers: tuple[Marker, ...]
     upright: np.ndarray
@@ -79,13 +83,16 @@ class Stage:
     floor: float
 
 
-def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
+def set_stage(
+    viewer: Any, scene: Scene, placements: np.ndarray, gears: Collection[str] = ()
+) -> Stage:
     """Draw the robot, its markers and its payloads, and look at where it moves.
 
     Args:
         viewer: a `meshcat.Visualizer`.
         scene: the robot.
         placements: (F, nj, 7) of the joints in the frames that the view must show.
+        gears: drives whose gears are marked where they hold.
     """
     shapes, upright = robot_shapes(scene), _upright(scene)
     few = placements[np.unique(np.linspace(0, len(placements) - 1, 24).astype(int))]
@@ -106,6 +113,7 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
     for site, path, marker in zip(scene.sites, sites, placed, strict=True):
         _draw_marker(viewer[path], marker, site, size)
     payloads = {name: _draw_payload(viewer, scene, name, nodes) for name in scene.payloads}
+    marked = {name: _draw_gear(viewer, scene, name, nodes, shapes, size) for name in gears}
     cylinders = _draw_linkage(viewer, scene.linkage, nodes, size) if scene.linkage else ()
     low = min(float(points[:, 2].min()) for points in seen)
     rings = _ring_points(placed)
@@ -114,7 +122,8 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
         stretch_cylinder(viewer, cylinder, placements[0])
     floor = low if low < -0.02 * size else 0.0
     _dress(viewer, floor, size)
-    return Stage(nodes[1:], sites, payloads, cylinders, placed, upright, points, size, floor)
+    return Stage(nodes[1:], sites, payloads, {name: path for name, path in marked.items() if path},
+                 cylinders, placed, upright, points, size, floor)  # fmt: skip
 
 
 def homogeneous(placement: np.ndarray) -> np.ndarray:
@@ -265,6 +274,23 @@ def _draw_marker(node: Any, marker: Marker, site: Site, size: float) -> None:
             head = surfaces.cone(3.0 * _ARC_TUBE * size, 9.0 * _ARC_TUBE * size)
             node[name]["head"].set_object(Surface(*head, blue))
     _draw_arrow(node["force"], FORCE_COLOR, _ARROW * size, on_top=True)
+
+
+def _draw_gear(
+    viewer: Any, scene: Scene, name: str, nodes: tuple[str, ...], shapes: Shapes, size: float
+) -> str:
+    """A toothed wheel inside the joint's ring; "" for a drive that is on no joint of the tree."""
+    if name not in scene.joint_names:
+        return ""
+    twin, row = scene.twin(), scene.joint_names.index(name)
+    axis = twin.axis[row, :3] if twin.kind[row] == PRISMATIC else twin.axis[row, 3:]
+    marker = markers.joint_marker(scene, row + 1, axis, shapes, size)
+    path = f"{nodes[row + 1]}/gear {_node(name)}"
+    wheel = surfaces.wheel(0.72 * marker.radius)
+    viewer[path].set_object(Surface(*wheel, markers.GEAR_COLOR, opacity=0.95, on_top=True))
+    viewer[path].set_transform(marker.placement.homogeneous)
+    viewer[path].set_property("visible", False)
+    return path
 
 
 def _draw_arrow(node: Any, color: str, thickness: float, on_top: bool = False) -> None:

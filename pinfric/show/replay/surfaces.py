@@ -56,6 +56,15 @@ def disc(radius: float) -> tuple[np.ndarray, np.ndarray]:
     return _revolved([(0.0, 0.0), (radius, 0.0)])
 
 
+def wheel(radius: float, teeth: int = 10) -> tuple[np.ndarray, np.ndarray]:
+    """Return a toothed wheel with a hole in the plane z = 0."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 4 * teeth, endpoint=False)
+    reach = np.tile([1.0, 1.0, 0.76, 0.76], teeth)
+    around = np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
+    vertices = np.concatenate((reach[:, None] * around, 0.36 * around))
+    return radius * vertices, _grid_faces(1, 4 * teeth)
+
+
 def ball(radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Return a ball round the origin."""
     rows = _ROUND // 2

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, json_safe
-from pinfric.study.explain import Explanation
+from pinfric.study.explain import Explanation, GearLoss
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -48,6 +48,9 @@ def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]
           f"{row.drive}{' (motor)' if row.motor_side else ''}")
          for row in explanation.effects if math.isfinite(row.cost_us)],
     )  # fmt: skip
+    tables: list[RenderableType] = [called, Text(), measured, Text()]
+    if explanation.gears:
+        tables += [_gear_table(explanation.gears), Text()]
     lines = [
         f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
         f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
@@ -56,7 +59,15 @@ def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]
     ]
     if any(row.name == "coupling" and row.on for row in explanation.effects):
         lines.append("coupling: against one pass with the loads that there are without friction")
-    return [called, Text(), measured, Text(), *(Text(line) for line in lines)]
+    return [*tables, *(Text(line) for line in lines)]
+
+
+def _gear_table(gears: Sequence[GearLoss]) -> Table:
+    columns = (Column("joint", Kind.NAME), Column("RMS\nN m"), Column("peak\nchange"),
+               Column("RMS\nchange"))  # fmt: skip
+    rows = [(gear.drive, digits(gear.rms), _signed(gear.peak_change), _signed(gear.rms_change))
+            for gear in gears]  # fmt: skip
+    return Table("gear by joint: motor torque, and what the loss with the load adds", columns, rows)
 
 
 def _signed(x: float) -> str:

@@ -58,8 +58,8 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
         },
         _line(bars_x, bars_y, "interval at rest", _ORANGE, width=4, hoverinfo="skip"),
     ]  # fmt: skip
-    shaft = "output" if taken.candidate.at_output else "motor's shaft"
-    layout = _layout(f"speed of the {shaft}, rad/s", f"torque at the {shaft}, N m")
+    shaft = "output" if taken.candidate.at_output else "motor"
+    layout = _layout(f"{shaft} speed, rad/s", f"{shaft} torque, N m")
     layout["xaxis"]["range"] = [-reach, reach]
     layout["yaxis"]["range"] = [-top, top]
     return {"data": data, "layout": layout}
@@ -159,7 +159,7 @@ def _envelope(
 ) -> list[dict[str, Any]]:
     """What the motor can do: the line of the bus voltage cut by peak torque, and continuously."""
     data, voltage = [], conditions.bus_voltage
-    name = "envelope" if ratings.has_line else "envelope (no speed-torque line known)"
+    name = "envelope" if ratings.has_line else "envelope (no line known)"
     continuous, _ = ratings.continuous_at(conditions)
     fastest = ratings.speed_limit(voltage)[0]
     end = reach if fastest is None else min(fastest, reach)
@@ -234,8 +234,9 @@ def _layout(x: str, y: str) -> dict[str, Any]:
         "yaxis": {**axis, "title": {"text": y, "standoff": 8}},
         "font": {"family": "system-ui, 'Segoe UI', 'DejaVu Sans', sans-serif", "size": 12,
                  "color": _INK},
-        "margin": {"l": 56, "r": 12, "t": 34, "b": 44},
-        "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom",
+        "margin": {"l": 56, "r": 12, "t": 28, "b": 44},
+        # below the axis: above the plot the mode bar would cover it
+        "legend": {"orientation": "h", "x": 0, "y": 0, "yref": "container", "yanchor": "bottom",
                    "font": {"size": 11}},
         "plot_bgcolor": "white", "paper_bgcolor": "white", "hovermode": "closest",
     }  # fmt: skip

@@ -15,7 +15,7 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
-from pinfric.model.effects import effects, switchable, with_effects
+from pinfric.model.effects import MOTOR_SIDE, effects, switchable, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.timing import interleaved, repeated_times, timed_repeats
 from pinfric.study.variants import (
@@ -100,7 +100,7 @@ def ladder(scene: Scene, motion: MotionLike, rounds: int = 5) -> tuple[Rung, ...
         if step.efforts is None:
             rungs.append(Rung(step.name, bool(step.problem), step.why, problem=step.problem))
             continue
-        motor = step.name == "+ transmission"
+        motor = step.name.removeprefix("+ ") in MOTOR_SIDE
         change = (
             (_NAN, _NAN, "") if below is None else effort_change(scene, step.efforts, below, motor)
         )

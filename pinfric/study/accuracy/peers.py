@@ -16,14 +16,12 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from pinfric.dynamics.efforts import make_effort
 from pinfric.dynamics.result import StickInterval, runs
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort
-from pinfric.model.twin import PRISMATIC
 from pinfric.study.accuracy.precision import (
     Contestant,
     Run,
@@ -33,13 +31,10 @@ from pinfric.study.accuracy.precision import (
     judge_of,
     reference,
 )
+from pinfric.study.export.mjcf import MjcfJoint, mjcf
+from pinfric.study.export.tree import Body, bodies
 from pinfric.study.scene_run import start_state
-from pinfric.study.trajectory.joint_columns import (
-    JointColumn,
-    configurations,
-    joint_columns,
-    single_positions,
-)
+from pinfric.study.trajectory.joint_columns import configurations, single_positions
 from pinfric.study.variants import with_constant_friction
 
 #: Speeds (rad/s or m/s) below which a peer's joint may count as at rest, for none of them stands
@@ -55,33 +50,21 @@ _KINDS = ("MuJoCo", "MuJoCo, stiff")
 
 
 @dataclass(frozen=True, eq=False)
-class _Body:
-    """One joint with the body it moves, in Pinocchio's order; parent -1 is the world."""
-
-    name: str
-    parent: int
-    placement: pin.SE3
-    inertia: pin.Inertia
-    sliding: bool
-    axis: np.ndarray
-    friction: float
-    armature: float
-    effort: Any
-
-
-@dataclass(frozen=True, eq=False)
 class _Robot:
     """A scene with constant friction as a peer needs it.
 
     Attributes:
-        bodies, columns: one per joint, as many as degrees of freedom.
+        bodies: one per joint, as many as degrees of freedom.
+        friction: (n,) dry friction of each joint, N m or N.
+        efforts: (n,) of each joint as the scene's `simulation` gives it.
         q0, v0: (n,) angles or lengths and rates at t = 0.
         effort: time -> (n,), N m or N.
     """
 
     scene: Scene
-    bodies: tuple[_Body, ...]
-    columns: tuple[JointColumn, ...]
+    bodies: tuple[Body, ...]
+    friction: tuple[float, ...]
+    efforts: tuple[Any, ...]
     q0: np.ndarray
     v0: np.ndarray
     t_end: float
@@ -91,8 +74,8 @@ class _Robot:
         """Return a peer's motion as it is judged: t (T,) s, angles, rates (T, n)."""
         readings = tuple(
             tuple(
-                StickInterval(body.name, float(t[first]), float(t[last]))
-                for j, body in enumerate(self.bodies) if body.friction > 0.0
+                StickInterval(body.joint.name, float(t[first]), float(t[last]))
+                for j, body in enumerate(self.bodies) if self.friction[j] > 0.0
                 for first, last in runs(np.abs(rates[:, j]) <= speed)
             )
             for speed in STANDSTILL
@@ -100,7 +83,8 @@ class _Robot:
         nq = self.scene.model.nq
         if not np.isfinite(angles).all():
             return Track(t, np.full((len(t), nq), np.nan), readings, steps)
-        return Track(t, configurations(self.columns, angles, nq), readings, steps)
+        columns = [body.joint for body in self.bodies]
+        return Track(t, configurations(columns, angles, nq), readings, steps)
 
 
 def compete_with_peers(
@@ -135,26 +119,18 @@ def compete_with_peers(
 
 
 def _robot(scene: Scene) -> _Robot:
-    model, twin = scene.loaded_model(), scene.twin()
-    columns = joint_columns(model, scene.source)
-    if scene.linkage is not None or len(columns) != model.njoints - 1:
-        raise PinfricError("robots with loops or mimic joints are not handed to MuJoCo and Drake")
+    tree = bodies(scene)
     assert scene.simulation is not None
     q, v = start_state(scene)
     made = make_effort(scene, None)
     constants = {site.name: site.law.kinetic.forward for site in scene.sites}
-    bodies = []
-    for row, column in enumerate(columns):
-        sliding = bool(twin.kind[row] == PRISMATIC)
-        axis = twin.axis[row, :3] if sliding else twin.axis[row, 3:]
-        bodies.append(_Body(
-            column.name, int(model.parents[row + 1]) - 1, model.jointPlacements[row + 1],
-            model.inertias[row + 1], sliding, axis, constants.get(column.name, 0.0),
-            float(model.armature[column.index_v]), scene.simulation.effort.get(column.name, 0.0),
-        ))  # fmt: skip
-    angles = single_positions(q[None, :], [column.nq for column in columns])[0]
-    return _Robot(scene, tuple(bodies), columns, angles, v, scene.simulation.t_end,
-                  lambda t: np.asarray(made.function(t, q, v)))  # fmt: skip
+    names = [body.joint.name for body in tree]
+    angles = single_positions(q[None, :], [body.joint.nq for body in tree])[0]
+    return _Robot(
+        scene, tree, tuple(constants.get(name, 0.0) for name in names),
+        tuple(scene.simulation.effort.get(name, 0.0) for name in names), angles, v,
+        scene.simulation.t_end, lambda t: np.asarray(made.function(t, q, v)),
+    )  # fmt: skip
 
 
 # ---------------------------------------------------------------- MuJoCo
@@ -199,42 +175,19 @@ def _mujoco_contestant(robot: _Robot, name: str, steps: int) -> Contestant:
 
 
 def mujoco_xml(robot: _Robot, dt: float, stiff: bool) -> str:
-    """Return the robot in MuJoCo's format, contacts off.
+    """Return the robot in MuJoCo's format.
 
     Args:
         robot: what is simulated.
         dt: step (s).
         stiff: make friction as hard as MuJoCo allows.
     """
-    hard = f'solimpfriction="0.9999 0.9999 0.001" solreffriction="{2 * dt!r} 1"' if stiff else ""
-
-    def body(row: int) -> str:
-        b = robot.bodies[row]
-        x, y, z, w = pin.Quaternion(b.placement.rotation).coeffs()
-        i = b.inertia.inertia
-        mass = (
-            f'<inertial pos="{_numbers(b.inertia.lever)}" mass="{b.inertia.mass!r}" fullinertia="'
-            f'{_numbers([i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]])}"/>'
-        )
-        joint = (
-            f'<joint type="{"slide" if b.sliding else "hinge"}" axis="{_numbers(b.axis)}" '
-            f'frictionloss="{b.friction!r}" armature="{b.armature!r}" {hard}/>'
-        )
-        children = "".join(body(c) for c, other in enumerate(robot.bodies) if other.parent == row)
-        place = f'pos="{_numbers(b.placement.translation)}" quat="{_numbers([w, x, y, z])}"'
-        return f"<body {place}>{mass}{joint}{children}</body>"
-
-    roots = "".join(body(row) for row, b in enumerate(robot.bodies) if b.parent < 0)
-    gravity = _numbers(robot.scene.model.gravity.linear)
-    return (
-        '<mujoco><compiler angle="radian" inertiafromgeom="false"/>'
-        f'<option gravity="{gravity}" timestep="{dt!r}" integrator="implicitfast">'
-        f'<flag contact="disable"/></option><worldbody>{roots}</worldbody></mujoco>'
-    )
-
-
-def _numbers(values: Any) -> str:
-    return " ".join(repr(float(x)) for x in values)
+    hard = {"solimpfriction": "0.9999 0.9999 0.001", "solreffriction": f"{2 * dt!r} 1"}
+    joints = [MjcfJoint(friction, 0.0, body.armature)
+              for body, friction in zip(robot.bodies, robot.friction, strict=True)]  # fmt: skip
+    gravity = robot.scene.model.gravity.linear
+    return mjcf("peer", robot.bodies, joints, gravity, timestep=dt, limits=False,
+                friction=hard if stiff else {})  # fmt: skip
 
 
 # ---------------------------------------------------------------- Drake
@@ -319,13 +272,13 @@ def _fill_plant(plant: Any, robot: _Robot) -> None:
         i = b.inertia.inertia
         about = tree.RotationalInertia(i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
         body = tree.SpatialInertia.MakeFromCentralInertia(b.inertia.mass, b.inertia.lever, about)
-        link = plant.AddRigidBody(b.name, body)
+        link = plant.AddRigidBody(b.joint.name, body)
         base = plant.world_frame() if b.parent < 0 else links[b.parent].body_frame()
         offset = pose(b.placement.homogeneous)
-        frame = plant.AddFrame(tree.FixedOffsetFrame(f"{b.name}_origin", base, offset))
-        kind = tree.PrismaticJoint if b.sliding else tree.RevoluteJoint
-        joint = plant.AddJoint(kind(b.name, frame, link.body_frame(), b.axis))
-        actuator = plant.AddJointActuator(b.name, joint)
+        frame = plant.AddFrame(tree.FixedOffsetFrame(f"{b.joint.name}_origin", base, offset))
+        kind = tree.PrismaticJoint if b.joint.unit == "m" else tree.RevoluteJoint
+        joint = plant.AddJoint(kind(b.joint.name, frame, link.body_frame(), b.axis))
+        actuator = plant.AddJointActuator(b.joint.name, joint)
         actuator.set_default_gear_ratio(1.0)
         actuator.set_default_rotor_inertia(b.armature)
         links.append(link)
@@ -340,15 +293,15 @@ def _drake_forces(robot: _Robot, velocity: float) -> Any:
     n, time = len(robot.bodies), symbolic.Variable("t")
     state = [symbolic.Variable(f"x{i}") for i in range(2 * n)]
     out = []
-    for j, b in enumerate(robot.bodies):
-        if isinstance(b.effort, TableEffort):
+    for j, given in enumerate(robot.efforts):
+        if isinstance(given, TableEffort):
             raise PinfricError("Drake: is given sines and constants as efforts, not tables")
-        if isinstance(b.effort, SineEffort):
-            s = b.effort.sine
+        if isinstance(given, SineEffort):
+            s = given.sine
             effort = s.amplitude * symbolic.sin(s.angular_frequency * time + s.phase)
         else:
-            effort = symbolic.Expression(float(b.effort))
-        out.append(effort - b.friction * symbolic.tanh(state[n + j] / velocity))
+            effort = symbolic.Expression(float(given))
+        out.append(effort - robot.friction[j] * symbolic.tanh(state[n + j] / velocity))
     idle = symbolic.Variable(
         "idle"
     )  # without any state of its own the system refuses to be integrated

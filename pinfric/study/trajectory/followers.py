@@ -14,8 +14,8 @@ from pinfric.model.urdf_file import read_xml
 from pinfric.study.trajectory.joint_columns import (
     JointColumn,
     limit_problems,
+    stated_limit,
     stated_range,
-    stated_speed,
     velocity_warnings,
 )
 
@@ -107,7 +107,7 @@ def _urdf_limits(urdf: Path) -> dict[str, JointColumn]:
         lower, upper = stated_range(float(given.get("lower", 0)), float(given.get("upper", 0)))
         if kind == "continuous":
             lower, upper = -np.inf, np.inf
-        speed = stated_speed(float(given.get("velocity", 0)))
+        speed = stated_limit(float(given.get("velocity", 0)))
         unit = "m" if kind == "prismatic" else "rad"
         found[name] = JointColumn(name, 0, 0, 1, unit, lower, upper, speed)
     return found

@@ -60,7 +60,7 @@ def _joint_column(model: pin.Model, name: str, joint: Any) -> JointColumn:
     if joint.nq == 1:
         low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
         lower, upper = stated_range(float(low), float(high))
-    speed = stated_speed(float(model.velocityLimit[joint.idx_v]))
+    speed = stated_limit(float(model.velocityLimit[joint.idx_v]))
     unit = "m" if joint.shortname().startswith("JointModelP") else "rad"
     return JointColumn(name, joint.idx_q, joint.idx_v, joint.nq, unit, lower, upper, speed)
 
@@ -76,8 +76,8 @@ def stated_range(low: float, high: float) -> tuple[float, float]:
     return (low if low > -_UNLIMITED else -np.inf), (high if high < _UNLIMITED else np.inf)
 
 
-def stated_speed(limit: float) -> float:
-    """Return a joint's velocity limit, infinite where none was stated (0, or Pinocchio's most)."""
+def stated_limit(limit: float) -> float:
+    """Return a speed or effort limit, infinite where none was stated (0, or Pinocchio's most)."""
     return limit if 0.0 < limit < _UNLIMITED else np.inf
 
 

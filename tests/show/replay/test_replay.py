@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_tree
+from builders import block, plane_friction, random_tree
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
@@ -71,6 +71,49 @@ def test_every_begin_and_end_of_sticking_is_a_frame(three_link):
         assert np.abs(frames.t - interval.end).min() == 0.0
     assert (frames.t[0], frames.t[-1]) == (result.t[0], result.t[-1])
     assert len(frames.t) < 30  # 5 per second for 2.9 s, and what changes
+
+
+@pytest.mark.parametrize(
+    ("gear", "holds"),
+    [({"efficiency": 0.4, "back_efficiency": -0.2}, True),  # self-locking
+     ({"efficiency": 0.4, "back_efficiency": 0.5}, False),
+     # at rest all of 1e-9 N m decides: no_load r against the weight along the slope, 9.81 N
+     ({"no_load_torque": 9.81 / 50.0 + 1e-9}, True),
+     ({"no_load_torque": 9.81 / 50.0 - 1e-9}, False),
+     ({"ratio": -50.0, "efficiency": 0.4, "back_efficiency": 0.0}, True), (None, False)],
+)  # fmt: skip
+def test_a_gear_holds_by_itself_where_its_motor_may_be_without_torque(gear, holds):
+    drive = {"joint": "slide"} if gear is None else {
+        "joint": "slide", "transmission": {"ratio": 50.0, **gear}}  # fmt: skip
+    scene = pf.Scene(model=block(np.deg2rad(30.0), 2.0), actuators=[drive])
+    t = np.linspace(0.0, 3.0, 301)
+    moving = (t > 1.0) & (t < 2.0)
+    v = np.where(moving, 1.0 - np.cos(2 * np.pi * t), 0.0)[:, None]
+    a = np.where(moving, 2 * np.pi * np.sin(2 * np.pi * t), 0.0)[:, None]
+    result = pf.inverse_dynamics(scene, np.zeros_like(v), v, a, t=t)
+    rest = ((0.0, 1.0), (2.0, 3.0))
+    assert make_frames(scene, result).gears == ({"slide": rest} if holds else {})
+
+
+def test_a_gear_without_a_load_holds_nothing():
+    worm = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2, "no_load_torque": 0.1}
+    scene = pf.Scene(model=block(), actuators=[{"joint": "slide", "transmission": worm}])
+    still = np.zeros((11, 1))
+    result = pf.inverse_dynamics(scene, still, still, still, t=np.linspace(0.0, 1.0, 11))
+    assert make_frames(scene, result).gears == {}
+
+
+def test_a_gear_holds_in_a_simulation_while_its_joint_rests():
+    worm = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2}
+    scene = pf.Scene(
+        model=block(), friction={"slide": plane_friction(0.5, 0.5)},
+        actuators=[{"joint": "slide", "transmission": worm}],
+    )  # fmt: skip
+    motion = pf.simulate(scene, [0.0], [1.0], np.array([5.0]), 1.0)
+    (interval,) = motion.stick_intervals()
+    ((start, end),) = make_frames(scene, motion).gears["slide"]
+    assert (start, end) == (interval.start, interval.end)
+    assert start > 0.1
 
 
 def test_frames_hold_pinocchios_placements_and_the_results_friction(three_link):

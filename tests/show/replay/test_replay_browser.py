@@ -327,6 +327,30 @@ def test_jammed_joint_has_its_colour_and_no_friction(browser, tmp_path):
         assert page.node(f"world/slide/site slide/{arrow}", "visible") is False
 
 
+def test_gears_that_hold_have_rows_and_wheels(browser, tmp_path):
+    scene = pf.load_scene(ROBOTS / "three_link.yaml")
+    worm = {"ratio": 30.0, "efficiency": 0.4, "back_efficiency": -0.2, "no_load_torque": 0.01}
+    names = [drive.name for drive in scene.drives]
+    geared = scene.with_(actuators=[{"joint": name, "transmission": worm} for name in names])
+    result = pf.inverse_dynamics(geared, pf.load_trajectory("three_link.waypoints.yaml", geared))
+    page = Page(browser, pf.replay(geared, result, html=tmp_path / "gears.html").html)
+    assert page.complaints() == []
+    assert "gear holds by itself: its motor may be without torque" in page.text("#legend")
+    rows = [row.splitlines() for row in page.run(
+        "return [...document.querySelectorAll('.row.gear')].map(r => r.innerText)")]  # fmt: skip
+    assert [row[0] for row in rows] == [f"⚙ {name}" for name in names]
+    for t, held in ((0.1, {"joint_1", "joint_12"}), (0.5, set()), (1.7, set(names))):
+        page.seek(t)
+        wheels = {n for n in names if page.node(f"world/{n}/gear {n}", "visible")}
+        told = {n for n, text in zip(names, page.run(
+            "return [...document.querySelectorAll('.row.gear .value')].map(v => v.innerText)"
+        ), strict=True) if text == "holds by itself"}  # fmt: skip
+        assert (wheels, told) == (held, held)
+    page.seek(0.1)
+    sky = np.array([0x56, 0xB4, 0xE9])
+    assert (np.abs(page.pixels().astype(int) - sky).max(axis=-1) < 30).sum() > 100
+
+
 def test_names_are_text_whatever_is_in_them(browser, tmp_path):
     names = ['<b>&" onclick="x', "<img src=x onerror=alert(1)>", "</script>a/b", "<object>"]
     model = pin.Model()

@@ -201,7 +201,7 @@ def test_legend_says_that_no_speed_torque_line_is_known(tmp_path):
     catalog = one_drive(tmp_path, {"resistance": None, "thermal": None})
     report = pf.size(scene, trapezoid(scene), catalog)
     names = [trace["name"] for trace in torque_speed(report.joints[0], report)["data"]]
-    assert names[0] == "envelope (no speed-torque line known)"
+    assert names[0] == "envelope (no line known)"
 
 
 def test_page_needs_no_network_and_escapes_names(report):
@@ -240,7 +240,12 @@ const wait = setInterval(() => {
   plot.scrollIntoView({block: "center"});
   const box = plot.getBoundingClientRect();
   const hit = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
-  document.documentElement.dataset.hit = hit ? hit.getAttribute("class") : "nothing";
+  const root = document.documentElement;
+  root.dataset.hit = hit ? hit.getAttribute("class") : "nothing";
+  root.dataset.beyond = root.scrollWidth - root.clientWidth;
+  root.dataset.covered = [...document.querySelectorAll(".js-plotly-plot")].filter((figure) =>
+    figure.querySelector(".legend").getBoundingClientRect().top
+    < figure.querySelector(".nsewdrag").getBoundingClientRect().bottom).map((figure) => figure.id);
 }, 20);
 </script></body>"""
 
@@ -255,7 +260,7 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
          "--enable-unsafe-swiftshader", "--disable-background-networking",
          "--disable-component-update", "--disable-sync", "--no-first-run",
          "--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr", "--v=0",
-         f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1200,900",
+         f"--user-data-dir={tmp_path / 'profile'}", "--window-size=500,900",
          "--virtual-time-budget=5000", "--dump-dom", path.as_uri()],
         capture_output=True, text=True, timeout=90,
     )  # fmt: skip
@@ -268,5 +273,7 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
     (hit,) = re.findall(r'data-hit="([^"]*)"', dom)
     assert "drag" in hit
     assert "modebar" not in hit
+    assert 'data-beyond="0"' in dom  # nothing is wider than a phone
+    assert 'data-covered=""' in dom  # no legend lies over its plot
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert not [line for line in console if "rror" in line]

@@ -88,6 +88,7 @@ const sites = D.sites.map((site) => {
 const cylinders = D.cylinders.map((c) => ({
   ...c, node: find(c.path).object, barrel: find(c.path + "/barrel").object, rod: find(c.path + "/rod").object,
 }));
+const gears = D.gears.map((g) => ({...g, node: g.path ? find(g.path).object : {}}));
 const payloads = D.payloads.map((p) => ({...p, node: find(p.path).object}));
 
 // ---------------------------------------------------------------- what is shown at a time
@@ -233,6 +234,12 @@ function show(t, since = t) {
     show_site(site, s, k, state_of(site, now, Math.min(since, now)));
     site.value.innerHTML = friction_text(site, s, k);
   });
+  for (const g of gears) {
+    const holds = meets(g.spans, Math.min(since, now), now);
+    g.node.visible = holds;
+    g.row.style.setProperty("--state", holds ? D.gear_color : "transparent");
+    g.value.textContent = holds ? "holds by itself" : "";
+  }
   for (const p of payloads) p.node.visible = p.spans.some(([a, b]) => a <= now && (now < b || b === t1));
   $("slider").value = now;
   $("clock").innerHTML = `${now.toFixed(3)} s <small>/ ${t1.toFixed(2)} s</small>`;

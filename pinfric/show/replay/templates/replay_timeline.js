@@ -29,6 +29,13 @@ sites.forEach((site) => {
   $("strips").append(site.row);
   site.label = $("labels").appendChild(element("span", "", short(site.name)));
 });
+// strips of gears that hold a joint without their motor, below those of the joints' friction
+gears.forEach((gear) => {
+  gear.row = element("div", "row gear", `<span class="name" title="gear of ${plain(gear.name)}"><i></i>⚙ ${short(gear.name)}</span>` +
+    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`);
+  [gear.canvas, gear.value] = [gear.row.querySelector("canvas"), gear.row.querySelector(".value")];
+  $("strips").append(gear.row);
+});
 const ticks = element("div", "row ticks", `<span></span><div class="track"><canvas></canvas></div><span></span>`);
 $("strips").append(ticks);
 
@@ -66,8 +73,8 @@ function draw_band(c, part, y) {  // between the least and the greatest friction
   }
 }
 
-function draw_strip(site, s) {
-  const [c, w, h] = sized(site.canvas);
+function draw_spans(canvas, parts) {  // parts: [colour, spans, least width in pixels], later ones win
+  const [c, w, h] = sized(canvas);
   const x = (t) => (t1 > t0 ? (w * (t - t0)) / (t1 - t0) : 0);
   c.fillStyle = "#e8edf2";
   c.beginPath();
@@ -75,13 +82,19 @@ function draw_strip(site, s) {
   c.fill();
   c.save();
   c.clip();
-  for (const state of STATES.slice(1)) {
-    c.fillStyle = D.colors[state];
-    for (const [a, b] of site.times[state]) {
+  for (const [color, spans, least] of parts) {
+    c.fillStyle = color;
+    for (const [a, b] of spans) {
       const left = Math.min(x(a), w - 2);
-      c.fillRect(left, 0, Math.max(x(b) - left, state === "near" ? 1 : 2), h);
+      c.fillRect(left, 0, Math.max(x(b) - left, least), h);
     }
   }
+  return [c, x, h];
+}
+
+function draw_strip(site, s) {
+  const [c, x, h] = draw_spans(site.canvas, STATES.slice(1).map((state) =>
+    [D.colors[state], site.times[state], state === "near" ? 1 : 2]));
   let most = 0;
   for (let k = 0; k < F; k++) most = Math.max(most, UPPER[k * ns + s] || 0, -LOWER[k * ns + s] || 0);
   if (most > 0) {  // friction over time: its least and greatest value in each pixel
@@ -121,6 +134,7 @@ function draw_ticks() {
 function lay_out() {
   viewer.set_3d_pane_size();
   sites.forEach(draw_strip);
+  gears.forEach((gear) => draw_spans(gear.canvas, [[D.gear_color, gear.spans, 2]]));
   draw_ticks();
   place_labels();
 }
@@ -132,6 +146,7 @@ const used = STATES.filter((s) => s === "sliding" || s === "sticking" || sites.s
 $("legend").innerHTML = (ns ? used.map(ring).join("") : "<li>no joint has friction</li>") +
   (ns ? `<li style="--state:#46525f"><span class="mark">↻</span>friction of the parent on the child${D.simulated ? "; at rest with its share of the limit" : "; at rest both ways: all it can be"}</li>` : "") +
   (ns ? `<li style="--state:${D.force_color}"><span class="mark">↑</span>force of the parent on the child</li>` : "") +
+  (gears.length ? `<li style="--state:${D.gear_color}"><span class="mark">⚙</span>${D.gear_meaning}</li>` : "") +
   (D.drives ? `<li style="--state:${D.drive_color}"><span class="box"></span>cylinder or force that drives</li>` : "") +
   payloads.map((p) => `<li style="--state:${D.payload_color}"><span class="box"></span>${plain(p.name)}, while carried</li>`).join("");
 $("about").textContent = D.about;

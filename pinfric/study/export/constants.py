@@ -1,0 +1,151 @@
+"""Constants in place of a scene's friction: fitted along a motion, each with the error it makes.
+
+Other engines have one dry friction, one damping and one rotor inertia for a joint. What a motor
+gives beyond the frictionless robot, r T_m - tau_id, is fitted by them where the joint moves:
+
+    r T_m - tau_id = frictionloss sign(v) + damping v + armature a,     all three >= 0
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from pinfric.dynamics.motor_torques import drive_stick_velocity
+from pinfric.dynamics.result import InverseResult
+from pinfric.errors import PinfricError
+from pinfric.study.trajectory.joint_columns import JointColumn
+
+#: The constants, in the order of the columns sign(v), v, a.
+TERMS = ("frictionloss", "damping", "armature")
+
+
+@dataclass(frozen=True)
+class JointConstants:
+    """The constants of one joint, and what they miss.
+
+    Torques are those of the motor times the ratio: N m, or N of a sliding joint.
+
+    Attributes:
+        joint: its name.
+        unit: "N m" or "N".
+        ratio: motor turns per turn of the joint (rad/rad or rad/m).
+        frictionloss: dry friction in motion (unit).
+        damping: N m s/rad or N s/m.
+        armature: rotor inertia at the joint, kg m^2 or kg, beyond the model's own.
+        moving: samples they are fitted to; 0: the joint never moves, and has no constants.
+        apart: False where the motion does not tell the constants apart (one speed only, say).
+        error_rms, error_peak: of the constants' torque against the scene's over those samples.
+        torque_rms, torque_peak: of the scene's torque itself.
+        worst_load: torque of the frictionless robot where the error is largest.
+        worst_speed: velocity there (rad/s or m/s).
+        worst_time: when that is (s); NaN for states without times.
+        rest_lower, rest_upper: least and greatest torque beyond the frictionless robot's where the
+            joint stands still, v = a = 0; NaN where it never does.
+    """
+
+    joint: str
+    unit: str
+    ratio: float
+    frictionloss: float
+    damping: float
+    armature: float
+    moving: int
+    apart: bool
+    error_rms: float
+    error_peak: float
+    torque_rms: float
+    torque_peak: float
+    worst_load: float
+    worst_speed: float
+    worst_time: float
+    rest_lower: float
+    rest_upper: float
+
+
+def joint_constants(
+    result: InverseResult, columns: tuple[JointColumn, ...], terms: tuple[str, ...] = TERMS
+) -> tuple[JointConstants, ...]:
+    """Return the constants of every joint: bounded least squares over the samples where it moves.
+
+    min sum (r T_m - tau_id - X c)^2 over c >= 0, X = [sign(v), v, a] (Lawson and Hanson, Solving
+    Least Squares Problems, 1974, ch. 23).
+
+    Args:
+        result: inverse dynamics of the scene along the motion.
+        columns: its joints, one degree of freedom each.
+        terms: those of `TERMS` that the format has; the others are 0, and their lack an error.
+
+    Raises:
+        PinfricError: a joint without a drive: nothing says what its friction takes.
+    """
+    by_column = {drive.velocity_index: d for d, drive in enumerate(result.scene.drives)}
+    found = []
+    for column in columns:
+        if column.index_v not in by_column:
+            raise PinfricError(
+                f"{result.scene.source}: joint {column.name!r} has no drive, and constants come "
+                "from what a drive gives; name one under `actuators`, or lock the joint"
+            )
+        found.append(_constants(result, by_column[column.index_v], column, terms))
+    return tuple(found)
+
+
+def _constants(
+    result: InverseResult, d: int, column: JointColumn, terms: tuple[str, ...]
+) -> JointConstants:
+    drive = result.scene.drives[d]
+    ratio = 1.0 if drive.transmission is None else drive.transmission.ratio
+    ends = ratio * result.motor_torque_lower[:, d], ratio * result.motor_torque_upper[:, d]
+    lower, upper = np.minimum(*ends), np.maximum(*ends)
+    load = result.effort_frictionless[:, d]
+    velocity, acceleration = result.actuator_velocity[:, d], result.actuator_acceleration[:, d]
+    slow = np.abs(velocity) <= drive_stick_velocity(result.scene, drive)
+    moving = ~slow & (lower == upper)  # an interval: it passes through rest beside this sample
+    rest = slow & (acceleration == 0.0)
+    there = [float(term in terms) for term in TERMS]
+    regressors = np.column_stack([np.sign(velocity), velocity, acceleration])[moving] * there
+    constants, apart = _fit(regressors, (lower - load)[moving])
+    missed = (lower - load)[moving] - regressors @ constants
+    worst = np.flatnonzero(moving)[np.abs(missed).argmax()] if moving.any() else None
+    return JointConstants(
+        joint=column.name, unit="N" if column.unit == "m" else "N m", ratio=ratio,
+        **dict(zip(TERMS, constants.tolist(), strict=True)),
+        moving=int(moving.sum()), apart=apart,
+        **_figures(missed, lower[moving]),
+        worst_load=_at(load, worst), worst_speed=_at(velocity, worst),
+        worst_time=_at(result.t, worst),
+        rest_lower=float((lower - load)[rest].min()) if rest.any() else np.nan,
+        rest_upper=float((upper - load)[rest].max()) if rest.any() else np.nan,
+    )  # fmt: skip
+
+
+def _fit(regressors: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Constants >= 0 of least squares, and whether the samples tell them apart."""
+    size = np.linalg.norm(regressors, axis=0)
+    used = size > 0.0
+    if not used.any():
+        return np.zeros(len(size)), True
+    scaled = regressors[:, used] / size[used]  # speeds and accelerations differ by decades
+    constants = np.zeros(len(size))
+    fitted = nnls(scaled, target)[0]
+    fitted[fitted < 1e-12 * np.linalg.norm(target)] = 0.0  # rounding is no constant
+    constants[used] = fitted / size[used]
+    return constants, bool(np.linalg.matrix_rank(scaled, tol=1e-6) == used.sum())
+
+
+def _figures(missed: np.ndarray, torque: np.ndarray) -> dict[str, float]:
+    if not missed.size:
+        return dict.fromkeys(("error_rms", "error_peak", "torque_rms", "torque_peak"), np.nan)
+    return {
+        "error_rms": float(np.sqrt(np.mean(missed**2))),
+        "error_peak": float(np.abs(missed).max()),
+        "torque_rms": float(np.sqrt(np.mean(torque**2))),
+        "torque_peak": float(np.abs(torque).max()),
+    }
+
+
+def _at(values: np.ndarray | None, sample: int | None) -> float:
+    return np.nan if values is None or sample is None else float(values[sample])

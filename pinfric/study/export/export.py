@@ -1,0 +1,223 @@
+"""`pf.export`: a scene for another engine, with what its constants cost written beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.states import MotionLike
+from pinfric.errors import PinfricError, choose_from
+from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.effects import effects
+from pinfric.model.files import write_file
+from pinfric.model.scene import Scene
+from pinfric.model.urdf import implausible_body
+from pinfric.study.export.constants import JointConstants, joint_constants
+from pinfric.study.export.mjcf import MjcfJoint, mjcf
+from pinfric.study.export.tree import bodies, check_plain_tree
+from pinfric.study.export.ur import ur_script
+from pinfric.study.export.urdf import urdf
+from pinfric.study.random_states import random_states
+
+
+@dataclass(frozen=True)
+class Format:
+    """What a format calls the constants, and what it says.
+
+    Attributes:
+        title: for people.
+        terms: constant -> its name in the format; others are taken as 0.
+        suffix: of the file.
+        at_rest: what its engine takes as friction where a joint stands still, v = a = 0.
+    """
+
+    title: str
+    terms: dict[str, str]
+    suffix: str
+    at_rest: str
+
+
+FORMATS = {
+    "mjcf": Format(
+        "MJCF (MuJoCo)",
+        {"frictionloss": "frictionloss", "damping": "damping", "armature": "armature"},
+        ".mjcf.xml",
+        "mj_inverse has no friction there, mj_step holds by up to frictionloss",
+    ),
+    "urdf": Format(
+        "URDF", {"frictionloss": "friction", "damping": "damping"}, ".constants.urdf",
+        "engines that read <dynamics> hold by up to friction, or not at all",
+    ),
+    "ur": Format(
+        "URScript (Universal Robots)",
+        {"frictionloss": "coulomb", "damping": "viscous", "armature": "rotor inertia"},
+        ".ur.script", "nothing is added there",
+    ),
+}  # fmt: skip
+#: Effects that no constant holds: what they are called here.
+_LEFT_OUT = {
+    "load": "friction that grows with a bearing's load",
+    "static": "break-away friction above that in motion",
+    "stribeck": "the fall of friction from rest to fast motion",
+    "gear": "what gears lose in proportion to their load",
+}
+
+
+@dataclass(frozen=True)
+class Exported(Shown):
+    """A scene in another engine's format, and what its constants cost.
+
+    Attributes:
+        scene, trajectory: names of their files.
+        to: the format, of `FORMATS`.
+        samples: of the trajectory.
+        joints: the constants and their errors, in the model's order.
+        left_out: what the scene has and the file has not, a line each.
+        text: the file.
+    """
+
+    scene: str
+    trajectory: str
+    to: str
+    samples: int
+    joints: tuple[JointConstants, ...]
+    left_out: tuple[str, ...]
+    text: str
+
+    def __repr__(self) -> str:
+        moved = [joint for joint in self.joints if joint.moving]
+        errors = [f"{j.error_peak:.3g} of {j.torque_peak:.3g}" for j in moved]
+        return screen("Exported", f"{file_name(self.scene)} to {FORMATS[self.to].title}", {
+            "trajectory": f"{file_name(self.trajectory)}, {counted(self.samples, 'sample')}",
+            "errors": f"{listed([j.joint for j in moved], errors)} (peaks, N m or N)",
+            "left out": "; ".join(self.left_out),
+            "more": ".write(path) .summary() .text",
+        })  # fmt: skip
+
+    @property
+    def default_name(self) -> str:
+        """What the file is called where nobody names it."""
+        return f"{Path(self.scene).stem}{FORMATS[self.to].suffix}"
+
+    def write(self, path: str | Path) -> Path:
+        """Write the file; it appears complete or not at all.
+
+        Raises:
+            PinfricError: it cannot be written.
+        """
+        return write_file(path, lambda file: file.write_text(self.text, encoding="utf-8"))
+
+
+def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf") -> Exported:
+    """Return the scene for another engine: constants in place of friction, each with its error.
+
+    min sum (r T_m - tau_id - frictionloss sign(v) - damping v - armature a)^2 over the samples of
+    each joint that move, all three >= 0; see `joint_constants`.
+
+    Args:
+        scene: an open chain with drives at its joints.
+        trajectory: or a simulated motion, with the payloads it carries; None takes 1000 seeded
+            random states inside the limits.
+        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots).
+
+    Raises:
+        PinfricError: no such format, or one that cannot hold what the scene has; named.
+    """
+    if to not in FORMATS:
+        raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
+    columns = check_plain_tree(scene)
+    form = FORMATS[to]
+    if trajectory is None:
+        q, v, a = random_states(scene)
+        result = inverse_dynamics(scene, q, v, a)
+        name = f"{len(q)} random states inside the limits"
+    else:
+        result = inverse_dynamics(scene, trajectory)
+        name = str(getattr(trajectory, "source", "a simulated motion"))
+    joints = joint_constants(result, columns, tuple(form.terms))
+    left_out = _left_out(scene, to)
+    lines = {joint.joint: joint_line(joint, form) for joint in joints}
+    header = [
+        f"{file_name(scene.source)} for {form.title}, written by pinfric.",
+        "Friction is constants here, fitted to the motor's torque times the ratio, less that of "
+        f"the frictionless robot, over {file_name(name)} ({len(result.status)} samples); beside "
+        "each joint what they miss of the scene's torque where the joint moves.",
+        *(f"Not in this file: {line}." for line in left_out),
+        "Where a joint stands still the scene has an interval of torques, given at each joint: "
+        f"{form.at_rest}.",
+    ]
+    write = {"mjcf": _mjcf, "urdf": urdf, "ur": ur_script}[to]
+    text = write(scene, joints, lines, header)
+    return Exported(scene.source, name, to, len(result.status), joints, left_out, text)
+
+
+def _mjcf(
+    scene: Scene, joints: Sequence[JointConstants], lines: dict[str, str], header: Sequence[str]
+) -> str:
+    tree = bodies(scene)
+    for body in tree:
+        if why := implausible_body(body.inertia.mass, body.inertia.inertia):
+            raise PinfricError(
+                f"{scene.source}: joint {body.joint.name!r} moves a body that MuJoCo refuses: "
+                f"{why}; correct the <inertia> of its links"
+            )
+    entries = [
+        MjcfJoint(joint.frictionloss, joint.damping, joint.armature + body.armature, joint.ratio,
+                  lines[joint.joint])
+        for joint, body in zip(joints, tree, strict=True)
+    ]  # fmt: skip
+    name = Path(scene.source).stem
+    return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
+
+
+def joint_line(joint: JointConstants, form: Format) -> str:
+    """Return what a file says beside a joint: its constants, their error, what is left at rest."""
+    unit, name = joint.unit, joint.joint
+    rest = ""
+    if np.isfinite(joint.rest_lower):
+        rest = f"; standing still {joint.rest_lower:.3g} to {joint.rest_upper:.3g} {unit}"
+    if not joint.moving:
+        return f"{name}: never moves in this motion and has no constants{rest}"
+    turning = unit == "N m"
+    units = {"frictionloss": unit, "damping": "N m s/rad" if turning else "N s/m",
+             "armature": "kg m^2" if turning else "kg"}  # fmt: skip
+    constants = ", ".join(
+        f"{label} {getattr(joint, term):.4g} {units[term]}" for term, label in form.terms.items()
+    )
+    at = f"t {joint.worst_time:.4g} s, " if np.isfinite(joint.worst_time) else ""
+    load = joint.worst_load if abs(joint.worst_load) > 1e-9 * joint.torque_peak else 0.0
+    doubt = "" if joint.apart else "; the motion does not tell these constants apart"
+    return (
+        f"{name}: {constants}; error rms {joint.error_rms:.5g}, peak {joint.error_peak:.5g} {unit} "
+        f"(at {at}load {load:.3g} {unit}, {joint.worst_speed:.3g} "
+        f"{'rad/s' if turning else 'm/s'}) of a torque of rms {joint.torque_rms:.4g}, peak "
+        f"{joint.torque_peak:.4g} {unit}, {counted(joint.moving, 'moving sample')}{rest}{doubt}"
+    )
+
+
+def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
+    """What the scene has and the file has not, with the key of the first place."""
+    lines = [f"{_LEFT_OUT[effect.name]} ({effect.why})"
+             for effect in effects(scene) if effect.on and effect.name in _LEFT_OUT]  # fmt: skip
+    for name, friction in scene.friction.items():
+        lines += [f"the direction of friction.{name}.{term.key}: one constant for both ways"
+                  for term in friction.terms if term.directed]  # fmt: skip
+    for name, payload in scene.payloads.items():
+        if not payload.attached and to != "ur":
+            lines.append(f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
+                         "scene does not carry by default")  # fmt: skip
+    if to == "ur":
+        lines.append("rotor inertia, fitted beside the friction and given at each joint")
+    if to == "mjcf":
+        lines.append("meshes (capsules stand for the links) and speed limits")
+    if to == "urdf":
+        gravity = scene.model.gravity.linear
+        if not np.allclose(gravity, [0.0, 0.0, -9.81]):
+            lines.append(f"gravity, {gravity.tolist()} m/s^2")
+        if any(drive.transmission is not None for drive in scene.drives):
+            lines.append("ratios and rotor inertias of the drives, for which a URDF has no place")
+    return tuple(lines)
