@@ -79,17 +79,17 @@ def joint_constants(
         terms: those of `TERMS` that the format has; the others are 0, and their lack an error.
 
     Raises:
-        PinfricError: a joint without a drive: nothing says what its friction takes.
+        PinfricError: a joint with no drive or several: no torque says what its friction takes.
     """
-    by_column = {drive.velocity_index: d for d, drive in enumerate(result.scene.drives)}
-    found = []
+    scene, found = result.scene, []
     for column in columns:
-        if column.index_v not in by_column:
+        drives = [d for d, x in enumerate(scene.drives) if x.velocity_index == column.index_v]
+        if len(drives) != 1:
             raise PinfricError(
-                f"{result.scene.source}: joint {column.name!r} has no drive, and constants come "
-                "from what a drive gives; name one under `actuators`, or lock the joint"
+                f"{scene.source}: joint {column.name!r} has {len(drives)} drives, and constants "
+                "come from what one gives; name one for it under `actuators`, or lock it"
             )
-        found.append(_constants(result, by_column[column.index_v], column, terms))
+        found.append(_constants(result, drives[0], column, terms))
     return tuple(found)
 
 
