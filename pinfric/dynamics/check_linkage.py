@@ -30,6 +30,7 @@ class Pair:
         at: (3,) where it acts, world. frame: (3, 3) frame b. direction: (6,) unit wrench of a
             drive in the world's axes at `at`; of a loop along what moves, of a universal about
             the common normal of its axes.
+        along_line: whether it is a cylinder, along whose line its friction acts, too.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Pair:
     at: np.ndarray
     frame: np.ndarray
     direction: np.ndarray
+    along_line: bool = False
 
 
 def linkage_residuals(
@@ -91,11 +93,11 @@ def _site_velocity(
 ) -> np.ndarray:  # fmt: skip
     """(1,) relative velocity of a site, (3,) in frame b for a ball."""
     v = result.states.v[i]
-    if site.loop < 0:
+    if site.pair < 0:
         return np.array([site.ratio * v[site.velocity_index]])
     pair = pairs[site.name]
-    couples = np.eye(3, 6, 3) if site.ball else _loop_friction(site, np.ones(1))[None]
-    wrenches = [_in_world(pair, couple) for couple in couples]
+    units = np.eye(3) if site.ball else np.ones((1, 1))
+    wrenches = [_friction_in_world(pair, site, unit) for unit in units]
     return np.array([_generalized(model, data, pair, wrench) @ v for wrench in wrenches])
 
 
@@ -133,7 +135,7 @@ def _pairs(scene: Scene, model: pin.Model, data: pin.Data) -> dict[str, Pair]:
             line = end.translation - start.translation
             direction = np.concatenate([line / np.linalg.norm(line), np.zeros(3)])
             name = actuator.cylinder.name
-            pairs[name] = Pair(name, a, b, end.translation, end.rotation, direction)
+            pairs[name] = Pair(name, a, b, end.translation, end.rotation, direction, True)
         elif actuator.force is not None:
             force = actuator.force
             b, pose = place(force.link, force.xyz)
@@ -161,8 +163,15 @@ def _in_world(pair: Pair, wrench: np.ndarray) -> np.ndarray:
     return np.concatenate([pair.frame @ wrench[:3], pair.frame @ wrench[3:]])
 
 
-def _loop_friction(site: Site, phi: np.ndarray) -> np.ndarray:
-    """(6,) friction of a on b in frame b."""
+def _friction_in_world(pair: Pair, site: Site, phi: np.ndarray) -> np.ndarray:
+    """(6,) friction of a on b, world axes, at the pair's place; a cylinder's is along its line."""
+    if pair.along_line:
+        return phi[0] * pair.direction
+    return _in_world(pair, _pair_friction(site, phi))
+
+
+def _pair_friction(site: Site, phi: np.ndarray) -> np.ndarray:
+    """(6,) friction of a on b in frame b, of a cylinder in axes whose z is its line."""
     along = phi if site.ball else phi[0] * site.axis
     none = np.zeros(3)
     return np.concatenate([along, none] if site.sliding else [none, along])
@@ -200,11 +209,13 @@ def _residuals(
     law = wrench_error = 0.0
     for k, (site, phi) in enumerate(zip(scene.sites, _split(scene, end.friction_coordinates),
                                         strict=True)):  # fmt: skip
-        if site.loop >= 0:
-            w = end.multipliers[site.loop] + _loop_friction(site, phi)
+        if site.pair >= 0:
+            w = _pair_friction(site, phi)
+            if not pairs[site.name].along_line:
+                w = w + end.multipliers[site.pair]
             for drive, effort in zip(scene.drives, end.effort, strict=True):
                 if drive.velocity_index < 0 and pairs[drive.name] is pairs[site.name]:
-                    w = w + effort * _loop_friction(site, np.ones(1))
+                    w = w + effort * _pair_friction(site, np.ones(1))
         else:
             w = wrenches[site.joint]
         wrench_error = max(wrench_error, float(np.abs(end.wrench[k] - w).max()))
@@ -220,9 +231,8 @@ def _acting(scene: Scene, pairs: dict[str, Pair], end: Solution) -> list[tuple[P
         if drive.velocity_index < 0:
             acting.append((pairs[drive.name], effort * pairs[drive.name].direction))
     for site, phi in zip(scene.sites, _split(scene, end.friction_coordinates), strict=True):
-        if site.loop >= 0:
-            pair = pairs[site.name]
-            acting.append((pair, _in_world(pair, _loop_friction(site, phi))))
+        if site.pair >= 0:
+            acting.append((pairs[site.name], _friction_in_world(pairs[site.name], site, phi)))
     return acting
 
 
@@ -233,7 +243,7 @@ def _joint_efforts(scene: Scene, model: pin.Model, end: Solution) -> np.ndarray:
         if drive.velocity_index >= 0:
             total[drive.velocity_index] += effort
     for site, phi in zip(scene.sites, _split(scene, end.friction_coordinates), strict=True):
-        if site.loop < 0:
+        if site.pair < 0:
             total[site.velocity_index] += site.ratio * phi[0]
     return total
 
@@ -245,7 +255,7 @@ def _law_error(
     """How far one site's load and friction are from the formulas."""
     site = result.scene.sites[k]
     velocity = _site_velocity(result, site, pairs, model, data, i)
-    moved = plain_displacement(result.scene, site, result.states.q[i]) if site.loop < 0 else 0.0
+    moved = plain_displacement(result.scene, site, result.states.q[i]) if site.pair < 0 else 0.0
     load = plain_normal_load(site, w, moved)
     error = abs(end.normal_load[k] - load)
     if not site.ball:

@@ -113,7 +113,7 @@ def _check(
             sample = int(np.argmax(np.any(beyond, axis=1)))
             row = int(np.argmax(np.where(beyond, amount, -1.0)[sample]))
             raise LoopMotionError(
-                linkage.loop_of_row(row).name, here.start + sample, what,
+                linkage.name_of_row(row), here.start + sample, what,
                 float(amount[sample, row]), units[int(turning[row])],
             )  # fmt: skip
 
@@ -140,8 +140,8 @@ def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarra
         for d in scene.drives
     ]).reshape(-1, len(v)).T  # fmt: skip
     for s, site in enumerate(scene.sites):
-        if site.loop >= 0:
-            first = linkage.friction_column[site.loop]
+        if site.pair >= 0:
+            first = linkage.friction_column[site.pair]
             parts = rate[:, first : first + (3 if site.ball else 1)]
             sites[:, s] = np.linalg.norm(parts, axis=1) if site.ball else parts[:, 0]
     return drives, sites

@@ -31,6 +31,7 @@ class EffortTables(NamedTuple):
     shifts: int
     joint: np.ndarray
     n_tree: int
+    sharing: int
     entry_v: np.ndarray
     entry_action: np.ndarray
     entry_ratio: np.ndarray
@@ -91,7 +92,7 @@ def map_friction(
         wrench: (n, nj, 6), of the tree's joints without multipliers, drives off the joints and
             friction: RNEA of the twin.
         total_effort: (n, nv), M a + h.
-        X, J: (n, nj + loops, 6, nx), (n, nx, nv), `kinematics.act_on_joints`.
+        X, J: (n, nj + pairs, 6, nx), (n, nx, nv), `kinematics.act_on_joints`.
         displacement: (n, ns) of each site along its axis, or (0, 0) where it does not matter.
         maps: overwritten.
     """
@@ -157,8 +158,8 @@ def _balance(
         free = left
         if free.shape[1] == 0:
             return True
-    given = np.empty((X.shape[0], 6, columns))
-    for j in range(X.shape[0]):
+    given = np.empty((t.sharing, 6, columns))
+    for j in range(t.sharing):
         _write_wrench(t, j, wrench, X, y, given[j])
     return share_redundant(given, X, free, t.inverse_length, y)
 

@@ -134,6 +134,8 @@ def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:
 
 def _moving(ws: Workspace) -> tuple[str, ...]:
     """Names of the joints that accelerate although everything with dry friction sticks."""
+    if ws.locked:
+        return ()
     a = ws.a_free + ws.a_slope @ ws.modes.friction
     terms = np.abs(ws.a_free) + np.abs(ws.a_slope) @ np.abs(ws.modes.friction)
     rubs = set(ws.tables.coordinate_v[ws.tables.dry].tolist())

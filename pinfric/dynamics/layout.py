@@ -2,7 +2,8 @@
 
 A tree is a linkage without loops: its actions are none. Friction acts on *coordinates*, relative
 velocities: of a joint of the tree (a mimic's sites share their leader's) or along an action of a
-loop's joint. A site has one *entry* in the problem, a ball three, one along each axis of frame b.
+loop's joint or of a cylinder. A site has one *entry* in the problem, a ball three, one along each
+axis of frame b.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ class Layout(NamedTuple):
     """The tables of a scene; nothing in it changes.
 
     Attributes:
-        n_tree: number of joints of the tree; the loops' joints follow them.
+        n_tree: number of joints of the tree; the loops' joints follow them, then the cylinders.
+        sharing: number of joints, the loops' too: what reactions that are not unique are shared by.
         drive_v, drive_action: (na,) velocity of each drive, its action; -1 where it has none.
         balanced: (nr,) velocities that no joint drive moves: only actions balance them.
         part: (na,) of its joint's effort that each joint drive delivers; 1 off the joints.
@@ -33,8 +35,8 @@ class Layout(NamedTuple):
         entry_site, entry_coordinate: (ne,).
         entry_ratio: (ne,) site velocity per coordinate velocity; 1 but for mimic joints.
         entry_v, entry_action: (ne,) the same of an entry's coordinate.
-        coordinate_v, coordinate_action: (nc,) the velocity of a tree's, the action of a loop's;
-            else -1.
+        coordinate_v, coordinate_action: (nc,) the velocity of a tree's, the action of a loop's or a
+            cylinder's; else -1.
         viscous: (nc,) N m s/rad or N s/m.
         dry: (nc,) bool, whether anything on it can stick.
         stick_velocity: (nc,) at or below this speed it is at rest (rad/s or m/s).
@@ -53,6 +55,7 @@ class Layout(NamedTuple):
     """
 
     n_tree: int
+    sharing: int
     drive_v: np.ndarray
     drive_action: np.ndarray
     balanced: np.ndarray
@@ -100,7 +103,7 @@ class Layout(NamedTuple):
 
     @property
     def has_loop_coordinates(self) -> bool:
-        """Whether friction acts at a joint that closes a loop."""
+        """Whether friction acts at a joint that closes a loop, or along a cylinder."""
         return bool((self.coordinate_action >= 0).any())
 
 
@@ -118,9 +121,10 @@ def make_layout(scene: Scene) -> Layout:
     felt = np.zeros(n_tree, dtype=bool)
     if linkage is not None:
         felt = np.abs(linkage.support).max(axis=0, initial=0) > 0
-    feels = np.array([s.loop >= 0 or bool(felt[s.joint]) for s in sites], dtype=bool)
+    feels = np.array([s.pair >= 0 or bool(felt[s.joint]) for s in sites], dtype=bool)
     return Layout(
         n_tree=n_tree,
+        sharing=n_tree + len(scene.loops),
         drive_v=drive_v,
         drive_action=drive_action,
         balanced=np.setdiff1d(np.arange(scene.model.nv), drive_v[drive_v >= 0]).astype(np.int64),
@@ -193,9 +197,9 @@ def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
         count.append(3 if site.ball else 1)
         for i in range(count[-1]):
             key = (int(site.velocity_index), -1)
-            if site.loop >= 0:
+            if site.pair >= 0:
                 assert linkage is not None
-                key = (-1, int(linkage.friction_column[site.loop]) + i)
+                key = (-1, int(linkage.friction_column[site.pair]) + i)
             if key not in keys:
                 keys.append(key)
             entries.append((s, keys.index(key), float(site.ratio)))

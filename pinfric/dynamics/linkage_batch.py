@@ -30,7 +30,7 @@ class Samples:
     Attributes:
         maps: `effort_maps.Maps`.
         wrench: (n, nj, 6) of the tree without multipliers.
-        X: (n, nj + loops, 6, nx), `kinematics.act_on_joints`.
+        X: (n, nj + pairs, 6, nx), `kinematics.act_on_joints`.
     """
 
     maps: Maps
@@ -89,8 +89,9 @@ def loop_wrenches(linkage: Linkage, X: np.ndarray, solved: np.ndarray) -> np.nda
 
     Args:
         linkage: with the loops.
-        X: (n, nj + number of loops, 6, nx), `kinematics.act_on_joints`.
+        X: (n, nj + number of pairs, 6, nx), `kinematics.act_on_joints`.
         solved: (n, ny) efforts off the joints and multipliers.
     """
-    loops, rows = X.shape[1] - len(linkage.loops), linkage.lambdas
-    return np.einsum("nlkc,nc->nlk", X[:, loops:, :, rows], solved[:, rows])
+    first, rows = X.shape[1] - len(linkage.pair_kind), linkage.lambdas
+    loops = X[:, first : first + len(linkage.loops), :, rows]
+    return np.einsum("nlkc,nc->nlk", loops, solved[:, rows])

@@ -51,9 +51,11 @@ class Tables(NamedTuple):
         contact_rank: (nt,) how many rows of its map are used.
         actions: of loops and drives off the joints.
         planar: (number of loops,) whether the axes of a loop's sides must be parallel unforced.
-        direction_size: (nc,) 0, but for loops that slide: they have levers for directions, all of
-            which vanish at a dead centre (m).
+        direction_size: (nc,) 0, but for what slides: it has levers for directions, all of which
+            vanish at a dead centre (m).
         site_row: (ns,) row of each site's joint among those wanted.
+        dependent: whether coordinates may depend on each other: loops close, or friction acts along
+            a cylinder.
     """
 
     layout: Layout
@@ -78,6 +80,7 @@ class Tables(NamedTuple):
     planar: np.ndarray
     direction_size: np.ndarray
     multipliers: int
+    dependent: bool
 
 
 class Supply(NamedTuple):
@@ -111,7 +114,7 @@ class Work(NamedTuple):
     Attributes:
         R, p, velocity, acceleration: (1, nj, ...), of the links in world axes (`relate_pairs`).
         motion, momentum: (nf, 6) S and I S of each freedom about the world's origin.
-        X, J: (1, nj + loops, 6, nx), (1, nx, nv), `act_on_joints`.
+        X, J: (1, nj + pairs, 6, nx), (1, nx, nv), `act_on_joints`.
         gap, rate, rate_derivative, tilt, terms: see `relate_pairs`.
         D, S: (nc, nv), (na, nv) rate of every coordinate, of every drive, per unit velocity.
         Z: (nv, nv) motions that loops allow. M: (nv, nv).
@@ -554,7 +557,7 @@ def _substitute(L: np.ndarray, Y: np.ndarray, factor: np.ndarray) -> None:
 
 @kernel
 def _write_problem_rates(
-    t: Tables, w: Work, v: np.ndarray, terms: np.ndarray, step: float, closed: bool
+    t: Tables, w: Work, v: np.ndarray, terms: np.ndarray, step: float, related: bool
 ) -> None:
     """Write r = D a + Ddot v, or of a step D (v + step a), and its slope.
 
@@ -562,7 +565,7 @@ def _write_problem_rates(
         v: (nv,).
         terms: (nv,) size of what `push` is the sum of.
         step: s, or 0.
-        closed: see `_reduce`.
+        related: whether there are pairs, along which coordinates may depend on each other.
     """
     D, a_map, factor, action, d = w.D, w.a_map, w.factor, t.layout.coordinate_action, w.freedoms[0]
     nc, nv = D.shape
@@ -583,7 +586,7 @@ def _write_problem_rates(
         w.rate_free[c], w.rate_scale[c] = scale * total + offset, size
         for f in range(d):
             factor[f, c] *= root
-    if closed:
+    if related:
         _find_dead_centres(t, w, d)
     for c in range(nc):
         for e in range(c + 1):
@@ -775,7 +778,8 @@ def _add_multipliers(t: Tables, w: Work, push: np.ndarray) -> None:
         given = G.copy()
         for row in range(rows):
             add_products(among[row], y, given[row])
-        share_redundant(given, among, free[:, : nl - rank].copy(), layout.inverse_length, y)
+        share_redundant(given[: layout.sharing], among, free[:, : nl - rank].copy(),
+                        layout.inverse_length, y)  # fmt: skip
     for row in range(rows):
         add_products(among[row], y, G[row])
 
@@ -887,7 +891,7 @@ def assemble(
         return SINGULAR if size < np.inf else NOT_FINITE
     if not size < np.inf:
         return NOT_FINITE
-    _write_problem_rates(t, w, v, terms, step, nl > 0)
+    _write_problem_rates(t, w, v, terms, step, w.tilt.size > 0)
     _write_wrenches(t, k, w, effort)
     if nl > 0:
         _add_multipliers(t, w, given)
@@ -1031,7 +1035,7 @@ def solve_instant(
             w.at_rest[c] = False
         if choice == TURNED:
             turn_balls(t, w)
-    if t.multipliers > 0:
+    if t.dependent:
         for c in range(w.stuck.size):
             if w.stuck[c]:
                 return UNDECIDED, 0, 0, resting

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from pinfric.model.bearings import Ball, Guide, Linear, LoadTerms, Pin
+from pinfric.model.bearings import Ball, Guide, Linear, LoadTerms, Pin, Seal
 from pinfric.model.friction_terms import Coefficients, DirectedCoulombFriction
 from pinfric.model.scene import Scene, Site
 from pinfric.model.schema import Friction
@@ -76,8 +76,12 @@ def _ball(b: Ball, k: np.ndarray, F_r: np.ndarray, F_a: float, _: np.ndarray, __
     return float(b.radius * (np.linalg.norm(F_r + F_a * k) + b.preload))
 
 
+def _seal(b: Seal, k: np.ndarray, F_r: np.ndarray, F_a: float, _: np.ndarray, __: float) -> float:
+    return abs(F_a) + b.preload
+
+
 _LOADS: dict[str, Callable[..., float]] = {
-    "pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball,
+    "pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball, "seal": _seal,
 }  # fmt: skip
 
 

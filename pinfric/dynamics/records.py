@@ -20,7 +20,7 @@ from pinfric.dynamics.states import unit_parts
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import empty_problem
 from pinfric.model.closure import actions_of
-from pinfric.model.loops import CYLINDER, FORCE, Linkage, make_linkage
+from pinfric.model.loops import Linkage, make_linkage
 from pinfric.model.twin import Twin
 
 _WORLD = pin.Convention.WORLD
@@ -143,10 +143,11 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
             carries[:, j] |= carries[:, model.parents[j + 1] - 1]
     mass = carries @ np.array([y.mass for y in model.inertias[1:]]).reshape(nj)
     freedoms = _freedoms(twin)
-    loops = 0 if linkage is None else len(linkage.loops)
+    actions = actions_of(twin, linkage or make_linkage(twin.model, (), (), {}, ""))
     closed = linkage is not None and linkage.multipliers > 0
-    rows = np.arange(nj + loops) if closed else np.unique(layout.joint)
-    row_of = np.full(nj + loops, -1, dtype=np.int64)
+    # where multipliers are shared all joints are wanted, and first
+    rows = np.union1d(np.arange(layout.sharing) if closed else [], layout.joint).astype(np.int64)
+    row_of = np.full(nj + len(actions.pair_kind), -1, dtype=np.int64)
     row_of[rows] = np.arange(len(rows))
     chosen = [(e, i) for e, s in enumerate(layout.entry_site)
               for i in np.flatnonzero(layout.contact_site == s) if layout.rubs[s]]  # fmt: skip
@@ -154,10 +155,9 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
     contact = np.array([i for _, i in chosen], dtype=np.int64)
     units = np.array(unit_parts(model), dtype=np.int64).reshape(-1, 2)
     kinds = [] if linkage is None else [loop.kind for loop in linkage.loops]
-    actions = actions_of(twin, linkage or make_linkage(twin.model, (), (), {}, ""))
     direction_size = np.zeros(len(layout.coordinate_v))
     for c, action in enumerate(layout.coordinate_action):
-        if action >= 0 and actions.unit[action, :3].any():
+        if action >= 0 and (action < layout.off_joint or actions.unit[action, :3].any()):
             direction_size[c] = layout.scale
     return Tables(
         layout=layout,
@@ -168,7 +168,7 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         armature=twin.armature,
         unit_q=units[:, 0].copy(),
         unit_count=units[:, 1].copy(),
-        wrench_row=rows.astype(np.int64),
+        wrench_row=rows,
         contact_row=row_of[layout.joint[layout.entry_site[entry]]],
         contact_site=entry,
         contact_rank=layout.contact_rank[contact],
@@ -179,6 +179,7 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         planar=np.array([kind == "planar_pin" for kind in kinds], dtype=bool),
         direction_size=direction_size,
         multipliers=layout.solved - layout.off_joint,
+        dependent=layout.solved > layout.off_joint or layout.has_loop_coordinates,
     )
 
 
@@ -208,7 +209,7 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         len(tables.wrench_row),
         tables.actions.pair_kind,
     )
-    pairs, loops = len(kind), int((~np.isin(kind, (CYLINDER, FORCE))).sum())
+    pairs = len(kind)
     D, S = np.zeros((nc, nv)), np.zeros((na, nv))
     on_tree, driven = np.flatnonzero(layout.coordinate_v >= 0), np.flatnonzero(layout.drive_v >= 0)
     D[on_tree, layout.coordinate_v[on_tree]] = 1.0
@@ -221,10 +222,10 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
     work = Work(
         R=np.empty((1, nj, 3, 3)), p=np.empty((1, nj, 3)), velocity=np.empty((1, nj, 6)),
         acceleration=np.empty((1, nj, 6)), motion=np.empty((len(tables.freedom_joint), 6)),
-        momentum=np.empty((len(tables.freedom_joint), 6)), X=np.empty((1, nj + loops, 6, nx)),
+        momentum=np.empty((len(tables.freedom_joint), 6)), X=np.empty((1, nj + pairs, 6, nx)),
         J=np.empty((1, nx, nv)), gap=np.empty((1, nx)), rate=np.empty((1, nx)),
         rate_derivative=np.empty((1, nx)), tilt=np.empty((1, pairs)), terms=np.empty((1, pairs, 2)),
-        D=D, S=S, Z=np.zeros((nv, nv)), M=np.empty((nv, nv)), factor=np.zeros((nv, nc)),
+        D=D, S=S, Z=np.eye(nv), M=np.empty((nv, nv)), factor=np.zeros((nv, nc)),
         a_map=np.zeros((nv, 1 + nc)), multiplier_map=np.zeros((nl, 1 + nc)),
         wrench_map=np.zeros((rows, 6, 1 + nc)), coordinate_rate=np.zeros(nc),
         idle=np.zeros(nc, dtype=bool),

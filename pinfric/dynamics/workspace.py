@@ -78,7 +78,7 @@ class Workspace:
         problem, modes: the coupled problem and its solution.
         mechanism: how its coordinates hang together.
         must_obey: whether a configuration can be none: loops open, quaternions not of length 1.
-        closed: whether loops close, so that coordinates may depend on each other.
+        closed: whether coordinates may depend on each other, see `Tables.dependent`.
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6) of the solution: accelerations,
             friction, normal load and wrench of each site; one after the other in `out`.
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
@@ -94,11 +94,12 @@ class Workspace:
         self.scene, self.twin = scene, scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
         self.tables = t = make_layout(scene)
-        self.linkage, self.closed = scene.linkage, t.solved > t.off_joint
+        self.linkage = scene.linkage
         self.turns_balls, self.locked = True, False
         self.must_obey = scene.linkage is not None or self.nq != self.nv
         self.supplier = Supplier(self.twin)
         tables = make_tables(self.twin, scene.linkage, t)
+        self.closed = tables.dependent
         self.out, self.work = make_work(self.twin, t, tables)
         w = self.work
         ready = is_ready(box_work, (tuple(w),))
@@ -223,6 +224,8 @@ class Workspace:
         """The velocities nearest to v that obey the loops and stop coordinates."""
         first, last = self.tables.off_joint, self.tables.solved
         rows = np.concatenate([self.work.J[0, first:last], self.work.D[stopped]])
+        if not len(rows):
+            return v.copy()
         _, size, right = np.linalg.svd(rows, full_matrices=False)
         rank = int((size > RANK * max(float(size[0]), 1e-300)).sum())
         if rank == self.nv:

@@ -70,7 +70,7 @@ class Bearing(Entry):
     Attributes:
         kind: what the scene file calls it, a `Literal` of one word in each subclass.
         fits: the joints it can carry: "turning joint", "prismatic joint", "spherical loop",
-            "revolute loop", "planar_pin loop", "prismatic loop".
+            "revolute loop", "planar_pin loop", "prismatic loop", "cylinder".
         sizes: keys that are sizes (m), which are questioned where they are unusually large.
         rolling: whether it rolls, and so has the coefficients of rolling bearings.
     """
@@ -295,6 +295,23 @@ class Ball(Bearing):
     def terms(self) -> LoadTerms:
         """See the class."""
         return LoadTerms([self.radius * norm_of(FX, FY, FZ)], self.radius * self.preload)
+
+
+class Seal(Bearing):
+    """Seals of a cylinder: c = |F| + preload, F the force that it passes on, friction included.
+
+    friction: {ram: {bearing: {kind: seal}, mu: {static: 0.04, kinetic: 0.03},
+                     coulomb: {static: 120.0, kinetic: 80.0}, viscous: 400.0}}
+    """
+
+    fits = ("cylinder",)
+
+    kind: Literal["seal"]
+    preload: NonNegative = 0.0
+
+    def terms(self) -> LoadTerms:
+        """See the class."""
+        return LoadTerms([norm_of(FZ)], self.preload)
 
 
 class Contacts(NamedTuple):

@@ -103,9 +103,9 @@ def loop_state(
 def action_maps(
     twin: Twin, linkage: Linkage, p: np.ndarray, R: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return X (n, nj + loops, 6, nx) and J (n, nx, nv) of a batch (`kinematics.act_on_joints`)."""
+    """Return X (n, nj + pairs, 6, nx) and J (n, nx, nv) of a batch (`kinematics.act_on_joints`)."""
     n, nx = len(p), len(linkage.column_pair)
-    X = np.empty((n, twin.n_joints + len(linkage.loops), 6, nx))
+    X = np.empty((n, twin.n_joints + len(linkage.pair_kind), 6, nx))
     J = np.empty((n, nx, twin.nv))
     act_on_joints(p, R, actions_of(twin, linkage), X, J)
     return X, J
@@ -123,7 +123,7 @@ def close(
 ) -> np.ndarray:
     """Return the configuration near a guess that closes every loop: Newton on Phi(q) = 0.
 
-    What stands still in the linkage (`loops.stand_still`) is closed, too.
+    What stands still in the linkage (`loops.stand_still`) stays as it is.
 
     Args:
         twin, linkage: the robot and its loops.
@@ -137,7 +137,7 @@ def close(
     q, gap = approach(twin, linkage, q_guess, held)
     worst = int(np.argmax(np.abs(gap))) if gap.size else 0
     if gap.size and not np.abs(gap[worst]) <= CLOSED * linkage.size:
-        raise ClosureError(linkage.loop_of_row(worst).name, sample, float(np.linalg.norm(gap)))
+        raise ClosureError(linkage.name_of_row(worst), sample, float(np.linalg.norm(gap)))
     return q
 
 
@@ -177,7 +177,7 @@ def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.nd
     _, J = action_maps(twin, linkage, state.p, state.R)
     rows = linkage.closed
     length = np.where(linkage.turning, linkage.size, 1.0)
-    return length * state.gap[0, rows], length[:, None] * J[0, rows]
+    return length * (state.gap[0, rows] - linkage.rest_gap[rows]), length[:, None] * J[0, rows]
 
 
 def full_pivot(A: np.ndarray, scale: float = 0.0) -> tuple[int, list[int]]:
@@ -257,7 +257,7 @@ def closed_configurations(
             return found
     if found:
         return found
-    loop = linkage.loop_of_row(int(np.argmax(np.abs(least)))).name
+    loop = linkage.name_of_row(int(np.argmax(np.abs(least))))
     turning = linkage.turning
     way, angle = np.linalg.norm(least[~turning]), np.linalg.norm(least[turning]) / linkage.size
     raise SceneError(

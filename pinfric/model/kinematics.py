@@ -199,8 +199,9 @@ def act_on_joints(
     Args:
         p, R: (n, nj, 3), (n, nj, 3, 3), `place_links`.
         actions: or any record with its fields.
-        X: (n, nj + number of loops, 6, nx), overwritten: change of the wrench a joint transmits per
-            unit action, parent on child in the child's frame; a loop's joint, a on b in frame b.
+        X: (n, nj + number of pairs, 6, nx), overwritten: change of the wrench a joint transmits per
+            unit action, parent on child in the child's frame; a loop's joint, a on b in frame b; a
+            cylinder's force on b is along z.
         J: (n, nx, nv), overwritten: rows of the Jacobian, tau = J^T x.
     """
     column_pair, unit, pair_kind = actions.column_pair, actions.unit, actions.pair_kind
@@ -219,6 +220,7 @@ def act_on_joints(
                 for k in range(3):
                     force[k], moment[k] = at[k] - force[k], 0.0
                 _normalize(force)
+                X[i, nj + pair, 2, c] = 1.0
             else:
                 _orientation(b, frame_R[pair, 1], R[i], Rb)
                 _turn(Rb, unit[c, :3], force)
@@ -277,7 +279,7 @@ def _spread(
         push: (nx, 9) where each acts, its force and its moment, world.
         p, R: (nj, 3), (nj, 3, 3) of the links.
         v_index ... components: see `Twin`.
-        X: (nj + number of loops, 6, nx), the joints' rows written. J: (nx, nv), added to.
+        X: (nj + number of pairs, 6, nx), the joints' rows written. J: (nx, nv), added to.
     """
     for c in range(support.shape[0]):
         fx, fy, fz = push[c, 3], push[c, 4], push[c, 5]

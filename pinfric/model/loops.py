@@ -87,10 +87,11 @@ class Linkage:
         support: (nx, nj) int8: 1 where a joint carries side b only, -1 side a only, 0 both or none.
         off_joint: columns [0, off_joint) are drives,
         multipliers: columns [off_joint, off_joint + multipliers) are lambda, the rest friction.
-        friction_column: (number of loops,) first friction column of each loop, -1 without
-            friction; a spherical joint has three.
+        friction_column: (np,) first friction column of each pair, -1 without friction; a spherical
+            joint has three, a cylinder its drive's column.
+        rest_gap: (nx,) the gap where a column is closed: 0, but for cylinders that stand still.
         size: m, a length of the mechanism that gaps are compared with.
-        standing: friction columns of loops' joints that stand still, see `stand_still`.
+        standing: friction columns of loops' joints and cylinders that stand still (`stand_still`).
     """
 
     loops: tuple[Loop, ...]
@@ -107,6 +108,7 @@ class Linkage:
     off_joint: int
     multipliers: int
     friction_column: np.ndarray
+    rest_gap: np.ndarray
     size: float
     standing: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
@@ -130,9 +132,17 @@ class Linkage:
         """Number of the columns that are solved for: drives off the joints and multipliers."""
         return self.off_joint + self.multipliers
 
-    def loop_of_row(self, row: int) -> Loop:
-        """Return the loop that a row of the closure belongs to."""
-        return self.loops[self.column_pair[self.closed[row]]]
+    @property
+    def cylinders(self) -> dict[str, int]:
+        """Name -> pair of the drives along the line between two points."""
+        pairs = {drive.name: int(self.column_pair[drive.column]) for drive in self.drives}
+        return {name: pair for name, pair in pairs.items() if self.pair_kind[pair] == CYLINDER}
+
+    def name_of_row(self, row: int) -> str:
+        """Return the name of the loop (or cylinder) that a row of the closure belongs to."""
+        column = self.closed[row]
+        pair = self.column_pair[column]
+        return self.loops[pair].name if pair < len(self.loops) else self.drives[column].name
 
 
 def make_linkage(
@@ -148,7 +158,7 @@ def make_linkage(
         model: the robot, locked joints removed.
         loops: of the scene.
         actuators: all of them; those on joints of the tree are passed over.
-        friction: joint or loop name -> friction: which loops have friction columns.
+        friction: name -> friction: which loops and cylinders have friction columns.
         source: the scene, for messages.
 
     Raises:
@@ -162,7 +172,12 @@ def make_linkage(
     for row, loop in enumerate(loops):
         columns += [(row, unit) for unit in _closed_directions(loop.kind, pairs[row]["axis"])]
     multipliers = len(columns) - off_joint
-    friction_column = np.full(len(loops), -1, dtype=np.int64)
+    friction_column = np.full(len(pairs), -1, dtype=np.int64)
+    for drive in drives:
+        pair = columns[drive.column][0]
+        if pairs[pair]["kind"] == CYLINDER and drive.name in friction:
+            check_bearing(friction[drive.name], "cylinder", f"{source}: friction.{drive.name}")
+            friction_column[pair] = drive.column
     for row, loop in enumerate(loops):
         if loop.name in friction:
             check_loop_friction(loop, friction[loop.name], f"{source}: friction.{loop.name}")
@@ -187,6 +202,7 @@ def make_linkage(
         off_joint=off_joint,
         multipliers=multipliers,
         friction_column=friction_column,
+        rest_gap=np.zeros(len(columns)),
         size=_size(model, pairs),
     )
 
@@ -197,27 +213,32 @@ def stand_still(
     """Return the linkage some of whose loops' joints stand still, as fixed ones do.
 
     Frame a is moved to where frame b is: all gaps of the two are then zero for as long as the joint
-    stands.
+    stands. A cylinder keeps its length.
 
     Args:
         linkage: in which nothing stands still.
         before: the same, in which some joints do: those keep their frames.
-        columns: friction columns of the joints that stand still.
+        columns: friction columns of the joints and cylinders that stand still.
         place: where the joints of the tree are in the world, the ground first.
     """
     kind, rotation = linkage.pair_kind.copy(), linkage.rotation.copy()
-    p, R = linkage.frame_p.copy(), linkage.frame_R.copy()
+    p, R, gap = linkage.frame_p.copy(), linkage.frame_R.copy(), linkage.rest_gap.copy()
     known = set(before.column_pair[before.standing].tolist())
     for pair in np.unique(linkage.column_pair[columns]):
+        a, b = (place[joint + 1] for joint in linkage.frame_joint[pair].tolist())
+        if kind[pair] == CYLINDER:
+            column = linkage.friction_column[pair]
+            gap[column] = before.rest_gap[column] if pair in known else np.linalg.norm(
+                b * p[pair, 1] - a * p[pair, 0])  # fmt: skip
+            continue
         kind[pair], rotation[pair] = LOOP, _ALL
         if pair in known:
             p[pair], R[pair] = before.frame_p[pair], before.frame_R[pair]
             continue
-        a, b = (place[joint + 1] for joint in linkage.frame_joint[pair].tolist())
         frame = a.actInv(b * pin.SE3(R[pair, 1], p[pair, 1]))
         p[pair, 0], R[pair, 0] = frame.translation, frame.rotation
     return replace(linkage, pair_kind=kind, rotation=rotation, frame_p=p, frame_R=R,
-                   standing=columns)  # fmt: skip
+                   rest_gap=gap, standing=columns)  # fmt: skip
 
 
 def _drives(

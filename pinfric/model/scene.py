@@ -51,18 +51,19 @@ _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 @dataclass(frozen=True)
 class Site:
-    """A place with friction: a one-degree joint, or the joint that closes a loop.
+    """A place with friction: a one-degree joint, the joint that closes a loop, or a cylinder.
 
     Attributes:
-        name: the joint's or loop's name.
-        joint: its row in the twin; the loops' joints follow those of the tree.
-        sliding: True for a prismatic joint (friction in N), False for a turning one (N m).
+        name: the joint's, loop's or cylinder's name.
+        joint: its row in the twin; those of loops, then of cylinders follow those of the tree.
+        sliding: True for a prismatic joint or a cylinder (friction in N), else False (N m).
         velocity_index, ratio: its velocity is ratio * v[velocity_index] (ratio 1 but for mimics);
-            -1 for a loop's joint.
-        axis: (3,) unit joint axis in the child's frame (a loop: in frame b).
+            -1 for a loop's joint and for a cylinder.
+        axis: (3,) unit joint axis in the child's frame (a loop: in frame b; a cylinder: z).
         law: how friction follows from the load and the velocity.
         friction: the scene's entry.
-        loop: row of the loop, -1 for a joint of the tree.
+        pair: row of the loop, or of the cylinder among the pairs of the linkage; -1 for a joint of
+            the tree.
         ball: True for a spherical loop joint, whose friction opposes a relative angular velocity.
     """
 
@@ -74,7 +75,7 @@ class Site:
     axis: np.ndarray
     law: FrictionLaw
     friction: Friction
-    loop: int = -1
+    pair: int = -1
     ball: bool = False
 
 
@@ -259,7 +260,7 @@ class Scene:
 
     @property
     def site_names(self) -> tuple[str, ...]:
-        """Names of the places with friction, in the model's order, then the loops'."""
+        """Names of the places with friction, in the model's order, then the loops', cylinders'."""
         return tuple(site.name for site in self.sites)
 
     @property
@@ -269,20 +270,23 @@ class Scene:
 
     @cached_property
     def sites(self) -> tuple[Site, ...]:
-        """The places with friction, in the model's order, then the loops'."""
+        """The places with friction, in the model's order, then the loops' and cylinders'."""
         twin, names = self.twin(), self.joint_names
         loops = tuple(loop.name for loop in self.loops)
+        cylinders = {} if self.linkage is None else self.linkage.cylinders
         for name in self.friction:
-            if name not in names + loops:
+            if name not in (*names, *loops, *cylinders):
                 raise SceneError(
                     f"{self.source}: friction: there is no joint {name!r}; "
-                    f"{choose_from(name, names + loops)}"
+                    f"{choose_from(name, (*names, *loops, *cylinders))}"
                 )
         return (
             *(self._site(name, row, twin) for row, name in enumerate(names)
               if name in self.friction),
             *(self._loop_site(row, loop) for row, loop in enumerate(self.loops)
               if loop.name in self.friction),
+            *(self._cylinder_site(name, row) for name, row in cylinders.items()
+              if name in self.friction),
         )  # fmt: skip
 
     @cached_property
@@ -462,8 +466,21 @@ class Scene:
             axis=axis / np.linalg.norm(axis),
             law=friction_law(friction, self.stick_velocity),
             friction=friction,
-            loop=row,
+            pair=row,
             ball=loop.kind == "spherical",
+        )
+
+    def _cylinder_site(self, name: str, row: int) -> Site:
+        return Site(
+            name=name,
+            joint=self.model.njoints - 1 + row,
+            sliding=True,
+            velocity_index=-1,
+            ratio=1.0,
+            axis=np.array([0.0, 0.0, 1.0]),
+            law=friction_law(self.friction[name], self.stick_velocity),
+            friction=self.friction[name],
+            pair=row,
         )
 
     def _ideal(self, joint: int) -> list[Drive]:

@@ -158,11 +158,11 @@ def site_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     sites, linkage = scene.site_tables, scene.linkage
     along = v[:, sites.velocity_index] * sites.ratio if scene.model.nv else v[:, :0]
     rates = along[:, :, None] * sites.axis
-    loops = [(s, site) for s, site in enumerate(scene.sites) if site.loop >= 0]
+    loops = [(s, site) for s, site in enumerate(scene.sites) if site.pair >= 0]
     if loops and linkage is not None:
         action = loop_state(scene.twin(), linkage, q, v, np.zeros_like(v)).rate
         for s, site in loops:
-            first = linkage.friction_column[site.loop]
+            first = linkage.friction_column[site.pair]
             part = action[:, first : first + (3 if site.ball else 1)]
             rates[:, s] = part if site.ball else part * site.axis
     return np.asarray(rates)

@@ -72,10 +72,10 @@ def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker
     bearing = site.friction.bearing
     offset = getattr(bearing, "offset", 0.0)  # not every kind has one, nor a radius
     radius = 1.15 * getattr(bearing, "radius", 0.0)
-    if site.loop < 0:
+    if site.pair < 0:
         return joint_marker(scene, site.joint + 1, site.axis, shapes, size, radius, offset)
-    assert scene.linkage is not None  # there are loops
-    joint, frame = linkage_frame(scene.linkage, site.loop, 1)
+    assert scene.linkage is not None  # there are pairs
+    joint, frame = linkage_frame(scene.linkage, site.pair, 1)
     up = _upright(site.axis)
     least, most = _extremes(radius, size)
     placement = frame * pin.SE3(up, offset * site.axis)

@@ -57,7 +57,7 @@ def scene_findings(
 def _bearing(site: Site, scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
     """A bearing larger than the links it joins."""
     bearing = site.friction.bearing
-    if bearing is None or facts is None or site.loop >= 0:
+    if bearing is None or facts is None or site.pair >= 0:
         return
     joint = next(j for j in facts.document.joints if j.name == site.name)
     links = {*facts.fixed_to(joint.parent), *facts.fixed_to(joint.child)}
