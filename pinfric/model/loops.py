@@ -172,19 +172,7 @@ def make_linkage(
     for row, loop in enumerate(loops):
         columns += [(row, unit) for unit in _closed_directions(loop.kind, pairs[row]["axis"])]
     multipliers = len(columns) - off_joint
-    friction_column = np.full(len(pairs), -1, dtype=np.int64)
-    for drive in drives:
-        pair = columns[drive.column][0]
-        if pairs[pair]["kind"] == CYLINDER and drive.name in friction:
-            check_bearing(friction[drive.name], "cylinder", f"{source}: friction.{drive.name}")
-            friction_column[pair] = drive.column
-    for row, loop in enumerate(loops):
-        if loop.name in friction:
-            check_loop_friction(loop, friction[loop.name], f"{source}: friction.{loop.name}")
-            friction_column[row] = len(columns)
-            free = (np.eye(6)[3:] if loop.kind == "spherical"
-                    else [_free_direction(loop.kind, pairs[row]["axis"])])  # fmt: skip
-            columns += [(row, unit) for unit in free]
+    friction_column = _friction_columns(loops, drives, friction, pairs, columns, source)
     column_pair = np.array([pair for pair, _ in columns], dtype=np.int64)
     joints = np.array([pair["joint"] for pair in pairs], dtype=np.int64).reshape(-1, 2)
     return Linkage(
@@ -205,6 +193,27 @@ def make_linkage(
         rest_gap=np.zeros(len(columns)),
         size=_size(model, pairs),
     )
+
+
+def _friction_columns(
+    loops: Sequence[Loop], drives: Sequence[OffJointDrive], friction: Mapping[str, Friction],
+    pairs: list[dict[str, Any]], columns: list[tuple[int, np.ndarray]], source: str,
+) -> np.ndarray:  # fmt: skip
+    """(np,) first friction column of each pair or -1; those of loops' joints are added."""
+    found = np.full(len(pairs), -1, dtype=np.int64)
+    for drive in drives:
+        pair = columns[drive.column][0]
+        if pairs[pair]["kind"] == CYLINDER and drive.name in friction:
+            check_bearing(friction[drive.name], "cylinder", f"{source}: friction.{drive.name}")
+            found[pair] = drive.column
+    for row, loop in enumerate(loops):
+        if loop.name in friction:
+            check_loop_friction(loop, friction[loop.name], f"{source}: friction.{loop.name}")
+            found[row] = len(columns)
+            free = (np.eye(6)[3:] if loop.kind == "spherical"
+                    else [_free_direction(loop.kind, pairs[row]["axis"])])  # fmt: skip
+            columns += [(row, unit) for unit in free]
+    return found
 
 
 def stand_still(

@@ -63,6 +63,8 @@ class Marker:
 def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker:
     """Place a site's ring round its axis at the bearing's middle, outside the links if it can.
 
+    A cylinder's is at its end b, round its line as that is at the start, and turns with that link.
+
     Args:
         scene: the robot.
         site: a joint with friction, of the tree or of a loop.
@@ -78,6 +80,9 @@ def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker
     joint, frame = linkage_frame(scene.linkage, site.pair, 1)
     up = _upright(site.axis)
     least, most = _extremes(radius, size)
+    if site.name in scene.linkage.cylinders:
+        line = _line_at_start(scene, linkage_frame(scene.linkage, site.pair, 0), (joint, frame))
+        return Marker(joint, pin.SE3(_upright(line), frame.translation), least, np.eye(3))
     placement = frame * pin.SE3(up, offset * site.axis)
     return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
 
@@ -120,6 +125,16 @@ def _upright(axis: np.ndarray) -> np.ndarray:
 def _extremes(radius: float, size: float) -> tuple[float, float]:
     """Least and greatest radius of a ring (m)."""
     return _SMALLEST * size, max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
+
+
+def _line_at_start(
+    scene: Scene, a: tuple[int, pin.SE3], b: tuple[int, pin.SE3]
+) -> np.ndarray:  # fmt: skip
+    """(3,) from end a to end b, at the scene's start, in the axes of the joint that carries b."""
+    data = scene.model.createData()
+    pin.forwardKinematics(scene.model, data, scene.start_configuration)
+    start, end = (data.oMi[joint] * frame.translation for joint, frame in (a, b))
+    return np.asarray(data.oMi[b[0]].rotation.T @ (end - start))
 
 
 def _points_around(scene: Scene, joint: int, shapes: Shapes) -> np.ndarray:
