@@ -91,7 +91,7 @@ class Linkage:
             joint has three, a cylinder its drive's column.
         rest_gap: (nx,) the gap where a column is closed: 0, but for cylinders that stand still.
         size: m, a length of the mechanism that gaps are compared with.
-        standing: friction columns of loops' joints and cylinders that stand still (`stand_still`).
+        standing: columns of loops' joints and of cylinders that stand still, see `stand_still`.
     """
 
     loops: tuple[Loop, ...]
@@ -222,21 +222,22 @@ def stand_still(
     """Return the linkage some of whose loops' joints stand still, as fixed ones do.
 
     Frame a is moved to where frame b is: all gaps of the two are then zero for as long as the joint
-    stands. A cylinder keeps its length.
+    stands. A cylinder keeps its length. What a force drives has no place to keep: it stays free.
 
     Args:
         linkage: in which nothing stands still.
         before: the same, in which some joints do: those keep their frames.
-        columns: friction columns of the joints and cylinders that stand still.
+        columns: of the joints and drives that stand still.
         place: where the joints of the tree are in the world, the ground first.
     """
     kind, rotation = linkage.pair_kind.copy(), linkage.rotation.copy()
     p, R, gap = linkage.frame_p.copy(), linkage.frame_R.copy(), linkage.rest_gap.copy()
     known = set(before.column_pair[before.standing].tolist())
-    for pair in np.unique(linkage.column_pair[columns]):
+    columns = columns[kind[linkage.column_pair[columns]] != FORCE]
+    for column in columns:
+        pair = linkage.column_pair[column]
         a, b = (place[joint + 1] for joint in linkage.frame_joint[pair].tolist())
         if kind[pair] == CYLINDER:
-            column = linkage.friction_column[pair]
             gap[column] = before.rest_gap[column] if pair in known else np.linalg.norm(
                 b * p[pair, 1] - a * p[pair, 0])  # fmt: skip
             continue
