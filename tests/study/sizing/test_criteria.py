@@ -24,6 +24,8 @@ from sizing_cases import (
 )
 
 import pinfric as pf
+from pinfric.errors import CatalogError
+from pinfric.model.drives import motor_torque_bounds
 from pinfric.study.sizing.criteria import (
     Status,
     check,
@@ -211,6 +213,23 @@ def test_catalogue_efficiency_and_no_load_torque_do_not_count_twice(tmp_path):
     assert at_input == pytest.approx(0.87 / 0.77, rel=1e-12)
     assert transmission.back_efficiency == pytest.approx(2 - 1 / transmission.efficiency)
     assert "assumed" in text
+
+
+def test_a_makers_curve_over_speed_drives_the_candidates_motor(tmp_path):
+    """0.71 at 104.7 rad/s and 87 N m, the no-load loss in it; slower it loses less."""
+    curve = {"over_speed": [[52.4, 0.76], [104.7, 0.71], [209.4, 0.64], [366.5, 0.57]],
+             "load": 87.0}  # fmt: skip
+    figures = {"efficiency": curve, "back_efficiency": None, "starting_torque": 0.069,
+               "no_load_running_torque": 0.195, "no_load_speed": 209.44}  # fmt: skip
+    gear = one_drive(tmp_path, gear=figures).gears["G"]
+    transmission, text = gear_transmission(gear, 100.0, 0.0)
+    assert "maker's curve; backwards the same loss (assumed)" in text
+    for speed, eta in ((104.7, 0.71), (366.5, 0.57)):
+        one = (np.array([x]) for x in (87.0, 87.0, speed / 100.0, 0.0, False))
+        assert 0.87 / motor_torque_bounds(transmission, *one, 1e-6)[0][0] == pytest.approx(
+            eta, abs=2e-3)  # fmt: skip
+    with pytest.raises(CatalogError, match=r"gears\.G`: `efficiency` 0.64 .*no such pair exists"):
+        one_drive(tmp_path, gear={**figures, "no_load_running_torque": 0.5})
 
 
 def test_missing_figure_is_never_a_pass(tmp_path):

@@ -87,6 +87,15 @@ def test_parameter_that_cannot_be_is_refused_by_name(name, distribution, words):
     assert words in message
 
 
+def test_no_load_torque_that_an_efficiency_has_in_it_is_not_varied_apart():
+    gear = {"ratio": 10.0, "efficiency": {"rated": 0.8, "load": 50.0}, "back_efficiency": 0.7,
+            "no_load_torque": 0.01}  # fmt: skip
+    scene = pushed_block(actuators=[{"joint": "slide", "transmission": gear}])
+    content = {**sweep_of(), "parameters": {"transmission.*.no_load_torque": FINE}}
+    with pytest.raises(SweepError, match="efficiency of slide has the loss without load in it"):
+        pf.sweep(scene, steady(scene), content, processes=1)
+
+
 def test_everything_wrong_with_the_parameters_is_said_at_once():
     message = refused({**sweep_of(), "parameters": {
         "speed": uniform(-1.0, 1.0), "friction.none.mu": FINE,
