@@ -122,7 +122,8 @@ class AccelerationError(PinfricError):
     """Stick and slip leave no acceleration, or several, at one state (base of the two below).
 
     Attributes:
-        q, v, effort: the state and the efforts (nq,), (nv,), (na,).
+        q, v, effort: the state and the efforts (nq,), (nv,), (na,), or the motors' torques.
+        given: which of the two: "effort", "motor_torque".
         site: name of the site with friction where it shows.
         time: in s where a simulation came upon it, else None.
         motion: what the simulation had computed until then, else None.
@@ -131,21 +132,23 @@ class AccelerationError(PinfricError):
     _finding = ""
 
     def __init__(
-        self, q: Any, v: Any, effort: Any, site: str, reason: str, time: float | None = None
-    ) -> None:
-        self.q, self.v, self.effort, self.site = q, v, effort, site
+        self, q: Any, v: Any, effort: Any, site: str, reason: str, time: float | None = None,
+        given: str = "effort",
+    ) -> None:  # fmt: skip
+        self.q, self.v, self.effort, self.site, self.given = q, v, effort, site, given
         self.reason, self.time = reason, time
         self.motion: Any = None
         when = "" if time is None else f" at t = {time:.9g} s"
         state = ", ".join(
             f"{name} = [{', '.join(f'{x:.6g}' for x in array)}]"
-            for name, array in (("q", q), ("v", v), ("effort", effort))
+            for name, array in (("q", q), ("v", v), (given, effort))
         )
         super().__init__(f"{self._finding}{when}: joint {site!r}: {reason}; {state}")
 
     def at(self, time: float) -> AccelerationError:
         """Return the same finding with the time at which a simulation came upon it."""
-        return type(self)(self.q, self.v, self.effort, self.site, self.reason, time)
+        state = self.q, self.v, self.effort
+        return type(self)(*state, self.site, self.reason, time, self.given)
 
 
 class NoConsistentAcceleration(AccelerationError):  # noqa: N818 - a finding about the mechanism
@@ -158,6 +161,12 @@ class AmbiguousAcceleration(AccelerationError):  # noqa: N818 - a finding about 
     """Several accelerations obey the laws of friction at this state (Painleve)."""
 
     _finding = "several accelerations obey the laws of friction"
+
+
+class GearJam(AccelerationError):  # noqa: N818 - a finding about the mechanism
+    """A self-locking gear whose rotor is too light for the load: no acceleration, or several."""
+
+    _finding = "a self-locking gear jams"
 
 
 class SimulationError(PinfricError):

@@ -22,17 +22,19 @@ EffortFunction = Callable[[float, np.ndarray, np.ndarray], Any]
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """Efforts of all drives as one function.
+    """Efforts, or torques of motors, of all drives as one function.
 
     Attributes:
-        function: (t, q, v) -> (na,), N m or N at the joints.
+        function: (t, q, v) -> (na,), N m or N at the joints, or N m at the motors' shafts.
         breakpoints: (n,) times (s) at which it jumps or bends: a step of integration ends there.
         finest: time (s) within which it changes little between them; None: nobody knows.
+        given: what it is of, "effort" or "motor_torque".
     """
 
     function: EffortFunction
     breakpoints: np.ndarray
     finest: float | None = None
+    given: str = "effort"
 
 
 #: What `simulate` takes as effort.
@@ -40,8 +42,9 @@ EffortLike = Effort | EffortFunction | Mapping[str, Any] | Sequence[Any] | np.nd
 
 
 def make_effort(
-    scene: Scene, effort: EffortLike, breakpoints: Sequence[float] | None = None
-) -> Effort:
+    scene: Scene, effort: EffortLike, breakpoints: Sequence[float] | None = None,
+    motor_torque: EffortLike = None,
+) -> Effort:  # fmt: skip
     """Return what `simulate` was given as one function.
 
     Args:
@@ -49,43 +52,49 @@ def make_effort(
         effort: an `Effort`; a function (t, q, v) -> (na,); (na,) constants; (times (n,), values
             (n, na)), linear between and constant beyond; a mapping drive name -> number, function
             of t, or the scene file's `sine` and `table`, the drives left out give 0; None: the
-            scene's own `simulation.effort`.
+            scene's own `simulation.effort` or `simulation.motor_torque`.
         breakpoints: times (s) at which a function jumps or bends.
+        motor_torque: as `effort`, in its place.
 
     Raises:
-        SimulationError: an unknown drive, a wrong shape, a value not finite.
+        SimulationError: both; an unknown drive, a wrong shape, a value not finite.
         StateError: not real numbers.
     """
     own = real_numbers("breakpoints", [] if breakpoints is None else breakpoints).ravel()
     if impossible(own).any():
         raise SimulationError("breakpoints: hold NaN, Inf or more than a time; give times in s")
+    if effort is not None and motor_torque is not None:
+        raise SimulationError("found both effort and motor_torque; give one of them")
+    given = "effort" if motor_torque is None else "motor_torque"
+    effort = effort if motor_torque is None else motor_torque
     if effort is None:
         if scene.simulation is None:
             raise SimulationError(
                 f"{scene.source}: has no `simulation` section; give `effort`: a function of "
                 "(t, q, v), constants, or (times, values)"
             )
-        effort = scene.simulation.effort
+        given = "motor_torque" if scene.simulation.motor_torque else "effort"
+        effort = scene.simulation.motor_torque or scene.simulation.effort
     if isinstance(effort, Effort):
-        return replace(effort, breakpoints=np.union1d(effort.breakpoints, own))
+        return replace(effort, breakpoints=np.union1d(effort.breakpoints, own), given=given)
     if callable(effort):
-        return Effort(effort, own)
+        return Effort(effort, own, given=given)
     if isinstance(effort, Mapping):
-        made = _by_name(scene, effort)
+        made = _by_name(scene, effort, given)
     elif isinstance(effort, tuple) and len(effort) == 2 and np.ndim(effort[0]) == 1:
-        made = _table("effort", effort[0], effort[1], len(scene.drives))
+        made = _table(given, effort[0], effort[1], len(scene.drives))
     else:
-        values = _numbers("effort", effort)
+        values = _numbers(given, effort)
         if values.shape != (len(scene.drives),):
             raise SimulationError(
-                f"effort: shape {values.shape}; should be ({len(scene.drives)},), one for each of "
+                f"{given}: shape {values.shape}; should be ({len(scene.drives)},), one for each of "
                 f"{', '.join(scene.actuator_names)}; a table over time is (times, values)"
             )
         made = Effort(lambda t, q, v: values, np.zeros(0), np.inf)
-    return Effort(made.function, np.union1d(made.breakpoints, own), made.finest)
+    return Effort(made.function, np.union1d(made.breakpoints, own), made.finest, given)
 
 
-def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
+def _by_name(scene: Scene, entries: Mapping[str, Any], given: str) -> Effort:
     names = scene.actuator_names
     constant = np.zeros(len(names))
     varying: list[tuple[int, EffortFunction]] = []
@@ -93,14 +102,14 @@ def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
     finest: float | None = np.inf
     for name, entry in entries.items():
         if name not in names:
-            own = scene.simulation is not None and entries is scene.simulation.effort
-            where = f"{scene.source}: simulation.effort" if own else "effort"
+            own = scene.simulation is not None and entries is getattr(scene.simulation, given)
+            where = f"{scene.source}: simulation.{given}" if own else given
             raise SimulationError(
                 f"{where}: there is no drive {name!r}; {choose_from(name, names)}"
             )
         i = names.index(name)
         if isinstance(entry, TableEffort):
-            part = _csv_column(scene, entry.table, name)
+            part = _csv_column(scene, entry.table, name, given)
             varying.append((i, _first_column(part.function)))
             breaks.append(part.breakpoints)
         elif isinstance(entry, SineEffort):
@@ -111,11 +120,11 @@ def _by_name(scene: Scene, entries: Mapping[str, Any]) -> Effort:
             varying.append((i, _of_time(entry)))
             finest = None
         else:
-            number = _numbers(f"effort[{name!r}]", entry)
+            number = _numbers(f"{given}[{name!r}]", entry)
             if number.shape != ():
                 raise SimulationError(
-                    f"effort[{name!r}]: shape {number.shape}; should be a number, a function of t, "
-                    "or the scene file's sine or table"
+                    f"{given}[{name!r}]: shape {number.shape}; should be a number, a function of "
+                    "t, or the scene file's sine or table"
                 )
             constant[i] = number
 
@@ -163,10 +172,10 @@ def _table(where: str, times: Any, values: Any, width: int) -> Effort:
     return Effort(function, t[bends], np.inf)
 
 
-def _csv_column(scene: Scene, table: str, name: str) -> Effort:
+def _csv_column(scene: Scene, table: str, name: str, given: str) -> Effort:
     """A column of a CSV file with a header `t, <drive>, ...`, as the scene file names it."""
     path = Path(scene.source).parent / table
-    where = f"{scene.source}: simulation.effort.{name}.table: {brief_path(path)}"
+    where = f"{scene.source}: simulation.{given}.{name}.table: {brief_path(path)}"
     try:
         with path.open(newline="") as file:
             rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]

@@ -295,7 +295,7 @@ class EventIntegration:
         self._allow()
         held = fired[before.stuck[fired] & modes.stuck[fired]]
         if len(held) == len(fired):  # at its limit, to rounding: asked again where clearly beyond
-            self.allowance[held] += _CLEARLY * (ws.most - ws.least)[held]
+            self.allowance[held] += _CLEARLY * ws.limit_width[held]
         self._watch_accumulation()
 
     def _stop(self, slow: list[int]) -> list[int]:
@@ -319,17 +319,15 @@ class EventIntegration:
         record, ws = self.record, self.ws
         assert isinstance(before, type(ws.modes))
         record.phase(self.t)
-        for s, site in enumerate(ws.scene.sites):
-            c = int(ws.tables.coordinate[s])
+        for (name, c, _), now in zip(ws.places, ws.place_modes.tolist(), strict=True):
             if not ws.tables.dry[c]:
                 continue
-            now = float(ws.site_modes[s])
             if ws.modes.stuck[c] and not before.stuck[c]:
-                record.event(self.t, site.name, "stick", 0)
+                record.event(self.t, name, "stick", 0)
             elif before.stuck[c] and not ws.modes.stuck[c]:
-                record.event(self.t, site.name, "slip", now)
+                record.event(self.t, name, "slip", now)
             elif c in stopped and ws.modes.direction[c] != before.direction[c]:
-                record.event(self.t, site.name, "reversal", now)
+                record.event(self.t, name, "reversal", now)
 
     def _watch_accumulation(self) -> None:
         """Stop where events come ever closer together, or there are too many of them."""

@@ -10,7 +10,7 @@ alone, from Pinocchio's figures at the state; what is left is the small coupled 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -41,6 +41,8 @@ class Instant(NamedTuple):
             that can only move together rest and share it (`rest.py`).
         status: `Status`.
         iterations: passes of the coupled solve.
+        effort: (na,) what the drives deliver at the joints (N m or N): those given, or what gears
+            leave of the motors' torques.
     """
 
     a: np.ndarray
@@ -52,6 +54,7 @@ class Instant(NamedTuple):
     contraction: float
     status: Status
     iterations: int
+    effort: np.ndarray
 
     def __repr__(self) -> str:
         def some(x: np.ndarray) -> str:
@@ -70,9 +73,10 @@ def forward_dynamics(
     scene: Scene,
     q: np.ndarray,
     v: np.ndarray,
-    effort: np.ndarray,
+    effort: np.ndarray | None = None,
     external: Mapping[str, np.ndarray] | None = None,
     *,
+    motor_torque: np.ndarray | None = None,
     attached: Iterable[str] | None = None,
 ) -> Instant:
     """Return the accelerations, the modes and the friction that efforts cause at one state.
@@ -85,16 +89,22 @@ def forward_dynamics(
         q, v: (nq,), (nv,) in rad, m and per second.
         effort: (na,) what the drives deliver at the joints (N m or N).
         external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
+        motor_torque: (na,) in place of `effort`, at the motors' shafts (N m): of it, gears take
+            what they lose and rotors what accelerates them (`model/drives.py`).
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:
-        StateError: a wrong shape, a value not finite; a loop that is open or that the velocities
-            violate (`LoopMotionError`), a toggle (`ToggleError`).
+        SceneError: a motor's torque of a drive without transmission.
+        GearJam: a self-locking gear moves that has too light a rotor.
+        StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite; a
+            loop that is open or that the velocities violate (`LoopMotionError`), a toggle
+            (`ToggleError`).
         NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
         RollMomentError: a guide without width is loaded by a moment about its axis.
     """
-    ws = workspace(scene, attached)
-    solve_state(ws, q, v, effort, applied_wrenches(scene, external, 1) if external else None)
+    given = one_of("forward_dynamics", effort, motor_torque)
+    ws = workspace(scene, attached, motors=effort is None)
+    solve_state(ws, q, v, given, applied_wrenches(scene, external, 1) if external else None)
     return instant(ws)
 
 
@@ -108,7 +118,7 @@ def solve_state(
         See `forward_dynamics`.
     """
     q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
-    effort = vector("effort", effort, ws.na, "na")
+    effort = drive_vector(ws, effort)
     if not ws.must_obey:
         ws.solve(q, v, effort, applied)
     elif not _solved_as_given(ws, q, v, effort, applied):
@@ -138,19 +148,30 @@ def solution(ws: Workspace) -> Instant:
     """Return the workspace's solution as views, which its next solve overwrites."""
     contraction, passes = ws.modes.figures.tolist()
     return Instant(ws.a, ws.site_modes, ws.phi, ws.multipliers, ws.load, ws.wrench, contraction,
-                   Status.CONVERGED, int(passes))  # fmt: skip
+                   Status.CONVERGED, int(passes), ws.effort)  # fmt: skip
 
 
 def instant(ws: Workspace) -> Instant:
     """Return the workspace's solution with arrays of its own."""
-    nv, ns = ws.a.size, ws.phi.size
-    out = ws.out.copy()
+    a, effort, friction, load, wrench = np.split(ws.out.copy(), ws.parts)
     contraction, passes = ws.modes.figures.tolist()
     multipliers = ws.multipliers.copy() if ws.closed else ws.multipliers
-    return Instant(
-        out[:nv], ws.site_modes.copy(), out[nv : nv + ns], multipliers, out[nv + ns : nv + 2 * ns],
-        out[nv + 2 * ns :].reshape(ns, 6), contraction, Status.CONVERGED, int(passes),
-    )  # fmt: skip
+    return Instant(a, ws.site_modes.copy(), friction, multipliers, load, wrench.reshape(-1, 6),
+                   contraction, Status.CONVERGED, int(passes), effort)  # fmt: skip
+
+
+def one_of(where: str, effort: np.ndarray | None, motor_torque: np.ndarray | None) -> np.ndarray:
+    """Return what drives are given, or raise `StateError`: efforts or torques of motors."""
+    if (effort is None) == (motor_torque is None):
+        both = "both" if effort is not None else "neither"
+        raise StateError(f"{where}: found {both} of effort and motor_torque; give one of them")
+    return cast("np.ndarray", motor_torque if effort is None else effort)
+
+
+def drive_vector(ws: Workspace, given: Any) -> np.ndarray:
+    """Return (na,) of the drives: efforts, or r T_m (N m or N at the joint) where motors drive."""
+    array = vector(ws.given, given, ws.na, "na")
+    return array * ws.tables.gears.ratio if ws.given == "motor_torque" else array
 
 
 def vector(name: str, given: Any, size: int, symbol: str) -> np.ndarray:

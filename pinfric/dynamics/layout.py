@@ -3,15 +3,18 @@
 A tree is a linkage without loops: its actions are none. Friction acts on *coordinates*, relative
 velocities: of a joint of the tree (a mimic's sites share their leader's) or along an action of a
 loop's joint or of a cylinder. A site has one *entry* in the problem, a ball three, one along each
-axis of frame b.
+axis of frame b. Where motors drive, a gear that loses has one, too, on the coordinate that it
+drives: what keeps it from moving at rest.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from pinfric.dynamics.motor_torques import scene_gears
+from pinfric.model.drives import Gears, gear_table, loses
 from pinfric.model.laws import Laws
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
@@ -30,13 +33,15 @@ class Layout(NamedTuple):
         shifts: number of ways to shift work between drives that are not on one joint.
         freedoms: degrees of freedom that the loops leave.
         off_joint, solved: number of drives off the joints, and with the multipliers.
+        gears: of the drives, where motors drive them; else without drives.
+        gear_entry, gear_coordinate: (na,) of each drive's gear; -1: it loses nothing.
         joint: (ns,) row of each site's joint.
         first_entry, entry_count: (ns,) the entries of each site.
         entry_site, entry_coordinate: (ne,).
         entry_ratio: (ne,) site velocity per coordinate velocity; 1 but for mimic joints.
         entry_v, entry_action: (ne,) the same of an entry's coordinate.
-        coordinate_v, coordinate_action: (nc,) the velocity of a tree's, the action of a loop's or a
-            cylinder's; else -1.
+        coordinate_v, coordinate_action: (nc,) the velocity of a tree's, the action of a loop's, of
+            a cylinder's or of another drive off the joints; else -1.
         viscous: (nc,) N m s/rad or N s/m.
         dry: (nc,) bool, whether anything on it can stick.
         stick_velocity: (nc,) at or below this speed it is at rest (rad/s or m/s).
@@ -65,6 +70,9 @@ class Layout(NamedTuple):
     freedoms: int
     off_joint: int
     solved: int
+    gears: Gears
+    gear_entry: np.ndarray
+    gear_coordinate: np.ndarray
     joint: np.ndarray
     first_entry: np.ndarray
     entry_count: np.ndarray
@@ -107,8 +115,13 @@ class Layout(NamedTuple):
         return bool((self.coordinate_action >= 0).any())
 
 
-def make_layout(scene: Scene) -> Layout:
-    """Tabulate a scene."""
+def make_layout(scene: Scene, motors: bool = False) -> Layout:
+    """Tabulate a scene.
+
+    Args:
+        scene: the robot with its friction and drives.
+        motors: whether torques of motors are given, so that gears take part; else efforts.
+    """
     linkage, sites, t = scene.linkage, scene.sites, scene.site_tables
     n_tree = scene.model.njoints - 1
     drive_v = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
@@ -147,7 +160,7 @@ def make_layout(scene: Scene) -> Layout:
         roll_lever=np.array([lever or 0.0 for lever in levers], dtype=float),
         inverse_length=1.0 / scene.redundancy_length,
         scale=1.0 if linkage is None else min(1.0, linkage.size),
-        **_coordinates(scene),
+        **_coordinates(scene, motors),
         **_displacements(scene.twin(), t.joint, t.contacts.moves),
     )
 
@@ -186,8 +199,8 @@ def _shares(scene: Scene, drive_v: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     return share / (together @ share), cost, shifts
 
 
-def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
-    """Entries of all sites, and the coordinates they act on."""
+def _coordinates(scene: Scene, motors: bool) -> dict[str, Any]:
+    """Entries of all sites and gears, and the coordinates they act on."""
     laws, linkage = scene.site_tables.laws, scene.linkage
     keys: list[tuple[int, int]] = []  # (velocity, action) of each coordinate
     entries: list[tuple[int, int, float]] = []  # (site, coordinate, ratio)
@@ -203,6 +216,7 @@ def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
             if key not in keys:
                 keys.append(key)
             entries.append((s, keys.index(key), float(site.ratio)))
+    geared = _gear_coordinates(scene, keys, len(entries), motors)
     nc = len(keys)
     dry, stick, viscous = np.zeros(nc, dtype=bool), np.full(nc, np.inf), np.zeros(nc)
     block, ball = np.arange(nc), np.zeros(nc, dtype=bool)
@@ -212,7 +226,10 @@ def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
         block[c] = min(block[c], entries[first[s]][1])
         if laws.dry[s]:
             dry[c], stick[c] = True, min(stick[c], laws.stick_velocity[s] / abs(ratio))
-    return {
+    for c, slowest in zip(geared["gear_coordinate"], geared["gears"].stick_velocity, strict=True):
+        if c >= 0:
+            dry[c], stick[c] = True, min(stick[c], slowest)
+    return geared | {
         "first_entry": np.array(first, dtype=np.int64),
         "entry_count": np.array(count, dtype=np.int64),
         "entry_site": np.array([s for s, _, _ in entries], dtype=np.int64),
@@ -226,7 +243,32 @@ def _coordinates(scene: Scene) -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def _displacements(twin: Twin, joint: np.ndarray, moves: np.ndarray) -> dict[str, np.ndarray]:
+def _gear_coordinates(
+    scene: Scene, keys: list[tuple[int, int]], entries: int, motors: bool
+) -> dict[str, Any]:
+    """Gears, their entries, which follow those of the sites, and their coordinates.
+
+    Args:
+        scene: with the drives.
+        keys: (velocity, action) of the sites' coordinates; those of gears alone are added.
+        entries: of the sites.
+        motors: whether motors drive.
+    """
+    drives = scene.drives if motors else ()
+    gears = scene_gears(scene) if motors else gear_table([], [])
+    entry, coordinate = np.full((2, len(drives)), -1, dtype=np.int64)
+    for d in np.flatnonzero(loses(gears)):
+        key = int(drives[d].velocity_index), int(getattr(drives[d], "column", -1))
+        if key[1] >= 0 and scene.linkage is not None:  # friction acts along the same line
+            column = scene.linkage.friction_column[scene.linkage.column_pair[key[1]]]
+            key = key if column < 0 else (-1, int(column))
+        if key not in keys:
+            keys.append(key)
+        entry[d], coordinate[d] = entries + (entry >= 0).sum(), keys.index(key)
+    return {"gears": gears, "gear_entry": entry, "gear_coordinate": coordinate}
+
+
+def _displacements(twin: Twin, joint: np.ndarray, moves: np.ndarray) -> dict[str, Any]:
     moves = moves & (joint < twin.n_joints)
     row = np.where(moves, joint, 0)
     return {

@@ -12,16 +12,25 @@ linkage without closures.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
-from pinfric.dynamics.layout import Layout
+from pinfric.dynamics.gearing import (
+    FEW_PASSES,
+    MOST_PASSES,
+    add_armature,
+    face_gears,
+    guess_delivered,
+    refit,
+    write_delivered,
+    write_efforts,
+    write_lines,
+)
+from pinfric.dynamics.machine import Machine, Supply, Tables, Work, problem_of
 from pinfric.friction.consistency import site_friction, stick_limits, try_modes
-from pinfric.friction.dense import eliminate_full_pivot, factorize
-from pinfric.friction.problem import Problem
-from pinfric.model.compiled import kernel, record
-from pinfric.model.kinematics import Actions, act_on_joints, relate_pairs
+from pinfric.friction.dense import eliminate_full_pivot, factorize, solve_dense
+from pinfric.friction.given_modes import slip_law
+from pinfric.model.compiled import kernel
+from pinfric.model.kinematics import act_on_joints, relate_pairs
 from pinfric.model.laws import friction_at
 
 #: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
@@ -33,220 +42,8 @@ NOT_FINITE, SINGULAR, TOGGLE, UNDECIDED = 1, 2, 3, 4
 _IDLE = 1e-4
 #: So small a share is none.
 _DEAD = 1e-13
-
-
-class Tables(NamedTuple):
-    """A scene for the kernels: its layout, what its actions are, and the freedoms of its joints.
-
-    Attributes:
-        carries: (nj, nj) int8, whether joint i carries joint j or is j itself.
-        mass: (nj,) of all that each joint carries (kg).
-        gravity: (3,) m/s^2.
-        freedom_joint, freedom_v, freedom_ratio: (nf,) whose joint, which velocity, times what.
-        unit_q, unit_count: (nu,) where in q the parts of length 1 begin, and how long they are.
-        armature: (nv,) rotor inertia reflected to the joints.
-        freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
-        wrench_row: (nr,) joints whose wrenches are wanted, the loops' after the tree's.
-        contact_row: (nt,) row of its joint among those wanted. contact_site: its entry.
-        contact_rank: (nt,) how many rows of its map are used.
-        actions: of loops and drives off the joints.
-        planar: (number of loops,) whether the axes of a loop's sides must be parallel unforced.
-        direction_size: (nc,) 0, but for what slides: it has levers for directions, all of which
-            vanish at a dead centre (m).
-        site_row: (ns,) row of each site's joint among those wanted.
-        dependent: whether coordinates may depend on each other: loops close, or friction acts along
-            a cylinder.
-    """
-
-    layout: Layout
-    carries: np.ndarray
-    mass: np.ndarray
-    gravity: np.ndarray
-    freedom_joint: np.ndarray
-    freedom_v: np.ndarray
-    freedom_ratio: np.ndarray
-    freedom_axis: np.ndarray
-    armature: np.ndarray
-    unit_q: np.ndarray
-    unit_count: np.ndarray
-    wrench_row: np.ndarray
-    contact_row: np.ndarray
-    contact_site: np.ndarray
-    contact_rank: np.ndarray
-    contact_map: np.ndarray
-    contact_map_moved: np.ndarray
-    site_row: np.ndarray
-    actions: Actions
-    planar: np.ndarray
-    direction_size: np.ndarray
-    multipliers: int
-    dependent: bool
-
-
-class Supply(NamedTuple):
-    """Pinocchio's figures at one state: views of its `Data` after `crba` (world) and `rnea`.
-
-    The first row of each is the ground's, as in Pinocchio.
-
-    Attributes:
-        R, p: (1 + nj, 3, 3), (1 + nj, 3) of the joints' child frames in the world.
-        velocity, acceleration: (1 + nj, 6) of the links in their joints' frames; accelerations at
-            a = 0, of a ground that accelerates against gravity.
-        force: (1 + nj, 6) wrench of each joint at a = 0, in its child's frame.
-        lever, inertia: (1 + nj, 3), (1 + nj, 6) centre of mass of what a joint carries, and the
-            inertia about that (xx, xy, yy, xz, yz, zz), in world axes.
-        h: (nv,).
-    """
-
-    R: np.ndarray
-    p: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    force: np.ndarray
-    lever: np.ndarray
-    inertia: np.ndarray
-    h: np.ndarray
-
-
-class Work(NamedTuple):
-    """Buffers of one scene, overwritten by every solve; the last columns belong to `Problem`.
-
-    Attributes:
-        R, p, velocity, acceleration: (1, nj, ...), of the links in world axes (`relate_pairs`).
-        motion, momentum: (nf, 6) S and I S of each freedom about the world's origin.
-        X, J: (1, nj + pairs, 6, nx), (1, nx, nv), `act_on_joints`.
-        gap, rate, rate_derivative, tilt, terms: see `relate_pairs`.
-        D, S: (nc, nv), (na, nv) rate of every coordinate, of every drive, per unit velocity.
-        Z: (nv, nv) motions that loops allow. M: (nv, nv).
-        factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
-        a_map: (nv, 1 + nc). multiplier_map: (nl, 1 + nc). wrench_map: (nr, 6, 1 + nc).
-        coordinate_rate: (nc,) relative velocity of each coordinate.
-        idle: (nc,) whether a joint is near its dead centre.
-        given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
-            (1 + nc, 6), momentum_above: (6,), force: (3, 1 + nc): of intermediate results.
-        freedoms: (1,) int.
-        stuck ... figures: see `Modes`. least, most: (nc,) static limits.
-        a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6), of the solution.
-        multiplier: (nl,). entry_phi: (ne,). site_modes: (ns,) int8.
-    """
-
-    R: np.ndarray
-    p: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    motion: np.ndarray
-    momentum: np.ndarray
-    X: np.ndarray
-    J: np.ndarray
-    gap: np.ndarray
-    rate: np.ndarray
-    rate_derivative: np.ndarray
-    tilt: np.ndarray
-    terms: np.ndarray
-    D: np.ndarray
-    S: np.ndarray
-    Z: np.ndarray
-    M: np.ndarray
-    factor: np.ndarray
-    a_map: np.ndarray
-    multiplier_map: np.ndarray
-    wrench_map: np.ndarray
-    coordinate_rate: np.ndarray
-    idle: np.ndarray
-    given: np.ndarray
-    size: np.ndarray
-    push: np.ndarray
-    a_closure: np.ndarray
-    lower: np.ndarray
-    right: np.ndarray
-    below: np.ndarray
-    above: np.ndarray
-    momentum_above: np.ndarray
-    force: np.ndarray
-    freedoms: np.ndarray
-    stuck: np.ndarray
-    direction: np.ndarray
-    at_rest: np.ndarray
-    friction: np.ndarray
-    entry_load: np.ndarray
-    mode_rate: np.ndarray
-    verdict: np.ndarray
-    figures: np.ndarray
-    least: np.ndarray
-    most: np.ndarray
-    a: np.ndarray
-    phi: np.ndarray
-    load: np.ndarray
-    wrench: np.ndarray
-    multiplier: np.ndarray
-    entry_phi: np.ndarray
-    site_modes: np.ndarray
-    rate_free: np.ndarray
-    rate_slope: np.ndarray
-    rate_scale: np.ndarray
-    contact_free: np.ndarray
-    contact_slope: np.ndarray
-    contact_site: np.ndarray
-    constant: np.ndarray
-    coordinate: np.ndarray
-    entry_ratio: np.ndarray
-    mu_slip: np.ndarray
-    mu_stick: np.ndarray
-    coulomb_slip: np.ndarray
-    coulomb_stick: np.ndarray
-    drag: np.ndarray
-
-
-class Machine(NamedTuple):
-    """All that the kernels of one scene work on, as one argument."""
-
-    tables: Tables
-    supply: Supply
-    work: Work
-
-
-LayoutRecord, TablesRecord, SupplyRecord = record(Layout), record(Tables), record(Supply)
-WorkRecord, MachineRecord = record(Work), record(Machine)
-
-
-@kernel
-def box_layout(values: tuple[Any, ...]) -> Any:
-    """Return `Layout` as one argument of kernels."""
-    return LayoutRecord(*values)
-
-
-@kernel
-def box_tables(values: tuple[Any, ...]) -> Any:
-    """Return `Tables` as one argument of kernels (an array costs 0.1 us to hand over)."""
-    return TablesRecord(*values)
-
-
-@kernel
-def box_supply(values: tuple[Any, ...]) -> Any:
-    """Return `Supply` as one argument of kernels."""
-    return SupplyRecord(*values)
-
-
-@kernel
-def box_work(values: tuple[Any, ...]) -> Any:
-    """Return `Work` as one argument of kernels."""
-    return WorkRecord(*values)
-
-
-@kernel
-def box_machine(values: tuple[Any, ...]) -> Any:
-    """Return `Machine`, of records, as one argument of kernels."""
-    return MachineRecord(*values)
-
-
-@kernel
-def _problem(w: Work) -> Problem:
-    """The coupled problem that `Work` holds."""
-    return Problem(
-        w.rate_free, w.rate_slope, w.rate_scale, w.contact_free, w.contact_slope, w.contact_site,
-        w.constant, w.coordinate, w.entry_ratio, w.mu_slip, w.mu_stick, w.coulomb_slip,
-        w.coulomb_stick, w.drag,
-    )  # fmt: skip
+#: So many times its inertia something moves little.
+_HELD = 1e9
 
 
 # ---------------------------------------------------------------- kinematics
@@ -486,17 +283,17 @@ def closure_basis(
 
 
 @kernel
-def _reduce(w: Work, push: np.ndarray, a_closure: np.ndarray, d: int, closed: bool) -> bool:
+def _reduce(w: Work, given: np.ndarray, d: int, closed: bool) -> bool:
     """Write a_map and the factor A of D a_slope = A^T A; False: M is singular.
 
-    a = a_closure + Z (Z^T M Z)^-1 Z^T (push + D^T x)
+    a = a_closure + Z (Z^T M Z)^-1 Z^T (push + D^T x),     push = S u - h - M a_closure
 
     Args:
-        push: (nv,) S u - h - M a_closure.
-        a_closure: (nv,).
+        given: (na,) what drives are given.
         d: number of freedoms.
         closed: whether loops leave fewer than nv of them; else Z is 1.
     """
+    push, a_closure = w.push, w.a_closure
     M, Z, D, factor, a_map = w.M, w.Z, w.D, w.factor, w.a_map
     nv, nc = M.shape[0], D.shape[0]
     L, Y = w.lower, w.right
@@ -520,9 +317,13 @@ def _reduce(w: Work, push: np.ndarray, a_closure: np.ndarray, d: int, closed: bo
                 Y[f, 0] += Z[i, f] * push[i]
                 for c in range(nc):
                     Y[f, 1 + c] += Z[i, f] * D[c, i]
-    if not factorize(L):
+    if w.locking[0] > 0:
+        if not _reduce_locking(w, given, L, Y, closed):
+            return False
+    elif factorize(L):
+        _substitute(L, Y, factor)
+    else:
         return False
-    _substitute(L, Y, factor)
     for i in range(nv):
         for k in range(1 + nc):
             a_map[i, k] = a_closure[i] if k == 0 else 0.0
@@ -532,6 +333,43 @@ def _reduce(w: Work, push: np.ndarray, a_closure: np.ndarray, d: int, closed: bo
             for f in range(d):
                 for k in range(1 + nc):
                     a_map[i, k] += Z[i, f] * Y[f, k]
+    return True
+
+
+@kernel
+def _reduce_locking(w: Work, given: np.ndarray, L: np.ndarray, Y: np.ndarray, closed: bool) -> bool:
+    """Solve for the freedoms and for what gears deliver whose lines do not rise; False: singular.
+
+    [L  -Z^T S^T; I S Z  slope] [f; t] = [Y; given - offset - I S a_closure]
+
+    Args:
+        given: (na,).
+        L, Y: (d, d), (d, 1 + nc); Y is overwritten with f.
+        closed: see `_reduce`.
+    """
+    (d, columns), k = Y.shape, w.locking[0]
+    A, B, row = np.zeros((d + k, d + k)), np.zeros((d + k, columns)), d
+    A[:d, :d], B[:d] = L, Y
+    for g in range(given.size):
+        if w.slope[g] > 0.0:
+            continue
+        A[row, row], B[row, 0] = w.slope[g], given[g] - w.offset[g]
+        for i in range(w.S.shape[1]):
+            B[row, 0] -= w.reflected[g] * w.S[g, i] * w.a_closure[i]
+            for f in range(d):
+                share = w.S[g, i] * w.Z[i, f] if closed else w.S[g, i] if i == f else 0.0
+                A[f, row] -= share
+                A[row, f] += w.reflected[g] * share
+        row += 1
+    if not solve_dense(A, B):
+        return False
+    Y[:] = B[:d]
+    row = d
+    for g in range(given.size):
+        if w.slope[g] <= 0.0:
+            w.delivered_map[g] = B[row]
+            row += 1
+    w.factor[:] = 0.0
     return True
 
 
@@ -593,6 +431,9 @@ def _write_problem_rates(
             total = 0.0
             for f in range(d):
                 total += factor[f, c] * factor[f, e]
+            if w.locking[0] > 0:  # there is no such factor
+                for i in range(nv):
+                    total += scale * D[c, i] * a_map[i, 1 + e]
             w.rate_slope[c, e] = w.rate_slope[e, c] = total
 
 
@@ -644,6 +485,9 @@ def _balance(t: Tables, w: Work, push: np.ndarray, free: np.ndarray) -> int:
             total = -push[i] if k == 0 else -D[k - 1, i]
             for j in range(nv):
                 total += M[i, j] * a_map[j, k]
+            for d in range(w.slope.size):
+                if w.slope[d] <= 0.0:
+                    total -= w.S[d, i] * w.delivered_map[d, k]
             A[i, nl + k] = total
     rank = eliminate_full_pivot(A, nl, order, layout.scale)
     for r in range(nl):
@@ -697,7 +541,7 @@ def _write_tree_wrench(t: Tables, k: Supply, w: Work, j: int, out: np.ndarray) -
 
 
 @kernel
-def _write_wrenches(t: Tables, k: Supply, w: Work, effort: np.ndarray) -> None:
+def _write_wrenches(t: Tables, k: Supply, w: Work) -> None:
     """Write the wrenches wanted as maps of friction, all but the multipliers' part."""
     layout = t.layout
     G, X, nj, action = w.wrench_map, w.X, t.mass.size, layout.coordinate_action
@@ -712,7 +556,9 @@ def _write_wrenches(t: Tables, k: Supply, w: Work, effort: np.ndarray) -> None:
         for d in range(layout.drive_v.size):
             if layout.drive_v[d] < 0:
                 for e in range(6):
-                    G[row, e, 0] += X[0, j, e, layout.drive_action[d]] * effort[d]
+                    share = X[0, j, e, layout.drive_action[d]]
+                    for n in range(G.shape[2]):
+                        G[row, e, n] += share * w.delivered_map[d, n]
         for c in range(action.size):
             if action[c] >= 0:
                 for e in range(6):
@@ -843,29 +689,29 @@ def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
 
 
 @kernel
-def assemble(
-    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float
-) -> int:
-    """Write the coupled problem and all maps at one state.
-
-    Args:
-        machine: its `work` is overwritten.
-        q, v, effort: (nq,), (nv,), (na,).
-        step: 0: r is the relative acceleration; else the time step (s) of which r is the relative
-            velocity at the end, with viscous friction implicit.
-
-    Returns:
-        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than elsewhere.
-    """
+def prepare(machine: Machine, v: np.ndarray, effort: np.ndarray, step: float) -> None:
+    """Write what a state is whatever gears do: kinematics, rates, laws. See `assemble`."""
     t, k, w = machine.tables, machine.supply, machine.work
-    M, h, nv, nl = w.M, k.h, v.size, t.multipliers
     _move_freedoms(t, k, w)
     _move_pairs(t, k, w)
     _write_rates(t, w, v)
     write_laws(t, w, step > 0.0)
-    given, terms, push, a_closure = w.given, w.size, w.push, w.a_closure
+    w.push_size[0] = np.abs(k.h).sum() + np.abs(effort).sum()
+
+
+@kernel
+def couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float) -> int:
+    """Write the coupled problem and all maps of a prepared state, with the lines of its gears.
+
+    Args, returns: see `assemble`.
+    """
+    t, k, w = machine.tables, machine.supply, machine.work
+    M, h, nv, nl = w.M, k.h, v.size, t.multipliers
+    given, terms, push = w.given, w.size, w.push
+    write_lines(t, w, v, effort, step)
     _write_given(t, w, effort)
     _write_mass_matrix(t, w)
+    w.locking[0] = add_armature(t, w)
     if step > 0.0:
         _add_drag(t, w, step, given)
     rank = 0
@@ -881,35 +727,60 @@ def assemble(
         given[i] = push[i]
         if nl > 0:
             for j in range(nv):
-                push[i] -= M[i, j] * a_closure[j]
+                push[i] -= M[i, j] * w.a_closure[j]
         size += abs(push[i]) + abs(v[i])
     w.freedoms[0] = nv - rank
-    if not _reduce(w, push, a_closure, nv - rank, nl > 0):
+    if not _reduce(w, effort, nv - rank, nl > 0):
         for i in range(nv):
             for j in range(nv):
                 size += abs(M[i, j])
         return SINGULAR if size < np.inf else NOT_FINITE
     if not size < np.inf:
         return NOT_FINITE
+    write_delivered(w, effort)
     _write_problem_rates(t, w, v, terms, step, w.tilt.size > 0)
-    _write_wrenches(t, k, w, effort)
+    _write_wrenches(t, k, w)
     if nl > 0:
         _add_multipliers(t, w, given)
     return 0 if _write_contacts(t, w, q) else NOT_FINITE
 
 
 @kernel
+def assemble(
+    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float
+) -> int:
+    """Write the coupled problem and all maps at one state.
+
+    Args:
+        machine: its `work` is overwritten.
+        q, v: (nq,), (nv,).
+        effort: (na,) of the drives; where motors drive, r T_m of each.
+        step: 0: r is the relative acceleration; else the time step (s) of which r is the relative
+            velocity at the end, with viscous friction implicit.
+
+    Returns:
+        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than elsewhere.
+    """
+    prepare(machine, v, effort, step)
+    face_gears(machine.tables, machine.work)
+    return couple(machine, q, v, effort, step)
+
+
+@kernel
 def _write_given(t: Tables, w: Work, effort: np.ndarray) -> None:
-    """Write S u, the generalized effort of the drives."""
+    """Write S u, the generalized effort of the drives, along the lines of their gears that rise."""
     layout, given = t.layout, w.given
     for i in range(given.size):
         given[i] = w.a_closure[i] = 0.0
     for d in range(effort.size):
+        if w.slope[d] <= 0.0:
+            continue
+        on_line = (effort[d] - w.offset[d]) / w.slope[d]
         if layout.drive_v[d] >= 0:
-            given[layout.drive_v[d]] += effort[d]
+            given[layout.drive_v[d]] += on_line
         else:
             for i in range(given.size):
-                given[i] += w.S[d, i] * effort[d]
+                given[i] += w.S[d, i] * on_line
 
 
 @kernel
@@ -980,7 +851,7 @@ def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     t, w = machine.tables, machine.work
     layout = t.layout
-    problem, x, a_map, G = _problem(w), w.friction, w.a_map, w.wrench_map
+    problem, x, a_map, G = problem_of(w), w.friction, w.a_map, w.wrench_map
     nc = x.size
     for i in range(w.a.size):
         w.a[i] = a_map[i, 0]
@@ -995,6 +866,7 @@ def finish(machine: Machine) -> None:
             w.multiplier[r] += w.multiplier_map[r, 1 + c] * x[c]
     stick_limits(problem, w.entry_load, w.least, w.most)
     site_friction(problem, w.stuck, w.direction, x, w.entry_load, w.least, w.most, w.entry_phi)
+    write_efforts(t, w)
     for s in range(w.phi.size):
         e = layout.first_entry[s]
         c, row = layout.entry_coordinate[e], t.site_row[s]
@@ -1007,6 +879,41 @@ def finish(machine: Machine) -> None:
             w.wrench[s, m] = G[row, m, 0]
             for n in range(nc):
                 w.wrench[s, m] += G[row, m, 1 + n] * x[n]
+
+
+@kernel
+def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
+    """Choose the lines of gears in a tree by accelerations with the loads of the last solution.
+
+    At a fraction of a pass of `couple`, which then mostly is the only one.
+    """
+    t, w = machine.tables, machine.work
+    L, a = w.lower, np.empty((v.size, 1))
+    gain, x = np.empty(w.constant.size), np.empty(w.stuck.size)
+    slip_law(problem_of(w), w.stuck, w.direction, gain, x)
+    for e in range(len(t.layout.entry_site)):
+        x[w.coordinate[e]] += gain[e] * w.entry_load[e]
+    for _ in range(FEW_PASSES):
+        write_lines(t, w, v, effort, 0.0)
+        _write_given(t, w, effort)
+        _write_mass_matrix(t, w)
+        if add_armature(t, w) > 0:
+            return
+        for i in range(v.size):
+            a[i, 0] = w.given[i] - machine.supply.h[i]
+            for j in range(i + 1):
+                L[i, j] = w.M[i, j]
+        for c in range(w.stuck.size):
+            for i in range(v.size):
+                a[i, 0] += w.D[c, i] * x[c]
+            i = t.layout.coordinate_v[c]
+            if w.stuck[c] and i >= 0:
+                L[i, i] *= _HELD
+        if not factorize(L):
+            return
+        _substitute(L, a, w.factor)
+        if guess_delivered(t, w, effort, a) == 0:
+            return
 
 
 @kernel
@@ -1024,9 +931,7 @@ def solve_instant(
         `UNDECIDED` where joints that may share their friction stick: no modes were tried.
     """
     t, w = machine.tables, machine.work
-    outcome = assemble(machine, q, v, effort, 0.0)
-    if outcome != 0:
-        return outcome, 0, 0, 0
+    prepare(machine, v, effort, 0.0)
     resting = 0
     if choice == FREE:
         resting = _face(t, w)
@@ -1035,12 +940,26 @@ def solve_instant(
             w.at_rest[c] = False
         if choice == TURNED:
             turn_balls(t, w)
-    if t.dependent:
-        for c in range(w.stuck.size):
-            if w.stuck[c]:
-                return UNDECIDED, 0, 0, resting
-    found, obeying = try_modes(_problem(w), w.stuck, w.direction, w.at_rest, w.friction, w.friction,
-                               w.entry_load, w.mode_rate, w.verdict, w.figures)  # fmt: skip
+    face_gears(t, w)
+    if t.layout.gears.ratio.size > 0 and t.multipliers == 0:
+        _guess_lines(machine, v, effort)
+    found = obeying = 0
+    for passes in range(MOST_PASSES):
+        outcome = couple(machine, q, v, effort, 0.0)
+        if outcome != 0:
+            return outcome, 0, 0, 0
+        if t.dependent:
+            for c in range(w.stuck.size):
+                if w.stuck[c]:
+                    return UNDECIDED, 0, 0, resting
+        found, obeying = try_modes(
+            problem_of(w), w.stuck, w.direction, w.at_rest, w.friction, w.friction, w.entry_load,
+            w.mode_rate, w.verdict, w.figures
+        )  # fmt: skip
+        if found <= 0 or refit(machine, passes >= FEW_PASSES) == 0:
+            break
+        if passes == MOST_PASSES - 1:
+            found = -1
     if found <= 0:
         if w.friction.size > 0:
             w.friction[0] = np.nan  # no guess for the next solve

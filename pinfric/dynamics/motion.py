@@ -15,12 +15,14 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.closure import working_rates
+from pinfric.dynamics.motor_torques import scene_gears
 from pinfric.dynamics.result import StickInterval, runs
 from pinfric.errors import PinfricError, SimulationError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.closure import velocity_names
 from pinfric.model.coordinates import motion_columns
+from pinfric.model.drives import write_motor_torques
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
 FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 FORMAT = 1
+#: So often a step of integration is halved towards a bend.
+_MOST_HALVES = 16
 #: Arrays of a motion that go into its file as they are.
 ARRAYS = ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load", "phase_t",
           "phase_modes")  # fmt: skip
@@ -56,18 +60,20 @@ class Event:
 
 @dataclass(frozen=True)
 class Energy:
-    """Where the energy went, J: work = change + sum(friction_loss) up to `residual`.
+    """Where the energy went, J: work = change + sum(friction_loss) + sum(gear_loss) + `residual`.
 
     Attributes:
-        work: of the drives' efforts.
-        change: of kinetic and potential energy.
+        work: of the drives' efforts; of the motors' torques where those were given.
+        change: of kinetic and potential energy, of rotors, too, where motors drive.
         friction_loss: (ns,) heat at each site.
+        gear_loss: (na,) heat in each gear and its motor; 0 where efforts were given.
         residual: what the integration left over.
     """
 
     work: float
     change: float
     friction_loss: np.ndarray
+    gear_loss: np.ndarray
     residual: float
 
 
@@ -83,7 +89,7 @@ class Motion(Shown):
         t: (T,) s.
         q, v, a: (T, nq), (T, nv), (T, nv); v and a exactly 0 where a joint sticks (not by
             `regularized`, which has no stick).
-        effort: (T, na) N m or N at the joints.
+        effort: (T, na) N m or N at the joints: given, or what gears leave of `motor_torque`.
         modes: (T, ns) -1, 0, 1: slips backward, sticks, slips forward.
         friction, normal_load: (T, ns), see `Instant`.
         events: in the order of time.
@@ -91,6 +97,7 @@ class Motion(Shown):
         status: `finished`, `interrupted` or `failed`; message: why it ended.
         evaluations: right-hand sides computed.
         carried: names of the payloads carried; None: those attached by default.
+        motor_torque: (T, na) N m at the motors' shafts; None: efforts were given.
         dense: the integrator's polynomials; None where there are none.
     """
 
@@ -111,6 +118,7 @@ class Motion(Shown):
     message: str
     evaluations: int
     carried: tuple[str, ...] | None = None
+    motor_torque: np.ndarray | None = None
     dense: Dense | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
@@ -198,13 +206,17 @@ class Motion(Shown):
             return mechanical_energy(model, data, self.q[i], self.v[i])
 
         if self.dense is not None:
-            work, loss = self.dense.integrate(self)
+            sums = self.dense.integrate(self)
         else:
-            drives, sites = working_rates(self.scene, self.q, self.v)
-            work = float(np.trapezoid((self.effort * drives).sum(axis=1), self.t))
-            loss = -np.trapezoid(self.friction * sites, self.t, axis=0)
-        change = total(-1) - total(0)
-        return Energy(float(work), change, loss, float(work - change - loss.sum()))
+            sums = np.trapezoid(powers(self), self.t, axis=0)
+        change, ns = total(-1) - total(0), len(self.scene.sites)
+        if self.motor_torque is not None:
+            ends = self.q[[0, -1]], self.v[[0, -1]]
+            gears, (rate, _) = scene_gears(self.scene), working_rates(self.scene, *ends)
+            rotors = 0.5 * gears.ratio**2 * gears.rotor_inertia * rate**2
+            change += float((rotors[1] - rotors[0]).sum())
+        return Energy(float(sums[0]), change, sums[1 : 1 + ns], sums[1 + ns :],
+                      float(sums[0] - change - sums[1:].sum()))  # fmt: skip
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all columns with names: t, `<joint>.q` (one number), then `<name>.<quantity>`."""
@@ -213,7 +225,10 @@ class Motion(Shown):
         columns: dict[str, np.ndarray] = {"t": self.t}
         columns |= motion_columns(self.scene.model, self.q, self.v, self.a)
         site = {quantity: self.site_names for quantity in SITE_ARRAYS}
-        for quantity, names in {"effort": self.actuator_names, **site}.items():
+        drive = {"effort": self.actuator_names}
+        if self.motor_torque is not None:
+            drive["motor_torque"] = self.actuator_names
+        for quantity, names in {**drive, **site}.items():
             for i, name in enumerate(names):
                 columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, i]
         return pd.DataFrame(columns)
@@ -224,11 +239,14 @@ class Motion(Shown):
         about = {
             "format": FORMAT, "method": self.method, "status": self.status,
             "message": self.message, "evaluations": self.evaluations,
-            "scene": scene_digests(self.scene), "source": self.scene.source,
+            "scene": scene_digests(self.scene, self.motor_torque is not None),
+            "source": self.scene.source,
             "carried": self.carried,
             "events": [[e.time, e.name, e.kind, e.direction] for e in self.events],
         }  # fmt: skip
         arrays = {name: getattr(self, name) for name in ARRAYS}
+        if self.motor_torque is not None:
+            arrays["motor_torque"] = self.motor_torque
 
         def write(file: Path) -> None:
             np.savez_compressed(file, allow_pickle=False, about=np.array(json.dumps(about)),
@@ -251,8 +269,13 @@ def mechanical_energy(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.nda
     return float(kinetic + pin.computePotentialEnergy(model, data, q))
 
 
-def scene_digests(scene: Scene) -> dict[str, str]:
-    """Return a digest of each part of a scene that a motion depends on."""
+def scene_digests(scene: Scene, motors: bool) -> dict[str, str]:
+    """Return a digest of each part of a scene that a motion depends on.
+
+    Args:
+        scene: what was simulated.
+        motors: whether motors drove it, whose gears count then.
+    """
     model = scene.model
     joints = range(1, model.njoints)
     bodies = [model.inertias[j].toDynamicParameters().tolist() for j in joints]
@@ -268,8 +291,10 @@ def scene_digests(scene: Scene) -> dict[str, str]:
         "stick velocity": scene.stick_velocity,
         "actuators": scene.actuator_names,
     }
+    given = scene.actuators or ()
+    if motors:
+        parts["transmissions"] = [actuator.model_dump() for actuator in given]
     if scene.linkage is not None:
-        given = scene.actuators or ()
         parts["loops"] = [loop.model_dump() for loop in scene.loops]
         parts["actuators"] = [actuator.model_dump() for actuator in given]
     return {
@@ -285,44 +310,67 @@ class Dense:
     Attributes:
         t: (N + 1,) borders of the steps.
         at: step number, time (s) -> q (nq,), v (nv,).
-        solve: time, q, v, modes of the sites (ns,) -> what a sample holds, see `Recorder.row`.
+        solve: time, q, v -> what a sample holds in the modes of that time, see `Recorder.row`.
     """
 
     t: np.ndarray
     at: Callable[[int, float], tuple[np.ndarray, np.ndarray]]
-    solve: Callable[[float, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+    solve: Callable[[float, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
 
-    def rows(self, motion: Motion, times: np.ndarray) -> list[tuple[np.ndarray, ...]]:
-        """Rows (t, q, v, a, effort, modes, friction, normal_load) at times of the motion."""
+    def rows(self, times: np.ndarray) -> list[tuple[np.ndarray, ...]]:
+        """Rows as `Recorder.row` makes them at times of the motion."""
         steps = np.clip(self.t.searchsorted(times, side="right") - 1, 0, len(self.t) - 2)
-        phases = motion.phase_t.searchsorted(times, side="right") - 1
-        phases = np.clip(phases, 0, len(motion.phase_modes) - 1)
-        return [
-            self.solve(time, *self.at(int(step), time), motion.phase_modes[phase])
-            for time, step, phase in zip(times.tolist(), steps, phases, strict=True)
-        ]
+        return [self.solve(time, *self.at(int(step), time))
+                for time, step in zip(times.tolist(), steps, strict=True)]  # fmt: skip
 
     def sample(self, motion: Motion, times: np.ndarray) -> Motion:
         """See `Motion.sample`."""
-        columns = [np.array(column) for column in zip(*self.rows(motion, times), strict=True)]
-        changed: dict[str, Any] = dict(zip(ARRAYS[:8], columns, strict=True))
-        return replace(motion, **changed)
+        columns = [np.array(column) for column in zip(*self.rows(times), strict=True)]
+        changed: dict[str, Any] = dict(zip(ARRAYS[:8], columns, strict=False))
+        return replace(motion, motor_torque=None if motion.motor_torque is None else columns[8],
+                       **changed)  # fmt: skip
 
-    def integrate(self, motion: Motion) -> tuple[float, np.ndarray]:
-        """Work of the efforts and loss (ns,) at the sites, J, by Gauss's rule in every step.
+    def integrate(self, motion: Motion) -> np.ndarray:
+        """Work of the drives and loss at sites and gears, J, by Gauss's rule in every step.
 
-        From the motion's first sample to its last.
+        From the motion's first sample to its last; see `powers`.
         """
-        nodes, weights = np.polynomial.legendre.leggauss(6)
-        scene = motion.scene
-        work, loss = 0.0, np.zeros(len(scene.sites))
+        total = np.zeros(1 + len(motion.scene.sites) + len(motion.scene.drives))
         inside = self.t[(self.t > motion.t[0]) & (self.t < motion.t[-1])]
-        borders = [motion.t[0], *inside, motion.t[-1]]
-        for start, end in pairwise(borders):
-            half = (end - start) / 2
-            rows = self.rows(motion, start + half * (1 + nodes))
-            _, q, v, _, effort, _, friction, _ = (np.array(x) for x in zip(*rows, strict=True))
-            drives, sites = working_rates(scene, q, v)
-            work += half * float(weights @ (effort * drives).sum(axis=1))
-            loss -= half * (weights @ (friction * sites))
-        return work, loss
+        for start, end in pairwise([motion.t[0], *inside, motion.t[-1]]):
+            total += self._integral(motion, start, end, 0)
+        return total
+
+    def _integral(self, motion: Motion, start: float, end: float, depth: int) -> np.ndarray:
+        """See `integrate`; where a gear's mesh reverses, what it loses bends: there in parts."""
+        nodes, weights = np.polynomial.legendre.leggauss(6)
+        half = (end - start) / 2
+        part = self.sample(motion, start + half * (1 + nodes))
+        if motion.motor_torque is not None and depth < _MOST_HALVES:
+            positive = part.effort > 0.0
+            if (positive.any(axis=0) & ~positive.all(axis=0)).any():
+                middle, deeper = start + half, depth + 1
+                return self._integral(motion, start, middle, deeper) + self._integral(
+                    motion, middle, end, deeper
+                )
+        return np.asarray(half * (weights @ powers(part)))
+
+
+def powers(motion: Motion) -> np.ndarray:
+    """Return (T, 1 + ns + na), W: of the drives together, lost at each site, lost in each gear.
+
+    A gear loses |v| (n + mu |t|) and what its motor's viscous friction takes (`model/drives.py`);
+    none where efforts at the joints were given.
+    """
+    scene, torque = motion.scene, motion.motor_torque
+    drives, sites = working_rates(scene, motion.q, motion.v)
+    given, lost = motion.effort, np.zeros_like(drives)
+    if torque is not None:
+        gears = scene_gears(scene)
+        given, still = torque * gears.ratio, np.abs(drives) <= gears.stick_velocity
+        lower, upper = np.empty((2, *drives.shape))
+        write_motor_torques(gears, motion.effort, motion.effort, drives, np.zeros_like(drives),
+                            still, lower, upper)  # fmt: skip
+        lost = np.where(still, 0.0, (lower * gears.ratio - motion.effort) * drives)
+    work = (given * drives).sum(axis=1, keepdims=True)
+    return np.concatenate([work, -motion.friction * sites, lost], axis=1)

@@ -55,7 +55,7 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
         about: _About = parse(_About, content, f"{where}: is not a motion that pinfric saved")
     except SceneError as problem:
         raise SimulationError(str(problem)) from None
-    now = scene_digests(scene)
+    now = scene_digests(scene, "motor_torque" in arrays)
     differ = [part for part, digest in now.items() if about.scene.get(part) != digest]
     if differ:
         raise SimulationError(
@@ -87,7 +87,8 @@ def _contents(path: Path, where: str) -> tuple[Any, dict[str, Any]]:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
-            return about, {name: file[name] for name in ARRAYS}
+            wanted = [*ARRAYS, *(["motor_torque"] if "motor_torque" in file else [])]
+            return about, {name: file[name] for name in wanted}
     except Exception as problem:  # zipfile, zlib, struct and numpy have a dozen for damaged files
         reason = brief(" ".join(f"{type(problem).__name__}: {problem}".split()))
         raise SimulationError(
@@ -99,9 +100,10 @@ def _problems(scene: Scene, about: _About, arrays: dict[str, Any]) -> list[str]:
     """What of the file cannot be a motion of the scene: shapes, values, names."""
     model, sites = scene.model, len(scene.sites)
     samples, phases = len(np.atleast_1d(arrays["t"])), len(np.atleast_1d(arrays["phase_modes"]))
-    widths = {"q": model.nq, "v": model.nv, "a": model.nv, "effort": len(scene.drives)}
+    widths = {"q": model.nq, "v": model.nv, "a": model.nv, "effort": len(scene.drives),
+              "motor_torque": len(scene.drives)}  # fmt: skip
     shapes: dict[str, tuple[int, ...]] = {
-        name: (samples, widths.get(name, sites)) for name in ARRAYS
+        name: (samples, widths.get(name, sites)) for name in arrays
     }
     shapes |= {"t": (samples,), "phase_t": (phases + 1,), "phase_modes": (phases, sites)}
     problems = [

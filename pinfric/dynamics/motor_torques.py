@@ -6,7 +6,7 @@ import numpy as np
 
 from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.states import States
-from pinfric.model.drives import Drive, motor_torque_bounds
+from pinfric.model.drives import Drive, Gears, gear_table, motor_torque_bounds
 from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 
@@ -42,6 +42,12 @@ def motor_torques(
                 acceleration[inner, d], at_rest[inner, d], stick[d],
             )  # fmt: skip
     return lower, upper
+
+
+def scene_gears(scene: Scene) -> Gears:
+    """Return the transmissions of a scene's drives as arrays."""
+    stick = [drive_stick_velocity(scene, drive) for drive in scene.drives]
+    return gear_table([drive.transmission for drive in scene.drives], stick)
 
 
 def drive_stick_velocity(scene: Scene, drive: Drive) -> float:

@@ -15,7 +15,7 @@ from pinfric.model.scene import Scene
 #: So far beyond its range (rad or m) a joint still stands at its end: rounding.
 _AT_LIMIT = 1e-9
 
-#: (t, q, v, a, effort, modes, friction, normal_load) at one time.
+#: (t, q, v, a, effort, modes, friction, normal_load, motor torque) at one time.
 Row = tuple[np.ndarray, ...]
 
 
@@ -24,7 +24,8 @@ class Recorder:
 
     Attributes:
         rows: samples, in the order of `Row`; t increases strictly.
-        events, phase_t, phase_modes: see `Motion`.
+        events, phase_t: see `Motion`.
+        phase_modes: of all `Workspace.places`.
         steps: (polynomial, chart, what stands still) of every step, where the integrator has them.
     """
 
@@ -60,8 +61,11 @@ class Recorder:
                 ws.check_roll_moments(ws.wrench)
             except RollMomentError as problem:
                 raise timed(problem, t) from None
-        return (np.array(t), q.copy(), v.copy(), ws.a.copy(), self.system.u.copy(),
-                ws.site_modes.copy(), ws.phi.copy(), ws.load.copy())  # fmt: skip
+        torque = (
+            self.system.u / ws.tables.gears.ratio if ws.given == "motor_torque" else np.zeros(0)
+        )
+        return (np.array(t), q.copy(), v.copy(), ws.a.copy(), ws.effort.copy(),
+                ws.site_modes.copy(), ws.phi.copy(), ws.load.copy(), torque)  # fmt: skip
 
     def sample(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
         """Keep the system's present solution; in place of a sample at the same time."""
@@ -80,7 +84,7 @@ class Recorder:
 
     def phase(self, t: float) -> None:
         """Note that from t on the present modes hold."""
-        modes = self.system.ws.site_modes.copy()
+        modes = self.system.ws.place_modes
         if self.phase_t and t <= self.phase_t[-1]:
             self.phase_modes[-1] = modes
         elif not self.phase_modes or (modes != self.phase_modes[-1]).any():
@@ -121,14 +125,18 @@ class Recorder:
         """Return what was recorded."""
         nq, nv = self.system.ws.nq, self.system.ws.nv
         ns, na = self.system.ws.phi.size, self.system.ws.na
-        widths: list[tuple[int, ...]] = [(), (nq,), (nv,), (nv,), (na,), (ns,), (ns,), (ns,)]
+        motors = self.system.ws.given == "motor_torque"
+        widths: list[tuple[int, ...]] = [(), (nq,), (nv,), (nv,), (na,), (ns,), (ns,), (ns,),
+                                         (na * motors,)]  # fmt: skip
         columns = [
             np.array([row[i] for row in self.rows]).reshape((len(self.rows), *w))
             for i, w in enumerate(widths)
         ]
-        t, q, v, a, effort, modes, friction, load = columns
+        t, q, v, a, effort, modes, friction, load, torque = columns
         phase_t = np.array([*self.phase_t, t[-1] if len(t) else 0.0])
-        phase_modes = np.array(self.phase_modes, dtype=np.int8).reshape(len(self.phase_modes), ns)
+        phase_modes = np.array(self.phase_modes, dtype=np.int8).reshape(
+            len(self.phase_modes), len(self.system.ws.places)
+        )
         return Motion(
             scene=self.scene,
             method=self.method,
@@ -142,15 +150,16 @@ class Recorder:
             normal_load=load,
             events=tuple(sorted(self.events, key=lambda event: event.time)),
             phase_t=phase_t,
-            phase_modes=phase_modes,
+            phase_modes=phase_modes[:, :ns],
+            motor_torque=torque if motors else None,
             status=status,
             message=message,
             evaluations=self.system.evaluations,
             carried=self.carried,
-            dense=self._dense(),
+            dense=self._dense(phase_t, phase_modes),
         )
 
-    def _dense(self) -> Dense | None:
+    def _dense(self, phase_t: np.ndarray, phase_modes: np.ndarray) -> Dense | None:
         if not self.steps:
             return None
         steps, system, nv = self.steps, self.system, self.system.ws.nv
@@ -160,8 +169,9 @@ class Recorder:
             y = polynomial(t)
             return chart.configuration(y[:nv].copy()), y[nv:].copy()
 
-        def solve(t: float, q: np.ndarray, v: np.ndarray, modes: np.ndarray) -> Row:
-            system.ws.set_modes(modes)
+        def solve(t: float, q: np.ndarray, v: np.ndarray) -> Row:
+            phase = np.clip(phase_t.searchsorted(t, side="right") - 1, 0, len(phase_modes) - 1)
+            system.ws.set_modes(phase_modes[phase])
             q, v = system.ws.obey(q, v)
             system.solve_given_modes(t, q, v)
             return self.row(t, q, v)

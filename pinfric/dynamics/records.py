@@ -1,4 +1,4 @@
-"""What the kernels of `maps` work on: a scene's tables, its buffers, and views of Pinocchio's data.
+"""What kernels work on (`machine`): a scene's tables, buffers, and views of Pinocchio's data.
 
 Pinocchio keeps poses, velocities and wrenches of all joints one behind the other. Views of these
 arrays stay live, so that nothing is copied from one state to the next; where a build of Pinocchio
@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.layout import Layout
-from pinfric.dynamics.maps import Supply, Tables, Work
+from pinfric.dynamics.machine import Supply, Tables, Work
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.dynamics.states import unit_parts
 from pinfric.friction.modes import Modes
@@ -201,8 +201,10 @@ def _freedoms(twin: Twin) -> dict[str, np.ndarray]:
 
 
 def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, Work]:
-    """Make the buffers of a scene; (nv + 8 ns,) holds a, friction, loads and wrenches together."""
-    nv, nj, ns, ne = twin.nv, twin.n_joints, len(layout.joint), len(layout.entry_site)
+    """Make the buffers of a scene; (nv + na + 8 ns,) holds the solution, see `Workspace.out`."""
+    nv, nj, ns = twin.nv, twin.n_joints, len(layout.joint)
+    geared = layout.gear_coordinate[layout.gear_coordinate >= 0]
+    ne = len(layout.entry_site) + len(geared)
     nc, na, nl = len(layout.coordinate_v), len(layout.drive_v), tables.multipliers
     nx, rows, kind = (
         len(tables.actions.column_pair),
@@ -214,10 +216,12 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
     on_tree, driven = np.flatnonzero(layout.coordinate_v >= 0), np.flatnonzero(layout.drive_v >= 0)
     D[on_tree, layout.coordinate_v[on_tree]] = 1.0
     S[driven, layout.drive_v[driven]] = 1.0
-    out = np.zeros(nv + 8 * ns)
+    out = np.zeros(nv + na + 8 * ns)
+    a, effort, phi, load, wrench = np.split(out, np.cumsum([nv, na, ns, ns]))
     problem = empty_problem(
-        layout.entry_coordinate, layout.entry_ratio, tables.contact_site,
-        layout.constant[layout.entry_site],
+        np.concatenate([layout.entry_coordinate, geared]),
+        np.concatenate([layout.entry_ratio, np.ones(len(geared))]), tables.contact_site,
+        np.concatenate([layout.constant[layout.entry_site], np.zeros(len(geared))]),
     )  # fmt: skip
     work = Work(
         R=np.empty((1, nj, 3, 3)), p=np.empty((1, nj, 3)), velocity=np.empty((1, nj, 6)),
@@ -234,9 +238,13 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         above=np.zeros((1 + nc, 6)), momentum_above=np.zeros(6), force=np.zeros((3, 1 + nc)),
         freedoms=np.zeros(1, dtype=np.int64),
         **dict(zip(MODE_FIELDS, Modes.of(nc, np.zeros(ne)).arrays(), strict=True)),
-        least=np.zeros(nc), most=np.zeros(nc), a=out[:nv], phi=out[nv : nv + ns],
-        load=out[nv + ns : nv + 2 * ns], wrench=out[nv + 2 * ns :].reshape(ns, 6),
+        least=np.zeros(nc), most=np.zeros(nc), a=a, effort=effort, phi=phi, load=load,
+        wrench=wrench.reshape(ns, 6),
         multiplier=np.zeros(nl), entry_phi=np.zeros(ne), site_modes=np.zeros(ns, dtype=np.int8),
+        gear_way=np.zeros(na), delivered=np.zeros(na), delivered_map=np.zeros((na, 1 + nc)),
+        slope=np.ones(na), offset=np.zeros(na), reflected=np.zeros(na), line=np.zeros((na, 2)),
+        held=np.zeros((na, 2)), arriving=np.zeros(na), locking=np.zeros(1, dtype=np.int64),
+        push_size=np.zeros(1),
         **dict(zip(PROBLEM_FIELDS, problem, strict=True)),
     )  # fmt: skip
     return out, work

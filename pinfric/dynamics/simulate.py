@@ -64,10 +64,11 @@ def simulate(
     scene: Scene,
     q0: np.ndarray,
     v0: np.ndarray,
-    effort: EffortLike,
-    t_end: float,
+    effort: EffortLike = None,
+    t_end: float | None = None,
     method: str = "event",
     *,
+    motor_torque: EffortLike = None,
     breakpoints: Sequence[float] | None = None,
     external: Mapping[str, np.ndarray] | None = None,
     attached: Iterable[str] | None = None,
@@ -87,8 +88,9 @@ def simulate(
         q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest.
         effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive,
             or None for the scene's own; see `efforts.make_effort`.
-        t_end: s.
+        t_end: s; None: the scene's own.
         method: `event`, `timestepping` or `regularized`.
+        motor_torque: in place of `effort`, at the motors' shafts (N m), see `forward_dynamics`.
         breakpoints: times (s) at which an effort function jumps or bends; tables know theirs.
         external: frame name -> (6,) constant wrench on it, in its axes at its origin (N, N m).
         attached: names of the payloads carried; None takes those attached by default.
@@ -100,22 +102,30 @@ def simulate(
     Raises:
         SimulationError: an argument that cannot be, an effort function that raises, an integration
             that cannot go on. StateError: q0, v0 of a wrong shape or not finite.
-        NoConsistentAcceleration, AmbiguousAcceleration: with time and state. What was computed
-            until then is the error's `motion`; after Ctrl-C it is returned, status `interrupted`.
+        NoConsistentAcceleration, AmbiguousAcceleration, GearJam: with time and state. Until then
+            there is the error's `motion`; after Ctrl-C it is returned, status `interrupted`.
     """
     if unknown := numbers.keys() - Numbers.__annotations__.keys():
         raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
-    settings, (q, v) = _settings(method, t_end, **numbers), _start(scene, q0, v0)
-    made = make_effort(scene, effort, breakpoints)
+    settings, (q, v) = _settings(method, _end(scene, t_end), **numbers), _start(scene, q0, v0)
+    made = make_effort(scene, effort, breakpoints, motor_torque)
     if numbers.get("max_step") is None:
         settings = replace(settings, max_step=_longest_step(made, settings.t_end),
                            look=settings.t_end / 250)  # fmt: skip
     applied = applied_wrenches(scene, external, 1)
     carried = None if attached is None else tuple(attached)
-    system = System(Workspace(scene, carried), made, applied)
+    system = System(Workspace(scene, carried, made.given == "motor_torque"), made, applied)
     record = Recorder(scene, system, method, settings.sample_step, carried)
     with _Progress(progress, settings.t_end) as record.progress:
         return _run(method, system, settings, record, q, v)
+
+
+def _end(scene: Scene, t_end: float | None) -> float:
+    if t_end is not None:
+        return t_end
+    if scene.simulation is None:
+        raise SimulationError(f"{scene.source}: has no `simulation` section; give t_end (s)")
+    return scene.simulation.t_end
 
 
 def _longest_step(effort: Effort, t_end: float) -> float:

@@ -15,19 +15,19 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from pinfric.dynamics.forward import Instant, solution, solve_state, vector
+from pinfric.dynamics.forward import Instant, one_of, solution, solve_state, vector
 from pinfric.dynamics.inverse_linkage import solve_linkage
 from pinfric.dynamics.inverse_tree import check_finite, solve_tree
 from pinfric.dynamics.maps import is_normalized
 from pinfric.dynamics.motion_kernels import effort_bounds
-from pinfric.dynamics.motor_torques import drive_stick_velocity
+from pinfric.dynamics.motor_torques import scene_gears
 from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.states import States, unit_parts
 from pinfric.dynamics.undriven import check_shares
 from pinfric.dynamics.workspace import Workspace
 from pinfric.model.bearings import Contacts, normal_loads
 from pinfric.model.compiled import KernelArgument, is_ready, kernel, record
-from pinfric.model.drives import Gears, gear_table, write_motor_torques
+from pinfric.model.drives import Gears, write_motor_torques
 from pinfric.model.laws import Laws, friction_bounds
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
@@ -169,11 +169,9 @@ def make_sample(ws: Workspace) -> Sample:
     """Make the buffers of one sample of an open chain, on the Pinocchio data of a workspace."""
     scene, layout, supply, tables = ws.scene, ws.tables, ws.supplier.supply, ws.scene.site_tables
     ns, na = len(scene.sites), len(scene.drives)
-    transmissions = [drive.transmission for drive in scene.drives]
-    stick = [drive_stick_velocity(scene, drive) for drive in scene.drives]
     units = np.array(unit_parts(scene.model), dtype=np.int64).reshape(-1, 2)
     effort, motor, friction = np.zeros((3, 1, na)), np.zeros((2, 1, na)), np.zeros((3, 1, ns))
-    geared = any(transmissions)
+    geared = any(drive.transmission for drive in scene.drives)
     return Sample(
         q=np.zeros(ws.nq), v=np.zeros((1, ws.nv)), a=np.zeros((1, ws.nv)),
         unit_q=units[:, 0].copy(), unit_count=units[:, 1].copy(),
@@ -181,7 +179,7 @@ def make_sample(ws: Workspace) -> Sample:
         velocity_index=tables.velocity_index, ratio=tables.ratio,
         displacement_q=layout.displacement_q, displacement_ratio=layout.displacement_ratio,
         displacement_shift=layout.displacement_shift, contacts=tables.contacts, laws=layout.laws,
-        gears=gear_table(transmissions, stick), geared=np.array([geared]),
+        gears=scene_gears(scene), geared=np.array([geared]),
         velocity=np.zeros((1, ns)), displacement=np.zeros((1, ns)),
         still=np.zeros((1, ns), dtype=bool), turns=np.zeros((1, na), dtype=bool),
         effort_lower=effort[0], effort_upper=effort[1], effort_frictionless=effort[2],
@@ -219,6 +217,7 @@ class Solver:
         self.scene = scene.with_()
         self._carried = None if attached is None else tuple(attached)
         self._ws = Workspace(self.scene, self._carried)
+        self._motors: Workspace | None = None
         self._at_once = self.scene.linkage is None and self.scene.mobility.one_drive_each
         if self._at_once:
             self._sample = x = make_sample(self._ws)
@@ -276,7 +275,10 @@ class Solver:
         figures = {name: getattr(found, name)[0] for name in InverseInstant._fields}
         return InverseInstant(**figures | {"status": Status(found.status[0])})
 
-    def forward(self, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> Instant:
+    def forward(
+        self, q: np.ndarray, v: np.ndarray, effort: np.ndarray | None = None, *,
+        motor_torque: np.ndarray | None = None,
+    ) -> Instant:  # fmt: skip
         """Return the accelerations, the modes and the friction that efforts cause.
 
         a = M^-1 (u - h + D phi) (paper eq. 3, 20, 21); as `forward_dynamics`.
@@ -284,6 +286,7 @@ class Solver:
         Args:
             q, v: (nq,), (nv,) in rad, m and per second.
             effort: (na,) what the drives deliver at the joints (N m or N).
+            motor_torque: (na,) in place of it, at the motors' shafts (N m).
 
         Returns:
             Views that the next call overwrites.
@@ -291,8 +294,11 @@ class Solver:
         Raises:
             See `forward_dynamics`.
         """
-        solve_state(self._ws, q, v, effort)
-        return solution(self._ws)
+        ws, given = self._ws, one_of("Solver.forward", effort, motor_torque)
+        if effort is None:
+            self._motors = ws = self._motors or Workspace(self.scene, self._carried, motors=True)
+        solve_state(ws, q, v, given)
+        return solution(ws)
 
     def _mend(self) -> None:
         """Bring q to its manifold, or say what is wrong with the state, or with what it causes."""

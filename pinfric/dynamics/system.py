@@ -113,7 +113,7 @@ class System:
     Attributes:
         ws: buffers of its own: an effort function may call `forward_dynamics` in between.
         evaluations: right-hand sides computed.
-        u: (na,) efforts at the last one.
+        u: (na,) efforts at the last one; torques of motors times their ratios, where they drive.
     """
 
     def __init__(self, ws: Workspace, effort: Effort, applied: list[AppliedWrench]) -> None:
@@ -136,7 +136,7 @@ class System:
         self._window = start + margin if start > 0.0 else 0.0, end - margin if jumps else np.inf
 
     def efforts(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return the efforts (na,) at one state.
+        """Return what drives are given (na,) at one state, see `u`.
 
         Raises:
             SimulationError: the function raises, or returns something else than (na,) numbers.
@@ -147,21 +147,22 @@ class System:
             raise
         except Exception as problem:
             raise SimulationError(
-                f"effort: the function raised {type(problem).__name__} at t = {t:.9g} s: {problem}"
+                f"{self.ws.given}: the function raised {type(problem).__name__} at t = {t:.9g} s: "
+                f"{problem}"
             ) from problem
         try:
-            u = np.atleast_1d(real_numbers("effort", given))
+            u = np.atleast_1d(real_numbers(self.ws.given, given))
         except StateError as problem:
             raise SimulationError(
-                f"effort: the function returned no numbers at t = {t:.9g} s: {problem}"
+                f"{self.ws.given}: the function returned no numbers at t = {t:.9g} s: {problem}"
             ) from None
         if u.shape != (self.ws.na,):
             raise SimulationError(
-                f"effort: the function returned shape {u.shape} at t = {t:.9g} s; should be "
-                f"({self.ws.na},)"
+                f"{self.ws.given}: the function returned shape {u.shape} at t = {t:.9g} s; should "
+                f"be ({self.ws.na},)"
             )
-        self.u = u
-        return u
+        self.u = u * self.ws.tables.gears.ratio if self.ws.given == "motor_torque" else u
+        return self.u
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
         """Find modes, friction and accelerations in `ws`, modes by the velocities."""

@@ -113,13 +113,12 @@ def _note_changes(record: Recorder, system: System, before: Modes, when: float) 
     if (ws.modes.stuck == before.stuck).all() and (ws.modes.direction == before.direction).all():
         return
     record.phase(when)
-    for s, site in enumerate(ws.scene.sites):
-        c = int(ws.tables.coordinate[s])
+    for (name, c, ball), now in zip(ws.places, ws.place_modes.tolist(), strict=True):
         if not ws.tables.dry[c]:
             continue
         if ws.modes.stuck[c] and not before.stuck[c]:
-            record.event(when, site.name, "stick", 0)
+            record.event(when, name, "stick", 0)
         elif before.stuck[c] and not ws.modes.stuck[c]:
-            record.event(when, site.name, "slip", float(ws.site_modes[s]))
-        elif ws.modes.direction[c] * before.direction[c] < 0.0 and not site.ball:
-            record.event(when, site.name, "reversal", float(ws.site_modes[s]))
+            record.event(when, name, "slip", now)
+        elif ws.modes.direction[c] * before.direction[c] < 0.0 and not ball:
+            record.event(when, name, "reversal", now)

@@ -6,12 +6,22 @@ import threading
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from math import hypot
 from typing import NoReturn, cast
 
 import numpy as np
 
+from pinfric.dynamics.gearing import FEW_PASSES, MOST_PASSES, refit
 from pinfric.dynamics.layout import make_layout
+from pinfric.dynamics.machine import (
+    Machine,
+    box_layout,
+    box_machine,
+    box_supply,
+    box_tables,
+    box_work,
+)
 from pinfric.dynamics.maps import (
     FREE,
     GIVEN,
@@ -19,13 +29,8 @@ from pinfric.dynamics.maps import (
     TOGGLE,
     TURNED,
     UNDECIDED,
-    Machine,
     assemble,
-    box_layout,
-    box_machine,
-    box_supply,
-    box_tables,
-    box_work,
+    couple,
     finish,
     is_exact,
     measure_rates,
@@ -37,6 +42,7 @@ from pinfric.dynamics.records import MODE_FIELDS, PROBLEM_FIELDS, Supplier, make
 from pinfric.errors import (
     AccelerationError,
     AmbiguousAcceleration,
+    GearJam,
     NoConsistentAcceleration,
     RollMomentError,
     SceneError,
@@ -44,15 +50,18 @@ from pinfric.errors import (
     ToggleError,
 )
 from pinfric.friction import rest
-from pinfric.friction.consistency import ROUNDING
+from pinfric.friction.consistency import ROUNDING, limit_width
 from pinfric.friction.modes import MOST_ENUMERATED, Found, Modes, only_candidate, pivot, search
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
 from pinfric.model.compiled import KernelArgument, is_ready
+from pinfric.model.drives import gear_jam, may_lock
 from pinfric.model.loops import Linkage, stand_still
 from pinfric.model.scene import Scene
 
+#: So many self-locking gears are let slip at once, away from what would wedge them.
+_MOST_WEDGED = 3
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
 _STOP = 100.0
 
@@ -75,12 +84,15 @@ class Workspace:
 
     Attributes:
         tables: `Layout`.
+        given: what drives are given: "effort", or "motor_torque"; then `effort` is r T_m of each.
         problem, modes: the coupled problem and its solution.
         mechanism: how its coordinates hang together.
         must_obey: whether a configuration can be none: loops open, quaternions not of length 1.
         closed: whether coordinates may depend on each other, see `Tables.dependent`.
-        a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6) of the solution: accelerations,
-            friction, normal load and wrench of each site; one after the other in `out`.
+        a, effort, phi, load, wrench: (nv,), (na,), (ns,), (ns,), (ns, 6) of the solution:
+            accelerations, what drives deliver, friction, normal load and wrench of each site; one
+            after the other in `out`.
+        parts: (4,) borders in `out`.
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
         locked: whether what sticks lets nothing move (known where loops close).
@@ -88,12 +100,19 @@ class Workspace:
         turns_balls: whether the friction of balls that slip is pointed against their motion.
         least, most: (nc,) static limits of the friction x.
         site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
+        places: (name, coordinate, whether it is a ball) of all that sticks and slips: sites, then
+            gears on joints without friction.
     """
 
-    def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
+    def __init__(
+        self, scene: Scene, attached: Iterable[str] | None = None, motors: bool = False
+    ) -> None:
+        if motors:
+            check_transmissions(scene)
+        self.given = "motor_torque" if motors else "effort"
         self.scene, self.twin = scene, scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
-        self.tables = t = make_layout(scene)
+        self.tables = t = make_layout(scene, motors)
         self.linkage = scene.linkage
         self.turns_balls, self.locked = True, False
         self.must_obey = scene.linkage is not None or self.nq != self.nv
@@ -101,15 +120,25 @@ class Workspace:
         tables = make_tables(self.twin, scene.linkage, t)
         self.closed = tables.dependent
         self.out, self.work = make_work(self.twin, t, tables)
+        self.parts = np.cumsum([self.nv, self.na, len(t.joint), len(t.joint)])
         w = self.work
         ready = is_ready(box_work, (tuple(w),))
         self._argument = KernelArgument(Machine(tables, self.supplier.supply, w), _box, ready)
         self.problem = Problem(*(getattr(w, name) for name in PROBLEM_FIELDS))
         self.modes = Modes(*(getattr(w, name) for name in MODE_FIELDS))
         self.mechanism = Mechanism(w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry)))
-        self.a, self.phi, self.load, self.wrench = w.a, w.phi, w.load, w.wrench
+        self.a, self.effort, self.phi, self.load, self.wrench = (
+            w.a, w.effort, w.phi, w.load, w.wrench
+        )  # fmt: skip
+        self._geared = bool((t.gear_coordinate >= 0).any())
+        self._locks = np.flatnonzero(may_lock(t.gears))
         self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
         self.multipliers = w.multiplier
+        names = zip(scene.site_names, t.coordinate.tolist(), strict=True)
+        self.places = [(name, c, bool(t.ball[c])) for name, c in names]
+        self._alone = np.setdiff1d(t.gear_coordinate[t.gear_coordinate >= 0], t.entry_coordinate)
+        of = t.gear_coordinate.tolist()
+        self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
         self._balls = np.unique(t.block[t.ball])
         self._loop_coordinates = t.has_loop_coordinates
         self._kept: tuple[object, ...] | None = None
@@ -281,6 +310,7 @@ class Workspace:
         """
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
         if obeying == 1:
+            self._check_jam()
             return
         found = self.search() if resting else only_candidate(solutions, obeying)
         if found != Found.SOLVED:
@@ -302,12 +332,17 @@ class Workspace:
             return  # nothing moves and nothing has changed
         turned = TURNED if self._balls.size and self.turns_balls else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
+        found = only_candidate(solutions, obeying)
         if resting < 0:
-            solutions, obeying = rest.solve(self.problem, self.modes, self.mechanism)
-            if obeying == 1:
+            found = self._settle(
+                lambda: only_candidate(*rest.solve(self.problem, self.modes, self.mechanism))
+            )
+            if found == Found.SOLVED:
                 self.finish()
-        if obeying != 1:
-            raise self.failure(only_candidate(solutions, obeying), q, v, effort)
+        elif found == Found.SOLVED:
+            self._check_jam()
+        if found != Found.SOLVED:
+            raise self.failure(found, q, v, effort)
         self._kept = self._key(q, v, effort, applied) if self.locked else None
 
     def _key(
@@ -336,7 +371,7 @@ class Workspace:
             return solutions, obeying, resting
         if outcome != UNDECIDED:
             self._refuse(outcome, q, v, effort)
-        self.mechanism.factor = self.work.factor[: self.work.freedoms[0]]
+        self._take_factor()
         return solutions, obeying, resting if choice == FREE else -1
 
     def assemble(
@@ -363,7 +398,17 @@ class Workspace:
         outcome = assemble(self._machine, q, v, effort, step)
         if outcome:
             self._refuse(outcome, q, v, effort)
+        self._take_factor()
+
+    def _take_factor(self) -> None:
+        """Let the mechanism have the factor of the slopes of what sticks or may stick."""
         self.mechanism.factor = self.work.factor[: self.work.freedoms[0]]
+        if not self.closed or not self.work.locking[0]:
+            return
+        here = self.modes.stuck | self.modes.at_rest
+        size, axes = np.linalg.eigh(self.problem.rate_slope[np.ix_(here, here)])
+        self.mechanism.factor = np.zeros((len(size), len(here)))
+        self.mechanism.factor[:, here] = np.sqrt(np.maximum(size, 0.0))[:, None] * axes.T
 
     def facing(self, rates: np.ndarray) -> np.ndarray:
         """Return the direction (nc,) in which each coordinate slips; a ball has a vector."""
@@ -397,12 +442,88 @@ class Workspace:
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> Found:
         """Search the modes of what is at rest; see `modes.search`, `rest.search`."""
-        if not self.closed:
-            return search(self.problem, self.modes, forced, held)
-        found = rest.search(self.problem, self.modes, self.mechanism, forced, held)
-        if found == Found.SOLVED:
-            self._leave_dead_centres()
-        return found
+
+        def attempt() -> Found:
+            if not self.closed:
+                return search(self.problem, self.modes, forced, held)
+            found = rest.search(self.problem, self.modes, self.mechanism, forced, held)
+            if found == Found.SOLVED:
+                self._leave_dead_centres()
+            return found
+
+        if not self._geared:
+            return attempt()
+        self._presume(forced or {})
+        return self._settle_or_slip(attempt)
+
+    def _settle_or_slip(self, attempt: Callable[[], Found]) -> Found:
+        """Settle a search; where nothing fits, with self-locking gears on lines that fall."""
+        start = self.modes.copy() if self._locks.size else None
+        found = self._settle(attempt)
+        if found == Found.SOLVED or start is None:
+            return found
+        return self._search_wedged(attempt, start, found)
+
+    def _settle(self, attempt: Callable[[], Found]) -> Found:
+        """Repeat a search until every gear follows the line that it was made with."""
+        at_rest = self.modes.at_rest.copy()
+        for passes in range(MOST_PASSES):
+            found = attempt()
+            if not self._geared or found in (Found.NONE, Found.NOT_CONVERGED):
+                return found
+            if not refit(self._machine, passes >= FEW_PASSES):
+                return found
+            self.modes.at_rest[:] = at_rest
+            self._couple()
+        return Found.NOT_CONVERGED
+
+    def _couple(self) -> None:
+        """Write the coupled problem of the present state once more, with other lines of gears."""
+        q, v, effort, _, step = self._given
+        outcome = couple(self._machine, q, v, effort, step)
+        if outcome:
+            self._refuse(outcome, q, v, effort)
+        self._take_factor()
+
+    def _presume(self, forced: Mapping[int, float]) -> None:
+        """Let gears at rest follow the lines on which they would slip, as far as that shows."""
+        t, modes = self.tables, self.modes
+        for d in np.flatnonzero(t.gear_coordinate >= 0):
+            c = int(t.gear_coordinate[d])
+            if modes.at_rest[c]:
+                beyond = modes.verdict[c] if abs(modes.verdict[c]) == 1 else 0
+                self.work.gear_way[d] = forced.get(c, beyond)
+        self._couple()
+
+    def _search_wedged(self, attempt: Callable[[], Found], start: Modes, otherwise: Found) -> Found:
+        """Let self-locking gears slip that motor and load push the same way: few at a time.
+
+        Their line falls, so that a search that takes what slips to oppose what pushes it does not
+        find them.
+
+        Args:
+            attempt: searches the modes of all others at rest.
+            start: modes from which to search.
+            otherwise: what to return where none slips so.
+        """
+        t, m = self.tables, self.modes
+        c_of, arriving = t.gear_coordinate, self.work.arriving
+        wedged = [int(d) for d in self._locks if c_of[d] >= 0 and start.at_rest[c_of[d]]
+                  and np.isfinite(self.work.held[d]).any()]  # fmt: skip
+        for level in range(1, 1 + min(len(wedged), _MOST_WEDGED)):
+            for slipping in combinations(wedged, level):
+                m.take(start)
+                for d in slipping:
+                    way = float(np.sign(arriving[d]))
+                    m.at_rest[c_of[d]] = m.stuck[c_of[d]] = False
+                    m.direction[c_of[d]] = self.work.gear_way[d] = way
+                    self.work.delivered[d] = -way * abs(arriving[d])
+                self._couple()
+                found = self._settle(attempt)
+                slips = [m.direction[c_of[d]] * m.rate[c_of[d]] > 0.0 for d in slipping]
+                if found == Found.SOLVED and all(slips):
+                    return found
+        return otherwise
 
     def _leave_dead_centres(self) -> None:
         """Let joints that rest at their dead centre slip the way the mechanism takes them.
@@ -429,7 +550,10 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        m, dry = self.modes, self.tables.dry
+        return self._settle_or_slip(self._search_step)
+
+    def _search_step(self) -> Found:
+        m, dry = self.modes, self.modes.at_rest.copy()
         if not self.closed:
             found = pivot(self.problem, m)
         else:
@@ -447,15 +571,23 @@ class Workspace:
             return search(self.problem, m)
         return found
 
+    @property
+    def place_modes(self) -> np.ndarray:
+        """(len(places),) int8, as `site_modes`."""
+        gears = np.sign(self.modes.direction[self._alone]).astype(np.int8)
+        return np.concatenate([self.site_modes, gears])
+
     def set_modes(self, modes: np.ndarray) -> None:
-        """Write modes of sites (ns,) as modes of their coordinates; a ball's face its motion."""
+        """Write modes of places as modes of their coordinates; a ball's face its motion."""
         t, m = self.tables, self.modes
         m.direction[t.entry_coordinate] = modes[t.entry_site] * np.sign(t.entry_ratio)
+        m.direction[self._alone] = modes[len(t.joint) :]
         m.stuck[:] = (m.direction == 0.0) & t.dry
 
     def finish(self) -> None:
         """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
         finish(self._machine)
+        self._check_jam()
         self.locked = self.closed and self.mechanism.is_locked(self.modes.stuck)
         if self.locked:
             self.a[:] = 0.0
@@ -464,7 +596,12 @@ class Workspace:
         """Return how far friction (nc,) may be off by rounding, of the loads that cancel, too."""
         slope = np.diag(self.problem.rate_slope)
         terms = self.problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
-        return np.asarray(ROUNDING * (self.most - self.least + terms))
+        return np.asarray(ROUNDING * (self.limit_width + terms))
+
+    @property
+    def limit_width(self) -> np.ndarray:
+        """(nc,) of the static limits; see `consistency.limit_width`."""
+        return np.array([limit_width(*ends) for ends in zip(self.least, self.most, strict=True)])
 
     @property
     def guards(self) -> np.ndarray:
@@ -499,7 +636,7 @@ class Workspace:
         Raises:
             StateError: see there.
         """
-        for name, array in (("q", q), ("v", v), ("effort", effort)):
+        for name, array in (("q", q), ("v", v), (self.given, effort)):
             if not np.isfinite(array).all():
                 i = int(np.flatnonzero(~np.isfinite(array))[0])
                 raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
@@ -521,31 +658,85 @@ class Workspace:
         self, found: Found, q: np.ndarray, v: np.ndarray, effort: np.ndarray
     ) -> AccelerationError:
         """Return the error that says why no single acceleration was found, and where."""
+        if jam := self._jam():
+            return jam
         contraction = self.modes.figures[0]
-        site = self.scene.site_names[self._worst_site()]
-        state = q.copy(), v.copy(), effort.copy()
+        site = self._worst_site()
+        state = q.copy(), v.copy(), self._as_given(effort)
         growth = (
             f"the loads grow with the friction they cause (contraction {contraction:.4g})"
             if contraction >= 1.0
             else "neither sticking nor slipping either way is consistent"
         )
         if found == Found.AMBIGUOUS:
-            return AmbiguousAcceleration(*state, site, growth)
+            return AmbiguousAcceleration(*state, site, growth, given=self.given)
         if found == Found.NOT_CONVERGED:
             growth = f"the coupled solve does not reach its tolerance (contraction {contraction})"
         elif int(self.modes.at_rest.sum()) > MOST_ENUMERATED:
             growth += f"; more than {MOST_ENUMERATED} joints at rest: not every mode was tried"
-        return NoConsistentAcceleration(*state, site, growth)
+        return NoConsistentAcceleration(*state, site, growth, given=self.given)
 
-    def _worst_site(self) -> int:
-        """The site whose load grows most with friction: there it is inconsistent."""
+    def _as_given(self, effort: np.ndarray) -> np.ndarray:
+        """Efforts, or torques of motors (na,), as they were given."""
+        return effort / self.tables.gears.ratio if self.given == "motor_torque" else effort.copy()
+
+    def _check_jam(self) -> None:
+        """Refuse a solution in which a self-locking gear moves whose rotor is too light.
+
+        Raises:
+            GearJam: see `gear_jam`.
+        """
+        if self._locks.size and (jam := self._jam()):
+            raise jam
+
+    def _jam(self) -> GearJam | None:
+        """The error of a self-locking gear that moves, and may have no acceleration, or several."""
+        t, w = self.tables, self.work
+        moves = np.array([c < 0 or not w.stuck[c] for c in t.gear_coordinate], dtype=bool)
+        if not moves[self._locks].any():
+            return None
+        inertia, J = np.array(w.M), w.J[0, t.off_joint : t.solved]
+        rises = w.slope > 0.0
+        rotors = np.where(rises, w.reflected / np.where(rises, w.slope, 1.0), 0.0)
+        inertia -= (w.S * rotors[:, None]).T @ w.S
+        q, v, effort, *_ = self._given
+        fixed = np.concatenate([J, w.D[w.stuck]])
+        found = gear_jam(t.gears, moves, np.abs(w.S @ v), inertia, w.S, fixed)
+        if found is None:
+            return None
+        d, eigenvalue, enough = found
+        reason = (f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {eigenvalue:.3g}: no acceleration "
+                  f"obeys the gear's law, or several do; a rotor inertia above {enough:.6g} kg m^2 "
+                  "would do, or a gear that does not lock")  # fmt: skip
+        state = q.copy(), v.copy(), self._as_given(effort)
+        return GearJam(*state, self.scene.drives[d].name, reason, given=self.given)
+
+    def _worst_site(self) -> str:
+        """Name of the site whose load grows most with friction: there it is inconsistent."""
         p = self.problem
         growth = np.zeros(len(p.constant))
         norms = np.linalg.norm(p.contact_slope, axis=2).sum(axis=1)
         np.add.at(growth, p.contact_site, norms)
         open_ = ~self.modes.stuck | self.modes.at_rest
         worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
-        return int(self.tables.entry_site[worst])
+        if worst < len(self.tables.entry_site):
+            return self.scene.site_names[self.tables.entry_site[worst]]
+        geared = np.flatnonzero(self.tables.gear_entry == worst)
+        return self.scene.drives[int(geared[0])].name
+
+
+def check_transmissions(scene: Scene) -> None:
+    """Refuse torques of motors where a drive has no transmission to take them.
+
+    Raises:
+        SceneError: names the drive.
+    """
+    for drive in scene.drives:
+        if drive.transmission is None:
+            raise SceneError(
+                f"{scene.source}: motor_torque: drive {drive.name!r} has no transmission; give it "
+                "one in `actuators` (a direct drive has ratio: 1), or give `effort`"
+            )
 
 
 def _box(machine: Machine) -> Machine:
@@ -556,28 +747,31 @@ def _box(machine: Machine) -> Machine:
 
 
 class _Last(threading.local):
-    """The scene this thread asked for last (a weak reference), and its workspace."""
+    """The scene this thread asked for last (a weak reference), what drove it, its workspace."""
 
     scene: Callable[[], Scene | None] = staticmethod(lambda: None)
+    motors: bool
     found: Workspace
 
 
 _LAST = _Last()
 
 
-def workspace(scene: Scene, attached: Iterable[str] | None = None) -> Workspace:
+def workspace(
+    scene: Scene, attached: Iterable[str] | None = None, motors: bool = False
+) -> Workspace:
     """Return this thread's workspace of a scene, made at first; it lives in the scene's twin.
 
     Scenes that differ in friction alone may share a twin: the last one asked for has its workspace.
     """
-    if attached is None and _LAST.scene() is scene:
+    if attached is None and _LAST.scene() is scene and _LAST.motors == motors:
         scene.check_unchanged()
         return _LAST.found
     twin = scene.twin(attached)
-    key = "forward", threading.get_ident()
+    key = "motors" if motors else "forward", threading.get_ident()
     if key not in twin.pools or twin.pools[key].scene is not scene:
-        twin.pools[key] = Workspace(scene, attached)
+        twin.pools[key] = Workspace(scene, attached, motors)
     found: Workspace = twin.pools[key]
     if attached is None:
-        _LAST.scene, _LAST.found = weakref.ref(scene), found
+        _LAST.scene, _LAST.motors, _LAST.found = weakref.ref(scene), motors, found
     return found

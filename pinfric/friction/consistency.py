@@ -52,6 +52,13 @@ def stick_limits(problem: Problem, load: np.ndarray, lower: np.ndarray, upper: n
 
 
 @kernel
+def limit_width(lower: float, upper: float) -> float:
+    """Return what rounding of static limits is relative to: their width, or the finite one."""
+    width = upper - lower
+    return width if width < np.inf else min(abs(lower), abs(upper), 1e300)
+
+
+@kernel
 def site_friction(
     problem: Problem,
     stuck: np.ndarray,
@@ -78,10 +85,11 @@ def site_friction(
             forward = problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, 0]
             backward = problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, 1]
             width = upper[c] - lower[c]
-            share = (friction[c] - lower[c]) / width if width > 0.0 else 0.5
+            share = (friction[c] - lower[c]) / width if 0.0 < width < np.inf else 0.5
             if ratio < 0.0:
                 share = 1.0 - share
-            phi[s] = -forward + share * (forward + backward)
+            width = forward + backward
+            phi[s] = -forward + share * width if width < np.inf else 0.0
         else:
             along = direction[c] if ratio > 0.0 else -direction[c]
             against = 0 if along > 0.0 else 1
@@ -126,7 +134,7 @@ def judge(
         for d in range(nc):
             terms += abs(problem.rate_slope[c, d] * friction[d])
         if stuck[c]:
-            slack = ROUNDING * (upper[c] - lower[c] + terms / problem.rate_slope[c, c])
+            slack = ROUNDING * (limit_width(lower[c], upper[c]) + terms / problem.rate_slope[c, c])
             if friction[c] > upper[c] + slack:
                 verdict[c] = -1
             elif friction[c] < lower[c] - slack:

@@ -118,6 +118,38 @@ def _no_load(gear: Transmission) -> np.ndarray:
     return size * ways
 
 
+def loses(gears: Gears) -> np.ndarray:
+    """Return which gears (na,) lose what they carry, or have a no-load torque."""
+    lines = zip(gears.first[:, 0], gears.last[:, 1], strict=True)
+    loss = np.array([gears.slope[first:last].any() or gears.loss[first:last].any()
+                     for first, last in lines], dtype=bool)  # fmt: skip
+    return np.asarray(loss | (gears.no_load_static > 0.0).any(axis=1))
+
+
+def least_slopes(gears: Gears, speed: np.ndarray) -> np.ndarray:
+    """Return the least slope of each gear's lines, 1 - g(w) L'(|t|) of a motor that is driven.
+
+    Not above 0: the gear is self-locking.
+
+    Args:
+        gears: `gear_table`.
+        speed: (na,) of the joints (rad/s or m/s).
+    """
+    factor = (
+        gears.constant[:, 1]
+        + gears.rise[:, 1] * (np.abs(gears.ratio) * speed) ** gears.exponent[:, 1]
+    )
+    lines = zip(gears.first[:, 1], gears.last[:, 1], strict=True)
+    steepest = np.array([gears.slope[first:last].max() for first, last in lines], dtype=float)
+    return np.asarray(1.0 - factor * steepest)
+
+
+def may_lock(gears: Gears) -> np.ndarray:
+    """Return which gears (na,) are self-locking at rest, or at a speed."""
+    still, fast = (least_slopes(gears, np.full(len(gears.ratio), x)) for x in (0.0, 1e6))
+    return np.asarray((still <= 0.0) | (fast <= 0.0))
+
+
 @kernel
 def gear_line(
     gears: Gears, d: int, direction: float, speed: float, static: bool, effort: float
@@ -281,3 +313,45 @@ def motor_torque_bounds(
     columns = (np.ascontiguousarray(given)[:, None] for given in samples)
     write_motor_torques(gear_table([transmission], [stick_velocity]), *columns, lower, upper)
     return lower[:, 0], upper[:, 0]
+
+
+def gear_jam(
+    gears: Gears,
+    moves: np.ndarray,
+    speed: np.ndarray,
+    inertia: np.ndarray,
+    rates: np.ndarray,
+    fixed: np.ndarray,
+) -> tuple[int, float, float] | None:
+    """Return the self-locking gear that jams, or None: whatever the torques, one acceleration.
+
+    Motor torques determine the acceleration iff diag(eta_b) + I^1/2 W I^1/2 is positive definite,
+    W = S M^-1 S^T of what moves, I = r^2 J_rotor; of one joint: r^2 J > -eta_b M.
+
+    Args:
+        gears: `gear_table`.
+        moves: (na,) bool.
+        speed: (na,) of the joints (rad/s or m/s).
+        inertia: (nv, nv) M without rotors.
+        rates: (na, nv) S, the rate of each drive per unit velocity.
+        fixed: (n, nv) motions that loops and what sticks forbid.
+
+    Returns:
+        (drive, the least eigenvalue, the rotor inertia (kg m^2) above which it does not jam).
+    """
+    S = rates[moves]
+    of_rates, of_fixed = np.linalg.solve(inertia, S.T), np.linalg.solve(inertia, fixed.T)
+    W = S @ of_rates - (S @ of_fixed) @ np.linalg.pinv(fixed @ of_fixed) @ (fixed @ of_rates)
+    back, square = least_slopes(gears, speed)[moves], gears.ratio[moves] ** 2
+    root = np.sqrt(square * gears.rotor_inertia[moves])
+    E = np.diag(back) + root[:, None] * W * root
+    size, axes = np.linalg.eigh(E)
+    if size[0] > 0.0:
+        return None
+    worst = int(np.argmax(np.where(back <= 0.0, np.abs(axes[:, 0]), -1.0)))
+    others = np.arange(len(back)) != worst
+    others &= np.diag(E) > 0.0
+    coupling = root[others] * W[worst, others]
+    left = W[worst, worst] - coupling @ np.linalg.pinv(E[np.ix_(others, others)]) @ coupling
+    enough = -back[worst] / (square[worst] * left) if left > 0.0 else np.inf
+    return int(np.flatnonzero(moves)[worst]), float(size[0]), float(enough)

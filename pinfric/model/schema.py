@@ -261,11 +261,18 @@ class Start(Entry):
 
 
 class Simulation(Entry):
-    """What `pinfric simulate SCENE` runs."""
+    """What `pinfric simulate SCENE` runs: efforts of drives, or torques of their motors."""
 
     start: Start = Start()
     effort: dict[str, Number | SineEffort | TableEffort] = Field(default_factory=dict)
+    motor_torque: dict[str, Number | SineEffort | TableEffort] = Field(default_factory=dict)
     t_end: Positive
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Simulation:
+        if self.effort and self.motor_torque:
+            raise ValueError("`effort` and `motor_torque`: give one of them, for all drives")
+        return self
 
 
 class SceneFile(Entry):

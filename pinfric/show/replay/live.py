@@ -221,23 +221,26 @@ class LiveReplay:
         self.show(q, v, modes)
 
     def watch(
-        self, effort: EffortLike = None, breakpoints: Sequence[float] | None = None
+        self,
+        effort: EffortLike = None,
+        breakpoints: Sequence[float] | None = None,
+        motor_torque: EffortLike = None,
     ) -> dict[str, Any]:
-        """Return the `effort` argument of a simulation that is shown while it runs.
+        """Return the `effort` or `motor_torque` of a simulation that is shown while it runs.
 
         Args:
-            effort, breakpoints: as `simulate` takes them; None: the scene's own efforts.
+            effort, breakpoints, motor_torque: as `simulate` takes them; None: the scene's own.
 
         Raises:
             SimulationError: an unknown drive, a wrong shape, a value not finite.
         """
-        made = make_effort(self._scene, effort, breakpoints)
+        made = make_effort(self._scene, effort, breakpoints, motor_torque)
 
         def effort_shown(t: float, q: np.ndarray, v: np.ndarray) -> Any:
             self(t, q, v)
             return made.function(t, q, v)
 
-        return {"effort": replace(made, function=effort_shown)}
+        return {made.given: replace(made, function=effort_shown)}
 
     def show(
         self, q: np.ndarray, v: np.ndarray | None = None, modes: np.ndarray | None = None

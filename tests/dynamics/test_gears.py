@@ -1,0 +1,172 @@
+"""Gears in forward dynamics: closed forms, inverse after forward, where self-locking gears jam."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import random_states, random_tree
+
+import pinfric as pf
+from pinfric.errors import GearJam, SceneError, StateError
+
+G = 9.81
+
+
+def hoist(gear: dict, mass: float = 10.0, friction: dict | None = None) -> pf.Scene:
+    """A load on a vertical slide: M = mass, h = mass g; a joint drive with the given gear."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "lift")
+    body = pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    actuators = [{"joint": "lift", "transmission": gear}]
+    friction = {"lift": {"coulomb": friction}} if friction else {}
+    return pf.Scene(model=model, friction=friction, actuators=actuators)
+
+
+def forward(scene: pf.Scene, v: float, torque: float) -> pf.Instant:
+    return pf.forward_dynamics(scene, [0.0], [v], motor_torque=[torque])
+
+
+LOSSY = {"ratio": -50.0, "efficiency": 0.8, "back_efficiency": 0.7, "no_load_torque": 0.02,
+         "motor_viscous": 1e-3, "rotor_inertia": 2e-3}  # fmt: skip
+WORM = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2, "no_load_torque": 0.02}
+
+
+@pytest.mark.parametrize("v", [0.3, -0.3])
+@pytest.mark.parametrize("u", [300.0, 20.0, -300.0])
+def test_each_quadrant_of_a_hoist(u, v):
+    """I a + s (M a + h) = u - r^2 c v - sigma n, s by the quadrant; which is right, by hand.
+
+    M = 10, h = 98.1, I = 50^2 0.002 = 5, r^2 c = 2.5, n = 50 0.02 = 1. Both slopes are tried: one
+    of the two answers has its t = M a + h on its own side, for this gear never both.
+    """
+    sigma, answers = np.sign(v), []
+    for drives, slope in ((True, 1 / 0.8), (False, 0.7)):
+        a = (u - 2.5 * v - sigma - slope * 98.1) / (5.0 + 10.0 * slope)
+        t = 10.0 * a + 98.1
+        if (sigma * t > 0) == drives:
+            answers.append((a, t))
+    found = forward(hoist(LOSSY), v, u / -50.0)
+    assert len(answers) == 1
+    assert [found.a[0], found.effort[0]] == pytest.approx(answers[0], rel=1e-12)
+
+
+def test_at_rest_a_gear_holds_between_lowering_and_lifting():
+    """|a| = 0 for 0.7 98.1 - 1 <= u <= 98.1/0.8 + 1; the joint gets what it needs, 98.1."""
+    scene, ends = hoist(LOSSY), (0.7 * 98.1 - 1.0, 98.1 / 0.8 + 1.0)
+    for u, a_sign in ((ends[0] - 1e-8, -1), (ends[0] + 1e-8, 0), (ends[1] - 1e-8, 0),
+                      (ends[1] + 1e-8, 1)):  # fmt: skip
+        found = forward(scene, 0.0, u / -50.0)
+        assert np.sign(found.a[0]) == a_sign
+        assert found.effort[0] == pytest.approx(98.1, abs=1e-7)
+    above = forward(scene, 0.0, (ends[1] + 1.0) / -50.0)
+    assert above.a[0] == pytest.approx(1.0 / (5.0 + 10.0 / 0.8), rel=1e-9)  # (I + s M) a = 1
+
+
+def test_a_worm_at_rest_with_a_bearing_holds_over_the_whole_interval_of_its_load():
+    """h = -98.1, b = 10, eta 0.4, eta_b -0.2, n 1: it holds up to u = 0.2 108.1 + 1 = 22.62.
+
+    There the load pulls the way the motor pushes, t = h - b = -108.1; F_+(h + b) is 18.62 only.
+    Above it slips: with the bearing's kinetic 10, t = M a - 88.1, and -0.2 t + 1 + I a = u.
+    """
+    worm = {**WORM, "rotor_inertia": 2e-3}
+    scene = hoist(worm, friction={"static": 10.0, "kinetic": 10.0})
+    scene = scene.with_(gravity=[0, 0, 9.81])
+    assert forward(scene, 0.0, (22.62 - 1e-9) / 50).a[0] == 0.0
+    found = forward(scene, 0.0, (22.62 + 1e-6) / 50)
+    assert found.a[0] == pytest.approx((22.62 + 1e-6 - 1.0 - 0.2 * 88.1) / (5.0 - 2.0), rel=1e-9)
+    assert forward(scene, 0.0, -(22.62 + 1e3) / 50).a[0] < 0.0
+
+
+@pytest.mark.parametrize("excess", [1e-9, -1e-9])
+def test_a_worm_lowers_its_load_if_its_rotor_is_heavy_enough_and_else_jams(excess):
+    """t = M a + h, I a + eta_b t = u + n while lowering: I > -eta_b M = 2 decides.
+
+    At u = eta_b h - n = -20.62 the load sinks at constant speed.
+    """
+    worm = {**WORM, "rotor_inertia": (2.0 + excess) / 50**2}
+    lower = (-0.2 * 98.1 - 1.0) / 50.0
+    if excess < 0:
+        with pytest.raises(GearJam, match=r"joint 'lift': .* above 0.0008 kg m\^2"):
+            forward(hoist(worm), -0.1, lower)
+    else:
+        assert abs(forward(hoist(worm), -0.1, lower).a[0]) < 1e-4  # rounding times 1e9
+    assert forward(hoist(worm), 0.0, 0.0).a[0] == 0.0  # it locks, whatever its rotor
+    assert forward(hoist(worm), 0.0, (98.1 / 0.4 + 0.999) / 50).a[0] == 0.0
+
+
+def geared_arm(seed: int, mimic: bool = False) -> tuple[pf.Scene, np.random.Generator]:
+    """A random arm with a random gear on every joint, some of them self-locking."""
+    rng = np.random.default_rng(seed)
+    model = random_tree(seed, int(rng.integers(2, 8)), sliding=0.2)
+    names = tuple(model.names)[1:]
+    mimic = mimic and model.joints[1].nq == model.joints[len(names)].nq == 1
+    if mimic:
+        model = pin.transformJointIntoMimic(model, 1, len(names), -0.7, 0.1)
+    actuators, friction = [], {}
+    for name in names[: len(names) - mimic]:
+        locks = rng.random() < 0.15
+        actuators.append({"joint": name, "transmission": {
+            "ratio": float(rng.choice([-1, 1]) * rng.uniform(20, 120)),
+            "efficiency": float(rng.uniform(0.3, 1.0)),
+            "back_efficiency": float(-rng.uniform(0, 0.3) if locks else rng.uniform(0.05, 1.0)),
+            "no_load_torque": float(rng.uniform(0, 0.05)), "motor_viscous": 1e-4,
+            "rotor_inertia": float(rng.uniform(0, 5e-4) + 3e-3 * locks),
+        }})  # fmt: skip
+    for name in names:
+        if rng.random() < 0.6:
+            static = float(rng.uniform(0.5, 1.5))
+            friction[name] = {"coulomb": {"static": static, "kinetic": 0.7 * static}}
+        if name in friction and rng.random() < 0.4 and not mimic:
+            friction[name]["viscous"] = 0.2
+    return pf.Scene(model=model, friction=friction, actuators=actuators), rng
+
+
+@pytest.mark.parametrize("first", range(0, 300, 50))
+def test_inverse_dynamics_gives_the_motor_torques_back(first):
+    """Motor torque -> a -> motor torque, or an interval around it, at 1e-9 of the forces there."""
+    seen = 0
+    for seed in range(first, first + 50):
+        scene, rng = geared_arm(seed, mimic=seed % 10 == 0)
+        (q,), (v,), _ = random_states(scene.model, seed, 1)
+        v = v * (rng.random(len(v)) < (0.0, 0.5, 1.0)[seed % 3])
+        ratio = np.array([drive.transmission.ratio for drive in scene.drives])
+        torque = 10.0 * rng.normal(size=len(ratio)) / ratio
+        found = pf.forward_dynamics(scene, q, v, motor_torque=torque)
+        wanted = pf.inverse_dynamics(scene, q, v, found.a)
+        ends = wanted.motor_torque_lower[0], wanted.motor_torque_upper[0]
+        size = np.abs(ratio * torque).max() + np.abs(wanted.effort_frictionless).max()
+        beyond = np.maximum(ends[0] - torque, torque - ends[1]) * np.abs(ratio)
+        assert beyond.max() < 1e-9 * size
+        moving = v != 0.0
+        assert np.abs(ends[1] - ends[0])[moving[: len(ratio)]].max(initial=0.0) < 1e-9 * size
+        seen += 1
+    assert seen == 50
+
+
+def test_a_lossless_gear_is_armature_and_ratio():
+    """a of r T_m with M + r^2 J on the diagonal, by Pinocchio's aba with armature."""
+    model = random_tree(3, 5)
+    actuators = [{"joint": name, "transmission": {"ratio": 30.0, "rotor_inertia": 1e-4}}
+                 for name in tuple(model.names)[1:]]  # fmt: skip
+    (q,), (v,), (torque,) = random_states(model, 3, 1)
+    found = pf.Scene(model=model, actuators=actuators).solver()
+    found = found.forward(q, v, motor_torque=torque)
+    model.armature = np.full(model.nv, 0.09)
+    wanted = pin.aba(model, model.createData(), q, v, 30.0 * torque)
+    np.testing.assert_allclose(found.a, wanted, rtol=1e-10)
+
+
+def test_what_cannot_be_given_is_said():
+    scene = hoist(LOSSY)
+    with pytest.raises(StateError, match="neither of effort and motor_torque; give one of them"):
+        pf.forward_dynamics(scene, [0.0], [0.0])
+    with pytest.raises(StateError, match="both of effort and motor_torque"):
+        pf.forward_dynamics(scene, [0.0], [0.0], [1.0], motor_torque=[1.0])
+    with pytest.raises(StateError, match=r"motor_torque: shape \(2,\); should be \(1,\)"):
+        pf.forward_dynamics(scene, [0.0], [0.0], motor_torque=[1.0, 2.0])
+    with pytest.raises(StateError, match="motor_torque: column 0 is nan"):
+        pf.forward_dynamics(scene, [0.0], [0.0], motor_torque=[np.nan])
+    with pytest.raises(SceneError, match="motor_torque: drive 'lift' has no transmission"):
+        pf.forward_dynamics(scene.with_(actuators=None), [0.0], [0.0], motor_torque=[1.0])
