@@ -19,6 +19,8 @@ from pinfric.model.compiled import kernel
 _RESIDUAL = 1e-15
 #: What Newton must reach to have found a solution, for each term of a residual.
 _FOUND = 1e-13
+#: A fixed-point pass that leaves more of the residual than this is slower than Newton's.
+_FAST = 1e-3
 #: Passes of Newton; fixed-point passes where the contraction is certain but Newton cycles.
 _NEWTON_PASSES, _FIXED_POINT_PASSES = 60, 5000
 #: Two solutions closer than this, relative to their size, are one; a z with a larger error is none
@@ -87,35 +89,34 @@ def eliminate(
         if gain[s] != 0.0 and unknown[c] < 0:
             unknown[c] = nz
             nz += 1
-    nh = 0
     for c in range(nc):
         for j in range(nz + 1):
             X[c, j] = 0.0
         if stuck[c]:
-            nh += 1
-        elif unknown[c] >= 0:
+            continue
+        if unknown[c] >= 0:
             X[c, 1 + unknown[c]] = 1.0
         else:
             X[c, 0] = offset[c]
             for s in range(gain.size):  # a bearing with a preload only: its load is known
                 if problem.coordinate[s] == c:
                     X[c, 0] += gain[s] * problem.constant[s]
-    if nh > 0 and not _hold(problem, stuck, nh, X[:, : nz + 1]):
-        return -1
-    return nz
+    return nz if _hold(problem, stuck, X[:, : nz + 1]) else -1
 
 
 @kernel
-def _hold(problem: Problem, stuck: np.ndarray, nh: int, X: np.ndarray) -> bool:
-    """Write the friction of the nh sticking coordinates, r = 0; False where that is singular.
+def _hold(problem: Problem, stuck: np.ndarray, X: np.ndarray) -> bool:
+    """Write the friction of the sticking coordinates, r = 0; False where that is singular.
 
     Args:
         problem, stuck: see `slip_law`.
-        nh: number of sticking coordinates.
         X: (nc, nz + 1), of the slipping coordinates; the other rows are overwritten.
     """
     nc, columns = X.shape
     held = np.flatnonzero(stuck)
+    nh = held.size
+    if nh == 0:
+        return True
     A, B = np.empty((nh, nh)), np.empty((nh, columns))
     for i in range(nh):
         c = held[i]
@@ -260,7 +261,7 @@ def newton(
                 break
             damping *= 0.5
         better = trial_size < size or new <= tolerance
-        if fast and not trial_size < 0.05 * size:
+        if fast and not trial_size < _FAST * size:
             fast = False
             if not better:
                 continue  # a pass that leads away is not taken
