@@ -12,6 +12,7 @@ compiled.say_compiling = lambda again="": None
 #: What compiles most comes first, each kernel in one process; the others find it in the cache.
 FIRST = {
     "dynamics/test_forward.py": "forward dynamics",
+    "friction/test_given_modes.py": "inverse dynamics",
     "dynamics/test_threaded.py": "inverse dynamics",
     "dynamics/test_inverse.py": "inverse dynamics",
     "dynamics/test_cases_inverse.py": "inverse dynamics",
@@ -19,7 +20,7 @@ FIRST = {
     "dynamics/test_inverse_linkage.py": "inverse dynamics",
     "friction/test_holding.py": "holding",
     "dynamics/test_linked_forward.py": "holding",
-    "dynamics/test_solver.py": "solver",
+    "dynamics/test_solver.py": "holding",
 }
 #: Files of long tests that share nothing: one by one, so that all processes end together.
 LAST = ("dynamics/test_stuck_loops.py", "dynamics/test_rounding.py", "test_notebooks.py")
