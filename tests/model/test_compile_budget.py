@@ -20,11 +20,11 @@ from pinfric.friction.consistency import site_friction
 BUDGET = {
     "dynamics.maps.solve_instant": 48_000,
     "dynamics.maps.finish": 1_800,
-    "dynamics.effort_maps.map_friction": 4_300,
+    "dynamics.effort_maps.map_friction": 5_500,
     "dynamics.effort_maps.write_wrenches": 1_100,
     "dynamics.choices.solve_list": 12_500,
-    "dynamics.solver.rub": 3_800,
-    "dynamics.threaded.friction_in_parts": 2_400,
+    "dynamics.solver.rub": 5_300,
+    "dynamics.threaded.friction_in_parts": 2_600,
     "friction.branching.branch": 6_400,
     "friction.least_use.descend": 4_500,
     "model.kinematics.relate_pairs": 6_700,
@@ -67,10 +67,9 @@ def cost(kernel):
 def test_compiling_stays_within_its_budget(entry):
     module, _, name = entry.rpartition(".")
     kernels = reached(getattr(importlib.import_module(f"pinfric.{module}"), name))
-    dearest = sorted(kernels, key=cost, reverse=True)[:5]
-    assert sum(map(cost, kernels)) <= BUDGET[entry], (
-        f"{len(kernels)} kernels; the dearest: "
-        + ", ".join(f"{kernel.py_func.__name__} {cost(kernel)}" for kernel in dearest)
+    found, dearest = sum(map(cost, kernels)), sorted(kernels, key=cost, reverse=True)[:5]
+    assert found <= BUDGET[entry], f"{len(kernels)} kernels; the dearest: " + ", ".join(
+        f"{kernel.py_func.__name__} {cost(kernel)}" for kernel in dearest
     )
 
 
