@@ -1,9 +1,58 @@
 """pinfric first: it sets OMP_WAIT_POLICY, which counts only if set before Pinocchio loads."""
 
-import pinfric  # noqa: F401
+import pinfric  # noqa: F401  # isort: skip
+
+from xdist.scheduler import LoadScopeScheduling
+
 from pinfric.model import compiled, interpreted
 
 # What a command prints is compared word for word, be the kernels compiled already or not.
 compiled.say_compiling = lambda again="": None
-# Tests are of compiled kernels; what is interpreted has its own (`model/test_interpreted.py`).
-interpreted.PATIENCE = 0.0
+
+#: What compiles most comes first, each kernel in one process; the others find it in the cache.
+FIRST = {
+    "dynamics/test_forward.py": "forward dynamics",
+    "friction/test_given_modes.py": "inverse dynamics",
+    "dynamics/test_threaded.py": "inverse dynamics",
+    "dynamics/test_inverse.py": "inverse dynamics",
+    "dynamics/test_cases_inverse.py": "inverse dynamics",
+    "dynamics/test_interval_ends.py": "inverse dynamics",
+    "dynamics/test_inverse_linkage.py": "inverse dynamics",
+    "friction/test_holding.py": "holding",
+    "dynamics/test_linked_forward.py": "holding",
+    "dynamics/test_solver.py": "holding",
+}
+#: Files of long tests that share nothing: one by one, so that all processes end together.
+LAST = ("dynamics/test_stuck_loops.py", "dynamics/test_rounding.py", "test_notebooks.py")
+
+
+def place(nodeid):
+    """A test's file as the tables name it."""
+    return nodeid.partition("::")[0].removeprefix("tests/")
+
+
+def pytest_collection_modifyitems(items):
+    names = list(FIRST)
+
+    def rank(item):
+        file = place(item.nodeid)
+        return names.index(file) if file in FIRST else len(names) + (file in LAST)
+
+    items.sort(key=rank)
+
+
+def pytest_collection_finish():
+    """Tests are of compiled kernels; what is interpreted has its own (`test_interpreted.py`)."""
+    interpreted.PATIENCE = 0.0
+
+
+class Scheduling(LoadScopeScheduling):
+    """A file's tests in one process: it compiles their kernels and makes their fixtures once."""
+
+    def _split_scope(self, nodeid):
+        file = place(nodeid)
+        return nodeid if file in LAST else FIRST.get(file, file)
+
+
+def pytest_xdist_make_scheduler(config, log):
+    return Scheduling(config, log)

@@ -29,7 +29,6 @@ COMMANDS = {
     "live": ["replay", "three_link", "--live", "--html", "page.html"],
     "two processes": ["sweep", *PANDA, "panda_pick_and_place", "--processes", "2"],
 }
-pytestmark = pytest.mark.xdist_group("interrupt")
 
 
 def begin(name, folder, preexec=None, **environment):

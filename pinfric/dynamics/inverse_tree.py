@@ -132,7 +132,7 @@ def _site_velocities(
     index, ratio = scene.site_tables.velocity_index, scene.site_tables.ratio
     wider, inner = states.v[states.around(whole)], states.inside(whole)
     if not np.array_equal(index, np.arange(wider.shape[1])) or (ratio != 1).any():
-        wider = wider[:, index] * ratio
+        wider = wider.take(index, axis=1) * ratio  # C-ordered: another layout is another kernel
     if states.t is None:
         return wider[inner], np.zeros(wider.shape, dtype=bool)
     stick_velocity = scene.site_tables.laws.stick_velocity

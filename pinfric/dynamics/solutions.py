@@ -20,13 +20,7 @@ from pinfric.dynamics.linkage_batch import (
 from pinfric.dynamics.outcome import Solution
 from pinfric.dynamics.reactions import Batch
 from pinfric.friction.dense import spectral_radius_bound
-from pinfric.friction.given_modes import (
-    contraction_matrix,
-    eliminate,
-    newton,
-    reduce_contacts,
-    slip_law,
-)
+from pinfric.friction.given_modes import Reduced, contraction_matrix, newton, reduce_problem
 from pinfric.model.loops import Linkage
 
 if TYPE_CHECKING:
@@ -72,25 +66,17 @@ def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Sam
     return layout, linkage, samples, friction_velocities(layout, states.v[part], rates)
 
 
-def reduced_problem(
-    solver: Solver,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return gain, offset, unknown, X and contact of `given_modes` for a solver's only sample.
+def reduced_problem(solver: Solver) -> Reduced:
+    """Return what `given_modes` solves for a solver's only sample.
 
     Its problem, `solver.base`, is left as they belong to.
     """
     law = solver.law
     code = np.where(law.choices > 1, LOWER, law.code)  # what sticks is at a limit
     solver.candidates(np.zeros(1, dtype=np.int64), code)
-    ns = code.shape[1]
-    gain, offset = np.empty(ns), np.empty(ns)
-    unknown, X = np.empty(ns, dtype=np.int64), np.empty((ns, ns + 1))
-    nobody, slip = np.zeros(ns, dtype=bool), np.choose(code[0], (law.slip[0], 1.0, -1.0, 0.0))
-    slip_law(solver.base, nobody, slip, gain, offset)
-    nz = eliminate(solver.base, nobody, gain, offset, unknown, X)
-    contact = np.empty((len(solver.base.contact_site), nz + 1, 3))
-    reduce_contacts(solver.base, X, nz, contact)
-    return gain, offset, unknown, X[:, : nz + 1], contact
+    slip = np.choose(code[0], (law.slip[0], 1.0, -1.0, 0.0))
+    reduced: Reduced = reduce_problem(solver.base, np.zeros(len(slip), dtype=bool), slip)[1]
+    return reduced
 
 
 def find_jamming_site(result: InverseResult, sample: int) -> str | None:
@@ -101,20 +87,21 @@ def find_jamming_site(result: InverseResult, sample: int) -> str | None:
     if samples.maps.singular[0]:
         return None
     solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
-    gain, _, unknown, X, contact = reduced_problem(solver)
-    nz = X.shape[1] - 1
+    reduced = reduced_problem(solver)
+    nz = reduced.contact.shape[1] - 1
     A, vector = np.empty((nz, nz)), np.empty(nz)
-    contraction_matrix(solver.base, gain, unknown, contact, A)
+    contraction_matrix(solver.base, reduced, A)
     if spectral_radius_bound(A, vector) == 0.0:
         return None
-    return result.site_names[int(np.flatnonzero(unknown == np.argmax(vector))[0])]
+    return result.site_names[int(np.flatnonzero(reduced.unknown == np.argmax(vector))[0])]
 
 
 def _search(solver: Solver) -> np.ndarray:
     """Newton from many starts on every scale; (number found, ne) friction coordinates."""
     layout, law = solver.layout, solver.law
-    gain, offset, unknown, X, contact = reduced_problem(solver)
-    nz = X.shape[1] - 1
+    reduced = reduced_problem(solver)
+    gain, _, unknown, X, contact = reduced
+    nz = contact.shape[1] - 1
     rng = np.random.default_rng(0)
     scale = float(np.abs(contact[:, 0]).max(initial=0.0)) * float(np.abs(gain).max(initial=0.0))
     way = np.ones(nz)
@@ -123,9 +110,9 @@ def _search(solver: Solver) -> np.ndarray:
     found = []
     for start in range(_STARTS if nz else 1):
         z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)
-        error = newton(solver.base, gain, offset, unknown, contact, z, False)[0] if nz else 0.0
+        error = newton(solver.base, reduced, z, False)[0] if nz else 0.0
         if error <= _RESIDUAL:
-            found.append(X[:, 0] + X[:, 1:] @ z)
+            found.append(X[:, 0] + X[:, 1 : nz + 1] @ z)
     sites = np.repeat(np.arange(len(layout.first_entry)), layout.entry_count)
     x = np.array(found).reshape(len(found), len(layout.first_entry))
     return np.asarray(x[:, sites] * law.direction[0])

@@ -9,6 +9,8 @@ searched for. Which modes are consistent is the matter of `consistency.py`, `mod
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pinfric.friction.dense import largest, solve_dense, spectral_radius_bound
@@ -19,6 +21,8 @@ from pinfric.model.compiled import kernel
 _RESIDUAL = 1e-15
 #: What Newton must reach to have found a solution, for each term of a residual.
 _FOUND = 1e-13
+#: A fixed-point pass that leaves more of the residual than this is slower than Newton's.
+_FAST = 1e-3
 #: Passes of Newton; fixed-point passes where the contraction is certain but Newton cycles.
 _NEWTON_PASSES, _FIXED_POINT_PASSES = 60, 5000
 #: Two solutions closer than this, relative to their size, are one; a z with a larger error is none
@@ -28,6 +32,25 @@ _DISTINCT = 1e-6
 _CERTAIN = 1e-6
 #: Room for the solutions of given modes; a four-bar's four pins can have three.
 MOST_SOLUTIONS = 8
+
+
+class Reduced(NamedTuple):
+    """A `Problem` in given modes: all that is left is the friction z that loads make implicit.
+
+        z = offset + gain load(z),     x = X (1, z),     p = contact (1, z)
+
+    Attributes:
+        gain, offset: (ns,), (nc,) of the slip laws, see `slip_law`.
+        unknown: (nc,) int: place of each coordinate in z, or -1.
+        X: (nc, nc + 1), its first 1 + nz columns.
+        contact: (nt, 1 + nz, 3).
+    """
+
+    gain: np.ndarray
+    offset: np.ndarray
+    unknown: np.ndarray
+    X: np.ndarray
+    contact: np.ndarray
 
 
 @kernel
@@ -57,65 +80,58 @@ def slip_law(
 
 
 @kernel
-def eliminate(
-    problem: Problem,
-    stuck: np.ndarray,
-    gain: np.ndarray,
-    offset: np.ndarray,
-    unknown: np.ndarray,
-    X: np.ndarray,
-) -> int:
-    """Write all friction as X[:, 0] + X[:, 1:] z, z the friction that loads make implicit.
+def reduce_problem(
+    problem: Problem, stuck: np.ndarray, direction: np.ndarray
+) -> tuple[int, Reduced]:
+    """Return the length of z and the problem in it.
 
     Sticking coordinates are eliminated by r = 0, slipping ones whose load is constant by their law.
 
     Args:
-        problem, stuck, gain, offset: see `slip_law`.
-        unknown: (nc,) int, overwritten: place in z, or -1.
-        X: (nc, nc + 1), overwritten as far as used.
+        problem, stuck, direction: see `slip_law`.
 
     Returns:
-        Length of z, or -1 where the sticking coordinates' equations are singular.
+        Length of z, or -1 where the sticking coordinates' equations are singular; `Reduced`.
     """
-    nc = offset.size
-    for c in range(nc):
-        unknown[c] = -1
+    nc, nt, gain = stuck.size, problem.contact_site.size, np.empty(problem.constant.size)
+    offset, unknown, X = np.empty(nc), np.full(nc, -1, np.int64), np.zeros((nc, nc + 1))
+    slip_law(problem, stuck, direction, gain, offset)
     nz = 0
-    for t in range(problem.contact_site.size):
+    for t in range(nt):
         s = problem.contact_site[t]
         c = problem.coordinate[s]
         if gain[s] != 0.0 and unknown[c] < 0:
             unknown[c] = nz
             nz += 1
-    nh = 0
     for c in range(nc):
-        for j in range(nz + 1):
-            X[c, j] = 0.0
-        if stuck[c]:
-            nh += 1
-        elif unknown[c] >= 0:
+        if unknown[c] >= 0:
             X[c, 1 + unknown[c]] = 1.0
-        else:
+        elif not stuck[c]:
             X[c, 0] = offset[c]
-            for s in range(gain.size):  # a bearing with a preload only: its load is known
-                if problem.coordinate[s] == c:
-                    X[c, 0] += gain[s] * problem.constant[s]
-    if nh > 0 and not _hold(problem, stuck, nh, X[:, : nz + 1]):
-        return -1
-    return nz
+    for s in range(gain.size):  # a bearing with a preload only: its load is known
+        if unknown[problem.coordinate[s]] < 0:
+            X[problem.coordinate[s], 0] += gain[s] * problem.constant[s]
+    contact = np.empty((nt, nz + 1, 3))
+    reduced = Reduced(gain, offset, unknown, X, contact)
+    if not _hold(problem, stuck, X[:, : nz + 1]):
+        return -1, reduced
+    _reduce_contacts(problem, X, contact)
+    return nz, reduced
 
 
 @kernel
-def _hold(problem: Problem, stuck: np.ndarray, nh: int, X: np.ndarray) -> bool:
-    """Write the friction of the nh sticking coordinates, r = 0; False where that is singular.
+def _hold(problem: Problem, stuck: np.ndarray, X: np.ndarray) -> bool:
+    """Write the friction of the sticking coordinates, r = 0; False where that is singular.
 
     Args:
         problem, stuck: see `slip_law`.
-        nh: number of sticking coordinates.
         X: (nc, nz + 1), of the slipping coordinates; the other rows are overwritten.
     """
     nc, columns = X.shape
     held = np.flatnonzero(stuck)
+    nh = held.size
+    if nh == 0:
+        return True
     A, B = np.empty((nh, nh)), np.empty((nh, columns))
     for i in range(nh):
         c = held[i]
@@ -135,15 +151,12 @@ def _hold(problem: Problem, stuck: np.ndarray, nh: int, X: np.ndarray) -> bool:
 
 
 @kernel
-def reduce_contacts(problem: Problem, X: np.ndarray, nz: int, contact: np.ndarray) -> None:
-    """Write the contact forces as contact[:, 0] + contact[:, 1:] z; contact is (nt, nz + 1, 3)."""
-    for t in range(contact.shape[0]):
-        for e in range(3):
-            contact[t, 0, e] = problem.contact_free[t, e]
-            for j in range(nz):
-                contact[t, 1 + j, e] = 0.0
+def _reduce_contacts(problem: Problem, X: np.ndarray, contact: np.ndarray) -> None:
+    """Write the contact forces (nt, nz + 1, 3) as maps of z."""
+    contact[:] = 0.0
+    contact[:, 0] = problem.contact_free
     for c in range(X.shape[0]):
-        for j in range(nz + 1):
+        for j in range(contact.shape[1]):
             share = X[c, j]
             if share != 0.0:
                 for t in range(contact.shape[0]):
@@ -153,14 +166,7 @@ def reduce_contacts(problem: Problem, X: np.ndarray, nz: int, contact: np.ndarra
 
 @kernel
 def residual(
-    problem: Problem,
-    gain: np.ndarray,
-    offset: np.ndarray,
-    unknown: np.ndarray,
-    contact: np.ndarray,
-    z: np.ndarray,
-    rest: np.ndarray,
-    jacobian: np.ndarray,
+    problem: Problem, reduced: Reduced, z: np.ndarray, rest: np.ndarray, jacobian: np.ndarray
 ) -> float:
     """Write z - (offset + gain load(z)) and its Jacobian; return the largest relative residual.
 
@@ -168,11 +174,11 @@ def residual(
     generalized Jacobian of the norm).
 
     Args:
-        problem, gain, offset, unknown: see `eliminate`.
-        contact: (nt, nz + 1, 3), `reduce_contacts`.
+        problem, reduced: see `reduce_problem`.
         z: (nz,).
         rest, jacobian: (nz,), (nz, nz), overwritten.
     """
+    gain, offset, unknown, _, contact = reduced
     nz, size, worst = z.size, np.empty(z.size), 0.0
     jacobian[:] = 0.0
     for c in range(unknown.size):
@@ -214,19 +220,11 @@ def residual(
 
 
 @kernel
-def newton(
-    problem: Problem,
-    gain: np.ndarray,
-    offset: np.ndarray,
-    unknown: np.ndarray,
-    contact: np.ndarray,
-    z: np.ndarray,
-    fast: bool,
-) -> tuple[float, int]:
+def newton(problem: Problem, reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
     """Solve z = offset + gain load(z) from the given z: fixed point while fast, then Newton.
 
     Args:
-        problem, gain, offset, unknown, contact: see `residual`.
+        problem, reduced: see `reduce_problem`.
         z: (nz,), overwritten.
         fast: False leaves the fixed point out: it can jump from one solution to another.
 
@@ -236,7 +234,7 @@ def newton(
     nz = z.size
     rest, J = np.empty(nz), np.empty((nz, nz))
     tolerance = _RESIDUAL * (8 + nz)
-    error = residual(problem, gain, offset, unknown, contact, z, rest, J)
+    error = residual(problem, reduced, z, rest, J)
     if error <= tolerance:
         return error, 0
     trial_rest, trial = np.empty(nz), np.empty(nz)
@@ -254,13 +252,13 @@ def newton(
         for _ in range(30):
             for k in range(nz):
                 trial[k] = z[k] - damping * step[k, 0]
-            new = residual(problem, gain, offset, unknown, contact, trial, trial_rest, trial_J)
+            new = residual(problem, reduced, trial, trial_rest, trial_J)
             trial_size = largest(trial_rest)
             if fast or trial_size < size or new <= tolerance:
                 break
             damping *= 0.5
         better = trial_size < size or new <= tolerance
-        if fast and not trial_size < 0.05 * size:
+        if fast and not trial_size < _FAST * size:
             fast = False
             if not better:
                 continue  # a pass that leads away is not taken
@@ -275,19 +273,11 @@ def newton(
 
 
 @kernel
-def fixed_point(
-    problem: Problem,
-    gain: np.ndarray,
-    offset: np.ndarray,
-    unknown: np.ndarray,
-    contact: np.ndarray,
-    z: np.ndarray,
-    tolerance: float,
-) -> int:
+def fixed_point(problem: Problem, reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
     """Iterate z = offset + gain load(z), certain to converge below contraction 1; return passes."""
     rest, jacobian = np.empty(z.size), np.empty((z.size, z.size))
     for passes in range(_FIXED_POINT_PASSES):
-        if residual(problem, gain, offset, unknown, contact, z, rest, jacobian) <= tolerance:
+        if residual(problem, reduced, z, rest, jacobian) <= tolerance:
             return passes
         for k in range(z.size):
             z[k] -= rest[k]
@@ -295,14 +285,7 @@ def fixed_point(
 
 
 @kernel
-def settles(
-    problem: Problem,
-    gain: np.ndarray,
-    offset: np.ndarray,
-    unknown: np.ndarray,
-    contact: np.ndarray,
-    z: np.ndarray,
-) -> bool:
+def settles(problem: Problem, reduced: Reduced, z: np.ndarray) -> bool:
     """Refine a z of small residual by Newton; return whether it is known to be a solution.
 
     Its error |J^-1| (|rest| + rounding) must be small. Where the contraction is 1, z and gain
@@ -310,13 +293,14 @@ def settles(
     solution is near or none exists.
 
     Args:
-        problem, gain, offset, unknown, contact: see `residual`.
+        problem, reduced: see `reduce_problem`.
         z: (nz,), overwritten.
     """
+    gain, offset, _, _, contact = reduced
     nz = z.size
     rest, J, inverse = np.empty(nz), np.empty((nz, nz)), np.empty((nz, nz))
     for _ in range(3):
-        residual(problem, gain, offset, unknown, contact, z, rest, J)
+        residual(problem, reduced, z, rest, J)
         for i in range(nz):
             for j in range(nz):
                 inverse[i, j] = 1.0 if i == j else 0.0
@@ -340,10 +324,9 @@ def settles(
 
 
 @kernel
-def contraction_matrix(
-    problem: Problem, gain: np.ndarray, unknown: np.ndarray, contact: np.ndarray, A: np.ndarray
-) -> None:
+def contraction_matrix(problem: Problem, reduced: Reduced, A: np.ndarray) -> None:
     """Write A_kj = sum |gain| Lip(load along z_j): |G(z) - G(z')| <= A |z - z'|."""
+    gain, _, unknown, _, contact = reduced
     for k in range(A.shape[0]):
         for j in range(A.shape[0]):
             A[k, j] = 0.0
@@ -400,53 +383,42 @@ def solve_given_modes(
         Number of solutions, at most MOST_SOLUTIONS; -1 where none was found although the
         contraction is certain (rounding defeats the solver).
     """
-    nc, ns, nt = stuck.size, problem.constant.size, problem.contact_site.size
-    gain, offset = np.empty(ns), np.empty(nc)
-    unknown, X = np.empty(nc, np.int64), np.empty((nc, nc + 1))
-    slip_law(problem, stuck, direction, gain, offset)
-    nz = eliminate(problem, stuck, gain, offset, unknown, X)
     figures[0] = figures[1] = 0.0
+    nz, reduced = reduce_problem(problem, stuck, direction)
     if nz < 0:
         return 0
     if nz == 0:
-        for c in range(nc):
-            solutions[0, c] = X[c, 0]
+        solutions[0] = reduced.X[:, 0]
         return 1
-    contact = np.empty((nt, nz + 1, 3))
-    reduce_contacts(problem, X, nz, contact)
     A, perron = np.empty((nz, nz)), np.empty(nz)
-    contraction_matrix(problem, gain, unknown, contact, A)
+    contraction_matrix(problem, reduced, A)
     figures[0] = spectral_radius_bound(A, perron)
     tolerance = _FOUND * (8 + nz)
     z = np.zeros(nz)
     if guess[0] == guess[0]:
-        for c in range(nc):
-            if unknown[c] >= 0:
-                z[unknown[c]] = guess[c]
-    error, passes = newton(problem, gain, offset, unknown, contact, z, figures[0] < 1.0)
+        for c in range(guess.size):
+            if reduced.unknown[c] >= 0:
+                z[reduced.unknown[c]] = guess[c]
+    error, passes = newton(problem, reduced, z, figures[0] < 1.0)
     figures[1] = passes
     if figures[0] >= 1.0:
-        return _search(problem, direction, gain, offset, unknown, contact, X, z, error <= tolerance,
-                       perron, solutions, figures)  # fmt: skip
+        return _search(problem, reduced, direction, z, error <= tolerance, perron, solutions,
+                       figures)  # fmt: skip
     if not error <= tolerance:
-        passes = fixed_point(problem, gain, offset, unknown, contact, z, tolerance)
+        passes = fixed_point(problem, reduced, z, tolerance)
         figures[1] += passes
         if passes == _FIXED_POINT_PASSES:
             return -1
-    if figures[0] > 1.0 - _CERTAIN and not settles(problem, gain, offset, unknown, contact, z):
+    if figures[0] > 1.0 - _CERTAIN and not settles(problem, reduced, z):
         return -1
-    return keep(X, z, solutions, 0)
+    return keep(reduced.X, z, solutions, 0)
 
 
 @kernel
 def _search(
     problem: Problem,
+    reduced: Reduced,
     direction: np.ndarray,
-    gain: np.ndarray,
-    offset: np.ndarray,
-    unknown: np.ndarray,
-    contact: np.ndarray,
-    X: np.ndarray,
     z: np.ndarray,
     small: bool,
     perron: np.ndarray,
@@ -456,8 +428,7 @@ def _search(
     """Look for solutions where there may be none or several: at rest and far out on every side.
 
     Args:
-        problem, direction, gain, offset, unknown, contact: see `slip_law`, `residual`.
-        X: see `eliminate`.
+        problem, reduced, direction: see `reduce_problem`.
         z: (nz,) where Newton has come to, overwritten.
         small: whether the residual there is small.
         perron: (nz,) eigenvector of the contraction's matrix.
@@ -466,8 +437,9 @@ def _search(
     Returns:
         Number of solutions.
     """
+    gain, _, unknown, X, contact = reduced
     nz, tolerance, far, most, found = z.size, _FOUND * (8 + z.size), 1.0, 1.0, 0
-    if small and settles(problem, gain, offset, unknown, contact, z):
+    if small and settles(problem, reduced, z):
         found = keep(X, z, solutions, found)
     for t in range(contact.shape[0]):
         most = max(most, abs(gain[problem.contact_site[t]]))
@@ -479,8 +451,8 @@ def _search(
             if k >= 0:
                 weight = start * perron[k] if start < 2 else 1.0 if k == start - 2 else 0.0
                 z[k] = -direction[c] * 1e4 * far * most * weight
-        error, passes = newton(problem, gain, offset, unknown, contact, z, False)
+        error, passes = newton(problem, reduced, z, False)
         figures[1] += passes
-        if error <= tolerance and settles(problem, gain, offset, unknown, contact, z):
+        if error <= tolerance and settles(problem, reduced, z):
             found = keep(X, z, solutions, found)
     return found

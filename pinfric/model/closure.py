@@ -85,7 +85,6 @@ def loop_state(
 ) -> LoopState:
     """Return how far apart the frames of each pair are and how that changes, (n, nq), (n, nv)."""
     n, nj = len(q), twin.n_joints
-    nx, pairs = len(linkage.column_pair), len(linkage.pair_kind)
     q_twin, v_twin, a_twin = embedded(twin, q, v, a)
     parents, placement_p, placement_R = tree_tables(twin)
     p, R = np.empty((n, nj, 3)), np.empty((n, nj, 3, 3))
@@ -93,10 +92,17 @@ def loop_state(
     place_links(q_twin, parents, placement_p, placement_R, p, R)
     if v.any() or a.any():
         move_links(v_twin, a_twin, parents, p, R, velocity, acceleration)
+    return _related(twin, linkage, p, R, velocity, acceleration)
+
+
+def _related(twin: Twin, linkage: Linkage, p: np.ndarray, R: np.ndarray, *rates: np.ndarray
+) -> LoopState:  # fmt: skip
+    """How pairs relate where links are at p, R and have these velocities and accelerations."""
+    n, nx, pairs = len(p), len(linkage.column_pair), len(linkage.pair_kind)
     gap, rate, derivative = (np.empty((n, nx)) for _ in range(3))
     tilt, scale = np.empty((n, pairs)), np.empty((n, pairs, 2))
     actions = actions_of(twin, linkage)
-    relate_pairs(p, R, velocity, acceleration, actions, gap, rate, derivative, tilt, scale)
+    relate_pairs(p, R, *rates, actions, gap, rate, derivative, tilt, scale)
     return LoopState(gap, rate, derivative, tilt, scale, p, R)
 
 
@@ -148,7 +154,7 @@ def approach(
 
     The gaps are in m: rotations times the mechanism's size.
     """
-    q = np.array(q_guess, dtype=float)
+    q = pin.normalize(twin.model, np.array(q_guess, dtype=float))
     free = np.flatnonzero(~held)
     gap, J = _gap(twin, linkage, q)
     for _ in range(_PASSES):
@@ -171,10 +177,16 @@ def approach(
 
 
 def _gap(twin: Twin, linkage: Linkage, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(nc,) gaps, rotations times the mechanism's size, and their Jacobian (nc, nv)."""
-    zero = np.zeros((1, twin.nv))
-    state = loop_state(twin, linkage, q[None], zero, zero)
-    _, J = action_maps(twin, linkage, state.p, state.R)
+    """(nc,) gaps, rotations times the mechanism's size, and their Jacobian (nc, nv).
+
+    Of one configuration Pinocchio's own poses are at hand sooner than those of a batch.
+    """
+    data, *placed = twin.poses()
+    pin.forwardKinematics(twin.model, data, q)
+    p, R = (np.array([of_links]) for of_links in placed)
+    still = np.zeros((1, twin.n_joints, 6))
+    state = _related(twin, linkage, p, R, still, still)
+    _, J = action_maps(twin, linkage, p, R)
     rows = linkage.closed
     length = np.where(linkage.turning, linkage.size, 1.0)
     return length * (state.gap[0, rows] - linkage.rest_gap[rows]), length[:, None] * J[0, rows]

@@ -8,6 +8,7 @@ components of w that E^T leaves out are the paper's constraint reactions.
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -92,7 +93,8 @@ class Twin:
 
     def displacements(self, joint: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Return positions (n, len(joint)) along the joints' axes (rad or m)."""
-        return np.asarray(self.ratio[joint] * q[:, self.q_index[joint]] + self.shift[joint])
+        return np.asarray(self.ratio[joint] * q.take(self.q_index[joint], axis=1)
+                          + self.shift[joint])  # fmt: skip
 
     def pool(self, threads: int) -> pin.ModelPool:
         """Return Pinocchio's pool of `threads` copies of the opened model's data."""
@@ -114,6 +116,15 @@ class Twin:
             views = [data.f[j].vector for j in range(1, self.model.njoints)]
             self.pools["data"] = data, views
         return self.pools["data"]
+
+    def poses(self) -> tuple[pin.Data, list[np.ndarray], list[np.ndarray]]:
+        """Return this thread's data and views of its `data.oMi`: (3,) and (3, 3) of each joint."""
+        key = "poses", threading.get_ident()
+        if key not in self.pools:
+            data = self.model.createData()
+            placed = [data.oMi[j] for j in range(1, self.model.njoints)]
+            self.pools[key] = data, [M.translation for M in placed], [M.rotation for M in placed]
+        return self.pools[key]
 
     def __getstate__(self) -> dict[str, object]:
         return {**self.__dict__, "pools": {}}

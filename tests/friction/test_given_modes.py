@@ -129,24 +129,19 @@ def test_the_jacobian_is_the_derivative_of_the_residual(seed):
     nc = len(p.rate_free)
     stuck, direction = np.zeros(nc, bool), np.where(np.arange(nc) % 2, 1.0, -1.0)
     stuck[1], direction[1] = seed % 3 == 0, 0.0 if seed % 3 == 0 else 1.0
-    gain, offset = np.empty(len(p.ratio)), np.empty(nc)
-    unknown, X = np.empty(nc, np.int64), np.empty((nc, nc + 1))
-    coupling.slip_law(p, stuck, direction, gain, offset)
-    nz = coupling.eliminate(p, stuck, gain, offset, unknown, X)
-    contact = np.empty((len(p.contact_site), nz + 1, 3))
-    coupling.reduce_contacts(p, X, nz, contact)
+    nz, reduced = coupling.reduce_problem(p, stuck, direction)
     z = np.random.default_rng(seed).normal(size=nz)
 
     def at(z):
         rest, J = np.empty(nz), np.empty((nz, nz))
-        coupling.residual(p, gain, offset, unknown, contact, z, rest, J)
+        coupling.residual(p, reduced, z, rest, J)
         return rest, J
 
     step = 1e-6
     numeric = np.array([(at(z + step * e)[0] - at(z - step * e)[0]) / (2 * step)
                         for e in np.eye(nz)]).T  # fmt: skip
     np.testing.assert_allclose(at(z)[1], numeric, atol=1e-8)
-    x = X[:, 0] + X[:, 1 : nz + 1] @ z
+    x = reduced.X[:, 0] + reduced.X[:, 1 : nz + 1] @ z
     slip = x - plain_slip_friction(p, direction, plain_loads(p, x))
     np.testing.assert_allclose(at(z)[0], slip[~stuck], atol=1e-12)
     np.testing.assert_allclose((p.rate_free + p.rate_slope @ x)[stuck], 0, atol=1e-12)

@@ -30,7 +30,6 @@ pytestmark = [
         CHROMIUM is None or DRIVER is None,
         reason="no browser: apt install chromium chromium-driver",
     ),
-    pytest.mark.xdist_group("browser"),
 ]
 
 

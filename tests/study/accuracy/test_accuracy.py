@@ -28,8 +28,6 @@ from pinfric.study.accuracy.study import accuracy
 from pinfric.study.trajectory.trajectory import Trajectory
 
 _FEW_STEPS = (50, 500)
-#: What shares the study of the pendulum runs in one worker.
-on_the_pendulum = pytest.mark.xdist_group("accuracy of the pendulum")
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +44,6 @@ def of(runs, method):
     return [run for run in runs if run.method == method]
 
 
-@on_the_pendulum
 def test_event_spans_the_decades_and_absolute_coordinates_agree(pendulum):
     event = [run for run in of(pendulum.runs, "event") if run.setting != "defaults"]
     assert len(event) >= 5
@@ -62,7 +59,6 @@ def test_event_spans_the_decades_and_absolute_coordinates_agree(pendulum):
     assert [run.rhs for run in event][-1] > event[0].rhs
 
 
-@on_the_pendulum
 def test_methods_of_first_order_gain_what_they_should(pendulum):
     coarse, fine = of(pendulum.runs, "timestepping")
     assert (coarse.rhs, fine.rhs) == (53, 503)  # steps, both ends, one look at the stop
@@ -77,7 +73,6 @@ def test_every_method_has_five_settings_or_more():
         assert len({e.setting for e in entries if e.method == method}) >= 5
 
 
-@on_the_pendulum
 def test_json_has_the_runs_and_no_nan(pendulum):
     answer = json.loads(json.dumps(accuracy_json(pendulum), allow_nan=False))
     assert {"method", "setting", "error", "stick_error", "wall_s", "rhs"} <= set(answer["runs"][0])
@@ -87,7 +82,6 @@ def test_json_has_the_runs_and_no_nan(pendulum):
     assert answer["ladder"][0]["peak_change"] is None
 
 
-@on_the_pendulum
 def test_table_and_picture(pendulum, tmp_path):
     from rich.console import Console
 

@@ -21,11 +21,7 @@ from pinfric.errors import SweepError
 
 distributed = pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
-# one after the other: each starts processes of its own
-pytestmark = [
-    pytest.mark.xdist_group("cluster"),
-    pytest.mark.filterwarnings("ignore::RuntimeWarning:distributed"),
-]
+pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning:distributed")
 
 #: No test may wait for longer (s): a stalled cluster must fail, not hang.
 LIMIT = 90
