@@ -284,7 +284,7 @@ def test_friction_of_a_ball_is_an_arc_about_its_slip(browser, tmp_path):
         "arc.visible, find(path + '/arc_plus').visible]"
     )
     data = scene.model.createData()
-    loop = scene.loops[scene.sites[s].loop]
+    loop = scene.loops[scene.sites[s].pair]
     pin.forwardKinematics(scene.model, data, result.states.q[sample], result.states.v[sample])
     spins = []
     for side in (loop.a, loop.b):

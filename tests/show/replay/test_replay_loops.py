@@ -59,11 +59,11 @@ def test_rates_of_loops_joints_are_those_of_the_bodies_they_join(name):
     rates = site_rates(scene, states.q, states.v)
     for sample in (0, len(states.q) // 3, len(states.q) // 2):
         for s, site in enumerate(scene.sites):
-            if site.loop < 0:
+            if site.pair < 0:
                 expected = site.axis * states.v[sample, site.velocity_index]
             else:
                 q, v = states.q[sample], states.v[sample]
-                expected = relative_spin(scene, scene.loops[site.loop], q, v)
+                expected = relative_spin(scene, scene.loops[site.pair], q, v)
                 if not site.ball:
                     expected = site.axis * (expected @ site.axis)
             np.testing.assert_allclose(rates[sample, s], expected, atol=1e-9)
@@ -78,7 +78,7 @@ def test_friction_of_a_ball_acts_about_the_direction_of_its_slip(delta):
         moved = None
         for f, t in enumerate(frames.t):
             i = int(np.searchsorted(result.t, t, side="right") - 1)
-            spin = relative_spin(scene, scene.loops[scene.sites[s].loop],
+            spin = relative_spin(scene, scene.loops[scene.sites[s].pair],
                                  result.states.q[i], result.states.v[i])  # fmt: skip
             assert np.linalg.norm(frames.slip[f, s]) == pytest.approx(1.0)
             if not result.sticking[i, s]:
