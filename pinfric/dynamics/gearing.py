@@ -91,6 +91,9 @@ def _write_limits(
     w.held[d, 0], w.held[d, 1] = held(gears, d, arriving, True, w.delivered[d])
     least, greatest = held(gears, d, arriving, False, w.delivered[d])
     on_line = (given - w.offset[d]) / w.slope[d] if w.slope[d] > 0.0 else 0.0
+    if way == 0.0:  # what the gear holds without friction of its own, as near as it can
+        on_line = min(max(on_line, w.held[d, 0]), w.held[d, 1])
+        w.offset[d] = given - on_line
     w.coulomb_stick[e, 0] = on_line - w.held[d, 0]
     w.coulomb_stick[e, 1] = w.held[d, 1] - on_line
     forward = on_line - least if least > -np.inf else never

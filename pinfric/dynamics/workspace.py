@@ -6,7 +6,7 @@ import threading
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import product
 from math import hypot
 from typing import NoReturn, cast
 
@@ -60,8 +60,10 @@ from pinfric.model.drives import gear_jam, may_lock
 from pinfric.model.loops import Linkage, stand_still
 from pinfric.model.scene import Scene
 
-#: So many self-locking gears are let slip at once, away from what would wedge them.
-_MOST_WEDGED = 3
+#: So many self-locking gears are let hold and slip in all ways; loads that are more than any.
+_MOST_WEDGED, _MUCH = 3, 1e6
+#: How: beyond the loads at which it slips, on the other side; between them, on a line that falls.
+_OTHERWISE, _FALLS = 1, 2
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
 _STOP = 100.0
 
@@ -457,12 +459,58 @@ class Workspace:
         return self._settle_or_slip(attempt)
 
     def _settle_or_slip(self, attempt: Callable[[], Found]) -> Found:
-        """Settle a search; where nothing fits, with self-locking gears on lines that fall."""
-        start = self.modes.copy() if self._locks.size else None
+        """Settle a search; where things slip, let self-locking gears hold or slip otherwise, too.
+
+        One that motor and load push the same way holds little and much load, and slips between: on
+        lines that fall, which a search does not find that takes what slips to oppose its push.
+        """
+        start = self.modes.copy()
         found = self._settle(attempt)
-        if found == Found.SOLVED or start is None:
-            return found
-        return self._search_wedged(attempt, start, found)
+        t, m, w = self.tables, self.modes, self.work
+        c_of = t.gear_coordinate
+        wedged = [int(d) for d in self._locks if c_of[d] >= 0 and start.at_rest[c_of[d]]
+                  and np.isfinite(w.held[d]).any()][:_MOST_WEDGED]  # fmt: skip
+        lines = w.gear_way.copy(), w.delivered.copy()
+        choices = sorted(product((0, _OTHERWISE, _FALLS), repeat=len(wedged)),
+                         key=lambda each: (each.count(_FALLS), sum(each)))  # fmt: skip
+        best = self._slipping(start), m.copy(), *lines
+        if found != Found.SOLVED:
+            best = len(m.stuck) + 1, *best[1:]
+        for choice in choices[1:]:
+            if choice.count(_FALLS) >= best[0]:
+                break
+            m.take(start)
+            w.gear_way[:], w.delivered[:] = lines
+            for d, how in zip(wedged, choice, strict=True):
+                self._wedge(d, how)
+            self._couple()
+            other = self._settle(attempt)
+            falls = c_of[[d for d, how in zip(wedged, choice, strict=True) if how == _FALLS]]
+            slipping = self._slipping(start)
+            if other == Found.SOLVED and (m.direction[falls] * m.rate[falls] >= 0.0).all() and (
+                slipping < best[0]
+            ):  # fmt: skip
+                found, best = other, (slipping, m.copy(), w.gear_way.copy(), w.delivered.copy())
+        if wedged:
+            w.gear_way[:], w.delivered[:] = best[2:]
+            m.take(best[1])
+            self._couple()
+        return found
+
+    def _slipping(self, start: Modes) -> int:
+        """How many coordinates slip that were at rest."""
+        return int((start.at_rest & ~self.modes.stuck).sum())
+
+    def _wedge(self, d: int, how: int) -> None:
+        """Let a self-locking gear hold the load beyond those at which it slips, or slip there."""
+        m, w, c = self.modes, self.work, self.tables.gear_coordinate[d]
+        much = _MUCH * w.push_size[0]
+        if how == _OTHERWISE:
+            w.delivered[d] = much if w.held[d, 0] == -np.inf else -much
+        elif how == _FALLS:
+            m.at_rest[c] = m.stuck[c] = False
+            m.direction[c] = w.gear_way[d] = np.sign(w.arriving[d])
+            w.delivered[d] = -m.direction[c] * much
 
     def _settle(self, attempt: Callable[[], Found]) -> Found:
         """Repeat a search until every gear follows the line that it was made with."""
@@ -494,36 +542,6 @@ class Workspace:
                 beyond = modes.verdict[c] if abs(modes.verdict[c]) == 1 else 0
                 self.work.gear_way[d] = forced.get(c, beyond)
         self._couple()
-
-    def _search_wedged(self, attempt: Callable[[], Found], start: Modes, otherwise: Found) -> Found:
-        """Let self-locking gears slip that motor and load push the same way: few at a time.
-
-        Their line falls, so that a search that takes what slips to oppose what pushes it does not
-        find them.
-
-        Args:
-            attempt: searches the modes of all others at rest.
-            start: modes from which to search.
-            otherwise: what to return where none slips so.
-        """
-        t, m = self.tables, self.modes
-        c_of, arriving = t.gear_coordinate, self.work.arriving
-        wedged = [int(d) for d in self._locks if c_of[d] >= 0 and start.at_rest[c_of[d]]
-                  and np.isfinite(self.work.held[d]).any()]  # fmt: skip
-        for level in range(1, 1 + min(len(wedged), _MOST_WEDGED)):
-            for slipping in combinations(wedged, level):
-                m.take(start)
-                for d in slipping:
-                    way = float(np.sign(arriving[d]))
-                    m.at_rest[c_of[d]] = m.stuck[c_of[d]] = False
-                    m.direction[c_of[d]] = self.work.gear_way[d] = way
-                    self.work.delivered[d] = -way * abs(arriving[d])
-                self._couple()
-                found = self._settle(attempt)
-                slips = [m.direction[c_of[d]] * m.rate[c_of[d]] > 0.0 for d in slipping]
-                if found == Found.SOLVED and all(slips):
-                    return found
-        return otherwise
 
     def _leave_dead_centres(self) -> None:
         """Let joints that rest at their dead centre slip the way the mechanism takes them.
