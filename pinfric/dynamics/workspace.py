@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from math import hypot
@@ -467,9 +467,7 @@ class Workspace:
         start = self.modes.copy()
         found = self._settle(attempt)
         t, m, w = self.tables, self.modes, self.work
-        c_of = t.gear_coordinate
-        wedged = [int(d) for d in self._locks if c_of[d] >= 0 and start.at_rest[c_of[d]]
-                  and np.isfinite(w.held[d]).any()][:_MOST_WEDGED]  # fmt: skip
+        c_of, wedged = t.gear_coordinate, self._wedged(start.at_rest)
         lines = w.gear_way.copy(), w.delivered.copy()
         choices = sorted(product((0, _OTHERWISE, _FALLS), repeat=len(wedged)),
                          key=lambda each: (each.count(_FALLS), sum(each)))  # fmt: skip
@@ -496,6 +494,26 @@ class Workspace:
             m.take(best[1])
             self._couple()
         return found
+
+    def ways_to_hold(self) -> Iterator[None]:
+        """Yield with each choice which loads self-locking gears hold; after all, the first again."""
+        yield
+        wedged, delivered = self._wedged(self.modes.stuck), self.work.delivered.copy()
+        for choice in list(product((0, _OTHERWISE), repeat=len(wedged)))[1:]:
+            self.work.delivered[:] = delivered
+            for d, how in zip(wedged, choice, strict=True):
+                self._wedge(d, how)
+            self._couple()
+            yield
+        self.work.delivered[:] = delivered
+        self._couple()
+
+    def _wedged(self, rests: np.ndarray) -> list[int]:
+        """The self-locking gears at rest (nc,) that motor and load push the same way, or may."""
+        c_of, held = self.tables.gear_coordinate, self.work.held
+        found = [int(d) for d in self._locks if c_of[d] >= 0 and rests[c_of[d]]
+                 and np.isfinite(held[d]).any()]  # fmt: skip
+        return found[:_MOST_WEDGED]
 
     def _slipping(self, start: Modes) -> int:
         """How many coordinates slip that were at rest."""
