@@ -496,7 +496,7 @@ class Workspace:
         return found
 
     def ways_to_hold(self) -> Iterator[None]:
-        """Yield with each choice which loads self-locking gears hold; after all, the first again."""
+        """Yield with each choice of loads that self-locking gears hold; then the first again."""
         yield
         wedged, delivered = self._wedged(self.modes.stuck), self.work.delivered.copy()
         for choice in list(product((0, _OTHERWISE), repeat=len(wedged)))[1:]:
