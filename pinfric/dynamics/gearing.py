@@ -98,8 +98,9 @@ def _write_limits(
     w.coulomb_stick[e, 1] = w.held[d, 1] - on_line
     forward = on_line - least if least > -np.inf else never
     backward = greatest - on_line if greatest < np.inf else never
-    if (least == -np.inf and arriving >= 0.0) or (greatest == np.inf and arriving <= 0.0):
-        forward = backward = never  # wedged: from here it slips along a line that falls only
+    wedged = (least == -np.inf and arriving >= 0.0) or (greatest == np.inf and arriving <= 0.0)
+    if wedged or (way == 0.0 and w.gear_way[d] != 0.0):
+        forward = backward = never  # from here it slips along a line that falls only
     w.coulomb_slip[e, 0] = 0.0 if way > 0.0 else forward
     w.coulomb_slip[e, 1] = 0.0 if way < 0.0 else backward
 
