@@ -51,7 +51,15 @@ from pinfric.errors import (
 )
 from pinfric.friction import rest
 from pinfric.friction.consistency import ROUNDING, limit_width
-from pinfric.friction.modes import MOST_ENUMERATED, Found, Modes, only_candidate, pivot, search
+from pinfric.friction.modes import (
+    MOST_ENUMERATED,
+    Found,
+    Modes,
+    only_candidate,
+    pivot,
+    search,
+    solve,
+)
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
@@ -456,44 +464,63 @@ class Workspace:
         if not self._geared:
             return attempt()
         self._presume(forced or {})
-        return self._settle_or_slip(attempt)
+        return self._settle_or_slip(attempt, thorough=True)
 
-    def _settle_or_slip(self, attempt: Callable[[], Found]) -> Found:
+    def _settle_or_slip(self, attempt: Callable[[], Found], thorough: bool) -> Found:
         """Settle a search; where things slip, let self-locking gears hold or slip otherwise, too.
 
         One that motor and load push the same way holds little and much load, and slips between: on
         lines that fall, which a search does not find that takes what slips to oppose its push.
+
+        Args:
+            attempt: searches the modes of what is at rest.
+            thorough: True: of all answers the one in which least slips; False: the first.
         """
-        start = self.modes.copy()
+        start, m, w = self.modes.copy(), self.modes, self.work
         found = self._settle(attempt)
-        t, m, w = self.tables, self.modes, self.work
-        c_of, wedged = t.gear_coordinate, self._wedged(start.at_rest)
-        lines = w.gear_way.copy(), w.delivered.copy()
+        if not self._locks.size or (
+            found == Found.SOLVED and not (thorough and self._slipping(start))
+        ):
+            return found
+        fewest = self._slipping(start) if found == Found.SOLVED else len(m.stuck) + 1
+        best = found, m.copy(), w.gear_way.copy(), w.delivered.copy()
+        lines = best[2:]
+        m.take(start)
+        self._couple()
+        wedged = self._wedged(start.at_rest)
         choices = sorted(product((0, _OTHERWISE, _FALLS), repeat=len(wedged)),
                          key=lambda each: (each.count(_FALLS), sum(each)))  # fmt: skip
-        best = self._slipping(start), m.copy(), *lines
-        if found != Found.SOLVED:
-            best = len(m.stuck) + 1, *best[1:]
         for choice in choices[1:]:
-            if choice.count(_FALLS) >= best[0]:
+            if choice.count(_FALLS) >= fewest:
                 break
             m.take(start)
             w.gear_way[:], w.delivered[:] = lines
             for d, how in zip(wedged, choice, strict=True):
                 self._wedge(d, how)
             self._couple()
-            other = self._settle(attempt)
-            falls = c_of[[d for d, how in zip(wedged, choice, strict=True) if how == _FALLS]]
-            slipping = self._slipping(start)
-            if other == Found.SOLVED and (m.direction[falls] * m.rate[falls] >= 0.0).all() and (
-                slipping < best[0]
-            ):  # fmt: skip
-                found, best = other, (slipping, m.copy(), w.gear_way.copy(), w.delivered.copy())
-        if wedged:
-            w.gear_way[:], w.delivered[:] = best[2:]
-            m.take(best[1])
-            self._couple()
-        return found
+            other, slipping = self._settle(attempt), self._slipping(start)
+            falls = [self.tables.gear_coordinate[d] for d, how in zip(wedged, choice, strict=True)
+                     if how == _FALLS]  # fmt: skip
+            slips = bool((m.direction[falls] * m.rate[falls] >= 0.0).all())
+            if other == Found.SOLVED and slips and slipping < fewest:
+                fewest = slipping
+                best = other, m.copy(), w.gear_way.copy(), w.delivered.copy()
+        return self._settled(*best)
+
+    def _settled(
+        self, found: Found, modes: Modes, gear_way: np.ndarray, delivered: np.ndarray
+    ) -> Found:
+        """Return to an answer, and write its coupled problem and solution."""
+        m, w, c_of = self.modes, self.work, self.tables.gear_coordinate
+        m.take(modes)
+        w.gear_way[:], w.delivered[:] = gear_way, delivered
+        m.at_rest[c_of[self._locks]] = False  # it is decided: lines that fall are followed
+        self._couple()
+        if found != Found.SOLVED:
+            return found
+        if self.closed:
+            return only_candidate(*rest.solve(self.problem, m, self.mechanism))
+        return only_candidate(*solve(self.problem, m))
 
     def ways_to_hold(self) -> Iterator[None]:
         """Yield with each choice of loads that self-locking gears hold; then the first again."""
@@ -586,7 +613,7 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return self._settle_or_slip(self._search_step)
+        return self._settle_or_slip(self._search_step, thorough=False)
 
     def _search_step(self) -> Found:
         m, dry = self.modes, self.modes.at_rest.copy()
