@@ -91,12 +91,16 @@ def _write_limits(
     w.held[d, 0], w.held[d, 1] = held(gears, d, arriving, True, w.delivered[d])
     least, greatest = held(gears, d, arriving, False, w.delivered[d])
     on_line = (given - w.offset[d]) / w.slope[d] if w.slope[d] > 0.0 else 0.0
+    if way == 0.0:  # what the gear holds without friction of its own, as near as it can
+        on_line = min(max(on_line, w.held[d, 0]), w.held[d, 1])
+        w.offset[d] = given - on_line
     w.coulomb_stick[e, 0] = on_line - w.held[d, 0]
     w.coulomb_stick[e, 1] = w.held[d, 1] - on_line
     forward = on_line - least if least > -np.inf else never
     backward = greatest - on_line if greatest < np.inf else never
-    if (least == -np.inf and arriving >= 0.0) or (greatest == np.inf and arriving <= 0.0):
-        forward = backward = never  # wedged: from here it slips along a line that falls only
+    wedged = (least == -np.inf and arriving >= 0.0) or (greatest == np.inf and arriving <= 0.0)
+    if wedged or (way == 0.0 and w.gear_way[d] != 0.0):
+        forward = backward = never  # from here it slips along a line that falls only
     w.coulomb_slip[e, 0] = 0.0 if way > 0.0 else forward
     w.coulomb_slip[e, 1] = 0.0 if way < 0.0 else backward
 

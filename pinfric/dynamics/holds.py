@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.dynamics.closure import check_closed
-from pinfric.dynamics.forward import vector
+from pinfric.dynamics.forward import drive_vector, one_of, vector
 from pinfric.dynamics.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import AccelerationError
@@ -32,7 +32,8 @@ class StaticHold:
             share friction among the joints; above 1 where nothing holds.
         proved: whether `held` is proved: by the friction here where it is True, by branching where
             it is False. Not proved is only what friction might wedge beyond 50 times its limits.
-        at_limit: names of the joints with friction that need that share: what breaks away first.
+        at_limit: names of the joints with friction, or with a gear alone, that need that share:
+            what breaks away first.
         moving: names of the joints without dry friction that accelerate although all that rubs
             sticks: they cannot rest.
         friction: (ns,) of the parent on the child, with that use (N m or N); NaN where no friction
@@ -52,9 +53,10 @@ class StaticHold:
 def holds(
     scene: Scene,
     q: np.ndarray,
-    effort: np.ndarray,
+    effort: np.ndarray | None = None,
     external: Mapping[str, np.ndarray] | None = None,
     *,
+    motor_torque: np.ndarray | None = None,
     attached: Iterable[str] | None = None,
 ) -> StaticHold:
     """Say whether static friction holds a robot that stands still, and with what margin.
@@ -68,20 +70,31 @@ def holds(
         q: (nq,) rad, m; loops closed.
         effort: (na,) what the drives deliver at the joints (N m or N).
         external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
+        motor_torque: (na,) in place of `effort`, at the motors' shafts (N m); gears hold, too, and
+            self-locking ones whatever the load.
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:
-        StateError: a wrong shape, a value not finite, an open loop.
+        SceneError: a motor's torque of a drive without transmission.
+        StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite,
+            an open loop.
     """
-    ws = Workspace(scene, attached)
+    given = one_of("holds", effort, motor_torque)
+    ws = Workspace(scene, attached, motors=effort is None)
     q, v = vector("q", q, ws.nq, "nq"), np.zeros(ws.nv)
-    u = vector("effort", effort, ws.na, "na")
+    u = drive_vector(ws, given)
     applied = applied_wrenches(scene, external, 1) if external else None
     if scene.loops and np.isfinite(q).all():
         check_closed(scene, q, v, slack=1e3)
-    ws.assemble(q, v, u, applied)
-    found = _decide(ws, q, u, applied)
     modes = ws.modes
+    modes.stuck[:] = ws.tables.dry
+    ws.assemble(q, v, u, applied)
+    verdicts = []
+    for _ in ws.ways_to_hold():
+        verdicts.append(_decide(ws, q, u, applied))
+        if verdicts[-1].held:
+            break
+    found = verdicts[-1] if verdicts[-1].held else verdicts[0]
     modes.stuck[:], modes.direction[:] = ws.tables.dry, 0.0
     modes.friction[:] = np.where(np.isfinite(found.friction), found.friction, 0.0)
     evaluate(ws.problem, modes.friction, modes.load, modes.rate)
@@ -123,13 +136,12 @@ def _decide(
 
 
 def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:
-    """Names of the sites whose coordinate is used that much."""
+    """Names of the sites, and gears, whose coordinate is used that much."""
     x = ws.modes.friction
     limit = np.where(x > 0.0, ws.most, -ws.least)
     used = np.abs(x) >= _AT_LIMIT * use * limit
     used &= ws.tables.dry & (np.abs(x) > 0.0)
-    names = ws.scene.site_names
-    return tuple(names[s] for s in range(len(names)) if used[ws.tables.coordinate[s]])
+    return tuple(name for name, c, _ in ws.places if used[c])
 
 
 def _moving(ws: Workspace) -> tuple[str, ...]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import product
 from math import hypot
 from typing import NoReturn, cast
 
@@ -51,7 +51,15 @@ from pinfric.errors import (
 )
 from pinfric.friction import rest
 from pinfric.friction.consistency import ROUNDING, limit_width
-from pinfric.friction.modes import MOST_ENUMERATED, Found, Modes, only_candidate, pivot, search
+from pinfric.friction.modes import (
+    MOST_ENUMERATED,
+    Found,
+    Modes,
+    only_candidate,
+    pivot,
+    search,
+    solve,
+)
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
@@ -60,8 +68,10 @@ from pinfric.model.drives import gear_jam, may_lock
 from pinfric.model.loops import Linkage, stand_still
 from pinfric.model.scene import Scene
 
-#: So many self-locking gears are let slip at once, away from what would wedge them.
-_MOST_WEDGED = 3
+#: So many self-locking gears are let hold and slip in all ways; loads that are more than any.
+_MOST_WEDGED, _MUCH = 3, 1e6
+#: How: beyond the loads at which it slips, on the other side; between them, on a line that falls.
+_OTHERWISE, _FALLS = 1, 2
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
 _STOP = 100.0
 
@@ -454,15 +464,98 @@ class Workspace:
         if not self._geared:
             return attempt()
         self._presume(forced or {})
-        return self._settle_or_slip(attempt)
+        return self._settle_or_slip(attempt, thorough=True)
 
-    def _settle_or_slip(self, attempt: Callable[[], Found]) -> Found:
-        """Settle a search; where nothing fits, with self-locking gears on lines that fall."""
-        start = self.modes.copy() if self._locks.size else None
+    def _settle_or_slip(self, attempt: Callable[[], Found], thorough: bool) -> Found:
+        """Settle a search; where things slip, let self-locking gears hold or slip otherwise, too.
+
+        One that motor and load push the same way holds little and much load, and slips between: on
+        lines that fall, which a search does not find that takes what slips to oppose its push.
+
+        Args:
+            attempt: searches the modes of what is at rest.
+            thorough: True: of all answers the one in which least slips; False: the first.
+        """
+        start, m, w = self.modes.copy(), self.modes, self.work
         found = self._settle(attempt)
-        if found == Found.SOLVED or start is None:
+        if not self._locks.size or (
+            found == Found.SOLVED and not (thorough and self._slipping(start))
+        ):
             return found
-        return self._search_wedged(attempt, start, found)
+        fewest = self._slipping(start) if found == Found.SOLVED else len(m.stuck) + 1
+        best = found, m.copy(), w.gear_way.copy(), w.delivered.copy()
+        lines = best[2:]
+        m.take(start)
+        self._couple()
+        wedged = self._wedged(start.at_rest)
+        choices = sorted(product((0, _OTHERWISE, _FALLS), repeat=len(wedged)),
+                         key=lambda each: (each.count(_FALLS), sum(each)))  # fmt: skip
+        for choice in choices[1:]:
+            if choice.count(_FALLS) >= fewest:
+                break
+            m.take(start)
+            w.gear_way[:], w.delivered[:] = lines
+            for d, how in zip(wedged, choice, strict=True):
+                self._wedge(d, how)
+            self._couple()
+            other, slipping = self._settle(attempt), self._slipping(start)
+            falls = [self.tables.gear_coordinate[d] for d, how in zip(wedged, choice, strict=True)
+                     if how == _FALLS]  # fmt: skip
+            slips = bool((m.direction[falls] * m.rate[falls] >= 0.0).all())
+            if other == Found.SOLVED and slips and slipping < fewest:
+                fewest = slipping
+                best = other, m.copy(), w.gear_way.copy(), w.delivered.copy()
+        return self._settled(*best)
+
+    def _settled(
+        self, found: Found, modes: Modes, gear_way: np.ndarray, delivered: np.ndarray
+    ) -> Found:
+        """Return to an answer, and write its coupled problem and solution."""
+        m, w, c_of = self.modes, self.work, self.tables.gear_coordinate
+        m.take(modes)
+        w.gear_way[:], w.delivered[:] = gear_way, delivered
+        m.at_rest[c_of[self._locks]] = False  # it is decided: lines that fall are followed
+        self._couple()
+        if found != Found.SOLVED:
+            return found
+        if self.closed:
+            return only_candidate(*rest.solve(self.problem, m, self.mechanism))
+        return only_candidate(*solve(self.problem, m))
+
+    def ways_to_hold(self) -> Iterator[None]:
+        """Yield with each choice of loads that self-locking gears hold; then the first again."""
+        yield
+        wedged, delivered = self._wedged(self.modes.stuck), self.work.delivered.copy()
+        for choice in list(product((0, _OTHERWISE), repeat=len(wedged)))[1:]:
+            self.work.delivered[:] = delivered
+            for d, how in zip(wedged, choice, strict=True):
+                self._wedge(d, how)
+            self._couple()
+            yield
+        self.work.delivered[:] = delivered
+        self._couple()
+
+    def _wedged(self, rests: np.ndarray) -> list[int]:
+        """The self-locking gears at rest (nc,) that motor and load push the same way, or may."""
+        c_of, held = self.tables.gear_coordinate, self.work.held
+        found = [int(d) for d in self._locks if c_of[d] >= 0 and rests[c_of[d]]
+                 and np.isfinite(held[d]).any()]  # fmt: skip
+        return found[:_MOST_WEDGED]
+
+    def _slipping(self, start: Modes) -> int:
+        """How many coordinates slip that were at rest."""
+        return int((start.at_rest & ~self.modes.stuck).sum())
+
+    def _wedge(self, d: int, how: int) -> None:
+        """Let a self-locking gear hold the load beyond those at which it slips, or slip there."""
+        m, w, c = self.modes, self.work, self.tables.gear_coordinate[d]
+        much = _MUCH * w.push_size[0]
+        if how == _OTHERWISE:
+            w.delivered[d] = much if w.held[d, 0] == -np.inf else -much
+        elif how == _FALLS:
+            m.at_rest[c] = m.stuck[c] = False
+            m.direction[c] = w.gear_way[d] = np.sign(w.arriving[d])
+            w.delivered[d] = -m.direction[c] * much
 
     def _settle(self, attempt: Callable[[], Found]) -> Found:
         """Repeat a search until every gear follows the line that it was made with."""
@@ -495,36 +588,6 @@ class Workspace:
                 self.work.gear_way[d] = forced.get(c, beyond)
         self._couple()
 
-    def _search_wedged(self, attempt: Callable[[], Found], start: Modes, otherwise: Found) -> Found:
-        """Let self-locking gears slip that motor and load push the same way: few at a time.
-
-        Their line falls, so that a search that takes what slips to oppose what pushes it does not
-        find them.
-
-        Args:
-            attempt: searches the modes of all others at rest.
-            start: modes from which to search.
-            otherwise: what to return where none slips so.
-        """
-        t, m = self.tables, self.modes
-        c_of, arriving = t.gear_coordinate, self.work.arriving
-        wedged = [int(d) for d in self._locks if c_of[d] >= 0 and start.at_rest[c_of[d]]
-                  and np.isfinite(self.work.held[d]).any()]  # fmt: skip
-        for level in range(1, 1 + min(len(wedged), _MOST_WEDGED)):
-            for slipping in combinations(wedged, level):
-                m.take(start)
-                for d in slipping:
-                    way = float(np.sign(arriving[d]))
-                    m.at_rest[c_of[d]] = m.stuck[c_of[d]] = False
-                    m.direction[c_of[d]] = self.work.gear_way[d] = way
-                    self.work.delivered[d] = -way * abs(arriving[d])
-                self._couple()
-                found = self._settle(attempt)
-                slips = [m.direction[c_of[d]] * m.rate[c_of[d]] > 0.0 for d in slipping]
-                if found == Found.SOLVED and all(slips):
-                    return found
-        return otherwise
-
     def _leave_dead_centres(self) -> None:
         """Let joints that rest at their dead centre slip the way the mechanism takes them.
 
@@ -550,7 +613,7 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return self._settle_or_slip(self._search_step)
+        return self._settle_or_slip(self._search_step, thorough=False)
 
     def _search_step(self) -> Found:
         m, dry = self.modes, self.modes.at_rest.copy()

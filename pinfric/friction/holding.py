@@ -14,7 +14,7 @@ import numpy as np
 
 from pinfric.friction.branching import prove
 from pinfric.friction.least_use import descend, make_rest
-from pinfric.friction.problem import Problem
+from pinfric.friction.problem import Problem, bounded
 from pinfric.friction.sharing import RANK
 
 #: Nodes after which a proof is given up.
@@ -50,6 +50,7 @@ def decide(problem: Problem, factor: np.ndarray, at_rest: np.ndarray) -> Verdict
         factor: (d, nc) A of rate_slope = A^T A.
         at_rest: (nc,) bool, the coordinates with dry friction that rest.
     """
+    problem = bounded(problem)
     resting = np.flatnonzero(at_rest & factor.any(axis=0))
     _, size, right = np.linalg.svd(factor[:, resting], full_matrices=False)
     rank = int((size > RANK * size[:1]).sum())

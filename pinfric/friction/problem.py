@@ -78,3 +78,22 @@ def empty_problem(
         coulomb_stick=np.zeros((ns, 2)),
         drag=np.zeros(ns),
     )
+
+
+#: What holds whatever the load has so many times the limit that anything needs.
+_WHATEVER = 1e5
+
+
+def bounded(problem: Problem) -> Problem:
+    """Return the problem with finite static limits, for shares of them.
+
+    A self-locking gear has infinite ones.
+    """
+    limits = problem.coulomb_stick
+    finite = np.isfinite(limits)
+    if finite.all():
+        return problem
+    slope = np.diag(problem.rate_slope)
+    needed = np.abs(problem.rate_free) / np.where(slope > 0.0, slope, np.inf)
+    most = _WHATEVER * (needed.max(initial=1e-300) + limits[finite].max(initial=0.0))
+    return problem._replace(coulomb_stick=np.minimum(limits, most))

@@ -30,7 +30,7 @@ from pinfric.friction.consistency import ROUNDING, SHOULD_STICK, evaluate, judge
 from pinfric.friction.given_modes import slip_law
 from pinfric.friction.holding import decide
 from pinfric.friction.modes import Found, Modes, only_candidate
-from pinfric.friction.problem import Problem
+from pinfric.friction.problem import Problem, bounded
 from pinfric.friction.sharing import RANK, secular_root, share, share_one
 
 #: Passes of the search.
@@ -193,7 +193,7 @@ class _Shared:
     def __init__(
         self, problem: Problem, modes: Modes, mechanism: Mechanism, groups: list[Group]
     ) -> None:
-        self.problem, self.modes, self.mechanism = problem, modes, mechanism
+        self.problem, self.modes, self.mechanism = bounded(problem), modes, mechanism
         nc, ns = len(modes.stuck), len(problem.constant)
         self.gain, self.offset = np.empty(ns), np.empty(nc)
         slip_law(problem, modes.stuck, modes.direction, self.gain, self.offset)
