@@ -89,12 +89,7 @@ def holds(
     modes = ws.modes
     modes.stuck[:] = ws.tables.dry
     ws.assemble(q, v, u, applied)
-    verdicts = []
-    for _ in ws.ways_to_hold():
-        verdicts.append(_decide(ws, q, u, applied))
-        if verdicts[-1].held:
-            break
-    found = verdicts[-1] if verdicts[-1].held else verdicts[0]
+    found = _decide_all(ws, q, u, applied)
     modes.stuck[:], modes.direction[:] = ws.tables.dry, 0.0
     modes.friction[:] = np.where(np.isfinite(found.friction), found.friction, 0.0)
     evaluate(ws.problem, modes.friction, modes.load, modes.rate)
@@ -110,6 +105,18 @@ def holds(
         friction=friction,
         normal_load=ws.load.copy(),
     )
+
+
+def _decide_all(
+    ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
+) -> Verdict:
+    """The first verdict of a way in which self-locking gears hold, else that of the first way."""
+    verdicts = []
+    for _ in ws.ways_to_hold():
+        verdicts.append(_decide(ws, q, effort, applied))
+        if verdicts[-1].held:
+            return verdicts[-1]
+    return verdicts[0]
 
 
 def _decide(

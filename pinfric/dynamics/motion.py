@@ -122,7 +122,8 @@ class Motion(Shown):
     dense: Dense | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
-        title = (f"of {file_name(self.scene.source)} by {self.method}: "
+        driven = "" if self.motor_torque is None else ", torques of the motors given"
+        title = (f"of {file_name(self.scene.source)} by {self.method}{driven}: "
                  f"{counted(len(self.t), 'sample')}, {self.t[-1] - self.t[0]:.4g} s")  # fmt: skip
         kinds = [event.kind for event in self.events]
         happened = [counted(kinds.count(kind), kind) for kind in dict.fromkeys(kinds)]
@@ -137,6 +138,11 @@ class Motion(Shown):
                       + (f"; {self.message}" if self.status != FINISHED else ""),
             "more": ".summary() .plot() .to_dataframe() .stick_intervals() .energy() .sample(t)",
         })  # fmt: skip
+
+    @property
+    def given(self) -> str:
+        """What drives were given: "effort" or "motor_torque"."""
+        return "effort" if self.motor_torque is None else "motor_torque"
 
     @property
     def site_names(self) -> tuple[str, ...]:
@@ -239,7 +245,7 @@ class Motion(Shown):
         about = {
             "format": FORMAT, "method": self.method, "status": self.status,
             "message": self.message, "evaluations": self.evaluations,
-            "scene": scene_digests(self.scene, self.motor_torque is not None),
+            "scene": scene_digests(self.scene, self.given),
             "source": self.scene.source,
             "carried": self.carried,
             "events": [[e.time, e.name, e.kind, e.direction] for e in self.events],
@@ -269,12 +275,12 @@ def mechanical_energy(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.nda
     return float(kinetic + pin.computePotentialEnergy(model, data, q))
 
 
-def scene_digests(scene: Scene, motors: bool) -> dict[str, str]:
+def scene_digests(scene: Scene, given: str) -> dict[str, str]:
     """Return a digest of each part of a scene that a motion depends on.
 
     Args:
         scene: what was simulated.
-        motors: whether motors drove it, whose gears count then.
+        given: of the motion; the gears count where that is "motor_torque".
     """
     model = scene.model
     joints = range(1, model.njoints)
@@ -291,12 +297,12 @@ def scene_digests(scene: Scene, motors: bool) -> dict[str, str]:
         "stick velocity": scene.stick_velocity,
         "actuators": scene.actuator_names,
     }
-    given = scene.actuators or ()
-    if motors:
-        parts["transmissions"] = [actuator.model_dump() for actuator in given]
+    actuators = [actuator.model_dump() for actuator in scene.actuators or ()]
+    if given == "motor_torque":
+        parts["transmissions"] = actuators
     if scene.linkage is not None:
         parts["loops"] = [loop.model_dump() for loop in scene.loops]
-        parts["actuators"] = [actuator.model_dump() for actuator in given]
+        parts["actuators"] = actuators
     return {
         name: hashlib.sha256(json.dumps(part).encode()).hexdigest()[:16]
         for name, part in parts.items()

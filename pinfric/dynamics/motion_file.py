@@ -55,7 +55,7 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
         about: _About = parse(_About, content, f"{where}: is not a motion that pinfric saved")
     except SceneError as problem:
         raise SimulationError(str(problem)) from None
-    now = scene_digests(scene, "motor_torque" in arrays)
+    now = scene_digests(scene, "motor_torque" if "motor_torque" in arrays else "effort")
     differ = [part for part, digest in now.items() if about.scene.get(part) != digest]
     if differ:
         raise SimulationError(

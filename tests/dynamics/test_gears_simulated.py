@@ -15,6 +15,7 @@ from dynamics.test_gears import LOSSY, WORM, geared_arm, hoist
 
 import pinfric as pf
 from pinfric.errors import SimulationError, StateError
+from pinfric.show.report.motion import motion_json
 
 RATIO = -50.0
 
@@ -219,6 +220,8 @@ def test_a_motion_keeps_which_was_given(tmp_path):
     scene = hoist(LOSSY)
     found = pf.simulate(scene, [0.0], [0.0], t_end=0.2, motor_torque={"lift": -3.0})
     assert (found.motor_torque == -3.0).all()
+    assert found.given == motion_json(found)["given"] == "motor_torque"
+    assert found.energy().gear_loss[0] == motion_json(found)["energy"]["gear_loss"]["lift"]
     t = found.a[:, 0] * 10.0 + 98.1
     np.testing.assert_allclose(found.effort[:, 0], t, rtol=1e-12)
     assert {"lift.effort", "lift.motor_torque"} <= set(found.to_dataframe().columns)

@@ -184,8 +184,8 @@ def check_same_scene(scene: Scene, motion: InverseResult | Motion) -> None:
     other.check_unchanged()
     if other is scene:
         return
-    motors = getattr(motion, "motor_torque", None) is not None
-    here, there = scene_digests(scene, motors), scene_digests(other, motors)
+    given = motion.given if isinstance(motion, Motion) else "effort"
+    here, there = scene_digests(scene, given), scene_digests(other, given)
     differ = [part for part in here if here[part] != there[part]]
     if differ:
         raise StateError(

@@ -28,6 +28,7 @@ def motion_json(motion: Motion, warnings: Sequence[str] = ()) -> dict[str, Any]:
     return json_safe({
         "scene": motion.scene.source,
         "method": motion.method,
+        "given": motion.given,
         "status": motion.status,
         "message": motion.message,
         "t_end": motion.t[-1],
@@ -39,6 +40,7 @@ def motion_json(motion: Motion, warnings: Sequence[str] = ()) -> dict[str, Any]:
             "work": energy.work,
             "change": energy.change,
             "friction_loss": dict(zip(motion.site_names, energy.friction_loss, strict=True)),
+            "gear_loss": dict(zip(motion.actuator_names, energy.gear_loss, strict=True)),
             "residual": energy.residual,
         },
         "end": {"q": motion.q[-1], "v": motion.v[-1]},
@@ -54,6 +56,7 @@ def motion_report(motion: Motion) -> list[RenderableType]:
     title = (
         f"{name} · {motion.method}: {digits(float(motion.t[-1]))} s, {len(motion.t)} samples, "
         f"{motion.evaluations} right-hand sides"
+        f"{', torques of the motors given' if motion.motor_torque is not None else ''}"
     )
     items: list[RenderableType] = [Text(title, style="bold"), Text()]
     intervals = motion.stick_intervals()
@@ -95,18 +98,23 @@ def _first(title: str, columns: Sequence[Column], rows: Sequence[tuple[str, ...]
 def _energy_table(motion: Motion) -> Table:
     """The balance; of many sites those with the most heat, and the rest in one line."""
     energy = motion.energy()
+    motors = motion.motor_torque is not None
+    places = [f"heat at {site}" for site in motion.site_names]
     losses = [float(loss) for loss in energy.friction_loss]
+    if motors:
+        places += [f"heat in the gear of {drive}" for drive in motion.actuator_names]
+        losses += [float(loss) for loss in energy.gear_loss]
     order = sorted(range(len(losses)), key=lambda s: -abs(losses[s]))
     few = len(order) <= _MOST_ROWS
     shown = set(order) if few else {s for s in order[:_MOST_ROWS] if losses[s]}
     rows = [
-        ("work of the drives", digits(energy.work)),
+        (f"work of the {'motors' if motors else 'drives'}", digits(energy.work)),
         ("kinetic and potential", digits(energy.change)),
-        *((f"heat at {site}", digits(losses[s])) for s, site in enumerate(motion.site_names)
-          if s in shown),
-    ]  # fmt: skip
+        *((place, digits(losses[s])) for s, place in enumerate(places) if s in shown),
+    ]
     if rest := [s for s in order if s not in shown]:
         heat = digits(sum(losses[s] for s in rest))
-        rows.append((f"heat at {counted(len(rest), 'further joint')}", heat))
+        kind = "further place" if motors else "further joint"
+        rows.append((f"heat at {counted(len(rest), kind)}", heat))
     rows.append(("unaccounted", digits(energy.residual)))
     return Table("energy", (Column("", Kind.NAME), Column("J")), rows)

@@ -121,6 +121,9 @@ def compete_with_peers(
 def _robot(scene: Scene) -> _Robot:
     tree = bodies(scene)
     assert scene.simulation is not None
+    if scene.simulation.motor_torque:
+        raise PinfricError(f"{scene.source}: simulation.motor_torque: peers know no gears that "
+                           "lose; give `simulation.effort`")  # fmt: skip
     q, v = start_state(scene)
     made = make_effort(scene, None)
     constants = {site.name: site.law.kinetic.forward for site in scene.sites}
