@@ -153,11 +153,13 @@ def solution(ws: Workspace) -> Instant:
 
 def instant(ws: Workspace) -> Instant:
     """Return the workspace's solution with arrays of its own."""
-    a, effort, friction, load, wrench = np.split(ws.out.copy(), ws.parts)
+    out, (i, j, k, m) = ws.out.copy(), ws.parts
     contraction, passes = ws.modes.figures.tolist()
     multipliers = ws.multipliers.copy() if ws.closed else ws.multipliers
-    return Instant(a, ws.site_modes.copy(), friction, multipliers, load, wrench.reshape(-1, 6),
-                   contraction, Status.CONVERGED, int(passes), effort)  # fmt: skip
+    return Instant(
+        out[:i], ws.site_modes.copy(), out[j:k], multipliers, out[k:m], out[m:].reshape(-1, 6),
+        contraction, Status.CONVERGED, int(passes), out[i:j],
+    )  # fmt: skip
 
 
 def one_of(where: str, effort: np.ndarray | None, motor_torque: np.ndarray | None) -> np.ndarray:

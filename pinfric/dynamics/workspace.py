@@ -102,7 +102,7 @@ class Workspace:
         a, effort, phi, load, wrench: (nv,), (na,), (ns,), (ns,), (ns, 6) of the solution:
             accelerations, what drives deliver, friction, normal load and wrench of each site; one
             after the other in `out`.
-        parts: (4,) borders in `out`.
+        parts: the four borders in `out`.
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
         locked: whether what sticks lets nothing move (known where loops close).
@@ -130,7 +130,7 @@ class Workspace:
         tables = make_tables(self.twin, scene.linkage, t)
         self.closed = tables.dependent
         self.out, self.work = make_work(self.twin, t, tables)
-        self.parts = np.cumsum([self.nv, self.na, len(t.joint), len(t.joint)])
+        self.parts = tuple(np.cumsum([self.nv, self.na, len(t.joint), len(t.joint)]).tolist())
         w = self.work
         ready = is_ready(box_work, (tuple(w),))
         self._argument = KernelArgument(Machine(tables, self.supplier.supply, w), _box, ready)
