@@ -35,6 +35,7 @@ _PUBLIC = {
     "run_scene": "pinfric.study.scene_run",
     "Trajectory": "pinfric.study.trajectory.trajectory",
     "load_trajectory": "pinfric.study.trajectory.trajectory",
+    "Log": "pinfric.study.trajectory.log.arrays",
     "ReadingOptions": "pinfric.study.trajectory.log.reading",
     "export": "pinfric.study.export.export",
     "Exported": "pinfric.study.export.export",
@@ -88,6 +89,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.study.sizing.size import size as size
     from pinfric.study.sweep.result import SweepResult as SweepResult
     from pinfric.study.sweep.run import sweep as sweep
+    from pinfric.study.trajectory.log.arrays import Log as Log
     from pinfric.study.trajectory.log.reading import ReadingOptions as ReadingOptions
     from pinfric.study.trajectory.trajectory import Trajectory as Trajectory
     from pinfric.study.trajectory.trajectory import load_trajectory as load_trajectory

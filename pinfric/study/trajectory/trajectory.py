@@ -34,6 +34,7 @@ from pinfric.study.trajectory.joint_columns import (
     unit_circle_problems,
     velocity_warnings,
 )
+from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.bags import is_bag
 from pinfric.study.trajectory.log.reader import read_log
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
@@ -265,7 +266,7 @@ class Trajectory:
 
 
 def load_trajectory(
-    path: str | Path,
+    path: str | Path | Log,
     scene: HasModel,
     options: ReadingOptions = ReadingOptions(),  # noqa: B008
 ) -> Trajectory:
@@ -281,7 +282,8 @@ def load_trajectory(
     `reading` tells.
 
     Args:
-        path: the file, or a bag's folder; where there is none, the bundled one of that name.
+        path: the file, or a bag's folder; where there is none, the bundled one of that name; or
+            the arrays of a log.
         scene: its model and payloads.
         options: what a person says about a log's columns, units and cutoff.
 
@@ -289,24 +291,28 @@ def load_trajectory(
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
     """
-    if not (os.path.isdir(path) and is_bag(Path(path))):
-        path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
-    path = Path(path)
-    columns = joint_columns(scene.model, str(path))
+    if isinstance(path, Log):
+        source: Path | Log = path
+        name = path.name
+    else:
+        if not (os.path.isdir(path) and is_bag(Path(path))):
+            path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
+        source, name = Path(path), str(path)
+    columns = joint_columns(scene.model, name)
     payloads = _defaults(scene)
-    if path.suffix.lower() in (".yaml", ".yml"):
-        return _from_waypoints(path, scene, columns, payloads)
+    if isinstance(source, Path) and source.suffix.lower() in (".yaml", ".yml"):
+        return _from_waypoints(source, scene, columns, payloads)
     problems: list[str] = []
 
     def choose(names: Sequence[str], wrong: list[str]) -> tuple[JointColumn, ...]:
         return named_columns(scene, columns, names, wrong)
 
-    log = read_log(path, columns, list(payloads), choose, options, problems)
+    log = read_log(source, columns, list(payloads), choose, options, problems)
     if log is None:
-        _raise_all(str(path), problems)
+        _raise_all(name, problems)
         raise AssertionError  # read_log says why it returns nothing
     attached = _attached_columns(payloads, log.table.attached, log.table.t.size)
-    found = _from_table(str(path), scene, columns, log.named, log.table, attached, payloads,
+    found = _from_table(name, scene, columns, log.named, log.table, attached, payloads,
                         problems, log.reading.filtered)  # fmt: skip
     return replace(found, reading=log.reading, warnings=(*log.reading.said, *found.warnings))
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pinfric.errors import TrajectoryError
 from pinfric.model.yamlfile import brief
 from pinfric.study.trajectory.joint_columns import JointColumn, listing
+from pinfric.study.trajectory.log import arrays
 from pinfric.study.trajectory.log.bags import is_bag, open_bag
 from pinfric.study.trajectory.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
 from pinfric.study.trajectory.log.files import Cells, Log, open_csv, open_parquet
@@ -37,17 +38,17 @@ class LoggedMotion:
 
 
 def read_log(
-    path: Path,
+    source: Path | arrays.Log,
     joints: Sequence[JointColumn],
     payloads: Sequence[str],
     choose: Callable[[Sequence[str], list[str]], tuple[JointColumn, ...]],
     options: ReadingOptions,
     problems: list[str],
 ) -> LoggedMotion | None:
-    """Read a CSV file, a Parquet file or a bag.
+    """Read a CSV file, a Parquet file, a bag, or arrays.
 
     Args:
-        path: the file, or a bag's folder.
+        source: the file, a bag's folder, or a log's arrays.
         joints: all that may have a column.
         payloads: those that may have a column `payload.<name>`.
         choose: names of the joints that have positions, problems -> the joints that must have.
@@ -58,8 +59,10 @@ def read_log(
     Raises:
         TrajectoryError: the file cannot be opened, or holds nothing.
     """
-    log = _open(path, joints)
-    mapping = read_mapping(path, options.columns)
+    if isinstance(source, arrays.Log):
+        log, mapping = source.opened([joint.name for joint in joints]), None
+    else:
+        log, mapping = _open(source, joints), read_mapping(source, options.columns)
     found = find_columns(log.header, log.first, joints, payloads, mapping, problems)
     named = choose(list(found.position), problems)
     missing = [column.name for column in named if column.name not in found.position]

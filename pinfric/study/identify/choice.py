@@ -1,0 +1,175 @@
+"""Which law each joint follows: the smallest one whose error on held-out blocks is not worse."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.study.identify.laws import INERTIA, PLAIN, SLOT, Law
+from pinfric.study.identify.normal import Grams, Normal, Prior, Reduced, block_errors
+
+FloatArray = NDArray[np.float64]
+
+#: A law whose RMS error is larger by less than this share is not worse.
+_MARGIN = 0.02
+#: Blocks are held out in so many parts; whole logs, where there are as many as the second.
+_FOLDS, _LOGS = 10, 5
+#: Rounds in which joints change their laws one at a time.
+_ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is fitted: all joints' summed products, and what may be chosen.
+
+    Attributes:
+        grams: of each joint.
+        weights: (nj,) 1/variance of each joint's residual.
+        prior: of the links' parameters.
+        laws: the candidates of each joint.
+        folds: (blocks,) the part with which each block is held out; -1: in no part, in no fit.
+        rotor: whether rotors' inertias are fitted.
+    """
+
+    grams: Sequence[Grams]
+    weights: FloatArray
+    prior: Prior
+    laws: Sequence[Sequence[Law]]
+    folds: NDArray[np.int64]
+    rotor: bool
+
+    def slots(self, laws: Sequence[Law]) -> list[tuple[int, ...]]:
+        """Return the slots that all joints' laws take, rotors' inertias among them."""
+        rotor = (SLOT[INERTIA],) if self.rotor else ()
+        return [(*rotor, *law.slots) for law in laws]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The laws taken, and what each candidate's held-out error was beside them.
+
+    Attributes:
+        laws: of each joint.
+        errors: of each joint: law -> RMS on held-out rows, N m or N.
+    """
+
+    laws: tuple[Law, ...]
+    errors: tuple[Mapping[Law, float], ...]
+
+
+def held_out_parts(block: NDArray[np.int64], log: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return with which part each block is held out: whole logs, or neighbouring blocks.
+
+    Args:
+        block: (n,) of every row of any joint. log: (n,) the logs of these rows.
+    """
+    count = int(block.max()) + 1
+    of_block = np.zeros(count, dtype=np.int64)
+    of_block[block] = log
+    if int(log.max()) + 1 >= _LOGS:
+        return of_block
+    return np.arange(count) * min(_FOLDS, count) // count
+
+
+def choose(problem: Problem) -> Choice:
+    """Return each joint's law.
+
+    First all joints change law together, then one at a time beside the others' laws.
+
+    Args:
+        problem: at least two parts can be held out.
+    """
+    every = list(dict.fromkeys(law for laws in problem.laws for law in laws))
+    judge = _Judge(problem)
+    tables: list[dict[Law, FloatArray]] = [{} for _ in problem.laws]
+    for law in every:
+        laws = [law if law in own else PLAIN for own in problem.laws]
+        for j, error in enumerate(judge.errors(laws, range(len(laws)))):
+            tables[j].setdefault(laws[j], error)
+    chosen = [smallest_good(table, judge.rows[j]) for j, table in enumerate(tables)]
+    for _ in range(_ROUNDS):
+        before = list(chosen)
+        for j, own in enumerate(problem.laws):
+            for law in own:
+                laws = [*chosen[:j], law, *chosen[j + 1 :]]
+                tables[j][law] = judge.errors(laws, [j])[0]
+            chosen[j] = smallest_good(tables[j], judge.rows[j])
+        if chosen == before:
+            break
+    errors = tuple({law: float(np.sqrt(e.sum() / max(judge.rows[j].sum(), 1.0)))
+                    for law, e in table.items()} for j, table in enumerate(tables))  # fmt: skip
+    return Choice(tuple(chosen), errors)
+
+
+def nested_errors(problem: Problem) -> tuple[FloatArray, FloatArray]:
+    """Return each joint's RMS error on blocks that neither its law's choice nor its fit has seen.
+
+    Args:
+        problem: as for `choose`.
+
+    Returns:
+        (nj,) of the laws chosen without these blocks, (nj,) of plain friction; N m or N.
+    """
+    squares, rows = np.zeros((2, len(problem.laws))), np.zeros(len(problem.laws))
+    plain = [PLAIN] * len(problem.laws)
+    for part in np.unique(problem.folds):
+        test = problem.folds == part
+        rest = replace(problem, folds=np.where(test, -1, problem.folds))
+        laws = choose(rest).laws
+        reduced = Reduced(Normal.of(problem.grams, ~test, problem.weights), problem.prior)
+        for kind, taken in enumerate((laws, plain)):
+            fit = reduced.fit(problem.slots(taken))
+            for j, gram in enumerate(problem.grams):
+                squares[kind, j] += block_errors(gram.products[test], fit.of_joint(j)).sum()
+        rows += [gram.count[test].sum() for gram in problem.grams]
+    chosen, simple = np.sqrt(squares / np.maximum(rows, 1.0))
+    return chosen, simple
+
+
+class _Judge:
+    """Held-out errors of laws."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        used = problem.folds >= 0
+        tests = [problem.folds == part for part in np.unique(problem.folds[used])]
+        self._reduced = [Reduced(Normal.of(problem.grams, used & ~test, problem.weights),
+                                 problem.prior) for test in tests]  # fmt: skip
+        self.rows = np.array([[gram.count[test].sum() for test in tests]
+                              for gram in problem.grams])  # fmt: skip
+        self._grams = [[gram.products[test].sum(axis=0)[None] for test in tests]
+                       for gram in problem.grams]  # fmt: skip
+
+    def errors(self, laws: Sequence[Law], joints: Sequence[int]) -> list[FloatArray]:
+        """Return each joint's sum of squared errors in every part, (parts,)."""
+        slots = self._problem.slots(laws)
+        fits = [reduced.fit(slots) for reduced in self._reduced]
+        return [np.array([block_errors(products, fit.of_joint(j))[0]
+                          for products, fit in zip(self._grams[j], fits, strict=True)])
+                for j in joints]  # fmt: skip
+
+
+def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
+    """Return the law of fewest coefficients that is not worse than the best one.
+
+    Not worse: the mean of the parts' differences in squared error is within one standard error, or
+    the RMS error within 2 %.
+
+    Args:
+        errors: law -> (parts,) sum of squared errors.
+        rows: (parts,) their numbers.
+    """
+    best = min(errors, key=lambda law: float(errors[law].sum()))
+    known = rows > 0
+    least = float(errors[best].sum())
+
+    def good(law: Law) -> bool:
+        difference = (errors[law] - errors[best])[known]
+        spread = float(difference.std(ddof=1)) * np.sqrt(difference.size) if known.sum() > 1 else 0
+        return bool(difference.sum() <= max(spread, ((1.0 + _MARGIN) ** 2 - 1.0) * least))
+
+    fine = [law for law in errors if good(law)]
+    return min(fine, key=lambda law: (len(law.slots), float(errors[law].sum())))

@@ -1,0 +1,218 @@
+"""The linear model of one log: every column that a coefficient multiplies, low-passed and thinned.
+
+    y = Y(q, v, a) theta + J a + friction      theta: 10 inertial parameters per link
+
+Rows are kept where a joint slides, away from its turning points: presliding is no law of friction.
+All columns and the effort pass the same low pass, so that it takes nothing away from the fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.model.friction_terms import LoadFriction
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Friction
+from pinfric.study.identify.laws import (
+    BACKWARD,
+    BEARING,
+    EXPONENTS,
+    FORWARD,
+    INERTIA,
+    SIDES,
+    SLOT,
+    SLOTS,
+)
+from pinfric.study.identify.recordings import Recording
+from pinfric.study.trajectory.log.noise import low_pass
+
+FloatArray = NDArray[np.float64]
+
+#: Hz of the low pass on all columns: friction's steps at reversals have no end in frequency.
+PASS = 8.0
+#: Samples per period of that low pass.
+_PER_PERIOD = 4.0
+#: Periods of the low pass that are left out beside what does not slide; s left out at both ends.
+_BESIDE, _AT_ENDS = 0.35, 0.3
+#: s: blocks are as long as residuals hang together, and there should be enough of them.
+_BLOCK = (2.0, 5.0)
+_BLOCKS = 10
+#: A coefficient so small that the load it reports is that without friction.
+_HARDLY = 1e-9
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one joint in all logs, low-passed and thinned; only those that slide.
+
+    Attributes:
+        rigid: (n, 10 nj) derivatives of the effort by the links' inertial parameters.
+        slots: (n, len(SLOTS)) what the joint's own coefficients multiply.
+        effort: (n,) measured less what payloads take, N m or N.
+        block, log: (n,) to which it belongs.
+        time, velocity, load: (n,) s, rad/s, and the rigid effort (N m or N), for pictures.
+    """
+
+    rigid: FloatArray
+    slots: FloatArray
+    effort: FloatArray
+    block: NDArray[np.int64]
+    log: NDArray[np.int64]
+    time: FloatArray
+    velocity: FloatArray
+    load: FloatArray
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """One log's columns that no estimate changes, low-passed and thinned.
+
+    Attributes:
+        recording: the log.
+        kept: (n,) samples that stay after thinning.
+        slides: (n, nj) which rows count.
+        rigid: (n, nj, 10 nj).
+        slots: (n, nj, len(SLOTS)); those of loads are 0.
+        effort: (T, nj) low-passed, payloads' part taken out; not thinned, not shifted.
+        payload: (T, nj) what payloads take, N m or N.
+    """
+
+    recording: Recording
+    kept: NDArray[np.int64]
+    slides: NDArray[np.bool_]
+    rigid: FloatArray
+    slots: FloatArray
+    effort: FloatArray
+    payload: FloatArray
+
+
+def prepare(scene: Scene, recording: Recording) -> Prepared:
+    """Return what of a log's columns no estimate changes.
+
+    Args:
+        scene: the robot as its URDF has it.
+        recording: one log.
+    """
+    motion, step, nj = recording.trajectory, recording.step, scene.model.nv
+    bare = scene.with_(payloads={}, friction={})
+    rigid_effort = inverse_dynamics(scene, motion).effort_frictionless
+    payload = np.zeros_like(rigid_effort)
+    if scene.payloads:
+        payload = rigid_effort - inverse_dynamics(bare, motion.q, motion.v, motion.a,
+                                                  t=motion.t).effort_frictionless  # fmt: skip
+    known = np.isfinite(recording.effort)
+    measured = np.where(known, recording.effort, rigid_effort) - payload
+    kept = np.arange(0, motion.t.size, max(1, int(1.0 / (_PER_PERIOD * PASS * step))))
+    slides = _sliding(recording, known)[kept]
+    effort = np.column_stack([_passed(column, step) for column in measured.T])
+    slots = np.zeros((kept.size, nj, len(SLOTS)))
+    for j in range(nj):
+        v = motion.v[:, j]
+        columns = {INERTIA: motion.a[:, j], FORWARD: v > 0.0, BACKWARD: -1.0 * (v < 0.0)}
+        columns |= {f"speed^{p:g}": np.sign(v) * np.abs(v) ** p for p in EXPONENTS}
+        for name, column in columns.items():
+            slots[:, j, SLOT[name]] = _passed(np.asarray(column, dtype=float), step)[kept]
+    return Prepared(recording, kept, slides, _rigid_columns(scene, recording, kept), slots, effort,
+                    payload)  # fmt: skip
+
+
+def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) -> FloatArray:
+    """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj)."""
+    model, motion = scene.model, recording.trajectory
+    data, nj = model.createData(), model.nv
+    every = np.empty((motion.t.size, nj, 10 * nj))
+    for i in range(motion.t.size):
+        every[i] = pin.computeJointTorqueRegressor(model, data, motion.q[i], motion.v[i],
+                                                   motion.a[i])  # fmt: skip
+    thin = np.zeros((kept.size, nj, 10 * nj))
+    for j in range(nj):
+        for p in np.flatnonzero(every[:, j].any(axis=0)):
+            thin[:, j, p] = _passed(np.ascontiguousarray(every[:, j, p]), recording.step)[kept]
+    return thin
+
+
+def _passed(column: FloatArray, step: float) -> FloatArray:
+    return low_pass(column, step, PASS) if PASS < 0.45 / step else column
+
+
+def _sliding(recording: Recording, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(T, nj) where a joint slides and its effort is known, turning points left out."""
+    step, v = recording.step, recording.trajectory.v
+    slides = (np.abs(v) > recording.slowest) & known
+    reach = int(np.ceil(_BESIDE / (PASS * step)))
+    count = np.cumsum(np.pad(~slides, ((reach + 1, reach), (0, 0)), mode="edge"), axis=0)
+    slides &= count[2 * reach + 1 :] - count[: -2 * reach - 1] == 0
+    ends = int(np.ceil(_AT_ENDS / step))
+    slides[:ends] = slides[-ends:] = False
+    return slides
+
+
+def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Prepared, FloatArray]:
+    """Return the columns with those of loads, and the rigid effort (T, nj) that made them.
+
+    Args:
+        prepared: one log.
+        scene: with the present estimate of the links' inertias; its bearings.
+        inner: (T, nj) the friction on the joint's side, N m or N, of the present estimate.
+    """
+    recording = prepared.recording
+    motion, step = recording.trajectory, recording.step
+    probe = scene.with_(friction={
+        name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
+        for name, entry in scene.friction.items() if entry.bearing is not None
+    })  # fmt: skip
+    found = inverse_dynamics(probe, motion)
+    rigid, slots = found.effort_frictionless, prepared.slots.copy()
+    for j, name in enumerate(scene.joint_names):
+        sign = np.sign(motion.v[:, j])
+        columns = {}
+        if name in found.site_names:
+            columns[BEARING] = sign * found.normal_load[:, found.site_names.index(name)]
+        for side in SIDES:
+            x = rigid[:, j] + (inner[:, j] if side == "joint" else 0.0)
+            driving = sign * np.abs(x) * (x * sign > 0.0)
+            driven = sign * np.abs(x) * (x * sign < 0.0)
+            for way, column in (("driving", driving), ("driven", driven), ("both", sign * abs(x))):
+                columns[f"gear {way}, {side} side"] = column
+        for slot, column in columns.items():
+            slots[:, j, SLOT[slot]] = _passed(column, step)[prepared.kept]
+    return replace(prepared, slots=slots), rigid
+
+
+def joint_rows(
+    every: list[Prepared], rigid: list[FloatArray], joint: int, delay: float
+) -> Rows:
+    """Return one joint's rows in all logs.
+
+    Args:
+        every: the logs.
+        rigid: their rigid efforts, (T, nj) each.
+        joint: its column.
+        delay: s by which the logged effort lags behind the motion.
+    """
+    parts, first = [], 0
+    for number, (one, effort) in enumerate(zip(every, rigid, strict=True)):
+        t = one.recording.trajectory.t
+        rows = one.kept[one.slides[:, joint]]
+        count, block = blocks(t)
+        parts.append(Rows(
+            one.rigid[one.slides[:, joint], joint], one.slots[one.slides[:, joint], joint],
+            np.interp(t[rows] + delay, t, one.effort[:, joint]), first + block[rows],
+            np.full(rows.size, number), t[rows], one.recording.trajectory.v[rows, joint],
+            effort[rows, joint],
+        ))  # fmt: skip
+        first += count
+    return Rows(*(np.concatenate([getattr(part, name) for part in parts])
+                  for name in Rows.__dataclass_fields__))  # fmt: skip
+
+
+def blocks(t: FloatArray) -> tuple[int, NDArray[np.int64]]:
+    """Return how many blocks of 2 to 5 s a log has, and to which each sample belongs."""
+    span = float(t[-1] - t[0])
+    count = max(1, round(span / float(np.clip(span / _BLOCKS, *_BLOCK))))
+    return count, np.minimum(((t - t[0]) / span * count).astype(np.int64), count - 1)

@@ -1,0 +1,229 @@
+"""From recordings to one estimate: delay, laws, inertias and coefficients, in three passes.
+
+Loads follow from inertias, and inertias from a fit that knows the loads: so the first pass takes
+the URDF's inertias and plain friction, and each later one what the pass before has found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.model.scene import Scene
+from pinfric.study.identify.choice import Choice, Problem, choose, held_out_parts
+from pinfric.study.identify.columns import Prepared, Rows, joint_rows, prepare, with_loads
+from pinfric.study.identify.inertias import consistent_fit, urdf_prior, with_parameters
+from pinfric.study.identify.laws import EXPONENTS, PLAIN, SLOT, Law, candidates
+from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced
+from pinfric.study.identify.recordings import Recording
+
+FloatArray = NDArray[np.float64]
+
+#: Residuals beyond so many median absolute deviations count less (Huber).
+_HUBER = 2.5
+#: s: delays tried first, and the step of the second look.
+_DELAYS, _STEP = np.arange(-0.02, 0.0301, 0.005), 0.001
+#: A gear's loss shows where load varies by more than Coulomb friction; two losses where the load
+#: drives and is driven in at least this share of the rows.
+_LEAST_SHARE = 0.15
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is to be found, and with which freedom.
+
+    Attributes:
+        scene: the robot; its bearings are candidates.
+        recordings: the logs.
+        motor: the effort is measured before gear and rotor.
+        keep_inertias: the URDF's are right.
+        laws: joint -> its law, where it is not to be chosen.
+    """
+
+    scene: Scene
+    recordings: Sequence[Recording]
+    motor: bool = True
+    keep_inertias: bool = False
+    laws: dict[str, Law] | None = None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The rows and what was fitted to them.
+
+    Attributes:
+        question: what was asked.
+        rows: of each joint.
+        problem: the summed products, with the weights that were used.
+        row_weights: (n,) of each joint's rows, those of outliers below 1.
+        choice: laws and held-out errors.
+        fit: with links that can exist.
+        delay: s by which logged efforts lag behind.
+        scene: the question's, with the links' inertias found.
+        rigid: of each log, (T, nj) effort without friction, N m or N.
+        prepared: of each log.
+    """
+
+    question: Question
+    rows: tuple[Rows, ...]
+    problem: Problem
+    row_weights: tuple[FloatArray, ...]
+    choice: Choice
+    fit: Fit
+    delay: float
+    scene: Scene
+    rigid: tuple[FloatArray, ...]
+    prepared: tuple[Prepared, ...]
+
+
+def estimate(question: Question, progress: Callable[[int, int], object]) -> Estimate:
+    """Return delay, laws, inertias and coefficients.
+
+    Args:
+        question: scene, logs and freedom.
+        progress: called with the number of finished steps and of all.
+    """
+    steps = len(question.recordings) + 3
+    prepared = []
+    for recording in question.recordings:
+        prepared.append(prepare(question.scene, recording))
+        progress(len(prepared), steps)
+    found = _first_pass(question, prepared)
+    for number in (2, 1):
+        progress(steps - number, steps)
+        found = _next_pass(found)
+    progress(steps, steps)
+    return found
+
+
+def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
+    """Plain friction on every joint, loads by the URDF's inertias."""
+    scene = question.scene
+    nothing = [np.zeros_like(one.effort) for one in prepared]
+    loaded = [with_loads(one, scene, none) for one, none in zip(prepared, nothing, strict=True)]
+    plain = (PLAIN,) * scene.model.nv
+    start = Estimate(question, (), Problem((), np.ones(0), urdf_prior(
+        scene.model, question.keep_inertias), (), np.zeros(0, dtype=np.int64), question.motor),
+        (), Choice(plain, ()), Fit(np.zeros(0), np.zeros((0, 0))), 0.0, scene,
+        tuple(rigid for _, rigid in loaded), tuple(one for one, _ in loaded))  # fmt: skip
+    fitted = _fitted(start, [(PLAIN,)] * scene.model.nv)
+    return _fitted(replace(fitted, delay=_delay(fitted)), [(PLAIN,)] * scene.model.nv)
+
+
+def _next_pass(before: Estimate) -> Estimate:
+    """Loads by the inertias found, and with them the laws."""
+    inner = inner_friction(before)
+    loaded = [with_loads(one, before.scene, f)
+              for one, f in zip(before.prepared, inner, strict=True)]  # fmt: skip
+    now = replace(before, rigid=tuple(rigid for _, rigid in loaded),
+                  prepared=tuple(one for one, _ in loaded))  # fmt: skip
+    now = replace(now, delay=_delay(now))
+    return _fitted(now, [offered(now, j) for j in range(before.scene.model.nv)])
+
+
+def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
+    """Return the estimate from the columns as they are, with laws chosen among those offered."""
+    nj = before.scene.model.nv
+    rows = tuple(joint_rows(list(before.prepared), list(before.rigid), j, before.delay)
+                 for j in range(nj))  # fmt: skip
+    every = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
+    folds = held_out_parts(*every)
+    row_weights = tuple(np.ones(r.effort.size) for r in rows)
+    problem = replace(before.problem, laws=laws, folds=folds, weights=np.ones(nj))
+    chosen, fit = before.choice.laws, before.fit
+    for _ in range(2):
+        if fit.slots.shape[0] == nj:
+            row_weights, weights = _weighted(rows, fit)
+            problem = replace(problem, weights=weights)
+        problem = replace(problem, grams=tuple(
+            Grams.of(r, w, folds.size) for r, w in zip(rows, row_weights, strict=True)))  # fmt: skip
+        normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
+        fit = Reduced(normal, problem.prior).fit(problem.slots(chosen))
+    choice = choose(problem) if max(map(len, laws)) > 1 else Choice(chosen, before.choice.errors)
+    slots = problem.slots(choice.laws)
+    fit = consistent_fit(normal, problem.prior, Reduced(normal, problem.prior).fit(slots), slots)
+    scene = before.question.scene
+    scene = scene.with_(model=with_parameters(scene.model, fit.theta))
+    return replace(before, rows=rows, problem=problem, row_weights=row_weights, choice=choice,
+                   fit=fit, scene=scene)  # fmt: skip
+
+
+def residuals(rows: Rows, fit: Fit, joint: int) -> FloatArray:
+    """Return measured less fitted effort of one joint's rows, (n,) N m or N."""
+    return rows.effort - rows.rigid @ fit.theta - rows.slots @ fit.slots[joint]
+
+
+def _weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], FloatArray]:
+    """Return each row's weight, and each joint's: 1/variance of what it leaves."""
+    of_rows, of_joints = [], []
+    for j, one in enumerate(rows):
+        off = np.abs(residuals(one, fit, j))
+        if off.size == 0:
+            of_rows.append(off)
+            of_joints.append(0.0)
+            continue
+        most = _HUBER * 1.4826 * float(np.median(off)) + 1e-12
+        weight = np.minimum(1.0, most / np.maximum(off, 1e-12))
+        of_rows.append(weight)
+        of_joints.append(1.0 / max(float(np.mean(weight * off**2)), 1e-12))
+    return tuple(of_rows), np.array(of_joints)
+
+
+def _delay(found: Estimate) -> float:
+    """Return the delay of the efforts that leaves the least weighted sum of squares, s."""
+    def misfit(delay: float) -> float:
+        rows = [joint_rows(list(found.prepared), list(found.rigid), j, delay)
+                for j in range(len(found.rows))]  # fmt: skip
+        grams = [Grams.of(replace(r, block=np.zeros_like(r.block)), w, 1)
+                 for r, w in zip(rows, found.row_weights, strict=True)]  # fmt: skip
+        normal = Normal.of(grams, np.ones(1, dtype=bool), found.problem.weights)
+        fit = Reduced(normal, found.problem.prior).fit(found.problem.slots(found.choice.laws))
+        return sum(float(weight * (w * residuals(r, fit, j) ** 2).sum()) for j, (r, w, weight) in
+                   enumerate(zip(rows, found.row_weights, found.problem.weights, strict=True)))  # fmt: skip
+
+    tried = {round(float(d), 6): misfit(float(d)) for d in _DELAYS}
+    for step in (2 * _STEP, _STEP):
+        best = min(tried, key=tried.__getitem__)
+        for d in (best - step, best + step):
+            tried.setdefault(round(d, 6), misfit(d))
+    best = min(tried, key=tried.__getitem__)
+    near = sorted(tried, key=lambda d: abs(d - best))[:3]
+    curve = np.polyfit(near, [tried[d] for d in near], 2)
+    lowest = -curve[1] / (2.0 * curve[0]) if curve[0] > 0.0 else best
+    return float(np.clip(lowest, min(near), max(near)))
+
+
+def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
+    """Return the laws that one joint's data can tell apart, by the present estimate."""
+    scene, rows = found.scene, found.rows[joint]
+    name = scene.joint_names[joint]
+    if found.question.laws and name in found.question.laws:
+        return (found.question.laws[name],)
+    if rows.effort.size == 0:
+        return (PLAIN,)
+    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT["forward"], SLOT["backward"]]].sum())
+    drives = float(np.mean(rows.load * rows.velocity > 0.0))
+    varied = float(np.sqrt(np.mean(rows.load**2))) > coulomb
+    entry = scene.friction.get(name)
+    return candidates(entry is not None and entry.bearing is not None,
+                      found.question.motor and varied,
+                      min(drives, 1.0 - drives) > _LEAST_SHARE)  # fmt: skip
+
+
+def inner_friction(found: Estimate) -> list[FloatArray]:
+    """Return the joints' own friction in each log, gears' losses left out: (T, nj) N m or N."""
+    result = []
+    for one in found.prepared:
+        v = one.recording.trajectory.v
+        friction = np.zeros_like(v)
+        for j in range(v.shape[1]):
+            values, sign = found.fit.slots[j], np.sign(v[:, j])
+            friction[:, j] = (values[SLOT["forward"]] * (sign > 0)
+                              - values[SLOT["backward"]] * (sign < 0))  # fmt: skip
+            for p in EXPONENTS:
+                friction[:, j] += values[SLOT[f"speed^{p:g}"]] * sign * np.abs(v[:, j]) ** p
+        result.append(friction)
+    return result

@@ -1,0 +1,99 @@
+"""Candidate laws of one joint's friction: which columns of the linear model each of them takes.
+
+    friction = c+ [v > 0] - c- [v < 0] + k |v|^p sign v + sign v mu c(w) + gear
+
+with the bearing's load c, or a gear whose loss grows with the torque that passes it,
+
+    gear = sign v (g+ |x| [x v > 0] + g- |x| [x v < 0]),   g+ = 1/eta - 1,  g- = 1 - eta_b
+
+where x is the rigid effort t (friction sits on the motor's side), or t + friction (on the joint's).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+#: Exponents of the speed. Below a half, Coulomb friction and its rest interval dissolve in the
+#: speed's term unless slow sliding was logged.
+EXPONENTS = (1.0, 0.8, 0.67, 0.5, 0.33)
+#: Where a gear's losses are proportional to: load alone, or load with the joint's friction.
+SIDES = ("motor", "joint")
+_WAYS = ("driving", "driven", "both")
+
+INERTIA, FORWARD, BACKWARD, BEARING = "inertia", "forward", "backward", "bearing"
+#: The columns of one joint beside the rigid ones: what each coefficient multiplies.
+SLOTS = (
+    INERTIA, FORWARD, BACKWARD, *(f"speed^{p:g}" for p in EXPONENTS), BEARING,
+    *(f"gear {way}, {side} side" for side in SIDES for way in _WAYS),
+)  # fmt: skip
+SLOT = {name: i for i, name in enumerate(SLOTS)}
+
+
+@dataclass(frozen=True)
+class Law:
+    """One joint's friction.
+
+    Attributes:
+        coulomb: whether there is constant friction, forward and backward apart.
+        exponent: of the speed; None: no such term.
+        load: "", "bearing" or "gear".
+        side: of a gear's friction, "motor" or "joint".
+        both_ways: a gear that loses as much driven as driving (eta_b = 2 - 1/eta).
+    """
+
+    coulomb: bool = True
+    exponent: float | None = 1.0
+    load: str = ""
+    side: str = "joint"
+    both_ways: bool = True
+
+    @cached_property
+    def slots(self) -> tuple[int, ...]:
+        """Its coefficients' places in `SLOTS`."""
+        names = [FORWARD, BACKWARD] if self.coulomb else []
+        if self.exponent is not None:
+            names.append(f"speed^{self.exponent:g}")
+        if self.load == "bearing":
+            names.append(BEARING)
+        elif self.load == "gear":
+            ways = ["both"] if self.both_ways else ["driving", "driven"]
+            names += [f"gear {way}, {self.side} side" for way in ways]
+        return tuple(SLOT[name] for name in names)
+
+    def __str__(self) -> str:
+        parts = ["Coulomb"] if self.coulomb else []
+        if self.exponent is not None:
+            parts.append("viscous" if self.exponent == 1.0 else f"speed^{self.exponent:g}")
+        if self.load == "gear":
+            parts.append(f"gear {'(one loss)' if self.both_ways else '(two losses)'}, friction on "
+                         f"the {self.side}'s side")  # fmt: skip
+        elif self.load:
+            parts.append(self.load)
+        return " + ".join(parts) or "none"
+
+
+#: What everything is compared with.
+PLAIN = Law()
+
+
+def candidates(bearing: bool, gear: bool, both_directions: bool) -> tuple[Law, ...]:
+    """Return the laws that a joint's data can tell apart.
+
+    Args:
+        bearing: the scene gives the joint a bearing.
+        gear: the effort passes a gear, and load varies enough beside Coulomb friction.
+        both_directions: the load both drives the motion and is driven by it often enough.
+    """
+    loads = [Law()]
+    if bearing:
+        loads.append(Law(load="bearing"))
+    for side in SIDES if gear else ():
+        loads.append(Law(load="gear", side=side))
+        if both_directions:
+            loads.append(Law(load="gear", side=side, both_ways=False))
+    return tuple(
+        Law(coulomb, exponent, law.load, law.side, law.both_ways)
+        for law in loads
+        for coulomb, exponent in ((True, None), *((True, p) for p in EXPONENTS))
+    )

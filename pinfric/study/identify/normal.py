@@ -1,0 +1,184 @@
+"""Least squares from summed normal equations: a fit is then sums and one small solve.
+
+    minimise  sum_j w_j |y_j - Y_j theta - X_j x_j|^2 + lambda^2 N |(theta - theta_0)/scale|^2
+    over theta and x >= 0
+
+theta enters every fit and is eliminated once (Schur complement); which of the x take part is what
+the candidate laws differ in, and a fit of one choice is a non-negative least squares of that size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.study.identify.columns import Rows
+from pinfric.study.identify.laws import SLOTS
+
+FloatArray = NDArray[np.float64]
+
+#: Draws coefficients of columns scaled to one to zero, where a joint does not move.
+_RIDGE = 1e-8
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Where the links' inertial parameters are drawn to.
+
+    Attributes:
+        center: (p,) those of the URDF.
+        weight: (p,) lambda^2 / scale^2; infinite where they are kept.
+    """
+
+    center: FloatArray
+    weight: FloatArray
+
+    @property
+    def kept(self) -> bool:
+        """Whether the parameters are those of the URDF."""
+        return bool(np.isinf(self.weight).all())
+
+
+@dataclass(frozen=True)
+class Grams:
+    """Summed products of one joint's columns (rigid, slots, effort) by block.
+
+    Attributes:
+        products: (blocks, p + K + 1, p + K + 1) A^T W A with the effort as the last column.
+        count: (blocks,) rows in each.
+    """
+
+    products: FloatArray
+    count: FloatArray
+
+    @classmethod
+    def of(cls, rows: Rows, weight: FloatArray, blocks: int) -> Grams:
+        """Sum the products of a joint's rows, each weighted."""
+        columns = np.column_stack((rows.rigid, rows.slots, rows.effort))
+        size = columns.shape[1]
+        products, count = np.zeros((blocks, size, size)), np.zeros(blocks)
+        for b in np.unique(rows.block):
+            part = rows.block == b
+            products[b] = (columns[part] * weight[part, None]).T @ columns[part]
+            count[b] = part.sum()
+        return cls(products, count)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One estimate.
+
+    Attributes:
+        theta: (p,) inertial parameters of the links.
+        slots: (nj, K) coefficients; 0 where a law has none.
+    """
+
+    theta: FloatArray
+    slots: FloatArray
+
+    def of_joint(self, joint: int) -> FloatArray:
+        """Return theta and one joint's coefficients, (p + K,)."""
+        return np.concatenate((self.theta, self.slots[joint]))
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of some blocks; theta (p,) and all joints' slots (nj K,) apart.
+
+    Attributes:
+        rigid, cross, slots: (p, p), (p, nj K), (nj K, nj K) of A^T W A.
+        right_rigid, right_slots: (p,), (nj K,) of A^T W y.
+        rows: how many rows were summed.
+    """
+
+    rigid: FloatArray
+    cross: FloatArray
+    slots: FloatArray
+    right_rigid: FloatArray
+    right_slots: FloatArray
+    rows: float
+
+    @classmethod
+    def of(
+        cls, grams: Sequence[Grams], blocks: NDArray[np.bool_], weights: FloatArray
+    ) -> Normal:
+        """Sum the blocks' products, joint j with weight `weights[j]`."""
+        K, nj = len(SLOTS), len(grams)
+        p = grams[0].products.shape[1] - K - 1
+        found = cls(np.zeros((p, p)), np.zeros((p, nj * K)), np.zeros((nj * K, nj * K)),
+                    np.zeros(p), np.zeros(nj * K),
+                    sum(float(gram.count[blocks].sum()) for gram in grams))  # fmt: skip
+        for j, (gram, weight) in enumerate(zip(grams, weights, strict=True)):
+            s = weight * gram.products[blocks].sum(axis=0)
+            place = slice(j * K, (j + 1) * K)
+            found.rigid[:] += s[:p, :p]
+            found.right_rigid[:] += s[:p, -1]
+            found.cross[:, place] = s[:p, p:-1]
+            found.slots[place, place] = s[p:-1, p:-1]
+            found.right_slots[place] = s[p:-1, -1]
+        return found
+
+
+class Reduced:
+    """Normal equations with theta eliminated: what a law's coefficients cost beside the best theta.
+
+    Args:
+        normal: of some blocks.
+        prior: of theta.
+    """
+
+    def __init__(self, normal: Normal, prior: Prior) -> None:
+        self.by_slots, self.start = np.zeros_like(normal.cross), prior.center
+        if not prior.kept:
+            strength = normal.rows * prior.weight
+            right = normal.right_rigid + strength * prior.center
+            solved = np.linalg.solve(normal.rigid + np.diag(strength),
+                                     np.column_stack((normal.cross, right)))  # fmt: skip
+            self.by_slots, self.start = solved[:, :-1], solved[:, -1]
+        self.left = normal.slots - normal.cross.T @ self.by_slots
+        self.right = normal.right_slots - normal.cross.T @ self.start
+
+    def fit(self, chosen: Sequence[Sequence[int]]) -> Fit:
+        """Return the estimate in which joint j has the slots `chosen[j]`, all of them >= 0."""
+        place = places(chosen)
+        x = np.zeros(self.right.size)
+        x[place] = non_negative(self.left[np.ix_(place, place)], self.right[place])
+        return Fit(self.start - self.by_slots @ x, x.reshape(len(chosen), -1))
+
+
+def places(chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+    """Return where the chosen slots of all joints stand among (nj K,)."""
+    return np.array([j * len(SLOTS) + slot for j, slots in enumerate(chosen)
+                     for slot in sorted(slots)], dtype=np.int64)  # fmt: skip
+
+
+def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the x >= 0 that makes x^T left x / 2 - right^T x least.
+
+    Columns are scaled to one, and drawn to zero by so little that it only matters where nothing
+    tells two of them apart.
+
+    Args:
+        left: (n, n) symmetric, positive semidefinite.
+        right: (n,).
+    """
+    from scipy.optimize import nnls
+
+    size = np.sqrt(np.maximum(np.diag(left), 1e-30 * max(1.0, float(np.diag(left).max()))))
+    root = np.linalg.cholesky(left / np.outer(size, size) + _RIDGE * np.eye(size.size))
+    found, _ = nnls(root.T, np.linalg.solve(root, right / size))
+    return np.asarray(found / size)
+
+
+def block_errors(products: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the sum of squared residuals of each block, (blocks,), in (N m)^2 or N^2.
+
+    Args:
+        products: (blocks, p + K + 1, p + K + 1) of one joint.
+        values: (p + K,) its coefficients.
+    """
+    x = np.append(-values, 1.0)
+    return np.maximum(np.einsum("i,bij,j->b", x, products, x), 0.0)

@@ -1,0 +1,152 @@
+"""Logs as identification sees them: motion and measured effort, one column per joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import IdentificationError, choose_from
+from pinfric.model.scene import Scene
+from pinfric.study.trajectory.log.arrays import Log
+from pinfric.study.trajectory.log.noise import noise_gain
+from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
+from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
+
+FloatArray = NDArray[np.float64]
+
+#: s. Less than this has no blocks to hold out.
+_SHORTEST = 8.0
+#: rad/s or m/s: a joint that is never faster than this has not moved.
+STILL = 0.01
+#: Gain of the quintic spline's first derivative for white noise, times the step.
+_SPLINE_V = 1.38
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One log, read and filtered; columns are the joints', in the model's order.
+
+    Attributes:
+        name: the log's.
+        trajectory: the motion.
+        step: s between samples.
+        effort: (T, nv) measured, N m or N at the joint; NaN where there is none.
+        slowest: (nv,) speed below which noise or presliding decides, rad/s or m/s.
+    """
+
+    name: str
+    trajectory: Trajectory
+    step: float
+    effort: FloatArray
+    slowest: FloatArray
+
+    @property
+    def reading(self) -> Reading:
+        """How the log was read."""
+        assert self.trajectory.reading is not None
+        return self.trajectory.reading
+
+    @property
+    def rests(self) -> NDArray[np.bool_]:
+        """(T, nv) where a joint is held."""
+        return (self.trajectory.v == 0.0) & (self.trajectory.a == 0.0)
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse a robot whose joints' efforts no log can give one by one.
+
+    Raises:
+        IdentificationError: loops, drives off the joints, mimic joints, several degrees of freedom.
+    """
+    why = ""
+    if scene.linkage is not None:
+        why = "loops close, or drives sit off the joints"
+    elif len(scene.model.mimicking_joints):
+        why = "joints mimic others; lock them in the scene (robot: locked)"
+    elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1:]):
+        why = "a joint has several degrees of freedom"
+    if why:
+        raise IdentificationError(f"{scene.source}: identification takes open chains with one "
+                                  f"drive per joint: {why}")  # fmt: skip
+
+
+def read_recordings(
+    scene: Scene,
+    logs: Sequence[str | Path | Log],
+    gain: Mapping[str, float],
+    payloads: Mapping[str, str],
+    options: ReadingOptions,
+) -> tuple[Recording, ...]:
+    """Read logs with measured efforts.
+
+    Args:
+        scene: the robot; its payloads may be carried.
+        logs: paths, or arrays.
+        gain: joint -> factor on its logged effort (N m per A, or a gear's ratio).
+        payloads: log's name -> the payload that it carries throughout.
+        options: what a person says about columns, units and cutoff.
+
+    Raises:
+        IdentificationError: no log, one log twice, an effort that is missing, a log too short.
+        TrajectoryError: a log cannot be read or does not fit the robot.
+    """
+    names = scene.joint_names
+    for name in gain:
+        if name not in names:
+            raise IdentificationError(f"gain: there is no joint {name!r}; "
+                                      f"{choose_from(name, names)}")  # fmt: skip
+    if not logs:
+        raise IdentificationError("identification needs a log: a motion with measured efforts")
+    found = [_read(scene, log, gain, options) for log in logs]
+    labels = [recording.name for recording in found]
+    for label in payloads:
+        if label not in labels:
+            raise IdentificationError(f"payload: there is no log {label!r}; "
+                                      f"{choose_from(label, labels)}")  # fmt: skip
+    return tuple(_carrying(scene, recording, payloads.get(recording.name)) for recording in found)
+
+
+def _read(
+    scene: Scene, log: str | Path | Log, gain: Mapping[str, float], options: ReadingOptions
+) -> Recording:
+    trajectory = load_trajectory(log, scene, options)
+    name, reading = Path(trajectory.source).name, trajectory.reading
+    if reading is None:
+        raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")
+    t = trajectory.t
+    if t.size < 100 or t[-1] - t[0] < _SHORTEST:
+        raise IdentificationError(f"{name}: lasts {t[-1] - t[0]:.3g} s, {t.size} samples; at "
+                                  f"least {_SHORTEST:g} s are needed")  # fmt: skip
+    missing = [joint for joint in scene.joint_names if joint not in reading.effort]
+    if missing:
+        raise IdentificationError(
+            f"{name}: no measured effort of {', '.join(missing)}; name the columns by --columns "
+            "FILE (currents with `effort_scale`, N m per A)"
+        )
+    effort = np.column_stack([gain.get(joint, 1.0) * reading.effort[joint]
+                              for joint in scene.joint_names])  # fmt: skip
+    step = float(np.median(np.diff(t)))
+    slowest = [max(STILL, 3.0 * _velocity_noise(reading, joint, step))
+               for joint in scene.joint_names]  # fmt: skip
+    return Recording(name, trajectory, step, effort, np.array(slowest))
+
+
+def _velocity_noise(reading: Reading, joint: str, step: float) -> float:
+    """Standard deviation of a joint's velocity, rad/s or m/s."""
+    noise, cutoff = reading.noise.get(joint, 0.0), reading.cutoff.get(joint)
+    return noise * (_SPLINE_V / step if cutoff is None else noise_gain(step, cutoff, 1))
+
+
+def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:
+    if payload is None:
+        return recording
+    if payload not in scene.payloads:
+        raise IdentificationError(f"payload: {scene.source} has no payload {payload!r}; "
+                                  f"{choose_from(payload, scene.payloads)}")  # fmt: skip
+    attached = np.zeros_like(recording.trajectory.attached)
+    attached[:, list(scene.payloads).index(payload)] = True
+    return replace(recording, trajectory=replace(recording.trajectory, attached=attached))

@@ -1,0 +1,119 @@
+"""Logs with known truth: a UR5 with friction that depends on load, measured as robots measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+import pinfric as pf
+
+#: s by which measured efforts lag behind, share of an effort's RMS that is white noise, and that
+#: hangs together over `MEMORY` s; counts of an encoder over a turn.
+DELAY, NOISE, MEMORY, COUNTS = 0.004, 0.02, 0.2, 2**18
+RATIO = 101.0
+#: Gears, and a plain bearing at the elbow: the load-dependent friction that is hidden.
+EFFICIENCY, BACK_EFFICIENCY, MU = 0.95, 0.93, 0.08
+PIN = {"kind": "pin", "radius": 0.05, "length": 0.06}
+COULOMB = ((6.0, 5.0), (8.0, 7.0), (4.0, 4.6), (1.6, 1.3), (1.2, 1.4), (1.0, 1.1))
+VISCOUS = (9.0, 11.0, 7.0, 2.0, 1.6, 1.4)
+ROTOR = (7e-5, 7e-5, 7e-5, 1.2e-5, 1.2e-5, 1.2e-5)
+
+
+@cache
+def robot() -> pf.Scene:
+    """The bundled UR5 without friction and drives."""
+    scene = pf.load_scene("ur5_pick_and_place")
+    return scene.with_(friction={}, actuators=None, payloads={})
+
+
+@cache
+def truth() -> pf.Scene:
+    """The robot as it is."""
+    scene = robot()
+    friction, actuators = {}, []
+    for j, name in enumerate(scene.joint_names):
+        (up, down), viscous = COULOMB[j], VISCOUS[j]
+        friction[name] = {
+            "coulomb": {"positive": {"static": up, "kinetic": up},
+                        "negative": {"static": down, "kinetic": down}}, "viscous": viscous,
+        }  # fmt: skip
+        transmission = {"ratio": RATIO, "rotor_inertia": ROTOR[j]}
+        if j == 1:
+            transmission |= {"efficiency": EFFICIENCY, "back_efficiency": BACK_EFFICIENCY}
+        actuators.append({"joint": name, "transmission": transmission})
+    elbow = scene.joint_names[2]
+    friction[elbow] |= {"bearing": PIN, "mu": {"static": MU, "kinetic": MU}}
+    return scene.with_(friction=friction, actuators=actuators)
+
+
+def guess(seed: int) -> pf.Scene:
+    """What is known before: masses wrong by 20 %, the elbow's bearing with a guessed coefficient."""
+    true = truth()
+    model, rng = true.model.copy(), np.random.default_rng(1000 + seed)
+    for body in range(1, model.njoints):
+        inertia = model.inertias[body].copy()
+        factor = 1.0 + 0.2 * rng.choice([-1.0, 1.0])
+        inertia.mass *= factor
+        inertia.inertia = inertia.inertia * factor
+        model.inertias[body] = inertia
+    elbow = true.joint_names[2]
+    friction = {elbow: {"bearing": PIN, "mu": {"static": 0.1, "kinetic": 0.1}}}
+    actuators = [{"joint": name, "transmission": {"ratio": RATIO}} for name in true.joint_names]
+    return true.with_(model=model, friction=friction, actuators=actuators)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion with its exact derivatives."""
+
+    t: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+
+def excitation(seed: int, duration: float = 60.0, rate: float = 500.0, still=()) -> Motion:
+    """Sums of sines about a bent arm; joints in `still` stand."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(duration * rate)) / rate
+    nj = 6
+    middle = np.array([0.0, -1.2, 1.2, -0.5, 0.5, 0.0])
+    reach = np.array([2.0, 1.3, 1.8, 2.0, 2.0, 2.5])
+    q, v, a = (np.zeros((t.size, nj)) for _ in range(3))
+    harmonics = 2 * np.pi * 0.05 * np.arange(1, 13)
+    for j in range(nj):
+        if j in still:
+            continue
+        size = rng.normal(size=12) / np.maximum(1.0, np.arange(1, 13) / 3.0)
+        angle = np.outer(t, harmonics) + rng.uniform(0.0, 2 * np.pi, 12)
+        size *= reach[j] / np.abs(np.sin(angle) @ size).max()
+        q[:, j] = np.sin(angle) @ size
+        v[:, j] = np.cos(angle) @ (size * harmonics)
+        a[:, j] = -np.sin(angle) @ (size * harmonics**2)
+    return Motion(t, middle + q, v, a)
+
+
+def motor_effort(scene: pf.Scene, motion: Motion) -> np.ndarray:
+    """What the motors deliver, times their gears' ratio; the middle of intervals at rest."""
+    found = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a, t=motion.t)
+    ratio = np.array([drive.transmission.ratio for drive in scene.drives])
+    return 0.5 * ratio * (found.motor_torque_lower + found.motor_torque_upper)
+
+
+def log(seed: int, duration: float = 60.0, rate: float = 500.0, still=(), name="log") -> pf.Log:
+    """The excitation as a robot logs it: encoder counts, noisy late efforts, ns stamps."""
+    motion = excitation(seed, duration, rate, still)
+    rng = np.random.default_rng(5000 + seed)
+    effort = motor_effort(truth(), motion)
+    late = np.column_stack([np.interp(motion.t - DELAY, motion.t, y) for y in effort.T])
+    size = NOISE * np.sqrt(np.mean(effort**2, axis=0))
+    keep = np.exp(-1.0 / (rate * MEMORY))
+    from scipy.signal import lfilter
+
+    slow = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.normal(size=effort.shape), axis=0)
+    measured = late + size * (rng.normal(size=effort.shape) + slow)
+    step = 2 * np.pi / COUNTS
+    stamps = 1_700_000_000_000_000_000 + np.rint(motion.t * 1e9).astype(np.int64)
+    return pf.Log(stamps, step * np.rint(motion.q / step), measured, name=name)
