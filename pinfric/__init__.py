@@ -39,6 +39,8 @@ _PUBLIC = {
     "ReadingOptions": "pinfric.study.trajectory.log.reading",
     "export": "pinfric.study.export.export",
     "Exported": "pinfric.study.export.export",
+    "identify": "pinfric.study.identify.identify",
+    "Identified": "pinfric.study.identify.identify",
     "size": "pinfric.study.sizing.size",
     "SizingReport": "pinfric.study.sizing.size",
     "load_catalog": "pinfric.study.sizing.catalog",
@@ -83,6 +85,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.study.check.plausibility import check as check
     from pinfric.study.export.export import Exported as Exported
     from pinfric.study.export.export import export as export
+    from pinfric.study.identify.identify import Identified as Identified
+    from pinfric.study.identify.identify import identify as identify
     from pinfric.study.scene_run import run_scene as run_scene
     from pinfric.study.sizing.catalog import load_catalog as load_catalog
     from pinfric.study.sizing.size import SizingReport as SizingReport

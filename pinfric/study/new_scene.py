@@ -64,11 +64,11 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         _head(urdf, robot),
         "pinfric: 1",
         "robot:",
-        f"  urdf: {_scalar(_locator(urdf, folder))}",
+        f"  urdf: {scalar(locator(urdf, folder))}",
         "  gravity: [0.0, 0.0, -9.81]",
         *_dynamics_section(robot),
         "  # payloads:                  # what it carries; com in the link's frame",
-        f"  #   box: {{link: {_scalar(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
+        f"  #   box: {{link: {scalar(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
         "friction:",
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
@@ -91,7 +91,7 @@ def new_waypoints(urdf: str | Path) -> str:
     columns = tuple(_followed(column, followers) for column in columns)
     start = [_start(column) for column in columns]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
-    names = ", ".join(_scalar(column.name) for column in columns)
+    names = ", ".join(scalar(column.name) for column in columns)
     return "\n".join([
         f"# A first motion for {urdf.name}: every joint moves a little, holds, and returns.",
         "# Made by `pinfric new`; positions in rad and m, times in s.",
@@ -143,12 +143,12 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
 
 def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> list[str]:
     """The lines of one joint; a joint without a single axis is only listed."""
-    name = _scalar(joint.name)
+    name = scalar(joint.name)
     if joint.degrees > 1:
         return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
     unit, position = ("N", "m") if joint.sliding else ("N m", "rad")
     if joint.leader is not None:
-        about = f"follows {_scalar(joint.leader)}: bearings of its own, no drive"
+        about = f"follows {scalar(joint.leader)}: bearings of its own, no drive"
     elif math.isfinite(joint.upper):
         about = f"{joint.lower:.4g} to {joint.upper:.4g} {position}"
     else:
@@ -164,7 +164,7 @@ def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> li
         "  # guess: rolling bearings (plain bushings: 0.1 to 0.2)",
         f"    coulomb: {{static: {_short(_STATIC * gear)}, kinetic: {_short(gear)}}}"
         f"  # guess: gear and seals, {100 * _GEAR:g} % of {joint.load:.3g} {unit}{friction}",
-        f"    # viscous: {_yaml_number(f'{given.damping:.6g}')}  # {unit} s/{position}{damping}",
+        f"    # viscous: {yaml_number(f'{given.damping:.6g}')}  # {unit} s/{position}{damping}",
     ]
 
 
@@ -198,7 +198,7 @@ def _head(urdf: Path, robot: Robot) -> str:
     )
 
 
-def _locator(urdf: Path, folder: str | Path | None) -> str:
+def locator(urdf: Path, folder: str | Path | None) -> str:
     """How a scene in `folder` names the URDF."""
     full = urdf.resolve()
     bundled = example_robot_data().resolve()
@@ -232,7 +232,7 @@ def _actuators_section(robot: Robot) -> list[str]:
     if not robot.gears.keys() & set(single):
         return [
             "# actuators:                   # without this section: one ideal drive per joint",
-            f"#   - joint: {_scalar(single[0] if single else robot.model.names[1])}",
+            f"#   - joint: {scalar(single[0] if single else robot.model.names[1])}",
             "#     transmission: {ratio: 100, efficiency: 0.85, back_efficiency: 0.82, "
             "rotor_inertia: 1.0e-5}",
         ]
@@ -243,8 +243,8 @@ def _actuators_section(robot: Robot) -> list[str]:
     for name in Scene(robot.model).actuator_names:
         ratio = robot.gears.get(name) if name in single else None
         gear = "" if ratio is None else (
-            f", transmission: {{ratio: {_yaml_number(f'{ratio:.12g}')}}}")  # fmt: skip
-        lines.append(f"  - {{joint: {_scalar(name)}{gear}}}{'  # the URDF' if gear else ''}")
+            f", transmission: {{ratio: {yaml_number(f'{ratio:.12g}')}}}")  # fmt: skip
+        lines.append(f"  - {{joint: {scalar(name)}{gear}}}{'  # the URDF' if gear else ''}")
     return lines
 
 
@@ -303,7 +303,7 @@ def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[fl
     return max(1.0, math.ceil(10.0 * max(needed, default=0.0)) / 10.0)
 
 
-def _scalar(text: str) -> str:
+def scalar(text: str) -> str:
     """Text as YAML that reads back as the same text."""
     plain = _PLAIN.match(text) or re.match(r"[A-Za-z0-9_./\-]+(:[A-Za-z0-9_./\-]+)?\Z", text)
     if plain and text.lower() not in _YAML_WORDS and not text[0].isdigit() and text[0] not in "-.":
@@ -313,14 +313,14 @@ def _scalar(text: str) -> str:
 
 def _short(x: float) -> str:
     """Two significant digits, as YAML reads a number."""
-    return _yaml_number(f"{x:.2g}")
+    return yaml_number(f"{x:.2g}")
 
 
-def _yaml_number(text: str) -> str:
+def yaml_number(text: str) -> str:
     """A number as YAML 1.1 reads it: 5e-05 would be text there, 5.0e-5 is not."""
     digits, e, exponent = text.partition("e")
     return f"{digits if '.' in digits else digits + '.0'}e{int(exponent)}" if e else text
 
 
 def _numbers(values: list[float]) -> str:
-    return "[" + ", ".join(_yaml_number(f"{value:.12g}") for value in values) + "]"
+    return "[" + ", ".join(yaml_number(f"{value:.12g}") for value in values) + "]"

@@ -6,18 +6,27 @@ the URDF's inertias and plain friction, and each later one what the pass before 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.model.scene import Scene
+from pinfric.study.identify.checks import check_efforts
 from pinfric.study.identify.choice import Choice, Problem, choose, held_out_parts
 from pinfric.study.identify.columns import Prepared, Rows, joint_rows, prepare, with_loads
 from pinfric.study.identify.inertias import consistent_fit, urdf_prior, with_parameters
-from pinfric.study.identify.laws import EXPONENTS, PLAIN, SLOT, Law, candidates
-from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced
+from pinfric.study.identify.laws import (
+    BACKWARD,
+    EXPONENTS,
+    FORWARD,
+    PLAIN,
+    SLOT,
+    Law,
+    candidates,
+)
+from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, residuals
 from pinfric.study.identify.recordings import Recording
 
 FloatArray = NDArray[np.float64]
@@ -41,13 +50,15 @@ class Question:
         motor: the effort is measured before gear and rotor.
         keep_inertias: the URDF's are right.
         laws: joint -> its law, where it is not to be chosen.
+        gains: joints whose efforts' unit a person has said.
     """
 
     scene: Scene
     recordings: Sequence[Recording]
     motor: bool = True
     keep_inertias: bool = False
-    laws: dict[str, Law] | None = None
+    laws: Mapping[str, Law] = field(default_factory=dict)
+    gains: Collection[str] = ()
 
 
 @dataclass(frozen=True)
@@ -110,14 +121,13 @@ def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
         (), Choice(plain, ()), Fit(np.zeros(0), np.zeros((0, 0))), 0.0, scene,
         tuple(rigid for _, rigid in loaded), tuple(one for one, _ in loaded))  # fmt: skip
     fitted = _fitted(start, [(PLAIN,)] * scene.model.nv)
+    check_efforts(scene, fitted.rows, question.gains)
     return _fitted(replace(fitted, delay=_delay(fitted)), [(PLAIN,)] * scene.model.nv)
 
 
 def _next_pass(before: Estimate) -> Estimate:
     """Loads by the inertias found, and with them the laws."""
-    inner = inner_friction(before)
-    loaded = [with_loads(one, before.scene, f)
-              for one, f in zip(before.prepared, inner, strict=True)]  # fmt: skip
+    loaded = [reloaded(before, one) for one in before.prepared]
     now = replace(before, rigid=tuple(rigid for _, rigid in loaded),
                   prepared=tuple(one for one, _ in loaded))  # fmt: skip
     now = replace(now, delay=_delay(now))
@@ -149,11 +159,6 @@ def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
     scene = scene.with_(model=with_parameters(scene.model, fit.theta))
     return replace(before, rows=rows, problem=problem, row_weights=row_weights, choice=choice,
                    fit=fit, scene=scene)  # fmt: skip
-
-
-def residuals(rows: Rows, fit: Fit, joint: int) -> FloatArray:
-    """Return measured less fitted effort of one joint's rows, (n,) N m or N."""
-    return rows.effort - rows.rigid @ fit.theta - rows.slots @ fit.slots[joint]
 
 
 def _weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], FloatArray]:
@@ -200,11 +205,11 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     """Return the laws that one joint's data can tell apart, by the present estimate."""
     scene, rows = found.scene, found.rows[joint]
     name = scene.joint_names[joint]
-    if found.question.laws and name in found.question.laws:
+    if name in found.question.laws:
         return (found.question.laws[name],)
     if rows.effort.size == 0:
         return (PLAIN,)
-    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT["forward"], SLOT["backward"]]].sum())
+    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
     drives = float(np.mean(rows.load * rows.velocity > 0.0))
     varied = float(np.sqrt(np.mean(rows.load**2))) > coulomb
     entry = scene.friction.get(name)
@@ -213,17 +218,14 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
                       min(drives, 1.0 - drives) > _LEAST_SHARE)  # fmt: skip
 
 
-def inner_friction(found: Estimate) -> list[FloatArray]:
-    """Return the joints' own friction in each log, gears' losses left out: (T, nj) N m or N."""
-    result = []
-    for one in found.prepared:
-        v = one.recording.trajectory.v
-        friction = np.zeros_like(v)
-        for j in range(v.shape[1]):
-            values, sign = found.fit.slots[j], np.sign(v[:, j])
-            friction[:, j] = (values[SLOT["forward"]] * (sign > 0)
-                              - values[SLOT["backward"]] * (sign < 0))  # fmt: skip
-            for p in EXPONENTS:
-                friction[:, j] += values[SLOT[f"speed^{p:g}"]] * sign * np.abs(v[:, j]) ** p
-        result.append(friction)
-    return result
+def reloaded(found: Estimate, one: Prepared) -> tuple[Prepared, FloatArray]:
+    """Return one log's columns with loads by the present estimate, and its rigid effort (T, nj)."""
+    v = one.recording.trajectory.v
+    inner = np.zeros_like(v)
+    for j, values in enumerate(found.fit.slots):
+        sign = np.sign(v[:, j])
+        inner[:, j] = (values[SLOT[FORWARD]] * (sign > 0.0)
+                       - values[SLOT[BACKWARD]] * (sign < 0.0))  # fmt: skip
+        for p in EXPONENTS:
+            inner[:, j] += values[SLOT[f"speed^{p:g}"]] * sign * np.abs(v[:, j]) ** p
+    return with_loads(one, found.scene, inner)

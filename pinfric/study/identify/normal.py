@@ -173,6 +173,11 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(found / size)
 
 
+def residuals(rows: Rows, fit: Fit, joint: int) -> FloatArray:
+    """Return measured less fitted effort of one joint's rows, (n,) N m or N."""
+    return rows.effort - rows.rigid @ fit.theta - rows.slots @ fit.slots[joint]
+
+
 def block_errors(products: FloatArray, values: FloatArray) -> FloatArray:
     """Return the sum of squared residuals of each block, (blocks,), in (N m)^2 or N^2.
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.study.identify.estimate import Estimate, residuals
+from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import places
+from pinfric.study.identify.normal import places, residuals
 
 FloatArray = NDArray[np.float64]
 

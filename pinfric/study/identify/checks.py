@@ -1,0 +1,113 @@
+"""What logs and robot must agree on before anything is fitted, and after: signs, gains, one robot.
+
+Nothing is guessed: an effort with the wrong sign or unit is refused by the joint's name, with what
+would explain it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import IdentificationError, problems_line
+from pinfric.model.scene import Scene
+from pinfric.study.identify.columns import Rows
+from pinfric.study.identify.inertias import parameters
+from pinfric.study.identify.laws import BACKWARD, FORWARD, INERTIA, SLOT
+from pinfric.study.identify.normal import Fit, residuals
+
+FloatArray = NDArray[np.float64]
+
+#: Slopes of the logged effort on that of the URDF's masses: right logs gave 0.92 to 1.35 with
+#: correlations from 0.96, URDFs wrong by up to 40 %.
+_SLOPES, _CORRELATION = (0.6, 1.6), 0.8
+#: Share of an effort that loads must make for a slope to say anything.
+_LEAST_LOAD = 0.1
+#: How far the rigid efforts of two logs of one robot may differ, as a share.
+_ONE_ROBOT = 0.3
+
+
+def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) -> None:
+    """Refuse efforts that cannot be those of this robot in N m or N.
+
+    Args:
+        scene: the robot as its URDF has it.
+        rows: of each joint.
+        given: joints whose gain a person has given: only their signs are judged.
+
+    Raises:
+        IdentificationError: a wrong sign or unit, by joint, all in one message.
+    """
+    theta, problems = parameters(scene.model), []
+    for name, one in zip(scene.joint_names, rows, strict=True):
+        if one.effort.size < 50:
+            continue
+        slope, correlation = _slope(one, theta)
+        if slope < 0.0 and correlation < -_CORRELATION:
+            problems.append(
+                f"joint {name}: its effort falls where the robot's weight makes it rise (slope "
+                f"{slope:.2f}, correlation {correlation:.2f}): sign of the effort or of the angle "
+                "turned, or zero displaced; say so by `sign` and `offset` in a file given by "
+                "--columns"
+            )
+        elif correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1]:
+            if name not in given:
+                problems.append(
+                    f"joint {name}: its effort is {slope:.3g} times what the URDF's masses need: "
+                    f"in A, or at the motor's shaft? say by --gain {name}=FACTOR what makes N m of "
+                    f"it ({name}=1: it is in N m, the masses are wrong)"
+                )
+    if problems:
+        raise IdentificationError(problems_line(scene.source, problems))
+
+
+def _slope(rows: Rows, theta: FloatArray) -> tuple[float, float]:
+    """Slope and correlation of effort on rigid effort, friction, inertia and offset taken out."""
+    load = rows.rigid @ theta
+    slots = [SLOT[name] for name in (FORWARD, BACKWARD, "speed^1", INERTIA)]
+    others = np.column_stack((rows.slots[:, slots], np.ones(load.size)))
+    others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
+    basis = np.linalg.qr(others)[0]
+    y, t = (x - basis @ (basis.T @ x) for x in (rows.effort, load))
+    size = float(t @ t)
+    if size < _LEAST_LOAD**2 * float(rows.effort @ rows.effort):
+        return 1.0, 0.0
+    slope = float(y @ t) / size
+    return slope, float(y @ t) / np.sqrt(size * max(float(y @ y), 1e-300))
+
+
+def check_one_robot(
+    joints: Sequence[str], rows: Sequence[Rows], fit: Fit, logs: Sequence[str]
+) -> None:
+    """Refuse logs whose rigid efforts one robot cannot have had.
+
+    Args:
+        joints: their names.
+        rows: of each joint.
+        fit: of all logs.
+        logs: their names.
+
+    Raises:
+        IdentificationError: names joint and logs.
+    """
+    for j, one in enumerate(rows):
+        load = one.rigid @ fit.theta
+        if load @ load < _LEAST_LOAD * float(one.effort @ one.effort):
+            continue
+        off, slopes = residuals(one, fit, j), {}
+        for log in np.unique(one.log):
+            part = one.log == log
+            size = float(load[part] @ load[part])
+            if size > 0.0:
+                slopes[int(log)] = 1.0 + float(load[part] @ off[part]) / size
+        if not slopes:
+            continue
+        low, high = min(slopes, key=slopes.__getitem__), max(slopes, key=slopes.__getitem__)
+        if slopes[high] - slopes[low] > _ONE_ROBOT:
+            raise IdentificationError(
+                f"joint {joints[j]}: {logs[high]} has {slopes[high]:.2f}, {logs[low]} "
+                f"{slopes[low]:.2f} of one and the same rigid effort: logs of two robots, or of a "
+                "payload that --payload LOG=NAME should name"
+            )

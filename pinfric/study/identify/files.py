@@ -1,0 +1,270 @@
+"""What an identification writes: a scene with every figure's interval, the robot, the posterior."""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.errors import IdentificationError
+from pinfric.model.robot import Robot, example_robot_data
+from pinfric.model.schema import Simulation, TableEffort
+from pinfric.model.urdf import mesh_file
+from pinfric.model.urdf_file import read_xml
+from pinfric.study.identify.identify import Identified
+from pinfric.study.identify.parameters import Parameter, on_motor
+from pinfric.study.new_scene import locator, scalar, yaml_number
+
+#: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
+_ABSOLUTE = ("efficiency", "back_efficiency")
+_SAMPLES = 200
+
+
+def identified_files(found: Identified, folder: Path) -> dict[str, Callable[[Path], object]]:
+    """Return name -> what writes that file: scene, robot (where it was corrected), posterior, sweep.
+
+    Args:
+        found: what was identified.
+        folder: where they will stand; files are named relative to it.
+
+    Raises:
+        IdentificationError: the scene has no URDF that a file could name.
+    """
+    robot = found.scene.robot
+    if robot is None:
+        raise IdentificationError(f"{found.scene.source}: was made in Python and has no URDF; a "
+                                  "scene file needs one (`found.scene` is complete)")  # fmt: skip
+    texts = {"scene.yaml": scene_text(found, robot, folder), "posterior.csv": posterior_text(found),
+             "sweep.yaml": _SWEEP}  # fmt: skip
+    if not found.keeps_inertias:
+        texts["robot.urdf"] = robot_text(robot, found.scene.model)
+
+    def writer(text: str) -> Callable[[Path], object]:
+        return lambda path: path.write_text(text, encoding="utf-8")
+
+    return {name: writer(text) for name, text in texts.items()}
+
+
+_SWEEP = f"""# The robot as uncertain as its logs leave it: every sample is one row of posterior.csv.
+#
+#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml
+pinfric_sweep: 1
+samples: {_SAMPLES}
+seed: 1
+table: posterior.csv
+"""
+
+
+def posterior_text(found: Identified) -> str:
+    """Return the draws as a table that a sweep takes: factors on the scene's values, efficiencies.
+
+    Args:
+        found: what was identified.
+    """
+    values = {p.key: p.value for p in found.parameters}
+    columns = {key: draws if key.rpartition(".")[2] in _ABSOLUTE else draws / values[key]
+               for key, draws in found.posterior.items()}  # fmt: skip
+    for joint, law in found.laws.items():
+        key = f"transmission.{joint}.efficiency"
+        if law.load == "gear" and law.both_ways and key in columns:
+            columns[f"transmission.{joint}.back_efficiency"] = 2.0 - 1.0 / columns[key]
+    lines = [",".join(columns)]
+    rows = np.column_stack(list(columns.values())) if columns else np.zeros((0, 0))
+    return "\n".join([*lines, *(",".join(f"{x:.6g}" for x in row) for row in rows)]) + "\n"
+
+
+def scene_text(found: Identified, robot: Robot, folder: Path) -> str:
+    """Return the identified scene as a commented file.
+
+    Args:
+        found: what was identified.
+        robot: of its scene.
+        folder: where it will stand.
+    """
+    scene = found.scene
+    urdf = locator(robot.urdf, folder) if found.keeps_inertias else "robot.urdf"
+    section: dict[str, Any] = {"urdf": urdf, "gravity": scene.model.gravity.linear.tolist()}
+    if robot.locked:
+        section["locked"] = dict(robot.locked)
+    if scene.payloads:
+        section["payloads"] = {name: payload.model_dump(exclude_defaults=True)
+                               for name, payload in scene.payloads.items()}  # fmt: skip
+    content: dict[str, Any] = {"pinfric": 1, "robot": section, "friction": _friction(found),
+                               "actuators": _actuators(found)}  # fmt: skip
+    content["stick"] = {"velocity": scene.stick_velocity}
+    if scene.simulation is not None:
+        content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
+    return "\n".join([*_heading(found), *_block(content, 0, (), _comments(found))]) + "\n"
+
+
+def _heading(found: Identified) -> Iterator[str]:
+    logs = ", ".join(one.name for one in found.recordings)
+    yield f"# Friction identified from {logs} by `pinfric identify`."
+    yield "# Beside each figure: its 95 % interval, from blocks of the logs as samples; figures"
+    yield "# marked `not determined` are what fits best, and these logs do not tell them."
+    yield "# static: no log of these shows it; it is the kinetic value, or, where the law is steep"
+    yield "# at rest, friction at the slowest logged sliding."
+    yield from (f"#   {line}" for line in found.said)
+
+
+def _friction(found: Identified) -> dict[str, Any]:
+    """The friction of all joints: found, or the scene's own where a joint has not moved."""
+    section = {}
+    for name in found.scene.joint_names:
+        if name in found.entries:
+            entry: Any = found.entries[name].friction
+        else:
+            own = found.scene.friction.get(name)
+            entry = {} if own is None else own.model_dump(exclude_defaults=True)
+        if entry:
+            section[name] = entry
+    return section
+
+
+def _actuators(found: Identified) -> list[dict[str, Any]]:
+    section = []
+    for drive in found.scene.drives:
+        entry: dict[str, Any] = {"joint": drive.name}
+        given = found.entries[drive.name].transmission if drive.name in found.entries else {}
+        if given:
+            entry["transmission"] = given
+        elif drive.transmission is not None:
+            entry["transmission"] = drive.transmission.model_dump(exclude_defaults=True)
+        section.append(entry)
+    return section
+
+
+def _simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
+    """The scene's own, with its tables named in full."""
+    content = simulation.model_dump(exclude_defaults=True)
+    for name, effort in simulation.effort.items():
+        if isinstance(effort, TableEffort):
+            content["effort"][name] = {"table": str((folder / effort.table).resolve())}
+    return content
+
+
+def _comments(found: Identified) -> dict[tuple[str, ...], str]:
+    """Comments by the path of keys that they stand beside."""
+    comments = {}
+    order = [drive.name for drive in found.scene.drives]
+    for parameter in found.parameters:
+        section, name, *rest = _split(parameter.key, found.scene.joint_names)
+        where: tuple[str, ...] = ("friction", name, *rest)
+        if section == "transmission":
+            where = ("actuators", str(order.index(name)), "transmission", *rest)
+        comments[where] = _interval(parameter)
+    for name, law in found.laws.items():
+        if name in found.errors:
+            error = found.errors[name]
+            where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
+            comments[where] = (f"{law}: off by {100 * error.error / error.rms:.2g} % where nothing "
+                               f"was fitted ({error.error / error.plain:.2f} of Coulomb + viscous)")  # fmt: skip
+    return comments
+
+
+def _split(key: str, names: Sequence[str]) -> list[str]:
+    """Cut a key into section, joint and the rest; joints may have dots in their names."""
+    section, _, rest = key.partition(".")
+    name = max((n for n in names if rest.startswith(f"{n}.")), key=len)
+    return [section, name, *rest.removeprefix(f"{name}.").split(".")]
+
+
+def _interval(parameter: Parameter) -> str:
+    text = f"{parameter.low:.3g} to {parameter.high:.3g} {parameter.unit}".rstrip()
+    return text if parameter.determined else f"not determined: {parameter.why} ({text})"
+
+
+def _block(
+    node: Mapping[str, Any] | Sequence[Any],
+    depth: int,
+    path: tuple[str, ...],
+    comments: Mapping[tuple[str, ...], str],
+) -> Iterator[str]:
+    """Yield lines of YAML: what is flat on one line, the rest indented, comments beside both."""
+    for key, value in node.items() if isinstance(node, Mapping) else enumerate(node):
+        here = (*path, str(key))
+        pad = "  " * depth
+        lead = f"{pad}- " if not isinstance(node, Mapping) else f"{pad}{scalar(str(key))}:"
+        beside = f"  # {comments[here]}" if here in comments else ""
+        inner = any(len(at) > len(here) and at[: len(here)] == here for at in comments)
+        if _flat(value) and not inner or not value:
+            yield f"{lead.rstrip()} {_flow(value)}{beside}"
+        elif isinstance(node, Mapping):
+            yield f"{lead}{beside}"
+            yield from _block(value, depth + 1, here, comments)
+        else:
+            if beside:
+                yield f"{pad}{beside.strip()}"
+            lines = list(_block(value, depth + 1, here, comments))
+            yield f"{pad}- {lines[0].lstrip()}"
+            yield from lines[1:]
+
+
+def _flat(value: Any) -> bool:
+    """Whether a value stands on one line: a scalar, numbers, or a mapping of scalars."""
+    if isinstance(value, Mapping):
+        return all(not isinstance(x, Mapping | list) for x in value.values())
+    if isinstance(value, list | tuple):
+        return all(not isinstance(x, Mapping | list | tuple) for x in value)
+    return True
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{scalar(str(k))}: {_flow(x)}" for k, x in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return yaml_number(f"{value:.10g}")
+    return scalar(str(value))
+
+
+def robot_text(robot: Robot, model: pin.Model) -> str:
+    """Return the URDF with the model's inertias: each body's at the link its joint moves.
+
+    Links that are fixed to that link give theirs up: logs cannot tell them apart.
+
+    Args:
+        robot: the URDF as it was read.
+        model: with the inertias to write.
+    """
+    root = copy.deepcopy(read_xml(robot.urdf))
+    links = {str(link.get("name")): link for link in root.findall("link")}
+    moved_by = {str(joint.get("name")): str(child.get("link")) for joint in root.findall("joint")
+                if (child := joint.find("child")) is not None}  # fmt: skip
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY and frame.parentJoint > 0:
+            link = links[frame.name]
+            for old in link.findall("inertial"):
+                link.remove(old)
+    for body in range(1, model.njoints):
+        links[moved_by[model.names[body]]].insert(0, _inertial(model.inertias[body]))
+    bundled = example_robot_data().resolve()
+    for mesh in root.iter("mesh"):
+        name = mesh.get("filename")
+        file = mesh_file(name, robot.urdf, robot.package_dirs)
+        if file is not None and not (str(name).startswith("package:")
+                                     and file.resolve().is_relative_to(bundled)):  # fmt: skip
+            mesh.set("filename", f"file://{file.resolve()}")
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _inertial(inertia: pin.Inertia) -> ElementTree.Element:
+    def numbers(values: Any) -> str:
+        return " ".join(f"{x:.10g}" for x in values)
+
+    element = ElementTree.Element("inertial")
+    ElementTree.SubElement(element, "origin", xyz=numbers(inertia.lever), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=f"{inertia.mass:.10g}")
+    I = inertia.inertia  # noqa: E741 - the moments
+    moments = {f"i{'xyz'[i]}{'xyz'[k]}": f"{I[i, k]:.10g}" for i in range(3) for k in range(i, 3)}
+    ElementTree.SubElement(element, "inertia", moments)
+    return element

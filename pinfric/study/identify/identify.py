@@ -1,0 +1,269 @@
+"""`pf.identify`: a robot's friction from its own logs, with what they do not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.errors import IdentificationError, choose_from
+from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.scene import Scene
+from pinfric.study.identify.checks import check_efforts, check_one_robot
+from pinfric.study.identify.choice import nested_errors
+from pinfric.study.identify.columns import joint_rows, prepare
+from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
+from pinfric.study.identify.laws import SLOTS, Law
+from pinfric.study.identify.normal import residuals
+from pinfric.study.identify.parameters import (
+    JointEntries,
+    Parameter,
+    RestBound,
+    identified_scene,
+    parameters,
+    ratios,
+    rest_bounds,
+    scene_entries,
+    scene_key,
+    scene_value,
+)
+from pinfric.study.identify.recordings import Recording, check_scene, read_recordings
+from pinfric.study.identify.uncertainty import Uncertainty, uncertainty
+from pinfric.study.trajectory.log.arrays import Log
+from pinfric.study.trajectory.log.reading import ReadingOptions
+
+FloatArray = NDArray[np.float64]
+
+#: Rows of the posterior: enough for its percentiles from 1 to 99.
+_DRAWS = 400
+#: Below this share of its velocity limit a joint has not been fast.
+_FAST = 0.2
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How well a joint's effort is predicted where nothing was fitted.
+
+    Attributes:
+        rms: of the measured effort, N m or N.
+        error: RMS of measured less predicted.
+        plain: the same with Coulomb and viscous friction; NaN where it was not asked.
+    """
+
+    rms: float
+    error: float
+    plain: float
+
+
+@dataclass(frozen=True)
+class Identified(Shown):
+    """What logs say of a robot's friction.
+
+    Attributes:
+        scene: with the friction, and the links' inertias, that were found.
+        laws: joint -> law.
+        parameters: every coefficient in the scene's terms, with its interval.
+        posterior: key -> (n,) draws in the scene's terms, correlated: a row is one robot.
+        errors: joint -> error on blocks that neither the choice of laws nor the fit has seen.
+        unseen: log -> joint -> error on logs that were held out as a whole.
+        rest: joint -> what its holds show.
+        spread: joint -> how much friction differs between logs, as a share; NaN with one log.
+        delay: s by which logged efforts lag behind the motion.
+        said: what was read, repaired, left out, and what the logs cannot tell.
+        entries: joint -> its entries in a scene file.
+        estimate: rows and coefficients behind all this.
+        uncertainty: covariance of the coefficients.
+        keeps_inertias: the links' inertias are the URDF's.
+    """
+
+    scene: Scene
+    laws: Mapping[str, Law]
+    parameters: tuple[Parameter, ...]
+    posterior: Mapping[str, FloatArray]
+    errors: Mapping[str, HeldOut]
+    unseen: Mapping[str, Mapping[str, HeldOut]]
+    rest: Mapping[str, RestBound]
+    spread: Mapping[str, float]
+    delay: float
+    said: tuple[str, ...]
+    entries: Mapping[str, JointEntries]
+    estimate: Estimate
+    uncertainty: Uncertainty
+    keeps_inertias: bool
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """The logs that were fitted."""
+        return tuple(one.recording for one in self.estimate.prepared)
+
+    def __repr__(self) -> str:
+        logs = counted(len(self.recordings), "log")
+        unknown = [p.key for p in self.parameters if not p.determined]
+        return screen("Identified", f"{file_name(self.scene.source)} from {logs}", {
+            "laws": listed(tuple(self.laws), [str(law) for law in self.laws.values()]),
+            "errors": listed(tuple(self.errors), [f"{100 * e.error / e.rms:.2g} %"
+                                                  for e in self.errors.values()]),
+            "delay": f"{1e3 * self.delay:.2g} ms",
+            "not determined": listed(unknown),
+            "more": ".parameters .posterior .scene .summary() .plot()",
+        })  # fmt: skip
+
+
+def identify(
+    scene: Scene,
+    logs: Sequence[str | Path | Log] | str | Path | Log,
+    *,
+    gain: Mapping[str, float] | None = None,
+    effort_at: Literal["motor", "joint"] = "motor",
+    inertia: Literal["consistent", "keep"] = "consistent",
+    laws: Mapping[str, Law] | None = None,
+    payloads: Mapping[str, str] | None = None,
+    held_out: Sequence[str | Path | Log] = (),
+    options: ReadingOptions = ReadingOptions(),  # noqa: B008
+    seed: int = 0,
+    progress: Callable[[int, int], object] | None = None,
+) -> Identified:
+    """Return the friction of an open chain's joints from logs of motion and effort.
+
+        y(t + delay) = Y(q, v, a) theta + J a + friction,    theta: the links' inertial parameters
+
+    Each joint's law is the smallest one whose error on held-out blocks is not worse; coefficients
+    are least squares >= 0, intervals from whole blocks as samples and from the logs' spread.
+
+    Args:
+        scene: the robot; its bearings are candidates, its coefficients are not used.
+        logs: files that `load_trajectory` reads, with efforts, or `Log` arrays.
+        gain: joint -> factor that makes N m (N) at the joint of its logged effort: N m per A, or
+            the gear's ratio where the motor's torque was logged.
+        effort_at: "motor" where gear and rotor are in the effort (motor currents), "joint" where it
+            was measured after them.
+        inertia: "consistent" corrects the links' inertias to ones that can exist, "keep" takes the
+            URDF's.
+        laws: joint -> its law, where it is not to be chosen.
+        payloads: log's name -> payload of the scene that it carries throughout.
+        held_out: further logs, which are only predicted.
+        options: what a person says about columns, units and cutoff.
+        seed: of the posterior's draws.
+        progress: called with the number of finished steps and of all.
+
+    Raises:
+        IdentificationError: logs without efforts, too short, with wrong signs or units, of two
+            robots; a robot with loops, mimic joints or joints of several degrees of freedom.
+        TrajectoryError: a log that cannot be read.
+    """
+    check_scene(scene)
+    _check_options(scene, effort_at, inertia, laws or {})
+    logs = [logs] if isinstance(logs, str | Path | Log) else logs
+    recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
+    question = Question(scene, recordings, effort_at == "motor", inertia == "keep", laws or {},
+                        gain or {})  # fmt: skip
+    found = estimate(question, progress or (lambda done, total: None))
+    check_one_robot(scene.joint_names, found.rows, found.fit, [r.name for r in recordings])
+    known = uncertainty(found)
+    entries = scene_entries(found)
+    better = identified_scene(found, entries)
+    names = scene.joint_names
+    rest = dict(zip(names, rest_bounds(found, better), strict=True))
+    spread = dict(zip(names, known.spread.tolist(), strict=True))
+    every = parameters(found, known)
+    unseen = {one.name: _predicted(found, one) for one in
+              (read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ())}  # fmt: skip
+    return Identified(
+        scene=better, laws=dict(zip(names, found.choice.laws, strict=True)), parameters=every,
+        posterior=_posterior(found, known, seed), errors=_errors(found), unseen=unseen, rest=rest,
+        spread=spread, delay=found.delay, said=_said(found, rest, every), entries=entries,
+        estimate=found, uncertainty=known, keeps_inertias=inertia == "keep",
+    )  # fmt: skip
+
+
+def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str, Law]) -> None:
+    for option, value, allowed in (("effort-at", effort_at, ("motor", "joint")),
+                                   ("inertia", inertia, ("consistent", "keep"))):  # fmt: skip
+        if value not in allowed:
+            raise IdentificationError(f"--{option} {value}: {choose_from(value, allowed)}")
+    for name in laws:
+        if name not in scene.joint_names:
+            raise IdentificationError(f"laws: there is no joint {name!r}; "
+                                      f"{choose_from(name, scene.joint_names)}")  # fmt: skip
+
+
+def _errors(found: Estimate) -> dict[str, HeldOut]:
+    chosen, plain = nested_errors(found.problem)
+    result = {}
+    for j, name in enumerate(found.scene.joint_names):
+        effort = found.rows[j].effort
+        if effort.size:
+            size = float(np.sqrt(np.mean(effort**2)))
+            result[name] = HeldOut(size, float(chosen[j]), float(plain[j]))
+    return result
+
+
+def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
+    """Errors on a log that was not fitted."""
+    one, rigid = reloaded(found, prepare(found.question.scene, recording))
+    result = {}
+    for j, name in enumerate(found.scene.joint_names):
+        rows = joint_rows([one], [rigid], j, found.delay)
+        if rows.effort.size:
+            size, error = (float(np.sqrt(np.mean(x**2)))
+                           for x in (rows.effort, residuals(rows, found.fit, j)))  # fmt: skip
+            result[name] = HeldOut(size, error, np.nan)
+    return result
+
+
+def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
+    """Draws of every coefficient above zero, in the scene's terms."""
+    draws, r = known.draws(found.fit.slots, _DRAWS, seed), ratios(found.scene)
+    result = {}
+    for place in known.place.tolist():
+        j, slot = divmod(place, len(SLOTS))
+        law = found.choice.laws[j]
+        key, _ = scene_key(found.scene, j, law, slot)
+        result[key] = np.asarray(scene_value(law, slot, draws[:, place], float(r[j])))
+    return result
+
+
+def _said(
+    found: Estimate, rest: Mapping[str, RestBound], every: Sequence[Parameter]
+) -> tuple[str, ...]:
+    """What a person should know: of reading, and of what these logs cannot tell."""
+    names, recordings = found.scene.joint_names, found.question.recordings
+    said = [f"{one.name}: {line}" for one in recordings for line in one.reading.said]
+    if len(recordings) == 1:
+        said.append("one log only: how much friction differs from day to day is not known; between "
+                    "logs of a robot it was 1 to 10 %")  # fmt: skip
+    still = [name for name, rows in zip(names, found.rows, strict=True) if rows.effort.size == 0]
+    if still:
+        said.append(f"never slides, keeps what the scene says: {', '.join(still)}")
+    restless = [n for n in names if n not in still and rest[n].seconds == 0.0]
+    if restless:
+        said.append(f"never rests, nothing bounds its static friction: {', '.join(restless)}")
+    said += _slow(found, still)
+    plain = [n for n, rows in zip(names, found.rows, strict=True) if n not in still
+             and not any(law.load for law in found.choice.errors[names.index(n)])]  # fmt: skip
+    if plain and found.question.motor:
+        said.append(f"no load contrast beside Coulomb friction, a gear's loss cannot be told from "
+                    f"it: {', '.join(plain)}")  # fmt: skip
+    if found.question.keep_inertias:
+        said.append("the URDF's inertias were kept: what is wrong with them is in the friction")
+    vague = [p.key for p in every if not p.determined]
+    if vague:
+        said.append(f"not determined: {', '.join(vague)}")
+    said.append("an offset of an effort's sensor would show as a difference of Coulomb friction "
+                "forward and backward")  # fmt: skip
+    return tuple(said)
+
+
+def _slow(found: Estimate, still: Sequence[str]) -> list[str]:
+    limits, slow = found.scene.model.velocityLimit, []
+    for j, name in enumerate(found.scene.joint_names):
+        fastest = float(np.abs(found.rows[j].velocity).max(initial=0.0))
+        if name not in still and 0.0 < limits[j] < 1e300 and fastest < _FAST * limits[j]:
+            slow.append(f"{name} {fastest:.2g} of {limits[j]:.2g}")
+    if not slow:
+        return []
+    return [f"never fast, friction at speed is extrapolated (rad/s or m/s): {', '.join(slow)}"]

@@ -1,0 +1,297 @@
+"""Coefficients as a scene says them: which key each one is, its unit, and how far it is known.
+
+    c+, c-   friction.J.coulomb.positive, .negative      or  transmission.J.no_load_torque.* = c/|r|
+    k, p     friction.J.viscous {k, p}                   or  transmission.J.motor_viscous = k/|r|^(1+p)
+    mu       friction.J.mu
+    g+, g-   transmission.J.efficiency = 1/(1 + g+), back_efficiency = 1 - g-
+    J        transmission.J.rotor_inertia = J/r^2
+
+With a gear and friction on the motor's side the second form holds, else the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.model.scene import Scene
+from pinfric.study.identify.columns import Rows
+from pinfric.study.identify.estimate import Estimate
+from pinfric.study.identify.laws import BACKWARD, BEARING, FORWARD, INERTIA, SLOT, SLOTS, Law
+from pinfric.study.identify.uncertainty import Uncertainty
+from pinfric.study.summary import effort_unit
+
+FloatArray = NDArray[np.float64]
+
+#: A standard error of more than this share of a coefficient leaves it undetermined.
+_VAGUE = 0.5
+#: With exponents up to this one friction at rest is what the slowest logged sliding shows: the
+#: law's own Coulomb friction is extrapolated down a steep curve that no log has seen.
+_STEEP = 0.5
+#: Quantile of the logged speeds that counts as the slowest.
+_SLOWEST = 0.02
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One coefficient as the scene says it.
+
+    Attributes:
+        key: what of the scene, as `friction.elbow_joint.coulomb.positive`.
+        unit: of all figures here.
+        value, low, high: estimate and 95 % interval.
+        standard_error: within logs and between them.
+        determined: whether the logs say it.
+        why: what leaves it undetermined.
+    """
+
+    key: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    standard_error: float
+    determined: bool
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class JointEntries:
+    """What an identified scene says of one joint.
+
+    Attributes:
+        friction: the entry of `friction`; empty: none.
+        transmission: the entry of the drive; empty: the scene's own stays.
+    """
+
+    friction: dict[str, Any] = field(default_factory=dict)
+    transmission: dict[str, Any] = field(default_factory=dict)
+
+
+def ratios(scene: Scene) -> FloatArray:
+    """Return (nj,) |motor turns per joint turn| of the drives; 1 where there is no transmission."""
+    return np.array([abs(drive.transmission.ratio) if drive.transmission else 1.0
+                     for drive in scene.drives])  # fmt: skip
+
+
+def on_motor(law: Law) -> bool:
+    """Whether a joint's own friction sits before its gear, on the motor's shaft."""
+    return law.load == "gear" and law.side == "motor"
+
+
+def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str]:
+    """Return key and unit of one coefficient in a scene."""
+    name, slot_name = scene.joint_names[joint], SLOTS[slot]
+    effort = effort_unit(scene, joint)
+    motor = on_motor(law)
+    if slot_name in (FORWARD, BACKWARD):
+        # a negative ratio turns the motor backwards where the joint moves forwards
+        turned = motor and (gear := scene.drives[joint].transmission) and gear.ratio < 0.0
+        way = "positive" if (slot_name == FORWARD) != bool(turned) else "negative"
+        where = f"transmission.{name}.no_load_torque" if motor else f"friction.{name}.coulomb"
+        return f"{where}.{way}", "N m" if motor else effort
+    if slot_name.startswith("speed^"):
+        speed = "rad/s" if motor or effort == "N m" else "m/s"
+        power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
+        unit = f"{'N m' if motor else effort}/({speed}){power}"
+        return (f"transmission.{name}.motor_viscous" if motor else f"friction.{name}.viscous"), unit
+    if slot_name == BEARING:
+        return f"friction.{name}.mu", ""
+    if slot_name == INERTIA:
+        return f"transmission.{name}.rotor_inertia", "kg m^2"
+    return f"transmission.{name}.{'back_' if 'driven' in slot_name else ''}efficiency", ""
+
+
+def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
+    """Return a coefficient (a number or an array of draws) in the scene's terms.
+
+    Args:
+        law: of its joint.
+        slot: which one.
+        value: at the joint, as the linear model has it.
+        ratio: |motor turns per joint turn|.
+    """
+    name = SLOTS[slot]
+    if name == INERTIA:
+        return value / ratio**2
+    if name.startswith("gear"):
+        return 1.0 - value if "driven" in name else 1.0 / (1.0 + value)
+    if on_motor(law):
+        return value / ratio ** (1.0 + (law.exponent or 0.0) * name.startswith("speed^"))
+    return value
+
+
+def parameters(found: Estimate, known: Uncertainty) -> tuple[Parameter, ...]:
+    """Return every coefficient of the laws taken, in the scene's terms.
+
+    Args:
+        found: the estimate.
+        known: how far its coefficients are known.
+    """
+    result, r = [], ratios(found.scene)
+    errors = dict(zip(known.place.tolist(), np.sqrt(np.diag(known.covariance)), strict=True))
+    reach = known.quantile()
+    for j, slots in enumerate(found.problem.slots(found.choice.laws)):
+        law = found.choice.laws[j]
+        if found.rows[j].effort.size == 0:
+            continue
+        for slot in slots:
+            x, error = float(found.fit.slots[j, slot]), errors.get(j * len(SLOTS) + slot, 0.0)
+            ends = [scene_value(law, slot, max(x + side * reach * error, 0.0), float(r[j]))
+                    for side in (-1, 1)]  # fmt: skip
+            value = float(scene_value(law, slot, x, float(r[j])))
+            key, unit = scene_key(found.scene, j, law, slot)
+            why = ""
+            if x == 0.0:
+                why = "at its bound, zero"
+            elif x <= reach * error:
+                why = "its interval holds zero"
+            elif error > _VAGUE * x:
+                why = "its standard error exceeds half of it"
+            slope = abs(float(scene_value(law, slot, x + 1e-6, float(r[j]))) - value) / 1e-6
+            result.append(Parameter(key, unit, value, float(min(ends)), float(max(ends)),
+                                    float(slope * error), not why, why))  # fmt: skip
+    return tuple(result)
+
+
+def identified_scene(found: Estimate, entries: Mapping[str, JointEntries]) -> Scene:
+    """Return the question's scene with what was found in it.
+
+    Args:
+        found: the estimate, with the links' inertias.
+        entries: of `scene_entries`.
+    """
+    scene = found.scene
+    friction: dict[str, Any] = dict(scene.friction)
+    actuators = []
+    for name, drive in zip(scene.joint_names, scene.drives, strict=True):
+        entry = entries.get(name, JointEntries())
+        if name in entries:
+            friction.pop(name, None)
+        if entry.friction:
+            friction[name] = entry.friction
+        gear: Any = drive.transmission
+        actuators.append({"joint": name, "transmission": entry.transmission or gear})
+    return scene.with_(friction=friction, actuators=actuators)
+
+
+def scene_entries(found: Estimate) -> dict[str, JointEntries]:
+    """Return what the identified scene says of every joint that moved, as a scene file would.
+
+    Args:
+        found: the estimate.
+    """
+    scene, r = found.question.scene, ratios(found.scene)
+    bearing_scene = found.question.scene.friction
+    result = {}
+    for j, (name, law) in enumerate(zip(scene.joint_names, found.choice.laws, strict=True)):
+        if found.rows[j].effort.size == 0:
+            continue
+        value = {slot: _rounded(scene_value(law, SLOT[slot], float(found.fit.slots[j, SLOT[slot]]),
+                                            float(r[j]))) for slot in SLOTS}  # fmt: skip
+        extra = _rest_excess(found.rows[j], law, found.fit.slots[j])
+        if on_motor(law):
+            extra /= float(r[j])
+        dry = {}
+        if law.coulomb and (value[FORWARD] or value[BACKWARD]):
+            dry = {way: {"static": _rounded(value[slot] + extra), "kinetic": value[slot]}
+                   for slot in (FORWARD, BACKWARD)
+                   for way in [scene_key(scene, j, law, SLOT[slot])[0].rpartition(".")[2]]}  # fmt: skip
+        speed = value[f"speed^{law.exponent:g}"] if law.exponent is not None else 0.0
+        viscous: Any = speed if law.exponent == 1.0 else {"coefficient": speed,
+                                                          "exponent": law.exponent}  # fmt: skip
+        friction: dict[str, Any] = {}
+        if law.load == "bearing" and value[BEARING] > 0.0:
+            given = bearing_scene[name]
+            assert given.bearing is not None and given.mu is not None  # it was a candidate
+            ratio = given.mu.static / given.mu.kinetic if given.mu.kinetic > 0.0 else 1.0
+            friction["bearing"] = given.bearing.model_dump(exclude_defaults=True)
+            friction["mu"] = {"static": _rounded(ratio * value[BEARING]),
+                              "kinetic": value[BEARING]}  # fmt: skip
+        gear = _gear_entry(found, j, law, value)
+        target = gear if on_motor(law) else friction
+        if dry:
+            target["no_load_torque" if on_motor(law) else "coulomb"] = dry
+        if speed > 0.0:
+            target["motor_viscous" if on_motor(law) else "viscous"] = viscous
+        result[name] = JointEntries(friction, gear)
+    return result
+
+
+def _gear_entry(
+    found: Estimate, joint: int, law: Law, value: Mapping[str, float]
+) -> dict[str, Any]:
+    """The transmission of an identified drive; empty where the effort was measured after it."""
+    if not found.question.motor:
+        return {}
+    given = found.scene.drives[joint].transmission
+    entry: dict[str, Any] = {"ratio": 1.0 if given is None else given.ratio}
+    if law.load == "gear":
+        one, two = (f"gear {way}, {law.side} side" for way in ("both", "driving"))
+        forward = value[one] if law.both_ways else value[two]
+        back = 2.0 - 1.0 / forward if law.both_ways else value[f"gear driven, {law.side} side"]
+        entry |= {"efficiency": forward, "back_efficiency": _rounded(back)}
+    if value[INERTIA] > 0.0:
+        entry["rotor_inertia"] = value[INERTIA]
+    return entry
+
+
+def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
+    """By how much friction at rest exceeds the law's Coulomb friction: k v^p, v the slowest."""
+    if law.exponent is None or law.exponent > _STEEP:
+        return 0.0
+    slowest = float(np.quantile(np.abs(rows.velocity), _SLOWEST))
+    return float(slots[SLOT[f"speed^{law.exponent:g}"]]) * slowest**law.exponent
+
+
+def _rounded(value: float) -> float:
+    """Six digits: more than any log tells, and as many as a file should print."""
+    return float(f"{value:.6g}")
+
+
+@dataclass(frozen=True)
+class RestBound:
+    """What times at rest say of a joint's static friction: no less than this, N m or N.
+
+    Attributes:
+        seconds: at rest in all logs.
+        largest: the largest friction that held it.
+        share: of the identified half-width there.
+    """
+
+    seconds: float
+    largest: float
+    share: float
+
+
+def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
+    """Return for each joint what its holds show; they bound static friction from below only.
+
+    Args:
+        found: the estimate. scene: the identified one.
+    """
+    nj = scene.model.nv
+    seconds, largest, share = np.zeros((3, nj))
+    for one in found.prepared:
+        motion, held = one.recording.trajectory, one.recording.rests
+        if not held.any():
+            continue
+        result = inverse_dynamics(scene, motion)
+        ratio = np.array([d.transmission.ratio if d.transmission else 1.0 for d in scene.drives])
+        ends = np.sort(np.stack((result.motor_torque_lower * ratio,
+                                 result.motor_torque_upper * ratio)), axis=0)  # fmt: skip
+        middle, half = 0.5 * ends.sum(axis=0), 0.5 * np.diff(ends, axis=0)[0]
+        off = np.abs(one.effort + one.payload - middle)
+        for j in range(nj):
+            at = held[:, j] & np.isfinite(off[:, j])
+            if at.any():
+                seconds[j] += at.sum() * one.recording.step
+                largest[j] = max(largest[j], float(off[at, j].max()))
+                wide = np.maximum(half[at, j], 1e-12)
+                share[j] = max(share[j], float((off[at, j] / wide).max()))
+    return tuple(RestBound(*row) for row in np.column_stack((seconds, largest, share)).tolist())
