@@ -24,6 +24,7 @@ from pinfric.terminal import (
     load_motion_of,
     notice,
     noticed,
+    pairs,
     print_line,
     progress,
     say,
@@ -271,6 +272,66 @@ def sweep(
             "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
         })  # fmt: skip
     show(summary if as_json else sweep_report(result))
+
+
+@app.command()
+@takes_logs
+def identify(
+    *,
+    scene_name: SceneName,
+    logs: Annotated[
+        list[str], typer.Argument(metavar="LOG...", help="Logs with measured efforts.")
+    ],
+    gain: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT=FACTOR", help="What makes N m of a logged effort."),
+    ] = None,
+    effort_at: Annotated[
+        str, typer.Option(metavar="motor|joint", help="Measured before the gear, or after it.")
+    ] = "motor",
+    inertia: Annotated[
+        str, typer.Option(metavar="consistent|keep", help="Of the links: corrected, or the URDF's.")
+    ] = "consistent",
+    payload: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LOG=NAME", help="The scene's payload that a log carries."),
+    ] = None,
+    held_out: Annotated[
+        list[str] | None, typer.Option(metavar="LOG", help="A log that is only predicted.")
+    ] = None,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+    log: Any,
+) -> None:
+    """Find the friction of a robot's joints in its own logs, and how far it is known.
+
+    --out writes scene.yaml, robot.urdf, posterior.csv, sweep.yaml, report.html, summary.json and
+    advice.waypoints.yaml.
+    """
+    from pinfric.model.files import check_writable
+    from pinfric.model.scene_file import load_scene
+    from pinfric.show.report.identify import identify_json, identify_report
+    from pinfric.study.identify.files import identified_files
+    from pinfric.study.identify.identify import identify as find
+
+    if out is not None:
+        check_writable(out)
+    with progress("steps") as report:
+        found = find(load_scene(scene_name), logs, gain=pairs(gain, "--gain", float),
+                     effort_at=effort_at, inertia=inertia,  # type: ignore[arg-type]  # checked there
+                     payloads=pairs(payload, "--payload", str), held_out=held_out or (),
+                     options=log, progress=report)  # fmt: skip
+    summary = identify_json(found, noticed)
+    if out is not None:
+        from pinfric.show.identification_page.page import identification_page
+
+        page = identification_page(found)
+        write(out, {
+            **identified_files(found, out),
+            "report.html": lambda path: path.write_text(page, encoding="utf-8"),
+            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
+        })  # fmt: skip
+    show(summary if as_json else identify_report(found))
 
 
 @app.command()

@@ -95,6 +95,26 @@ def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> T
     return trajectory
 
 
+def pairs(
+    given: Sequence[str] | None, option: str, kind: Callable[[str], Any]
+) -> dict[str, Any]:
+    """Return what an option gives as NAME=VALUE, by name.
+
+    Raises:
+        typer.BadParameter: no such pair, or a value that is not of the kind.
+    """
+    found = {}
+    for text in given or ():
+        name, equals, value = text.rpartition("=")
+        try:
+            found[name] = kind(value)
+        except ValueError:
+            equals = ""
+        if not (equals and name):
+            raise typer.BadParameter(f"{text!r}: should be NAME=VALUE", param_hint=option)
+    return found
+
+
 def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
     """Print a dictionary as JSON, anything else with rich."""
     if isinstance(answer, Mapping):

@@ -50,16 +50,16 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
     data += [
         {
             "type": "scatter", "mode": "lines+markers", "name": "cycle",
-            "x": _short(speed[keep]), "y": _short(worst[keep]),
+            "x": five_digits(speed[keep]), "y": five_digits(worst[keep]),
             "line": {"color": _BAND, "width": 1}, "marker": {"color": _BLUE, "size": 3.5},
-            "customdata": _short(t[keep]),
+            "customdata": five_digits(t[keep]),
             "hovertemplate": "%{y:.3g} N m at %{x:.4g} rad/s, t = %{customdata:.3f} s"
                              "<extra></extra>",
         },
-        _line(bars_x, bars_y, "interval at rest", _ORANGE, width=4, hoverinfo="skip"),
+        curve(bars_x, bars_y, "interval at rest", _ORANGE, width=4, hoverinfo="skip"),
     ]  # fmt: skip
     shaft = "output" if taken.candidate.at_output else "motor"
-    layout = _layout(f"{shaft} speed, rad/s", f"{shaft} torque, N m")
+    layout = axes_layout(f"{shaft} speed, rad/s", f"{shaft} torque, N m")
     layout["xaxis"]["range"] = [-reach, reach]
     layout["yaxis"]["range"] = [-top, top]
     return {"data": data, "layout": layout}
@@ -70,14 +70,14 @@ def effort_over_time(joint: JointSizing) -> Figure:
     cycle = joint.cycle
     series = [cycle.effort_lower, cycle.effort_upper, cycle.effort_frictionless]
     keep = thinned(series, _PIECES)
-    t = _short(cycle.t[keep])
-    lower, upper, bare = (_short(x[keep]) for x in series)
+    t = five_digits(cycle.t[keep])
+    lower, upper, bare = (five_digits(x[keep]) for x in series)
     data = [
-        _line(t, lower, "lower", _BLUE, showlegend=False),
-        _line(t, upper, "effort interval", _BLUE, fill="tonexty", fillcolor=_BAND),
-        _line(t, bare, "without friction", _QUIET, width=1, dash="dot"),
+        curve(t, lower, "lower", _BLUE, showlegend=False),
+        curve(t, upper, "effort interval", _BLUE, fill="tonexty", fillcolor=_BAND),
+        curve(t, bare, "without friction", _QUIET, width=1, dash="dot"),
     ]
-    layout = _layout("time, s", f"effort at the joint, {joint.demand.unit}")
+    layout = axes_layout("time, s", f"effort at the joint, {joint.demand.unit}")
     layout["shapes"] = [
         {"type": "rect", "xref": "x", "yref": "paper", "x0": float(cycle.t[a]),
          "x1": float(cycle.t[b]), "y0": 0, "y1": 1, "fillcolor": _SHADE, "line": {"width": 0},
@@ -94,10 +94,10 @@ def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
         return None
     winding, housing = motor.winding.winding, motor.winding.housing
     keep = thinned([winding, housing], _PIECES)
-    t = _short(joint.cycle.t[keep])
+    t = five_digits(joint.cycle.t[keep])
     data = [
-        _line(t, _short(winding[keep]), "winding", _RED),
-        _line(t, _short(housing[keep]), "housing", _ORANGE),
+        curve(t, five_digits(winding[keep]), "winding", _RED),
+        curve(t, five_digits(housing[keep]), "housing", _ORANGE),
     ]
     thermal = taken.candidate.ratings.thermal
     limit = report.conditions.max_winding
@@ -105,9 +105,9 @@ def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
         limit = thermal.max_winding
     ends = [t[0], t[-1]]
     if limit is not None:
-        data.append(_line(ends, [limit] * 2, "limit", _INK, width=1, dash="dash"))
-    data.append(_line(ends, [report.conditions.ambient] * 2, "ambient", _QUIET, 1, dash="dot"))
-    layout = _layout("time, s", "temperature, °C")
+        data.append(curve(ends, [limit] * 2, "limit", _INK, width=1, dash="dash"))
+    data.append(curve(ends, [report.conditions.ambient] * 2, "ambient", _QUIET, 1, dash="dot"))
+    layout = axes_layout("time, s", "temperature, °C")
     layout["yaxis"]["rangemode"] = "tozero"
     return {"data": data, "layout": layout}
 
@@ -119,13 +119,13 @@ def mass_against_margin(joint: JointSizing) -> Figure:
     failing = [a for a in judged if not a.fits]
     data = [_cloud(failing, "rejected", _RED, "circle-open"), _cloud(fitting, "fits", _GREEN)]
     front = pareto_front(fitting)
-    data.insert(0, _line([a.candidate.mass or 0.0 for a in front],
+    data.insert(0, curve([a.candidate.mass or 0.0 for a in front],
                          [100 * a.margin for a in front], "best trade", _GREEN, 1,
                          shape="hv", hoverinfo="skip"))  # fmt: skip
     if joint.taken is not None:
         name = "choice" if joint.choice is not None else "nearest miss"
         data.append(_cloud([joint.taken], name, _BLUE, "star", size=14))
-    layout = _layout("mass of motor and gear, kg", "least margin, %")
+    layout = axes_layout("mass of motor and gear, kg", "least margin, %")
     layout["yaxis"]["range"] = [1.12 * _LEAST_MARGIN, 112]
     layout["xaxis"]["rangemode"] = "tozero"
     return {"data": data, "layout": layout}
@@ -169,14 +169,14 @@ def _envelope(
         x = np.concatenate([speed, speed[::-1], speed[:1]])
         y = np.concatenate([limit, -limit, limit[:1]])
         y = np.clip(y, -2 * top, 2 * top)
-        data.append(_line(_short(x), _short(y), name, _GREEN, 1, fill="toself",
+        data.append(curve(five_digits(x), five_digits(y), name, _GREEN, 1, fill="toself",
                           fillcolor="rgba(0,158,115,0.10)", hoverinfo="skip"))  # fmt: skip
     for text, torque, dash in (("continuous torque", continuous, "dash"),
                                ("peak torque", ratings.peak_torque, "dot")):  # fmt: skip
         if torque is not None and torque <= 1.3 * top:
             ends = [-reach, reach, None, -reach, reach]
             levels = [torque, torque, None, -torque, -torque]
-            data.append(_line(ends, levels, text, _INK, 1, dash=dash, hoverinfo="skip"))
+            data.append(curve(ends, levels, text, _INK, 1, dash=dash, hoverinfo="skip"))
     return data
 
 
@@ -209,7 +209,7 @@ def _cloud(
     }  # fmt: skip
 
 
-def _line(
+def curve(
     x: Sequence[float | None],
     y: Sequence[float | None],
     name: str,
@@ -219,12 +219,14 @@ def _line(
     shape: str = "linear",
     **more: Any,
 ) -> dict[str, Any]:
+    """Return one of plotly's lines."""
     line = {"color": colour, "width": width, "dash": dash, "shape": shape}
     return {"type": "scatter", "mode": "lines", "name": name, "x": list(x), "y": list(y),
             "line": line, **more}  # fmt: skip
 
 
-def _layout(x: str, y: str) -> dict[str, Any]:
+def axes_layout(x: str, y: str) -> dict[str, Any]:
+    """Return plotly's layout with the axes' titles."""
     axis = {
         "gridcolor": _GRID, "zerolinecolor": "#BBBBBB", "linecolor": _QUIET, "automargin": True,
         "ticks": "outside", "tickcolor": _QUIET,
@@ -242,6 +244,6 @@ def _layout(x: str, y: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _short(x: np.ndarray) -> list[float]:
-    """Numbers with five digits: a third of the page's size."""
+def five_digits(x: np.ndarray) -> list[float]:
+    """Return numbers with five digits: a third of the page's size."""
     return [float(f"{value:.5g}") for value in x.tolist()]

@@ -51,12 +51,8 @@ def sizing_page(report: SizingReport) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
-    jinja2, offline = _needed("jinja2"), _needed("plotly.offline")
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
-    environment.filters.update(digits=_digits, beside=_beside, percent=_percent, formula=_formula)
+    environment, plotly = page_parts()
+    environment.filters.update(beside=_beside, percent=_percent, formula=_formula)
     figures: dict[str, Figure] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
     t = report.result.t
@@ -72,8 +68,8 @@ def sizing_page(report: SizingReport) -> str:
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
-        plotly=offline.get_plotlyjs(),
-        figures=_script_safe(figures),
+        plotly=plotly,
+        figures=script_safe(figures),
         version=__version__,
         Status=Status,
     )
@@ -95,7 +91,7 @@ def _needed(module: str) -> Any:
         return import_module(module)
     except ImportError:
         raise PinfricError(
-            f"the sizing page needs {module.partition('.')[0]}: pip install 'pinfric[report]'"
+            f"a page needs {module.partition('.')[0]}: pip install 'pinfric[report]'"
         ) from None
 
 
@@ -162,7 +158,25 @@ def _sources(report: SizingReport) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def _script_safe(figures: dict[str, Figure]) -> str:
+def page_parts(*folders: Path) -> tuple[Any, str]:
+    """Return jinja2's environment for a page, and plotly's script.
+
+    Args:
+        folders: of templates, beside this one with the style and the script that draws.
+
+    Raises:
+        PinfricError: the extra `report` (jinja2, plotly) is not installed.
+    """
+    jinja2, offline = _needed("jinja2"), _needed("plotly.offline")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
+        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    environment.filters.update(digits=_digits)
+    return environment, offline.get_plotlyjs()
+
+
+def script_safe(figures: dict[str, Figure]) -> str:
     """JSON that can stand in a script element whatever names it holds."""
     text = json.dumps(figures, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

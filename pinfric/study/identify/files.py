@@ -153,10 +153,10 @@ def _comments(found: Identified) -> dict[tuple[str, ...], str]:
     comments = {}
     order = [drive.name for drive in found.scene.drives]
     for parameter in found.parameters:
-        section, name, *rest = _split(parameter.key, found.scene.joint_names)
-        where: tuple[str, ...] = ("friction", name, *rest)
-        if section == "transmission":
-            where = ("actuators", str(order.index(name)), "transmission", *rest)
+        where: tuple[str, ...] = ("friction", parameter.joint)
+        if parameter.section == "transmission":
+            where = ("actuators", str(order.index(parameter.joint)), "transmission")
+        where += tuple(parameter.name.split("."))
         comments[where] = _interval(parameter)
     for name, law in found.laws.items():
         if name in found.errors:
@@ -165,13 +165,6 @@ def _comments(found: Identified) -> dict[tuple[str, ...], str]:
             comments[where] = (f"{law}: off by {100 * error.error / error.rms:.2g} % where nothing "
                                f"was fitted ({error.error / error.plain:.2f} of Coulomb + viscous)")  # fmt: skip
     return comments
-
-
-def _split(key: str, names: Sequence[str]) -> list[str]:
-    """Cut a key into section, joint and the rest; joints may have dots in their names."""
-    section, _, rest = key.partition(".")
-    name = max((n for n in names if rest.startswith(f"{n}.")), key=len)
-    return [section, name, *rest.removeprefix(f"{name}.").split(".")]
 
 
 def _interval(parameter: Parameter) -> str:

@@ -222,8 +222,8 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
     for place in known.place.tolist():
         j, slot = divmod(place, len(SLOTS))
         law = found.choice.laws[j]
-        key, _ = scene_key(found.scene, j, law, slot)
-        result[key] = np.asarray(scene_value(law, slot, draws[:, place], float(r[j])))
+        section, name, _ = scene_key(found.scene, j, law, slot)
+        result[f"{section}.{found.scene.joint_names[j]}.{name}"] = np.asarray(scene_value(law, slot, draws[:, place], float(r[j])))
     return result
 
 

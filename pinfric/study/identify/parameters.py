@@ -25,6 +25,7 @@ from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import BACKWARD, BEARING, FORWARD, INERTIA, SLOT, SLOTS, Law
 from pinfric.study.identify.uncertainty import Uncertainty
 from pinfric.study.summary import effort_unit
+from pinfric.study.trajectory.log.judged import measured_interval
 
 FloatArray = NDArray[np.float64]
 
@@ -42,7 +43,7 @@ class Parameter:
     """One coefficient as the scene says it.
 
     Attributes:
-        key: what of the scene, as `friction.elbow_joint.coulomb.positive`.
+        section, joint, name: where a scene says it: friction, elbow_joint, coulomb.positive.
         unit: of all figures here.
         value, low, high: estimate and 95 % interval.
         standard_error: within logs and between them.
@@ -50,7 +51,9 @@ class Parameter:
         why: what leaves it undetermined.
     """
 
-    key: str
+    section: str
+    joint: str
+    name: str
     unit: str
     value: float
     low: float
@@ -58,6 +61,11 @@ class Parameter:
     standard_error: float
     determined: bool
     why: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its name in sweeps: friction.elbow_joint.coulomb.positive."""
+        return f"{self.section}.{self.joint}.{self.name}"
 
 
 @dataclass(frozen=True)
@@ -84,27 +92,26 @@ def on_motor(law: Law) -> bool:
     return law.load == "gear" and law.side == "motor"
 
 
-def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str]:
-    """Return key and unit of one coefficient in a scene."""
-    name, slot_name = scene.joint_names[joint], SLOTS[slot]
-    effort = effort_unit(scene, joint)
-    motor = on_motor(law)
-    if slot_name in (FORWARD, BACKWARD):
+def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, str]:
+    """Return section, name and unit of one coefficient in a scene."""
+    effort, motor, name = effort_unit(scene, joint), on_motor(law), SLOTS[slot]
+    section = "transmission" if motor else "friction"
+    if name in (FORWARD, BACKWARD):
         # a negative ratio turns the motor backwards where the joint moves forwards
         turned = motor and (gear := scene.drives[joint].transmission) and gear.ratio < 0.0
-        way = "positive" if (slot_name == FORWARD) != bool(turned) else "negative"
-        where = f"transmission.{name}.no_load_torque" if motor else f"friction.{name}.coulomb"
-        return f"{where}.{way}", "N m" if motor else effort
-    if slot_name.startswith("speed^"):
+        way = "positive" if (name == FORWARD) != bool(turned) else "negative"
+        return section, f"{'no_load_torque' if motor else 'coulomb'}.{way}", (
+            "N m" if motor else effort)  # fmt: skip
+    if name.startswith("speed^"):
         speed = "rad/s" if motor or effort == "N m" else "m/s"
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
         unit = f"{'N m' if motor else effort}/({speed}){power}"
-        return (f"transmission.{name}.motor_viscous" if motor else f"friction.{name}.viscous"), unit
-    if slot_name == BEARING:
-        return f"friction.{name}.mu", ""
-    if slot_name == INERTIA:
-        return f"transmission.{name}.rotor_inertia", "kg m^2"
-    return f"transmission.{name}.{'back_' if 'driven' in slot_name else ''}efficiency", ""
+        return section, "motor_viscous" if motor else "viscous", unit
+    if name == BEARING:
+        return "friction", "mu", ""
+    if name == INERTIA:
+        return "transmission", "rotor_inertia", "kg m^2"
+    return "transmission", "back_efficiency" if "driven" in name else "efficiency", ""
 
 
 def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
@@ -145,7 +152,7 @@ def parameters(found: Estimate, known: Uncertainty) -> tuple[Parameter, ...]:
             ends = [scene_value(law, slot, max(x + side * reach * error, 0.0), float(r[j]))
                     for side in (-1, 1)]  # fmt: skip
             value = float(scene_value(law, slot, x, float(r[j])))
-            key, unit = scene_key(found.scene, j, law, slot)
+            section, name, unit = scene_key(found.scene, j, law, slot)
             why = ""
             if x == 0.0:
                 why = "at its bound, zero"
@@ -154,7 +161,7 @@ def parameters(found: Estimate, known: Uncertainty) -> tuple[Parameter, ...]:
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
             slope = abs(float(scene_value(law, slot, x + 1e-6, float(r[j]))) - value) / 1e-6
-            result.append(Parameter(key, unit, value, float(min(ends)), float(max(ends)),
+            result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, float(min(ends)), float(max(ends)),
                                     float(slope * error), not why, why))  # fmt: skip
     return tuple(result)
 
@@ -201,7 +208,7 @@ def scene_entries(found: Estimate) -> dict[str, JointEntries]:
         if law.coulomb and (value[FORWARD] or value[BACKWARD]):
             dry = {way: {"static": _rounded(value[slot] + extra), "kinetic": value[slot]}
                    for slot in (FORWARD, BACKWARD)
-                   for way in [scene_key(scene, j, law, SLOT[slot])[0].rpartition(".")[2]]}  # fmt: skip
+                   for way in [scene_key(scene, j, law, SLOT[slot])[1].rpartition(".")[2]]}  # fmt: skip
         speed = value[f"speed^{law.exponent:g}"] if law.exponent is not None else 0.0
         viscous: Any = speed if law.exponent == 1.0 else {"coefficient": speed,
                                                           "exponent": law.exponent}  # fmt: skip
@@ -281,11 +288,9 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
         motion, held = one.recording.trajectory, one.recording.rests
         if not held.any():
             continue
-        result = inverse_dynamics(scene, motion)
-        ratio = np.array([d.transmission.ratio if d.transmission else 1.0 for d in scene.drives])
-        ends = np.sort(np.stack((result.motor_torque_lower * ratio,
-                                 result.motor_torque_upper * ratio)), axis=0)  # fmt: skip
-        middle, half = 0.5 * ends.sum(axis=0), 0.5 * np.diff(ends, axis=0)[0]
+        lower, upper = measured_interval(inverse_dynamics(scene, motion),
+                                         "motor" if found.question.motor else "joint")  # fmt: skip
+        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         off = np.abs(one.effort + one.payload - middle)
         for j in range(nj):
             at = held[:, j] & np.isfinite(off[:, j])

@@ -78,6 +78,22 @@ def judge_log(result: InverseResult, reading: Reading) -> JudgedLog:
                      dict(zip(names, largest.tolist(), strict=True)), measured)  # fmt: skip
 
 
+def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, FloatArray]:
+    """Return the least and greatest effort (T, na) where it is measured, as seen at the joint.
+
+    Args:
+        result: of inverse dynamics.
+        at: "motor": before the gear, r times the motor's torque; "joint": after it.
+    """
+    lower, upper = result.effort_lower, result.effort_upper
+    if at == "joint":
+        return lower, upper
+    ratio = np.array([drive.transmission.ratio if drive.transmission else 1.0
+                      for drive in result.scene.drives])  # fmt: skip
+    ends = np.stack((ratio * result.motor_torque_lower, ratio * result.motor_torque_upper))
+    return ends.min(axis=0), ends.max(axis=0)
+
+
 def compare_effort(result: InverseResult, drive: int, measured: FloatArray) -> MeasuredEffort:
     """Compare a measured effort with a drive's, the nearest value of its interval at rest.
 

@@ -1,0 +1,56 @@
+"""The identification page: one self-contained HTML file, plotly inlined once, no network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pinfric import __version__
+from pinfric.show.identification_page.figures import over_time, residual_clouds
+from pinfric.show.sizing_page.page import page_parts, script_safe
+from pinfric.study.identify.identify import Identified
+from pinfric.study.identify.laws import PLAIN
+from pinfric.study.summary import effort_unit
+
+
+def identification_page(found: Identified) -> str:
+    """Return what logs say of a robot's friction as one HTML page.
+
+    Args:
+        found: of `identify`.
+
+    Raises:
+        PinfricError: the extra `report` (jinja2, plotly) is not installed.
+    """
+    environment, plotly = page_parts(Path(__file__).parent)
+    time, figures, joints = over_time(found), {}, []
+    for j, name in enumerate(found.scene.joint_names):
+        if name not in found.errors:
+            continue
+        k = len(joints)
+        clouds = residual_clouds(found, j)
+        figures |= {f"time-{k}": time[j]} | {f"{kind}-{k}": cloud for kind, cloud in clouds.items()}
+        joints.append(_joint_view(found, j, name))
+    page: str = environment.get_template("identification.html.j2").render(
+        found=found,
+        scene=Path(found.scene.source).stem,
+        logs=found.recordings,
+        duration=sum(one.trajectory.duration for one in found.recordings),
+        determined=sum(p.determined for p in found.parameters),
+        joints=joints,
+        plotly=plotly,
+        figures=script_safe(figures),
+        version=__version__,
+    )
+    return page
+
+
+def _joint_view(found: Identified, joint: int, name: str) -> dict[str, Any]:
+    """What the template shows of one joint."""
+    errors = found.estimate.choice.errors[joint]
+    plain = errors.get(PLAIN, float("nan"))
+    laws = [(law, error, error / plain) for law, error in sorted(errors.items(),
+                                                                 key=lambda pair: pair[1])]  # fmt: skip
+    return {"name": name, "law": str(found.laws[name]), "error": found.errors[name],
+            "rest": found.rest[name], "spread": found.spread[name], "laws": laws,
+            "unit": effort_unit(found.scene, joint)}  # fmt: skip

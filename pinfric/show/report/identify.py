@@ -1,0 +1,81 @@
+"""What an identification says: tables for people, a dictionary for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+
+from pinfric import __version__
+from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, json_safe
+from pinfric.study.identify.identify import Identified
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+def identify_json(found: Identified, warnings: Sequence[str] = ()) -> dict[str, Any]:
+    """Return everything `pinfric identify --json` prints; SI units, None for what is not a number.
+
+    Args:
+        found: of `identify`.
+        warnings: what was noticed on the way.
+    """
+    errors = {name: dict(zip(map(str, table), table.values(), strict=True))
+              for name, table in zip(found.laws, found.estimate.choice.errors, strict=True)}  # fmt: skip
+    return json_safe({
+        "pinfric": __version__,
+        "scene": found.scene.source,
+        "logs": [{"name": one.name, "samples": one.trajectory.t.size,
+                  "duration": one.trajectory.duration, "noise": dict(one.reading.noise),
+                  "cutoff": dict(one.reading.cutoff), "dropped": one.reading.dropped}
+                 for one in found.recordings],
+        "delay": found.delay,
+        "joints": [
+            {"name": name, "law": str(law), "error": asdict(found.errors[name]),
+             "held_out": errors[name], "rest": asdict(found.rest[name]),
+             "spread_between_logs": found.spread[name]}
+            for name, law in found.laws.items() if name in found.errors
+        ],
+        "parameters": [asdict(parameter) for parameter in found.parameters],
+        "unseen": {log: {name: asdict(error) for name, error in joints.items()}
+                   for log, joints in found.unseen.items()},
+        "inertias": "kept" if found.keeps_inertias else "corrected",
+        "said": list(found.said),
+        "warnings": list(warnings),
+    })  # fmt: skip
+
+
+def identify_report(found: Identified) -> list[RenderableType]:
+    """Return the tables and lines that `pinfric identify` prints, for a rich console."""
+    from rich.text import Text
+
+    logs = ", ".join(one.name for one in found.recordings)
+    duration = sum(one.trajectory.duration for one in found.recordings)
+    title = f"{Path(found.scene.source).stem} · {logs}: {digits(duration)} s"
+    laws = Table(title, [
+        Column("joint", Kind.NAME), Column("law", Kind.WORDS), Column("effort\nRMS"),
+        Column("off, where\nnot fitted"), Column("of Coulomb\n+ viscous"),
+    ], [(name, str(found.laws[name]), digits(error.rms), f"{100 * error.error / error.rms:.2g} %",
+         f"{error.error / error.plain:.2f}") for name, error in found.errors.items()])  # fmt: skip
+    figures = Table("coefficients, with 95 % intervals", [
+        Column("joint", Kind.NAME), Column("coefficient", Kind.LABEL), Column("value"), Column("from"), Column("to"),
+        Column("unit", Kind.LABEL), Column("", Kind.WORDS),
+    ], [(p.joint, p.name, digits(p.value), digits(p.low), digits(p.high), p.unit,
+         "" if p.determined else f"not determined: {p.why}") for p in found.parameters], keys=2)  # fmt: skip
+    tables: list[RenderableType] = [laws, Text(), figures]
+    if found.unseen:
+        tables += [Text(), _unseen(found)]
+    lines = [f"logged efforts lag by {1e3 * found.delay:.1f} ms", *found.said]
+    return [*tables, Text(), *(Text(line) for line in lines)]
+
+
+def _unseen(found: Identified) -> Table:
+    rows = [(log, name, digits(error.rms), f"{100 * error.error / error.rms:.2g} %")
+            for log, joints in found.unseen.items() for name, error in joints.items()]  # fmt: skip
+    columns = [Column("log held out", Kind.NAME), Column("joint", Kind.NAME),
+               Column("effort\nRMS"), Column("off")]  # fmt: skip
+    return Table("logs that were only predicted", columns, rows, keys=2)
