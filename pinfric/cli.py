@@ -53,6 +53,9 @@ OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Write the results there, too.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+EffortAt = Annotated[
+    str, typer.Option(metavar="motor|joint", help="Measured before the gears, or after them.")
+]
 Threads = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Threads; by default as many as pay off.")
 ]
@@ -78,12 +81,13 @@ def inverse(
     out: OutFolder = None,
     as_json: AsJson = False,
     threads: Threads = None,
+    effort_at: EffortAt = "joint",
     log: Any,
 ) -> None:
     """Give the efforts that a motion takes.
 
     One value while a joint slides, an interval while it sticks. --out writes efforts.csv,
-    efforts.png and summary.json.
+    efforts.png, summary.json and, of a log with efforts, measured.png.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.dynamics.inverse import inverse_dynamics
@@ -93,12 +97,17 @@ def inverse(
     name = Path(trajectory.source).name
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
         result = inverse_dynamics(scene, trajectory, threads=threads)
-    judged = None if trajectory.reading is None else judge_log(result, trajectory.reading)
+    judged = None if trajectory.reading is None else (
+        judge_log(result, trajectory.reading, effort_at))
     summary = inverse_json(result, trajectory.source, noticed, judged)
     if out is not None:
         from pinfric.show.figure.efforts import effort_figure
+        from pinfric.show.figure.measured import measured_figure
 
+        compared = {} if judged is None or not judged.measured else {
+            "measured.png": measured_figure(result, judged, name).savefig}  # fmt: skip
         write(out, {
+            **compared,
             "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
             "efforts.png": lambda path: effort_figure(result, name, log=judged).savefig(path),
             "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
@@ -286,9 +295,7 @@ def identify(
         list[str] | None,
         typer.Option(metavar="JOINT=FACTOR", help="What makes N m of a logged effort."),
     ] = None,
-    effort_at: Annotated[
-        str, typer.Option(metavar="motor|joint", help="Measured before the gear, or after it.")
-    ] = "motor",
+    effort_at: EffortAt = "motor",
     inertia: Annotated[
         str, typer.Option(metavar="consistent|keep", help="Of the links: corrected, or the URDF's.")
     ] = "consistent",

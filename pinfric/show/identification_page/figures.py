@@ -76,7 +76,7 @@ def residual_clouds(found: Identified, joint: int) -> dict[str, Figure]:
     speed = "m/s" if unit == "N" else "rad/s"
     for name, x, title in (("velocity", rows.velocity, f"velocity, {speed}"),
                            ("load", rows.load, f"effort without friction, {unit}")):  # fmt: skip
-        data = [{"type": "scattergl", "mode": "markers", "x": five_digits(x[keep]),
+        data = [{"type": "scatter", "mode": "markers", "x": five_digits(x[keep]),
                  "y": five_digits(off[keep]), "marker": {"color": _BLUE, "size": 3, "opacity": 0.5},
                  "showlegend": False, "name": "residual"}]  # fmt: skip
         middle, means = _running_mean(x, off)

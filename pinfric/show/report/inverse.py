@@ -23,7 +23,7 @@ from pinfric.study.summary import (
     rounding,
     summarize,
 )
-from pinfric.study.trajectory.log.judged import JudgedLog, MeasuredEffort
+from pinfric.study.trajectory.log.judged import JudgedLog
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -111,9 +111,9 @@ def inverse_report(
               if drive.transmission is not None]  # fmt: skip
     if geared:
         tables += [Text(), _motor_table(geared)]
-    lines = [*_footer(result), *log_lines(log, {s.name: s.unit for s in summaries})]
     if log is not None and log.measured:
-        lines.append("off log: RMS of (logged effort - computed) / RMS of the logged effort")
+        tables += [Text(), _measured_table(log)]
+    lines = [*_footer(result), *log_lines(log, {s.name: s.unit for s in summaries})]
     return [*tables, Text(), *(Text(line) for line in lines)]
 
 
@@ -156,9 +156,6 @@ def _effort_table(
         ("friction\nshare", ""), ("sticks", "s"), ("widest\ninterval", unit),
     )  # fmt: skip
     figures = [Column(heading + (f"\n{unit}" if unit else "")) for heading, unit in headings]
-    measured = {} if log is None else log.measured
-    if measured:
-        figures.append(Column("off\nlog"))
     zero = rounding(result)
     rows = [
         (
@@ -167,17 +164,23 @@ def _effort_table(
             f"{digits(s.peak_frictionless, zero)}, {digits(s.rms_frictionless, zero)}",
             "n/a" if math.isnan(s.friction_share) else f"{100 * s.friction_share:.0f} %",
             digits(s.stick_time), digits(s.max_interval, zero),
-            *([_off(measured.get(s.name))] if measured else []),
         )
         for s in summaries
     ]  # fmt: skip
     return Table(title, [*key, *figures], rows, keys=len(key))
 
 
-def _off(measured: MeasuredEffort | None) -> str:
-    if measured is None or not np.isfinite(measured.relative_error):
-        return ""  # no effort was logged, or none but zero
-    return f"{100 * measured.relative_error:.0f} %"
+def _measured_table(log: JudgedLog) -> Table:
+    """Measured efforts beside the computed ones."""
+    rows = [
+        (name, digits(m.rms), digits(m.rms_error),
+         f"{100 * m.relative_error:.0f} %" if np.isfinite(m.relative_error) else "",
+         digits(m.rest), "" if np.isnan(m.coverage) else f"{100 * m.coverage:.0f} %")
+        for name, m in log.measured.items()
+    ]  # fmt: skip
+    columns = (Column("joint", Kind.NAME), Column("measured\nRMS"), Column("off\nRMS"),
+               Column("off"), Column("sticks\ns"), Column("of it in\nthe band"))  # fmt: skip
+    return Table(f"logged efforts (at the {log.at}) beside the computed ones", columns, rows)
 
 
 def _peak(summary: ActuatorSummary, zero: float, log: JudgedLog | None) -> str:

@@ -42,9 +42,13 @@ class Problem:
     rotor: bool
 
     def slots(self, laws: Sequence[Law]) -> list[tuple[int, ...]]:
-        """Return the slots that all joints' laws take, rotors' inertias among them."""
+        """Return the slots that all joints' laws take, rotors' inertias among them.
+
+        A joint without rows takes none.
+        """
         rotor = (SLOT[INERTIA],) if self.rotor else ()
-        return [(*rotor, *law.slots) for law in laws]
+        return [(*rotor, *law.slots) if gram.count.any() else ()
+                for gram, law in zip(self.grams, laws, strict=True)]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -82,21 +86,22 @@ def choose(problem: Problem) -> Choice:
     Args:
         problem: at least two parts can be held out.
     """
-    every = list(dict.fromkeys(law for laws in problem.laws for law in laws))
+    every = list(dict.fromkeys((PLAIN, *(law for laws in problem.laws for law in laws))))
     judge = _Judge(problem)
     tables: list[dict[Law, FloatArray]] = [{} for _ in problem.laws]
     for law in every:
         laws = [law if law in own else PLAIN for own in problem.laws]
         for j, error in enumerate(judge.errors(laws, range(len(laws)))):
             tables[j].setdefault(laws[j], error)
-    chosen = [smallest_good(table, judge.rows[j]) for j, table in enumerate(tables)]
+    chosen = [smallest_good({law: tables[j][law] for law in own}, judge.rows[j])
+              for j, own in enumerate(problem.laws)]  # fmt: skip
     for _ in range(_ROUNDS):
         before = list(chosen)
         for j, own in enumerate(problem.laws):
             for law in own:
                 laws = [*chosen[:j], law, *chosen[j + 1 :]]
                 tables[j][law] = judge.errors(laws, [j])[0]
-            chosen[j] = smallest_good(tables[j], judge.rows[j])
+            chosen[j] = smallest_good({law: tables[j][law] for law in own}, judge.rows[j])
         if chosen == before:
             break
     errors = tuple({law: float(np.sqrt(e.sum() / max(judge.rows[j].sum(), 1.0)))

@@ -152,11 +152,13 @@ def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
             Grams.of(r, w, folds.size) for r, w in zip(rows, row_weights, strict=True)))  # fmt: skip
         normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
         fit = Reduced(normal, problem.prior).fit(problem.slots(chosen))
-    choice = choose(problem) if max(map(len, laws)) > 1 else Choice(chosen, before.choice.errors)
+    first = all(tuple(own) == (PLAIN,) for own in laws)
+    choice = Choice(chosen, ({},) * nj) if first else choose(problem)
     slots = problem.slots(choice.laws)
     fit = consistent_fit(normal, problem.prior, Reduced(normal, problem.prior).fit(slots), slots)
     scene = before.question.scene
-    scene = scene.with_(model=with_parameters(scene.model, fit.theta))
+    if not problem.prior.kept:
+        scene = scene.with_(model=with_parameters(scene.model, fit.theta))
     return replace(before, rows=rows, problem=problem, row_weights=row_weights, choice=choice,
                    fit=fit, scene=scene)  # fmt: skip
 

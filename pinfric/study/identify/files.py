@@ -109,6 +109,11 @@ def _heading(found: Identified) -> Iterator[str]:
     yield "# marked `not determined` are what fits best, and these logs do not tell them."
     yield "# static: no log of these shows it; it is the kinetic value, or, where the law is steep"
     yield "# at rest, friction at the slowest logged sliding."
+    at = "motor" if found.estimate.question.motor else "joint"
+    yield "#"
+    yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
+    yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
+    yield "#"
     yield from (f"#   {line}" for line in found.said)
 
 

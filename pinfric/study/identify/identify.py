@@ -243,8 +243,9 @@ def _said(
     if restless:
         said.append(f"never rests, nothing bounds its static friction: {', '.join(restless)}")
     said += _slow(found, still)
-    plain = [n for n, rows in zip(names, found.rows, strict=True) if n not in still
-             and not any(law.load for law in found.choice.errors[names.index(n)])]  # fmt: skip
+    plain = [name for name, errors in zip(names, found.choice.errors, strict=True)
+             if name not in still and name not in found.question.laws
+             and not any(law.load == "gear" for law in errors)]  # fmt: skip
     if plain and found.question.motor:
         said.append(f"no load contrast beside Coulomb friction, a gear's loss cannot be told from "
                     f"it: {', '.join(plain)}")  # fmt: skip

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import InverseResult
-from pinfric.study.summary import ends_by_magnitude, rms
+from pinfric.dynamics.result import InverseResult, runs
+from pinfric.errors import TrajectoryError, choose_from
+from pinfric.study.summary import ends_by_magnitude, rests, rms
 from pinfric.study.trajectory.joint_columns import joint_columns
 from pinfric.study.trajectory.log.reading import DerivativeNoise, Reading
 
@@ -19,6 +20,8 @@ FloatArray = NDArray[np.float64]
 #: Standard deviations of the efforts' noise that count as uncertain: a peak is the largest of many
 #: noisy values, not one of them.
 COVERAGE = 3.0
+#: Where a log's efforts may have been measured: before the gears, or after them.
+EFFORT_PLACES = ("motor", "joint")
 #: Samples at which the efforts' dependence on accelerations and velocities is computed.
 _PLACES = 300
 
@@ -27,12 +30,16 @@ _PLACES = 300
 class MeasuredEffort:
     """A measured effort beside the computed one, the nearest possible where a joint sticks.
 
-    RMS are over time, in N m or N; `relative_error` is rms_error / rms.
+    RMS are over time, in N m or N; `relative_error` is rms_error / rms. `rest` is how long the
+    drive sticks (s), `coverage` in which share of that time the measured effort lies in its
+    interval (NaN where it never sticks).
     """
 
     rms: float
     rms_error: float
     relative_error: float
+    rest: float = 0.0
+    coverage: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -45,15 +52,17 @@ class JudgedLog:
             filtered, or where loops close.
         peak_uncertainty: drive -> the same of its peak.
         measured: drive -> its own effort in the log, compared.
+        at: where it was measured, "motor" or "joint".
     """
 
     reading: Reading
     bound: Mapping[str, FloatArray] = field(default_factory=dict)
     peak_uncertainty: Mapping[str, float] = field(default_factory=dict)
     measured: Mapping[str, MeasuredEffort] = field(default_factory=dict)
+    at: str = "joint"
 
 
-def judge_log(result: InverseResult, reading: Reading) -> JudgedLog:
+def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> JudgedLog:
     """Return how far the efforts of a log are known and how they fit the log's own.
 
     Noise and low pass change an effort by du = sum_k du/da_k da_k + du/dv_k dv_k, with du/da_k and
@@ -63,19 +72,25 @@ def judge_log(result: InverseResult, reading: Reading) -> JudgedLog:
     Args:
         result: inverse dynamics of the log's motion, with times.
         reading: of that log.
+        at: where its efforts were measured: "joint", or "motor": before the gears.
+
+    Raises:
+        TrajectoryError: there is no such place.
     """
+    if at not in EFFORT_PLACES:
+        raise TrajectoryError(f"--effort-at {at}: {choose_from(at, EFFORT_PLACES)}")
     names = result.actuator_names
-    measured = {name: compare_effort(result, i, reading.effort[name])
+    measured = {name: compare_effort(result, i, reading.effort[name], at)
                 for i, name in enumerate(names) if name in reading.effort}  # fmt: skip
     if reading.uncertain is None or result.scene.linkage is not None:
-        return JudgedLog(reading, measured=measured)
+        return JudgedLog(reading, measured=measured, at=at)
     bound = effort_bound(result, reading.uncertain)
     worst = np.abs(ends_by_magnitude(result.effort_lower, result.effort_upper)[0])
     peak = worst.max(axis=0)
     above, below = (worst + bound).max(axis=0) - peak, peak - (worst - bound).max(axis=0)
     largest = np.maximum(above, below)
     return JudgedLog(reading, dict(zip(names, bound.T, strict=True)),
-                     dict(zip(names, largest.tolist(), strict=True)), measured)  # fmt: skip
+                     dict(zip(names, largest.tolist(), strict=True)), measured, at)  # fmt: skip
 
 
 def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, FloatArray]:
@@ -94,21 +109,28 @@ def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, Float
     return ends.min(axis=0), ends.max(axis=0)
 
 
-def compare_effort(result: InverseResult, drive: int, measured: FloatArray) -> MeasuredEffort:
+def compare_effort(
+    result: InverseResult, drive: int, measured: FloatArray, at: str = "joint"
+) -> MeasuredEffort:
     """Compare a measured effort with a drive's, the nearest value of its interval at rest.
 
     Args:
         result: with times.
         drive: its column.
         measured: (T,) N m or N.
+        at: where it was measured; see `measured_interval`.
     """
     assert result.t is not None
     t, finite = result.t, np.isfinite(measured)
-    nearest = np.clip(measured, result.effort_lower[:, drive], result.effort_upper[:, drive])
     if not finite.any():
         return MeasuredEffort(np.nan, np.nan, np.nan)
+    lower, upper = (ends[:, drive] for ends in measured_interval(result, at))
+    nearest = np.clip(measured, lower, upper)
     size, error = (rms(t[finite], x[finite]) for x in (measured, measured - nearest))
-    return MeasuredEffort(size, error, error / size if size > 0.0 else np.nan)
+    held = rests(result, drive) & finite
+    inside = float(np.mean(nearest[held] == measured[held])) if held.any() else np.nan
+    rest = float(sum(t[last] - t[first] for first, last in runs(held)))
+    return MeasuredEffort(size, error, error / size if size > 0.0 else np.nan, rest, inside)
 
 
 def effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:

@@ -1,0 +1,70 @@
+"""Measured efforts over the computed ones, a panel a drive: a band where the drive sticks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.dynamics.result import InverseResult, runs
+from pinfric.errors import StateError
+from pinfric.show.figure.efforts import brief_ticks, thinned
+from pinfric.study.summary import effort_unit, rests
+from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COMPUTED, _BAND, _MEASURED, _STICKING = "#0072B2", "#A9CFE8", "#D55E00", "#E69F00"
+_QUIET = "#6B6B6B"
+#: Inches: the width, a panel, what is above and below all of them.
+_WIDTH, _PANEL, _HEADER, _FOOT = 11.0, 1.5, 0.75, 0.5
+
+
+def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "") -> Figure:
+    """Draw logged efforts over the computed ones where both are measured alike.
+
+    Args:
+        result: of the log's motion, with times.
+        log: as `judge_log` returns it, with measured efforts.
+        trajectory: its name, for the title.
+
+    Raises:
+        StateError: no times, or no measured effort.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    if result.t is None or not log.measured:
+        raise StateError("a figure of measured efforts needs a log that has them")
+    t, (lower, upper) = result.t, measured_interval(result, log.at)
+    total = _HEADER + _PANEL * len(log.measured) + _FOOT
+    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
+        panels = figure.subplots(len(log.measured), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (name, found) in zip(panels, log.measured.items(), strict=True):
+            i = result.actuator_names.index(name)
+            measured = log.reading.effort[name]
+            known = np.where(np.isfinite(measured), measured, 0.0)
+            keep = thinned([lower[:, i], upper[:, i], known])
+            axes.broken_barh([(t[a], t[b] - t[a]) for a, b in runs(rests(result, i))], (0.0, 1.0),
+                             transform=axes.get_xaxis_transform(), color=_STICKING, alpha=0.15,
+                             linewidth=0)  # fmt: skip
+            axes.fill_between(t[keep], lower[keep, i], upper[keep, i], color=_BAND, linewidth=0)
+            axes.plot(t[keep], upper[keep, i], color=_COMPUTED, linewidth=0.9, gid="computed")
+            axes.plot(t[keep], lower[keep, i], color=_COMPUTED, linewidth=0.9)
+            axes.plot(t[keep], measured[keep], color=_MEASURED, linewidth=0.8, gid="measured")
+            axes.set_title(f"{name}, {effort_unit(result.scene, i)}: off by "
+                           f"{100 * found.relative_error:.0f} %", loc="left", fontsize=9)  # fmt: skip
+            axes.yaxis.set_major_formatter(brief_ticks)
+            axes.spines[["top", "right"]].set_visible(False)
+            axes.tick_params(colors=_QUIET)
+        panels[-1].set_xlabel("time (s)", color=_QUIET)
+        handles = [panels[0].lines[2], panels[0].lines[0]]
+        figure.legend(handles, ["measured", "computed (a band where it sticks)"], ncols=2,
+                      loc="upper right", frameon=False)  # fmt: skip
+        figure.suptitle(f"{trajectory}: efforts at the {log.at}", x=0.06, ha="left",
+                        fontweight="bold", fontsize=12)  # fmt: skip
+        figure.subplots_adjust(left=0.06, right=0.985, top=1.0 - _HEADER / total,
+                               bottom=_FOOT / total, hspace=0.45)  # fmt: skip
+    return figure

@@ -1,0 +1,239 @@
+"""Identification against hidden truth, against a robot's own log, and against bad logs."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from identify_cases import (
+    COULOMB,
+    DELAY,
+    EFFICIENCY,
+    MU,
+    VISCOUS,
+    excitation,
+    guess,
+    log,
+    motor_effort,
+    truth,
+)
+
+import pinfric as pf
+from pinfric.errors import IdentificationError
+from pinfric.model.files import write_folder
+from pinfric.study.identify.files import identified_files
+from pinfric.study.identify.identify import Identified
+from pinfric.study.identify.laws import Law
+
+LOGS = Path(__file__).parents[4] / "shared" / "data"
+NAMES = truth().joint_names
+#: What a UR10's held-out errors may be beside those of Coulomb and viscous friction.
+UR10 = (0.70, 0.52, 0.75, 0.82, 1.05, 1.10)
+
+
+def csv_log(path: Path, seed: int, rate: float = 125.0, torn: tuple[int, ...] = ()) -> Path:
+    """Write a log as a file with stamps in ns and some torn rows."""
+    given = log(seed, rate=rate)
+    header = ["timestamp", *NAMES, *(f"{name}/effort" for name in NAMES)]
+    rows = [",".join([str(t), *(f"{x:.9g}" for x in q), *(f"{x:.6g}" for x in y)])
+            for t, q, y in zip(given.t, given.q, given.effort, strict=True)]  # fmt: skip
+    for row in torn:
+        rows[row] = rows[row][:40]
+    path.write_text("\n".join([",".join(header), *rows]))
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory) -> Identified:
+    path = csv_log(tmp_path_factory.mktemp("logs") / "arm.csv", 0, torn=(500, 700))
+    return pf.identify(guess(0), path, held_out=[log(7, 20.0, 125.0, name="other")])
+
+
+@cache
+def short(seed: int = 0, still: tuple[int, ...] = ()) -> pf.Log:
+    return log(seed, 20.0, 100.0, still)
+
+
+def parameter(found: Identified, section: str, joint: int, name: str):
+    return next(p for p in found.parameters
+                if (p.section, p.joint, p.name) == (section, NAMES[joint], name))  # fmt: skip
+
+
+def test_an_unseen_motion_takes_the_efforts_that_the_true_robot_needs(found):
+    motion = excitation(99, 20.0, 100.0)
+    true, ours = (motor_effort(scene, motion) for scene in (truth(), found.scene))
+    error = np.sqrt(np.mean((true - ours) ** 2, axis=0) / np.mean(true**2, axis=0))
+    assert (error < 0.03).all(), error
+
+
+def test_the_laws_that_made_the_log_are_found(found):
+    loads = [law.load for law in found.laws.values()]
+    assert loads == ["", "gear", "bearing", "", "", ""]
+    assert all(law.exponent == 1.0 for law in found.laws.values())
+    assert found.delay == pytest.approx(DELAY, abs=1.5e-3)
+
+
+def test_coefficients_lie_in_their_intervals(found):
+    known = [(parameter(found, "friction", 2, "mu"), MU),
+             (parameter(found, "transmission", 1, "efficiency"), EFFICIENCY)]  # fmt: skip
+    for j in range(6):
+        for name, value in (("coulomb.positive", COULOMB[j][0]), ("viscous", VISCOUS[j]),
+                            ("coulomb.negative", COULOMB[j][1])):  # fmt: skip
+            known.append((parameter(found, "friction", j, name), value))
+    inside = [p.low <= value <= p.high for p, value in known]
+    assert np.mean(inside) > 0.8
+    assert all(abs(p.value - value) < 0.15 * abs(value) for p, value in known)
+    # standard errors of samples taken as independent would be three times too small
+    assert parameter(found, "friction", 1, "coulomb.positive").standard_error > 0.1
+
+
+def test_the_posterior_scatters_as_the_intervals_say(found):
+    p = parameter(found, "friction", 1, "coulomb.positive")
+    draws = found.posterior[p.key]
+    assert np.mean((draws > p.low) & (draws < p.high)) == pytest.approx(0.95, abs=0.03)
+    gear = found.posterior[f"transmission.{NAMES[1]}.efficiency"]
+    # a gear that loses more leaves less to Coulomb friction
+    assert np.corrcoef(draws, gear)[0, 1] > 0.3
+
+
+def test_corrected_links_can_exist(found):
+    for inertia in tuple(found.scene.model.inertias)[1:]:
+        pseudo = pin.PseudoInertia.FromInertia(inertia).toMatrix()
+        assert np.linalg.eigvalsh(pseudo)[0] > 0.0
+    masses = [inertia.mass for inertia in tuple(found.scene.model.inertias)[1:]]
+    guessed = [inertia.mass for inertia in tuple(guess(0).model.inertias)[1:]]
+    assert masses != pytest.approx(guessed)
+
+
+def test_what_was_read_and_what_the_log_cannot_tell_is_said(found):
+    said = "\n".join(found.said)
+    assert "left out 2 rows of 7500" in said
+    assert "one log only" in said
+    assert "never rests" in said
+    assert np.isnan(list(found.spread.values())).all()
+
+
+def test_a_held_out_log_is_predicted_to_its_noise(found):
+    errors = found.unseen["other"]
+    assert all(error.error < 0.03 * error.rms for error in errors.values())
+
+
+def test_the_files_run_as_they_are(found, tmp_path):
+    scene = replace(found, scene=found.scene.with_(robot=pf.load_scene("ur5_pick_and_place").robot))
+    write_folder(tmp_path, identified_files(scene, tmp_path))
+    read = pf.load_scene(tmp_path / "scene.yaml")
+    motion = excitation(98, 2.0, 100.0)
+    assert motor_effort(read, motion) == pytest.approx(motor_effort(found.scene, motion), abs=1e-5)
+    text = (tmp_path / "scene.yaml").read_text()
+    assert f"viscous: {found.entries[NAMES[0]].friction['viscous']:.10g}  #" in text
+    header, *rows = (tmp_path / "posterior.csv").read_text().splitlines()
+    assert f"friction.{NAMES[1]}.coulomb.positive" in header.split(",")
+    assert len(rows) >= 200
+
+
+def test_a_scene_without_a_urdf_cannot_be_written(found, tmp_path):
+    bare = replace(found, scene=found.scene.with_(robot=None))
+    with pytest.raises(IdentificationError, match="has no URDF"):
+        identified_files(bare, tmp_path)
+
+
+def test_kept_inertias_stay_and_an_effort_behind_the_gear_needs_no_rotor():
+    laws = dict.fromkeys(NAMES, Law())
+    found = pf.identify(truth(), short(), inertia="keep", effort_at="joint", laws=laws)
+    assert found.scene.model == truth().model
+    assert all(p.section == "friction" for p in found.parameters)
+    assert "inertias were kept" in "\n".join(found.said)
+
+
+def test_a_joint_that_never_moves_keeps_what_the_scene_says():
+    laws = dict.fromkeys(NAMES, Law())
+    found = pf.identify(guess(1), short(still=(2,)), laws=laws)
+    assert f"keeps what the scene says: {NAMES[2]}" in "\n".join(found.said)
+    assert found.scene.friction[NAMES[2]] == guess(1).friction[NAMES[2]]
+    assert all(p.joint != NAMES[2] for p in found.parameters)
+
+
+def test_two_logs_say_how_much_friction_differs_between_them():
+    laws = dict.fromkeys(NAMES, Law())
+    one, other = short(), replace(short(3), name="warm")
+    warm = replace(other, effort=other.effort - 0.3 * drag(3, 20.0, 100.0))
+    found = pf.identify(guess(0), [one, warm], laws=laws)
+    # the friction of joint 6 is the viscous part that was taken off, a third of it, in one log
+    assert found.spread[NAMES[5]] > 0.05
+    wide, narrow = (parameter(x, "friction", 5, "viscous").standard_error
+                    for x in (found, pf.identify(guess(0), [one, other], laws=laws)))  # fmt: skip
+    assert wide > 2.0 * narrow
+
+
+def drag(seed: int, duration: float, rate: float) -> np.ndarray:
+    return excitation(seed, duration, rate).v * np.array(VISCOUS)
+
+
+def test_currents_without_a_gain_and_turned_signs_are_refused_by_name():
+    current = replace(short(), effort=short().effort * np.array([1, 0.07, 1, 1, 1, 1]))
+    with pytest.raises(IdentificationError, match=rf"joint {NAMES[1]}: its effort is 0\.0\d+ times"):
+        pf.identify(guess(0), current)
+    turned = replace(short(), effort=short().effort * np.array([1, 1, -1, 1, 1, 1]))
+    with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort falls where"):
+        pf.identify(guess(0), turned)
+
+
+def test_a_gain_makes_n_m_of_currents():
+    laws = dict.fromkeys(NAMES, Law())
+    current = replace(short(), effort=short().effort * np.array([1, 0.07, 1, 1, 1, 1]))
+    with_gain = pf.identify(guess(0), current, gain={NAMES[1]: 1 / 0.07}, laws=laws)
+    plain = pf.identify(guess(0), short(), laws=laws)
+    assert [p.value for p in with_gain.parameters] == pytest.approx(
+        [p.value for p in plain.parameters], rel=1e-6)  # fmt: skip
+
+
+def test_logs_of_two_robots_are_refused():
+    other = replace(short(3), effort=2.2 * short(3).effort, name="other")
+    with pytest.raises(IdentificationError, match="logs of two robots"):
+        pf.identify(guess(0), [short(), other], laws=dict.fromkeys(NAMES, Law()))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"gain": {"elbow": 2.0}}, "there is no joint 'elbow'"),
+        ({"payloads": {"log": "box"}}, "has no payload 'box'"),
+        ({"payloads": {"lgo": "box"}}, "there is no log 'lgo'"),
+        ({"effort_at": "shaft"}, "--effort-at shaft"),
+        ({"inertia": "new"}, "--inertia new"),
+        ({"laws": {"elbow": Law()}}, "there is no joint 'elbow'"),
+    ],
+)
+def test_what_is_not_there_is_named(arguments, said):
+    with pytest.raises(IdentificationError, match=said):
+        pf.identify(guess(0), short(), **arguments)
+
+
+def test_logs_without_efforts_or_time_are_refused():
+    with pytest.raises(IdentificationError, match="no measured effort of shoulder_pan_joint"):
+        pf.identify(guess(0), replace(short(), effort=None))
+    with pytest.raises(IdentificationError, match=r"lasts 4\.99 s"):
+        pf.identify(guess(0), log(0, 5.0, 100.0))
+    with pytest.raises(IdentificationError, match="holds way-points"):
+        pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")
+    with pytest.raises(IdentificationError, match="needs a log"):
+        pf.identify(guess(0), [])
+
+
+def test_robots_whose_efforts_no_log_tells_apart_are_refused():
+    with pytest.raises(IdentificationError, match="loops close"):
+        pf.identify(pf.load_scene("four_bar"), short())
+
+
+@pytest.mark.skipif(not LOGS.is_dir(), reason="other people's logs are not in the repository")
+def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(tmp_path):
+    urdf = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
+    (tmp_path / "ur10.yaml").write_text(f"pinfric: 1\nrobot: {{urdf: '{urdf}'}}\n")
+    found = pf.identify(pf.load_scene(tmp_path / "ur10.yaml"),
+                        LOGS / "ur10" / "ur10_exciting_trajectory.db3")  # fmt: skip
+    share = [error.error / error.plain for error in found.errors.values()]
+    assert (np.array(share) <= UR10).all(), share
+    lift = tuple(found.laws.values())[1]
+    assert (lift.load, lift.side) == ("gear", "motor")
