@@ -61,11 +61,11 @@ def identify_report(found: Identified) -> list[RenderableType]:
         Column("off, where\nnot fitted"), Column("of Coulomb\n+ viscous"),
     ], [(name, str(found.laws[name]), digits(error.rms), f"{100 * error.error / error.rms:.2g} %",
          f"{error.error / error.plain:.2f}") for name, error in found.errors.items()])  # fmt: skip
-    figures = Table("coefficients, with 95 % intervals", [
-        Column("joint", Kind.NAME), Column("coefficient", Kind.LABEL), Column("value"), Column("from"), Column("to"),
-        Column("unit", Kind.LABEL), Column("", Kind.WORDS),
-    ], [(p.joint, p.name, digits(p.value), digits(p.low), digits(p.high), p.unit,
-         "" if p.determined else f"not determined: {p.why}") for p in found.parameters], keys=2)  # fmt: skip
+    figures = Table("coefficients, with 95 % intervals; (in brackets): not determined", [
+        Column("joint", Kind.NAME), Column("coefficient", Kind.LABEL), Column("value"),
+        Column("from"), Column("to"), Column("unit", Kind.LABEL),
+    ], [(p.joint, p.name, digits(p.value) if p.determined else f"({digits(p.value)})",
+         digits(p.low), digits(p.high), p.unit) for p in found.parameters], keys=2)  # fmt: skip
     tables: list[RenderableType] = [laws, Text(), figures]
     if found.unseen:
         tables += [Text(), _unseen(found)]

@@ -69,10 +69,6 @@ def posterior_text(found: Identified) -> str:
     values = {p.key: p.value for p in found.parameters}
     columns = {key: draws if key.rpartition(".")[2] in _ABSOLUTE else draws / values[key]
                for key, draws in found.posterior.items()}  # fmt: skip
-    for joint, law in found.laws.items():
-        key = f"transmission.{joint}.efficiency"
-        if law.load == "gear" and law.both_ways and key in columns:
-            columns[f"transmission.{joint}.back_efficiency"] = 2.0 - 1.0 / columns[key]
     lines = [",".join(columns)]
     rows = np.column_stack(list(columns.values())) if columns else np.zeros((0, 0))
     return "\n".join([*lines, *(",".join(f"{x:.6g}" for x in row) for row in rows)]) + "\n"
@@ -173,6 +169,8 @@ def _comments(found: Identified) -> dict[tuple[str, ...], str]:
 
 
 def _interval(parameter: Parameter) -> str:
+    if np.isnan(parameter.high):
+        return f"not determined: {parameter.why}"
     text = f"{parameter.low:.3g} to {parameter.high:.3g} {parameter.unit}".rstrip()
     return text if parameter.determined else f"not determined: {parameter.why} ({text})"
 

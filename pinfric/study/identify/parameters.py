@@ -45,7 +45,7 @@ class Parameter:
     Attributes:
         section, joint, name: where a scene says it: friction, elbow_joint, coulomb.positive.
         unit: of all figures here.
-        value, low, high: estimate and 95 % interval.
+        value, low, high: estimate and 95 % interval; NaN where it stands at its bound.
         standard_error: within logs and between them.
         determined: whether the logs say it.
         why: what leaves it undetermined.
@@ -155,13 +155,13 @@ def parameters(found: Estimate, known: Uncertainty) -> tuple[Parameter, ...]:
             section, name, unit = scene_key(found.scene, j, law, slot)
             why = ""
             if x == 0.0:
-                why = "at its bound, zero"
+                why, ends = "at its bound, zero", [value, np.nan]
             elif x <= reach * error:
                 why = "its interval holds zero"
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
             slope = abs(float(scene_value(law, slot, x + 1e-6, float(r[j]))) - value) / 1e-6
-            result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, float(min(ends)), float(max(ends)),
+            result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, *sorted(map(float, ends)),
                                     float(slope * error), not why, why))  # fmt: skip
     return tuple(result)
 
@@ -239,10 +239,9 @@ def _gear_entry(
     given = found.scene.drives[joint].transmission
     entry: dict[str, Any] = {"ratio": 1.0 if given is None else given.ratio}
     if law.load == "gear":
-        one, two = (f"gear {way}, {law.side} side" for way in ("both", "driving"))
-        forward = value[one] if law.both_ways else value[two]
-        back = 2.0 - 1.0 / forward if law.both_ways else value[f"gear driven, {law.side} side"]
-        entry |= {"efficiency": forward, "back_efficiency": _rounded(back)}
+        way = "both" if law.both_ways else "driving"
+        back = "same_loss" if law.both_ways else value[f"gear driven, {law.side} side"]
+        entry |= {"efficiency": value[f"gear {way}, {law.side} side"], "back_efficiency": back}
     if value[INERTIA] > 0.0:
         entry["rotor_inertia"] = value[INERTIA]
     return entry

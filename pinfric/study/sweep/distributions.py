@@ -172,6 +172,21 @@ class Choice(Distribution):
         return self.values
 
 
+class Column(Distribution):
+    """A column of a table, all rows as likely: one u gives one row in all columns."""
+
+    values: Annotated[tuple[Number, ...], Field(min_length=1)]
+
+    def quantile(self, u: np.ndarray) -> np.ndarray:
+        """Return the value of the row whose share of [0, 1) holds u."""
+        return _pick(self.values, u)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """The least and the greatest value."""
+        return min(self.values), max(self.values)
+
+
 class Steps(Distribution):
     """`count` values from low to high at equal distances, for grids."""
 

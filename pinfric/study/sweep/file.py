@@ -105,11 +105,13 @@ class SweepFile(Entry):
 
     `sampling`: random; sobol (Saltelli's design: samples is a power of two N, N (d + 2) cycles are
     computed for d parameters, and the shares of the variance come out); grid (every combination
-    of choice and steps). `conditions`: what differs from those of the catalogue.
+    of choice and steps). `table`: a CSV file with a column per parameter, of which every sample
+    draws a whole row: what belongs together stays together. `conditions`: what differs from those of the catalogue.
     """
 
     pinfric_sweep: Literal[1]
-    parameters: Annotated[dict[str, Parameter], Field(min_length=1)]
+    parameters: dict[str, Parameter] = Field(default_factory=dict)
+    table: str | None = None
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None = None
     sampling: Literal["random", "sobol", "grid"] = "random"
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
@@ -123,6 +125,11 @@ class SweepFile(Entry):
         for p in self.percentiles:
             if not 0 <= p <= 100:
                 raise ValueError(f"percentiles: {p:g} is not between 0 and 100")
+        if not self.parameters and self.table is None:
+            raise ValueError("`parameters` or `table` is missing: nothing varies")
+        if self.table is not None and self.sampling != "random":
+            raise ValueError(f"`table`: its rows are drawn at random; leave out `sampling: "
+                             f"{self.sampling}`")  # fmt: skip
         if self.sampling == "grid":
             self._check_grid()
         elif self.samples is None:
@@ -159,6 +166,9 @@ def load_sweep(given: SweepFile | Mapping[str, Any] | str | Path) -> tuple[Sweep
             return entries, "sweep"
         path = find_file(given, (".sweep.yaml",), SweepError)
         entries = parse(SweepFile, read_yaml(path, SweepError), str(path))
+        if entries.table is not None:
+            beside = str(path.parent / entries.table)
+            entries = entries.model_copy(update={"table": beside})
     except SceneError as problem:
         raise SweepError(str(problem)) from None
     return entries, str(path)

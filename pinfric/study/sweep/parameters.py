@@ -1,14 +1,16 @@
 """What a sweep's parameters act on: names resolved against a scene, values put into it.
 
     friction.<joint>.mu, .coulomb, .viscous     factor on static and kinetic value alike
-    transmission.<drive>.no_load_torque, .motor_viscous     factor
+    transmission.<drive>.no_load_torque, .motor_viscous, .rotor_inertia     factor
+    transmission.<drive>.efficiency, .back_efficiency     the value itself
     payload.<name>.mass                         kg; the inertia goes with it (same shape)
     payload.<name>.com.x, .y, .z                m, in the link's axes
     speed                                       factor; 2: the same path in half the time
     mounting.roll, mounting.pitch               rad; the base turned on its foundation
 
 Names may hold the wildcards * ? [ ]; a factor given for several joints is one draw for all of them,
-or (`each: true`) a draw for each. Factors of overlapping names multiply.
+or (`each: true`) a draw for each. Factors of overlapping names multiply. What differs by direction
+may be meant by one: friction.<joint>.coulomb.positive, transmission.<drive>.no_load_torque.negative.
 """
 
 from __future__ import annotations
@@ -22,17 +24,24 @@ from inspect import signature
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pinocchio as pin
 
 from pinfric.errors import SweepError, choose_from, problems_line
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Payload, added_terms
 from pinfric.model.transmission import MakersEfficiency
-from pinfric.study.sweep.distributions import Distribution
+from pinfric.study.sweep.distributions import Column, Distribution
 from pinfric.study.sweep.file import MOST_SAMPLES, SweepFile
 from pinfric.study.trajectory.trajectory import Trajectory
 
-_TRANSMISSION_KEYS = ("no_load_torque", "motor_viscous")
+#: Numbers that a sweep sets; all else it multiplies.
+_SET = ("efficiency", "back_efficiency")
+_DIRECTIONS = ("positive", "negative")
+_TRANSMISSION_KEYS = (
+    *(f"no_load_torque.{way}" for way in _DIRECTIONS), "no_load_torque", "motor_viscous",
+    "rotor_inertia", *reversed(_SET),
+)  # fmt: skip
 _PAYLOAD_KEYS = ("mass", "com.x", "com.y", "com.z")
 _ANGLES = ("roll", "pitch")
 _FORMS = ("friction.<joint>.mu", "friction.<joint>.coulomb", "friction.<joint>.viscous",
@@ -85,12 +94,41 @@ def resolve(scene: Scene, sweep: SweepFile, source: str) -> tuple[Target, ...]:
         for group in groups:
             column = f"{section}.{group[0]}.{key}" if parameter.each else name
             targets.append(Target(column, section, key, group, parameter.distribution))
+    targets += _table_targets(scene, sweep.table, problems)
     columns = [target.name for target in targets]
     twice = {column for column in columns if columns.count(column) > 1}
     problems += [f"`parameters`: {column} is drawn twice" for column in sorted(twice)]
     if problems:
         raise SweepError(problems_line(source, problems))
     return tuple(targets)
+
+
+def _table_targets(scene: Scene, table: str | None, problems: list[str]) -> list[Target]:
+    """The columns of a table of rows; what is wrong with it is appended."""
+    if table is None:
+        return []
+    try:
+        frame = pd.read_csv(table, comment="#")
+    except (OSError, ValueError) as problem:
+        problems.append(f"`table`: {table} cannot be read: {' '.join(str(problem).split())[:200]}")
+        return []
+    targets = []
+    for name in map(str, frame.columns):
+        column = pd.to_numeric(frame[name], errors="coerce").to_numpy(dtype=float)
+        wrong = np.flatnonzero(~np.isfinite(column))
+        try:
+            section, key, names = _find(scene, name)
+            if wrong.size or not column.size:
+                raise SweepError(f"row {wrong[0] + 1} has no finite number" if wrong.size
+                                 else "has no rows")  # fmt: skip
+            drawn = Column(values=tuple(column.tolist()))
+            if impossible := _impossible(section, key, "its column", drawn):
+                raise SweepError(impossible)
+        except SweepError as problem:
+            problems.append(f"`table`: {name}: {problem}")
+            continue
+        targets.append(Target(name, section, key, names, drawn))
+    return targets
 
 
 def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
@@ -100,7 +138,8 @@ def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
     section, _, rest = name.partition(".")
     if section == "mounting" and rest in _ANGLES:
         return section, rest, ()
-    keys = {"friction": ("mu", "coulomb", "viscous", *added_terms()),
+    keys = {"friction": (*(f"coulomb.{way}" for way in _DIRECTIONS), "mu", "coulomb", "viscous",
+                         *added_terms()),
             "transmission": _TRANSMISSION_KEYS,
             "payload": _PAYLOAD_KEYS}.get(section, ())  # fmt: skip
     for key in keys:
@@ -111,10 +150,10 @@ def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
 
 def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, ...]:
     if section == "friction":
-        there = [n for n, f in scene.friction.items() if getattr(f, key, None)]
+        there = [n for n, f in scene.friction.items() if _found(f, key)]
         what = f"joint with {key} in this scene"
     elif section == "transmission":
-        there = [d.name for d in scene.drives if getattr(_transmission(d), key, 0.0)]
+        there = [d.name for d in scene.drives if _found(_transmission(d), key)]
         what = f"drive with {key} in this scene"
     else:
         there, what = list(scene.payloads), "payload"
@@ -129,6 +168,26 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
     if section == "payload" and len(found) > 1:
         raise SweepError(f"means {len(found)} payloads; name one: {', '.join(found)}")
     return found
+
+
+def _found(entry: Any, key: str) -> Any:
+    """What stands at a key of an entry, `coulomb.positive` also; None where nothing does."""
+    for part in key.split("."):
+        entry = getattr(entry, part, None)
+    return entry
+
+
+def _scaled(entry: Any, key: str, factor: float) -> Any:
+    """The entry with what stands at a key times a factor (a plain number: set to it)."""
+    first, _, rest = key.partition(".")
+    given = getattr(entry, first)
+    if rest:
+        changed = _scaled(given, rest, factor)
+    elif first in _SET:
+        changed = factor
+    else:
+        changed = factor * given if isinstance(given, float) else given.scaled(factor)
+    return entry.model_copy(update={first: changed})
 
 
 def _transmission(drive: Any) -> Any:
@@ -147,6 +206,12 @@ def _impossible(section: str, key: str, kind: str, distribution: Distribution) -
             return f"{kind}: angles from {ends[1]:.3g} to {ends[2]:.3g} rad; are these degrees?"
         return ""
     if section == "payload" and key != "mass":
+        return ""
+    if key in _SET:
+        high = distribution.support[1]
+        if high > 1.0 or (key == "efficiency" and low <= 0.0):
+            least = "above 0 and " if key == "efficiency" else ""
+            return f"{kind} reaches from {low:g} to {high:g}, and it must be {least}at most 1"
         return ""
     positive = section in ("payload", "speed")
     what = {"payload": "a mass", "speed": "a speed factor"}.get(section, "a factor on friction")
@@ -188,7 +253,8 @@ def apply(
         else:
             for name in target.names:
                 factors = losses.setdefault(name, {})
-                factors[target.key] = factors.get(target.key, 1.0) * value
+                before = 1.0 if target.key in _SET else factors.get(target.key, 1.0)
+                factors[target.key] = before * value
     sections = {target.section for target in targets}
     change: dict[str, Any] = {}
     if "friction" in sections:
@@ -244,19 +310,17 @@ def _with_payload(payload: Payload, key: str, value: float) -> Payload:
 
 
 def _with_factor(friction: Friction, key: str, factor: float) -> Friction:
-    return friction.model_copy(update={key: getattr(friction, key).scaled(factor)})
+    return _scaled(friction, key, factor)
 
 
 def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Actuator:
     factors = losses.get(actuator.drive_name)
     if not factors or actuator.transmission is None:
         return actuator
-    values = {
-        key: getattr(actuator.transmission, key).scaled(factor) for key, factor in factors.items()
-    }
-    return actuator.model_copy(
-        update={"transmission": actuator.transmission.model_copy(update=values)}
-    )
+    transmission = actuator.transmission
+    for key, factor in factors.items():
+        transmission = _scaled(transmission, key, factor)
+    return actuator.model_copy(update={"transmission": transmission})
 
 
 def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
@@ -279,6 +343,8 @@ def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:
     u = _unit_cube(sweep.sampling, sweep.samples, d, sweep.seed)
     if len(u) > MOST_SAMPLES:
         raise SweepError(f"Sobol's design has {len(u):,} samples; at most {MOST_SAMPLES:,}")
+    rows = [j for j, target in enumerate(targets) if isinstance(target.distribution, Column)]
+    u[:, rows] = u[:, rows[:1]]  # one row of the table in all its columns
     return _columns(target.distribution.quantile(u[:, j]) for j, target in enumerate(targets))
 
 

@@ -155,7 +155,7 @@ def test_file_is_read_and_named_in_messages(tmp_path):
     assert entries.samples == 7
     assert source == str(path)
     path.write_text("pinfric_sweep: 1\nsamples: 7\n")
-    with pytest.raises(SweepError, match=r"my\.sweep\.yaml: `parameters` is missing"):
+    with pytest.raises(SweepError, match=r"my\.sweep\.yaml: `parameters` or `table` is missing"):
         load_sweep(path)
     with pytest.raises(SweepError, match=r"there are: .*panda_pick_and_place\.sweep\.yaml"):
         load_sweep("panda")
