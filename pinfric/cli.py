@@ -97,8 +97,9 @@ def inverse(
     name = Path(trajectory.source).name
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
         result = inverse_dynamics(scene, trajectory, threads=threads)
-    judged = None if trajectory.reading is None else (
-        judge_log(result, trajectory.reading, effort_at))
+    judged = (
+        None if trajectory.reading is None else (judge_log(result, trajectory.reading, effort_at))
+    )
     summary = inverse_json(result, trajectory.source, noticed, judged)
     if out is not None:
         from pinfric.show.figure.efforts import effort_figure

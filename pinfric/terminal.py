@@ -95,9 +95,7 @@ def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> T
     return trajectory
 
 
-def pairs(
-    given: Sequence[str] | None, option: str, kind: Callable[[str], Any]
-) -> dict[str, Any]:
+def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) -> dict[str, Any]:
     """Return what an option gives as NAME=VALUE, by name.
 
     Raises:

@@ -49,7 +49,7 @@ def truth() -> pf.Scene:
 
 
 def guess(seed: int) -> pf.Scene:
-    """What is known before: masses wrong by 20 %, the elbow's bearing with a guessed coefficient."""
+    """What is known before: masses wrong by 20 %, a guessed coefficient at the elbow."""
     true = truth()
     model, rng = true.model.copy(), np.random.default_rng(1000 + seed)
     for body in range(1, model.njoints):

@@ -17,9 +17,11 @@ from pinfric.dynamics.motion import Motion
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import StateError
 from pinfric.show.figure.efforts import effort_figure
+from pinfric.show.figure.measured import measured_figure
 from pinfric.show.figure.motion import motion_figure
 from pinfric.show.figure.sweep import sweep_figure
 from pinfric.study.export.export import Exported
+from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import effort_unit, rms, summarize
 from pinfric.study.sweep.cycle import DEMANDS
@@ -36,7 +38,8 @@ def plot(result: Any, **options: Any) -> Figure:
     Args:
         result: of `inverse_dynamics` (options: `trajectory`, a name for the title; `drives`, the
             names of those to draw), `simulate`, `size` (the efforts of the cycle with the chosen
-            drives' masses; the same options) or `sweep`.
+            drives' masses; the same options), `sweep`, or `identify` (measured efforts over those
+            of the scene found; option: `log`, its number).
         options: see there.
 
     Raises:
@@ -52,7 +55,8 @@ def summary(result: Any) -> pd.DataFrame:
     Args:
         result: of `inverse_dynamics` (`peak`, `rms`, ... as `--json` names them), `simulate`
             (efforts, their work, and at its joint heat and time at rest), `size` (demand and
-            choice), `sweep` (percentiles, `peak_95` and so on) or `export` (a row a joint).
+            choice), `sweep` (percentiles, `peak_95` and so on), `export` (a row a joint) or
+            `identify` (a row a coefficient).
 
     Raises:
         StateError: it is none of these, or has no times.
@@ -61,7 +65,7 @@ def summary(result: Any) -> pd.DataFrame:
 
 
 def _nothing(what: str, result: Any) -> StateError:
-    kinds = "inverse_dynamics, simulate, size and sweep"
+    kinds = "inverse_dynamics, simulate, size, sweep and identify"
     return StateError(f"a {type(result).__name__} has no {what}; results of {kinds} have one")
 
 
@@ -83,6 +87,11 @@ def _(result: Motion) -> Figure:
 @plot.register(SweepResult)
 def _(result: SweepResult) -> Figure:
     return sweep_figure(result)
+
+
+@plot.register(Identified)
+def _(result: Identified, log: int = 0) -> Figure:
+    return measured_figure(*beside_measured(result, log), result.recordings[log].name)
 
 
 def _by_drive(rows: list[dict[str, Any]]) -> pd.DataFrame:
@@ -152,3 +161,9 @@ def _(result: SweepResult) -> pd.DataFrame:
         share = result.probability(result.sufficing(trial)).value
         rows[trial.actuator]["suffices"] = share
     return _by_drive(rows)
+
+
+@summary.register(Identified)
+def _(result: Identified) -> pd.DataFrame:
+    rows = [{"key": p.key} | asdict(p) for p in result.parameters]
+    return pd.DataFrame(rows).set_index("key")

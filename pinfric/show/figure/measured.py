@@ -54,8 +54,8 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
             axes.plot(t[keep], upper[keep, i], color=_COMPUTED, linewidth=0.9, gid="computed")
             axes.plot(t[keep], lower[keep, i], color=_COMPUTED, linewidth=0.9)
             axes.plot(t[keep], measured[keep], color=_MEASURED, linewidth=0.8, gid="measured")
-            axes.set_title(f"{name}, {effort_unit(result.scene, i)}: off by "
-                           f"{100 * found.relative_error:.0f} %", loc="left", fontsize=9)  # fmt: skip
+            title = f"{name}, {effort_unit(result.scene, i)}: off by {found.relative_error:.0%}"
+            axes.set_title(title.replace("%", " %"), loc="left", fontsize=9)
             axes.yaxis.set_major_formatter(brief_ticks)
             axes.spines[["top", "right"]].set_visible(False)
             axes.tick_params(colors=_QUIET)

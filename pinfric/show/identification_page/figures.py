@@ -29,8 +29,10 @@ def over_time(found: Identified) -> list[Figure]:
 
     Logs stand one after another; efforts are those measured, moved back by the delay.
     """
-    figures = [{"data": [], "layout": axes_layout("time, s", f"effort, {effort_unit(found.scene, j)}")}
-               for j in range(found.scene.model.nv)]  # fmt: skip
+    units = [effort_unit(found.scene, j) for j in range(found.scene.model.nv)]
+    figures: list[Figure] = [
+        {"data": [], "layout": axes_layout("time, s", f"effort, {unit}")} for unit in units
+    ]
     start = 0.0
     at = "motor" if found.estimate.question.motor else "joint"
     for number, recording in enumerate(found.recordings):
@@ -43,8 +45,8 @@ def over_time(found: Identified) -> list[Figure]:
             known = np.isfinite(measured)
             keep = thinned([lower[:, j], upper[:, j], np.where(known, measured, 0.0)], _PIECES)
             t = five_digits(time[keep])
-            shown = [x if k else None for x, k in
-                     zip(five_digits(measured[keep]), known[keep].tolist(), strict=True)]  # fmt: skip
+            shown = [x if is_known else None for x, is_known in
+                     zip(five_digits(measured[keep]), known[keep], strict=True)]  # fmt: skip
             figure["data"] += [
                 curve(t, shown, "measured", _ORANGE, 1.2, showlegend=first),
                 curve(t, five_digits(lower[keep, j]), "", _BLUE, 1.0, showlegend=False),

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pinfric import __version__
-from pinfric.show.identification_page.figures import over_time, residual_clouds
+from pinfric.show.identification_page.figures import Figure, over_time, residual_clouds
 from pinfric.show.sizing_page.page import page_parts, script_safe
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import PLAIN
@@ -23,7 +23,9 @@ def identification_page(found: Identified) -> str:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
     environment, plotly = page_parts(Path(__file__).parent)
-    time, figures, joints = over_time(found), {}, []
+    time = over_time(found)
+    figures: dict[str, Figure] = {}
+    joints: list[dict[str, Any]] = []
     for j, name in enumerate(found.scene.joint_names):
         if name not in found.errors:
             continue
@@ -49,8 +51,9 @@ def _joint_view(found: Identified, joint: int, name: str) -> dict[str, Any]:
     """What the template shows of one joint."""
     errors = found.estimate.choice.errors[joint]
     plain = errors.get(PLAIN, float("nan"))
-    laws = [(law, error, error / plain) for law, error in sorted(errors.items(),
-                                                                 key=lambda pair: pair[1])]  # fmt: skip
+    laws = [
+        (law, errors[law], errors[law] / plain) for law in sorted(errors, key=errors.__getitem__)
+    ]
     return {"name": name, "law": str(found.laws[name]), "error": found.errors[name],
             "rest": found.rest[name], "spread": found.spread[name], "laws": laws,
             "unit": effort_unit(found.scene, joint)}  # fmt: skip

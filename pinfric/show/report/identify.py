@@ -7,7 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-
 from pinfric import __version__
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, json_safe
@@ -24,8 +23,8 @@ def identify_json(found: Identified, warnings: Sequence[str] = ()) -> dict[str, 
         found: of `identify`.
         warnings: what was noticed on the way.
     """
-    errors = {name: dict(zip(map(str, table), table.values(), strict=True))
-              for name, table in zip(found.laws, found.estimate.choice.errors, strict=True)}  # fmt: skip
+    tables = zip(found.laws, found.estimate.choice.errors, strict=True)
+    errors = {name: {str(law): error for law, error in table.items()} for name, table in tables}
     return json_safe({
         "pinfric": __version__,
         "scene": found.scene.source,

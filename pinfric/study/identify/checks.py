@@ -52,13 +52,13 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
                 "turned, or zero displaced; say so by `sign` and `offset` in a file given by "
                 "--columns"
             )
-        elif correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1]:
-            if name not in given:
-                problems.append(
-                    f"joint {name}: its effort is {slope:.3g} times what the URDF's masses need: "
-                    f"in A, or at the motor's shaft? say by --gain {name}=FACTOR what makes N m of "
-                    f"it ({name}=1: it is in N m, the masses are wrong)"
-                )
+        elif (correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1]
+              and name not in given):  # fmt: skip
+            problems.append(
+                f"joint {name}: its effort is {slope:.3g} times what the URDF's masses need: in A, "
+                f"or at the motor's shaft? say by --gain {name}=FACTOR what makes N m of it "
+                f"({name}=1: it is in N m, the masses are wrong)"
+            )
     if problems:
         raise IdentificationError(problems_line(scene.source, problems))
 

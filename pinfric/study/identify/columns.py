@@ -137,7 +137,7 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) 
 
 
 def _passed(column: FloatArray, step: float) -> FloatArray:
-    return low_pass(column, step, PASS) if PASS < 0.45 / step else column
+    return low_pass(column, step, PASS) if step * PASS < 0.45 else column
 
 
 def _sliding(recording: Recording, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -184,9 +184,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Pre
     return replace(prepared, slots=slots), rigid
 
 
-def joint_rows(
-    every: list[Prepared], rigid: list[FloatArray], joint: int, delay: float
-) -> Rows:
+def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay: float) -> Rows:
     """Return one joint's rows in all logs.
 
     Args:

@@ -148,8 +148,8 @@ def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
         if fit.slots.shape[0] == nj:
             row_weights, weights = _weighted(rows, fit)
             problem = replace(problem, weights=weights)
-        problem = replace(problem, grams=tuple(
-            Grams.of(r, w, folds.size) for r, w in zip(rows, row_weights, strict=True)))  # fmt: skip
+        weighted = zip(rows, row_weights, strict=True)
+        problem = replace(problem, grams=tuple(Grams.of(r, w, folds.size) for r, w in weighted))
         normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
         fit = Reduced(normal, problem.prior).fit(problem.slots(chosen))
     first = all(tuple(own) == (PLAIN,) for own in laws)
@@ -181,6 +181,7 @@ def _weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], F
 
 def _delay(found: Estimate) -> float:
     """Return the delay of the efforts that leaves the least weighted sum of squares, s."""
+
     def misfit(delay: float) -> float:
         rows = [joint_rows(list(found.prepared), list(found.rigid), j, delay)
                 for j in range(len(found.rows))]  # fmt: skip
@@ -188,8 +189,9 @@ def _delay(found: Estimate) -> float:
                  for r, w in zip(rows, found.row_weights, strict=True)]  # fmt: skip
         normal = Normal.of(grams, np.ones(1, dtype=bool), found.problem.weights)
         fit = Reduced(normal, found.problem.prior).fit(found.problem.slots(found.choice.laws))
-        return sum(float(weight * (w * residuals(r, fit, j) ** 2).sum()) for j, (r, w, weight) in
-                   enumerate(zip(rows, found.row_weights, found.problem.weights, strict=True)))  # fmt: skip
+        every = zip(rows, found.row_weights, found.problem.weights, strict=True)
+        return sum(float(weight * (w * residuals(r, fit, j) ** 2).sum())
+                   for j, (r, w, weight) in enumerate(every))  # fmt: skip
 
     tried = {round(float(d), 6): misfit(float(d)) for d in _DELAYS}
     for step in (2 * _STEP, _STEP):

@@ -17,6 +17,7 @@ from pinfric.model.schema import Simulation, TableEffort
 from pinfric.model.urdf import mesh_file
 from pinfric.model.urdf_file import read_xml
 from pinfric.study.identify.identify import Identified
+from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter, on_motor
 from pinfric.study.new_scene import locator, scalar, yaml_number
 
@@ -26,7 +27,7 @@ _SAMPLES = 200
 
 
 def identified_files(found: Identified, folder: Path) -> dict[str, Callable[[Path], object]]:
-    """Return name -> what writes that file: scene, robot (where it was corrected), posterior, sweep.
+    """Return name -> what writes that file: scene, robot (if corrected), posterior, sweep.
 
     Args:
         found: what was identified.
@@ -50,7 +51,7 @@ def identified_files(found: Identified, folder: Path) -> dict[str, Callable[[Pat
     return {name: writer(text) for name, text in texts.items()}
 
 
-_SWEEP = f"""# The robot as uncertain as its logs leave it: every sample is one row of posterior.csv.
+_SWEEP = f"""# The robot as uncertain as its logs leave it: each sample is a row of posterior.csv.
 #
 #   pinfric sweep scene.yaml TRAJECTORY sweep.yaml
 pinfric_sweep: 1
@@ -163,8 +164,8 @@ def _comments(found: Identified) -> dict[tuple[str, ...], str]:
         if name in found.errors:
             error = found.errors[name]
             where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
-            comments[where] = (f"{law}: off by {100 * error.error / error.rms:.2g} % where nothing "
-                               f"was fitted ({error.error / error.plain:.2f} of Coulomb + viscous)")  # fmt: skip
+            comments[where] = (f"{law}: off by {100 * error.error / error.rms:.2g} % where not "
+                               f"fitted ({error.error / error.plain:.2f} of {PLAIN})")  # fmt: skip
     return comments
 
 
@@ -188,7 +189,7 @@ def _block(
         lead = f"{pad}- " if not isinstance(node, Mapping) else f"{pad}{scalar(str(key))}:"
         beside = f"  # {comments[here]}" if here in comments else ""
         inner = any(len(at) > len(here) and at[: len(here)] == here for at in comments)
-        if _flat(value) and not inner or not value:
+        if (_flat(value) and not inner) or not value:
             yield f"{lead.rstrip()} {_flow(value)}{beside}"
         elif isinstance(node, Mapping):
             yield f"{lead}{beside}"

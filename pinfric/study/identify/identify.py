@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.scene import Scene
-from pinfric.study.identify.checks import check_efforts, check_one_robot
+from pinfric.study.identify.checks import check_one_robot
 from pinfric.study.identify.choice import nested_errors
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
@@ -34,6 +36,7 @@ from pinfric.study.identify.parameters import (
 from pinfric.study.identify.recordings import Recording, check_scene, read_recordings
 from pinfric.study.identify.uncertainty import Uncertainty, uncertainty
 from pinfric.study.trajectory.log.arrays import Log
+from pinfric.study.trajectory.log.judged import JudgedLog, compare_effort
 from pinfric.study.trajectory.log.reading import ReadingOptions
 
 FloatArray = NDArray[np.float64]
@@ -77,7 +80,6 @@ class Identified(Shown):
         entries: joint -> its entries in a scene file.
         estimate: rows and coefficients behind all this.
         uncertainty: covariance of the coefficients.
-        keeps_inertias: the links' inertias are the URDF's.
     """
 
     scene: Scene
@@ -93,7 +95,11 @@ class Identified(Shown):
     entries: Mapping[str, JointEntries]
     estimate: Estimate
     uncertainty: Uncertainty
-    keeps_inertias: bool
+
+    @property
+    def keeps_inertias(self) -> bool:
+        """Whether the links' inertias are the URDF's."""
+        return self.estimate.question.keep_inertias
 
     @property
     def recordings(self) -> tuple[Recording, ...]:
@@ -159,9 +165,16 @@ def identify(
     _check_options(scene, effort_at, inertia, laws or {})
     logs = [logs] if isinstance(logs, str | Path | Log) else logs
     recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
+    unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
     question = Question(scene, recordings, effort_at == "motor", inertia == "keep", laws or {},
                         gain or {})  # fmt: skip
     found = estimate(question, progress or (lambda done, total: None))
+    return _identified(found, unseen, seed)
+
+
+def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Identified:
+    """Return what an estimate says in a scene's terms."""
+    scene, recordings = found.question.scene, found.question.recordings
     check_one_robot(scene.joint_names, found.rows, found.fit, [r.name for r in recordings])
     known = uncertainty(found)
     entries = scene_entries(found)
@@ -170,14 +183,31 @@ def identify(
     rest = dict(zip(names, rest_bounds(found, better), strict=True))
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     every = parameters(found, known)
-    unseen = {one.name: _predicted(found, one) for one in
-              (read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ())}  # fmt: skip
     return Identified(
         scene=better, laws=dict(zip(names, found.choice.laws, strict=True)), parameters=every,
-        posterior=_posterior(found, known, seed), errors=_errors(found), unseen=unseen, rest=rest,
-        spread=spread, delay=found.delay, said=_said(found, rest, every), entries=entries,
-        estimate=found, uncertainty=known, keeps_inertias=inertia == "keep",
+        posterior=_posterior(found, known, seed), errors=_errors(found),
+        unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
+        delay=found.delay, said=_said(found, rest, every), entries=entries, estimate=found,
+        uncertainty=known,
     )  # fmt: skip
+
+
+def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, JudgedLog]:
+    """Return the identified scene's efforts along a log, and the log's own compared with them.
+
+    Args:
+        found: what was identified.
+        log: which of its logs.
+    """
+    recording = found.recordings[log]
+    result = inverse_dynamics(found.scene, recording.trajectory)
+    at = "motor" if found.estimate.question.motor else "joint"
+    effort = dict(zip(found.scene.joint_names, recording.effort.T, strict=True))
+    reading = replace(recording.reading, effort=effort)
+    measured = {
+        name: compare_effort(result, j, y, at) for j, (name, y) in enumerate(effort.items())
+    }
+    return result, JudgedLog(reading, measured=measured, at=at)
 
 
 def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str, Law]) -> None:
@@ -223,7 +253,8 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
         j, slot = divmod(place, len(SLOTS))
         law = found.choice.laws[j]
         section, name, _ = scene_key(found.scene, j, law, slot)
-        result[f"{section}.{found.scene.joint_names[j]}.{name}"] = np.asarray(scene_value(law, slot, draws[:, place], float(r[j])))
+        values = scene_value(law, slot, draws[:, place], float(r[j]))
+        result[f"{section}.{found.scene.joint_names[j]}.{name}"] = np.asarray(values)
     return result
 
 

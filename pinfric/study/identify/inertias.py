@@ -92,7 +92,8 @@ def consistent_fit(
         left = normal.rigid - normal.cross[:, active] @ solved[:, :-1] + np.diag(strength)
         right = normal.right_rigid + strength * prior.center
         right = right - normal.cross[:, active] @ solved[:, -1]
-        best, root = np.linalg.solve(left, right), np.linalg.cholesky(left).T
+        best = np.asarray(np.linalg.solve(left, right), dtype=np.float64)
+        root = np.asarray(np.linalg.cholesky(left).T, dtype=np.float64)
         psi = _nearest_bodies(psi, best, root)
         theta = _theta(psi)
         before, x = x, np.zeros_like(x)

@@ -102,9 +102,7 @@ class Normal:
     rows: float
 
     @classmethod
-    def of(
-        cls, grams: Sequence[Grams], blocks: NDArray[np.bool_], weights: FloatArray
-    ) -> Normal:
+    def of(cls, grams: Sequence[Grams], blocks: NDArray[np.bool_], weights: FloatArray) -> Normal:
         """Sum the blocks' products, joint j with weight `weights[j]`."""
         K, nj = len(SLOTS), len(grams)
         p = grams[0].products.shape[1] - K - 1
@@ -131,13 +129,15 @@ class Reduced:
     """
 
     def __init__(self, normal: Normal, prior: Prior) -> None:
-        self.by_slots, self.start = np.zeros_like(normal.cross), prior.center
+        self.by_slots: FloatArray = np.zeros_like(normal.cross)
+        self.start: FloatArray = prior.center
         if not prior.kept:
             strength = normal.rows * prior.weight
             right = normal.right_rigid + strength * prior.center
             solved = np.linalg.solve(normal.rigid + np.diag(strength),
                                      np.column_stack((normal.cross, right)))  # fmt: skip
-            self.by_slots, self.start = solved[:, :-1], solved[:, -1]
+            self.by_slots = np.asarray(solved[:, :-1], dtype=np.float64)
+            self.start = np.asarray(solved[:, -1], dtype=np.float64)
         self.left = normal.slots - normal.cross.T @ self.by_slots
         self.right = normal.right_slots - normal.cross.T @ self.start
 

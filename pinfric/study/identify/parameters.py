@@ -1,7 +1,7 @@
 """Coefficients as a scene says them: which key each one is, its unit, and how far it is known.
 
-    c+, c-   friction.J.coulomb.positive, .negative      or  transmission.J.no_load_torque.* = c/|r|
-    k, p     friction.J.viscous {k, p}                   or  transmission.J.motor_viscous = k/|r|^(1+p)
+    c+, c-   friction.J.coulomb.positive, .negative  or  transmission.J.no_load_torque.* = c/|r|
+    k, p     friction.J.viscous {k, p}               or  transmission.J.motor_viscous = k/|r|^(1+p)
     mu       friction.J.mu
     g+, g-   transmission.J.efficiency = 1/(1 + g+), back_efficiency = 1 - g-
     J        transmission.J.rotor_inertia = J/r^2
@@ -149,20 +149,20 @@ def parameters(found: Estimate, known: Uncertainty) -> tuple[Parameter, ...]:
             continue
         for slot in slots:
             x, error = float(found.fit.slots[j, slot]), errors.get(j * len(SLOTS) + slot, 0.0)
-            ends = [scene_value(law, slot, max(x + side * reach * error, 0.0), float(r[j]))
-                    for side in (-1, 1)]  # fmt: skip
+            low, high = sorted(float(scene_value(law, slot, max(x + side * reach * error, 0.0),
+                                                 float(r[j]))) for side in (-1, 1))  # fmt: skip
             value = float(scene_value(law, slot, x, float(r[j])))
             section, name, unit = scene_key(found.scene, j, law, slot)
             why = ""
             if x == 0.0:
-                why, ends = "at its bound, zero", [value, np.nan]
+                why, high = "at its bound, zero", np.nan
             elif x <= reach * error:
                 why = "its interval holds zero"
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
             slope = abs(float(scene_value(law, slot, x + 1e-6, float(r[j]))) - value) / 1e-6
-            result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, *sorted(map(float, ends)),
-                                    float(slope * error), not why, why))  # fmt: skip
+            result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, low,
+                                    high, float(slope * error), not why, why))  # fmt: skip
     return tuple(result)
 
 
@@ -206,16 +206,17 @@ def scene_entries(found: Estimate) -> dict[str, JointEntries]:
             extra /= float(r[j])
         dry = {}
         if law.coulomb and (value[FORWARD] or value[BACKWARD]):
-            dry = {way: {"static": _rounded(value[slot] + extra), "kinetic": value[slot]}
-                   for slot in (FORWARD, BACKWARD)
-                   for way in [scene_key(scene, j, law, SLOT[slot])[1].rpartition(".")[2]]}  # fmt: skip
+            for slot in (FORWARD, BACKWARD):
+                way = scene_key(scene, j, law, SLOT[slot])[1].rpartition(".")[2]
+                dry[way] = {"static": _rounded(value[slot] + extra), "kinetic": value[slot]}
         speed = value[f"speed^{law.exponent:g}"] if law.exponent is not None else 0.0
         viscous: Any = speed if law.exponent == 1.0 else {"coefficient": speed,
                                                           "exponent": law.exponent}  # fmt: skip
         friction: dict[str, Any] = {}
         if law.load == "bearing" and value[BEARING] > 0.0:
             given = bearing_scene[name]
-            assert given.bearing is not None and given.mu is not None  # it was a candidate
+            assert given.bearing is not None  # it was a candidate
+            assert given.mu is not None
             ratio = given.mu.static / given.mu.kinetic if given.mu.kinetic > 0.0 else 1.0
             friction["bearing"] = given.bearing.model_dump(exclude_defaults=True)
             friction["mu"] = {"static": _rounded(ratio * value[BEARING]),

@@ -106,7 +106,8 @@ class SweepFile(Entry):
     `sampling`: random; sobol (Saltelli's design: samples is a power of two N, N (d + 2) cycles are
     computed for d parameters, and the shares of the variance come out); grid (every combination
     of choice and steps). `table`: a CSV file with a column per parameter, of which every sample
-    draws a whole row: what belongs together stays together. `conditions`: what differs from those of the catalogue.
+    draws a whole row: what belongs together stays together. `conditions`: what differs from those
+    of the catalogue.
     """
 
     pinfric_sweep: Literal[1]

@@ -9,8 +9,8 @@
     mounting.roll, mounting.pitch               rad; the base turned on its foundation
 
 Names may hold the wildcards * ? [ ]; a factor given for several joints is one draw for all of them,
-or (`each: true`) a draw for each. Factors of overlapping names multiply. What differs by direction
-may be meant by one: friction.<joint>.coulomb.positive, transmission.<drive>.no_load_torque.negative.
+or (`each: true`) a draw for each. Factors of overlapping names multiply. One direction alone may be
+meant: friction.<joint>.coulomb.positive, transmission.<drive>.no_load_torque.negative.
 """
 
 from __future__ import annotations

@@ -21,8 +21,10 @@ from identify_cases import (
 )
 
 import pinfric as pf
+from pinfric import cli
 from pinfric.errors import IdentificationError
 from pinfric.model.files import write_folder
+from pinfric.show.identification_page.page import identification_page
 from pinfric.study.identify.files import identified_files
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import Law
@@ -133,6 +135,41 @@ def test_the_files_run_as_they_are(found, tmp_path):
     assert len(rows) >= 200
 
 
+def test_the_posterior_is_swept_row_by_row(found, tmp_path):
+    scene = replace(found, scene=found.scene.with_(robot=pf.load_scene("ur5_pick_and_place").robot))
+    write_folder(tmp_path, identified_files(scene, tmp_path))
+    motion = excitation(98, 1.0, 50.0)
+    cycle = pf.Trajectory.from_arrays(found.scene, motion.t, motion.q, motion.v, motion.a)
+    swept = pf.sweep(found.scene, cycle, tmp_path / "sweep.yaml", processes=1)
+    assert np.isfinite(swept.figures).all()
+    rows = np.loadtxt(tmp_path / "posterior.csv", delimiter=",", skiprows=1)
+    for sample in swept.values:  # whole rows: what belongs together stays together
+        assert (np.abs(rows - sample) < 1e-12).all(axis=1).any()
+
+
+def test_measured_and_identified_efforts_are_shown_together(found):
+    figure = found.plot()
+    assert len(figure.axes) == len(NAMES)
+    drawn = {line.get_gid() for line in figure.axes[1].lines}
+    assert {"measured", "computed"} <= drawn
+    table = found.summary()
+    assert (
+        table.loc[f"friction.{NAMES[2]}.mu", "value"] == parameter(found, "friction", 2, "mu").value
+    )
+
+
+def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):
+    pytest.importorskip("jinja2")
+    pytest.importorskip("plotly")
+    page = identification_page(found)
+    for k, name in enumerate(NAMES):
+        assert f'id="time-{k}"' in page
+        assert f'id="velocity-{k}"' in page
+        assert f"{name}: {found.laws[name]}" in page.replace("&#39;", "'")
+    assert "one log only" in page
+    assert "https://" not in page.replace("https://plotly.com", "").split("<script>")[0]
+
+
 def test_a_scene_without_a_urdf_cannot_be_written(found, tmp_path):
     bare = replace(found, scene=found.scene.with_(robot=None))
     with pytest.raises(IdentificationError, match="has no URDF"):
@@ -173,7 +210,7 @@ def drag(seed: int, duration: float, rate: float) -> np.ndarray:
 
 def test_currents_without_a_gain_and_turned_signs_are_refused_by_name():
     current = replace(short(), effort=short().effort * np.array([1, 0.07, 1, 1, 1, 1]))
-    with pytest.raises(IdentificationError, match=rf"joint {NAMES[1]}: its effort is 0\.0\d+ times"):
+    with pytest.raises(IdentificationError, match=rf"{NAMES[1]}: its effort is 0\.0\d+ times"):
         pf.identify(guess(0), current)
     turned = replace(short(), effort=short().effort * np.array([1, 1, -1, 1, 1, 1]))
     with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort falls where"):
@@ -237,3 +274,34 @@ def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(tmp_path):
     assert (np.array(share) <= UR10).all(), share
     lift = tuple(found.laws.values())[1]
     assert (lift.load, lift.side) == ("gear", "motor")
+
+
+def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    urdf = "example-robot-data:ur_description/urdf/ur5_robot.urdf"
+    Path("arm.yaml").write_text(f"pinfric: 1\nrobot: {{urdf: '{urdf}'}}\n")
+    csv_log(tmp_path / "arm.csv", 2, rate=40.0)
+    code, out, err = run(
+        capsys, "identify", "arm.yaml", "arm.csv", "--inertia", "keep", "--out", "found"
+    )
+    assert code == 0, err
+    assert "coefficients, with 95 % intervals" in out
+    written = {path.name for path in Path("found").iterdir()}
+    assert {"scene.yaml", "posterior.csv", "sweep.yaml", "report.html", "summary.json"} <= written
+    assert "robot.urdf" not in written
+    code, out, _ = run(capsys, "inverse", "found/scene.yaml", "arm.csv", "--effort-at", "motor",
+                       "--out", "again")  # fmt: skip
+    assert code == 0
+    assert "logged efforts (at the motor) beside the computed ones" in out
+    assert Path("again/measured.png").stat().st_size > 10_000
+    for bad, said in ((("--gain", "elbow"), "should be NAME=VALUE"),
+                      (("--effort-at", "shaft"), "--effort-at shaft")):  # fmt: skip
+        code, _, err = run(capsys, "identify", "arm.yaml", "arm.csv", *bad)
+        assert (code, said in err) == (2, True)
+
+
+def run(capsys, *arguments: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(arguments)
+    captured = capsys.readouterr()
+    return ended.value.code, captured.out, captured.err

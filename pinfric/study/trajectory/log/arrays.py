@@ -48,10 +48,11 @@ class Log:
         for quantity, given in (("", self.q), ("/velocity", self.v), ("/effort", self.effort)):
             if given is None:
                 continue
-            values = real_numbers(f"{self.name}: {quantity[1:] or 'q'}", given, TrajectoryError)
+            what = f"{self.name}: {quantity[1:] or 'q'}"
+            values = real_numbers(what, given, TrajectoryError)
             if t.ndim != 1 or values.shape != shape:
-                raise TrajectoryError(f"{self.name}: {quantity[1:] or 'q'} has shape "
-                                      f"{values.shape}; t and the scene's joints make {shape}")  # fmt: skip
+                raise TrajectoryError(f"{what} has shape {values.shape}; t and the scene's joints "
+                                      f"make {shape}")  # fmt: skip
             columns |= {f"{joint}{quantity}": values[:, i] for i, joint in enumerate(joints)}
         for payload, carried in self.payload.items():
             columns[f"payload.{payload}"] = np.asarray(carried, dtype=np.float64)
