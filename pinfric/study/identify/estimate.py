@@ -26,7 +26,7 @@ from pinfric.study.identify.laws import (
     Law,
     candidates,
 )
-from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, residuals
+from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, block_errors, residuals
 from pinfric.study.identify.recordings import Recording
 
 FloatArray = NDArray[np.float64]
@@ -181,17 +181,22 @@ def _weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], F
 
 def _delay(found: Estimate) -> float:
     """Return the delay of the efforts that leaves the least weighted sum of squares, s."""
+    problem, weights = found.problem, found.row_weights
+    slots, alone = problem.slots(found.choice.laws), np.ones(1, dtype=bool)
+
+    def rows(delay: float) -> list[Rows]:
+        return [joint_rows(list(found.prepared), list(found.rigid), j, delay)
+                for j in range(len(found.rows))]  # fmt: skip
+
+    still = [Grams.of(replace(r, block=np.zeros_like(r.block)), w, 1)
+             for r, w in zip(rows(0.0), weights, strict=True)]  # fmt: skip
 
     def misfit(delay: float) -> float:
-        rows = [joint_rows(list(found.prepared), list(found.rigid), j, delay)
-                for j in range(len(found.rows))]  # fmt: skip
-        grams = [Grams.of(replace(r, block=np.zeros_like(r.block)), w, 1)
-                 for r, w in zip(rows, found.row_weights, strict=True)]  # fmt: skip
-        normal = Normal.of(grams, np.ones(1, dtype=bool), found.problem.weights)
-        fit = Reduced(normal, found.problem.prior).fit(found.problem.slots(found.choice.laws))
-        every = zip(rows, found.row_weights, found.problem.weights, strict=True)
-        return sum(float(weight * (w * residuals(r, fit, j) ** 2).sum())
-                   for j, (r, w, weight) in enumerate(every))  # fmt: skip
+        grams = [gram.with_effort(r, w)
+                 for gram, r, w in zip(still, rows(delay), weights, strict=True)]  # fmt: skip
+        fit = Reduced(Normal.of(grams, alone, problem.weights), problem.prior).fit(slots)
+        errors = [block_errors(gram.products, fit.of_joint(j))[0] for j, gram in enumerate(grams)]
+        return float(problem.weights @ errors)
 
     tried = {round(float(d), 6): misfit(float(d)) for d in _DELAYS}
     for step in (2 * _STEP, _STEP):

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from pinfric.study.identify.normal import Fit, Normal, Prior, non_negative, places
+from pinfric.study.identify.normal import Fit, Normal, Prior, gram, non_negative, places
 
 FloatArray = NDArray[np.float64]
 
@@ -112,8 +112,11 @@ def _nearest_bodies(psi: FloatArray, best: FloatArray, root: FloatArray) -> Floa
     """
     damping, off = 1.0, root @ (_theta(psi) - best)
     for _ in range(_STEPS):
-        slope = root @ _jacobian(psi)
-        curvature, down = slope.T @ slope, slope.T @ off
+        slope = np.hstack([
+            root[:, 10 * k : 10 * k + 10] @ pin.LogCholeskyParameters(body).calculateJacobian()
+            for k, body in enumerate(psi.reshape(-1, 10))
+        ])  # fmt: skip
+        curvature, down = gram(slope, np.ones(len(slope))), slope.T @ off
         while damping < _MOST_DAMPING:
             step = -np.linalg.solve(curvature + damping * np.eye(psi.size), down)
             if np.abs(step).max() < _LONGEST_STEP:
@@ -133,14 +136,6 @@ def _nearest_bodies(psi: FloatArray, best: FloatArray, root: FloatArray) -> Floa
 def _theta(psi: FloatArray) -> FloatArray:
     return np.concatenate([pin.LogCholeskyParameters(body).toDynamicParameters()
                            for body in psi.reshape(-1, 10)])  # fmt: skip
-
-
-def _jacobian(psi: FloatArray) -> FloatArray:
-    found = np.zeros((psi.size, psi.size))
-    for k, body in enumerate(psi.reshape(-1, 10)):
-        place = slice(10 * k, 10 * k + 10)
-        found[place, place] = pin.LogCholeskyParameters(body).calculateJacobian()
-    return found
 
 
 def _log_cholesky(parameters: FloatArray) -> FloatArray:

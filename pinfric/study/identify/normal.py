@@ -22,6 +22,9 @@ FloatArray = NDArray[np.float64]
 
 #: Draws coefficients of columns scaled to one to zero, where a joint does not move.
 _RIDGE = 1e-8
+#: Multiplications from which BLAS takes several threads. These wait for each other by spinning: on
+#: cores that others use, too, a product of this size then takes a hundred times as long.
+_ALONE = 2**18
 
 
 @dataclass(frozen=True)
@@ -62,9 +65,22 @@ class Grams:
         products, count = np.zeros((blocks, size, size)), np.zeros(blocks)
         for b in np.unique(rows.block):
             part = rows.block == b
-            products[b] = (columns[part] * weight[part, None]).T @ columns[part]
+            products[b] = gram(columns[part], weight[part])
             count[b] = part.sum()
         return cls(products, count)
+
+    def with_effort(self, rows: Rows, weight: FloatArray) -> Grams:
+        """Return the products as one block with another effort, those of columns as they are.
+
+        Args:
+            rows: as before but for the effort.
+            weight: (n,) of the rows.
+        """
+        columns, effort = np.hstack((rows.rigid, rows.slots)), weight * rows.effort
+        products = self.products.sum(axis=0)
+        products[-1, :-1] = products[:-1, -1] = np.einsum("ni,n->i", columns, effort)
+        products[-1, -1] = float(np.sum(effort * rows.effort))
+        return Grams(products[None], self.count.sum()[None])
 
 
 @dataclass(frozen=True)
@@ -138,7 +154,10 @@ class Reduced:
                                      np.column_stack((normal.cross, right)))  # fmt: skip
             self.by_slots = np.asarray(solved[:, :-1], dtype=np.float64)
             self.start = np.asarray(solved[:, -1], dtype=np.float64)
-        self.left = normal.slots - normal.cross.T @ self.by_slots
+        self.left = normal.slots.copy()
+        for start in range(0, len(self.left), len(SLOTS)):
+            place = slice(start, start + len(SLOTS))
+            self.left[place] -= normal.cross[:, place].T @ self.by_slots
         self.right = normal.right_slots - normal.cross.T @ self.start
 
     def fit(self, chosen: Sequence[Sequence[int]]) -> Fit:
@@ -147,6 +166,21 @@ class Reduced:
         x = np.zeros(self.right.size)
         x[place] = non_negative(self.left[np.ix_(place, place)], self.right[place])
         return Fit(self.start - self.by_slots @ x, x.reshape(len(chosen), -1))
+
+
+def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return A^T W A, by as many rows at a time as BLAS multiplies in one thread.
+
+    Args:
+        columns: (n, p) A.
+        weight: (n,) the diagonal of W.
+    """
+    size = columns.shape[1]
+    total, rows = np.zeros((size, size)), max(1, _ALONE // size**2)
+    for start in range(0, len(columns), rows):
+        part = columns[start : start + rows]
+        total += (part * weight[start : start + rows, None]).T @ part
+    return total
 
 
 def places(chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
@@ -175,7 +209,8 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
 
 def residuals(rows: Rows, fit: Fit, joint: int) -> FloatArray:
     """Return measured less fitted effort of one joint's rows, (n,) N m or N."""
-    return rows.effort - rows.rigid @ fit.theta - rows.slots @ fit.slots[joint]
+    fitted = np.einsum("ni,i->n", rows.rigid, fit.theta)
+    return rows.effort - fitted - np.einsum("ni,i->n", rows.slots, fit.slots[joint])
 
 
 def block_errors(products: FloatArray, values: FloatArray) -> FloatArray:
