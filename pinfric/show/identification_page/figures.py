@@ -48,10 +48,10 @@ def over_time(found: Identified) -> list[Figure]:
             shown = [x if is_known else None for x, is_known in
                      zip(five_digits(measured[keep]), known[keep], strict=True)]  # fmt: skip
             figure["data"] += [
-                curve(t, shown, "measured", _ORANGE, 1.2, showlegend=first),
                 curve(t, five_digits(lower[keep, j]), "", _BLUE, 1.0, showlegend=False),
                 curve(t, five_digits(upper[keep, j]), "identified scene", _BLUE, 1.0,
                       fill="tonexty", fillcolor=_BAND, showlegend=first),
+                curve(t, shown, "measured", _ORANGE, 1.2, showlegend=first),
             ]  # fmt: skip
             figure["layout"].setdefault("shapes", []).extend(
                 {"type": "rect", "xref": "x", "yref": "paper", "x0": float(time[a]),

@@ -10,7 +10,11 @@ from pinfric.show.identification_page.figures import Figure, over_time, residual
 from pinfric.show.sizing_page.page import page_parts, script_safe
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import PLAIN
+from pinfric.study.identify.parameters import Parameter
 from pinfric.study.summary import effort_unit
+
+#: Coefficients whose standard errors are listed for each advised recording.
+_WORST = 12
 
 
 def identification_page(found: Identified) -> str:
@@ -40,11 +44,21 @@ def identification_page(found: Identified) -> str:
         duration=sum(one.trajectory.duration for one in found.recordings),
         determined=sum(p.determined for p in found.parameters),
         joints=joints,
+        vague=[
+            p.key
+            for p in sorted(found.parameters, key=_vagueness)
+            if p.key in found.advice[0].factors
+        ][:_WORST],
         plotly=plotly,
         figures=script_safe(figures),
         version=__version__,
     )
     return page
+
+
+def _vagueness(parameter: Parameter) -> float:
+    """Least where a coefficient is known worst."""
+    return -parameter.standard_error / max(abs(parameter.value), 1e-300)
 
 
 def _joint_view(found: Identified, joint: int, name: str) -> dict[str, Any]:

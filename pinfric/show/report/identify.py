@@ -43,6 +43,7 @@ def identify_json(found: Identified, warnings: Sequence[str] = ()) -> dict[str, 
         "unseen": {log: {name: asdict(error) for name, error in joints.items()}
                    for log, joints in found.unseen.items()},
         "inertias": "kept" if found.keeps_inertias else "corrected",
+        "advice": [asdict(one) | {"points": None} for one in found.advice],
         "said": list(found.said),
         "warnings": list(warnings),
     })  # fmt: skip
@@ -68,7 +69,11 @@ def identify_report(found: Identified) -> list[RenderableType]:
     tables: list[RenderableType] = [laws, Text(), figures]
     if found.unseen:
         tables += [Text(), _unseen(found)]
-    lines = [f"logged efforts lag by {1e3 * found.delay:.1f} ms", *found.said]
+    best = found.advice[0]
+    least = min(best.factors, key=best.factors.__getitem__)
+    lines = [f"logged efforts lag by {1e3 * found.delay:.1f} ms", *found.said,
+             f"30 s more would tell most so: {best.name.lower()} (standard error of {least}: "
+             f"{best.factors[least]:.2f} of now)"]  # fmt: skip
     return [*tables, Text(), *(Text(line) for line in lines)]
 
 

@@ -16,6 +16,7 @@ from pinfric.model.robot import Robot, example_robot_data
 from pinfric.model.schema import Simulation, TableEffort
 from pinfric.model.urdf import mesh_file
 from pinfric.model.urdf_file import read_xml
+from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter, on_motor
@@ -27,7 +28,7 @@ _SAMPLES = 200
 
 
 def identified_files(found: Identified, folder: Path) -> dict[str, Callable[[Path], object]]:
-    """Return name -> what writes that file: scene, robot (if corrected), posterior, sweep.
+    """Return name -> what writes that file: scene, robot (if corrected), posterior, sweep, advice.
 
     Args:
         found: what was identified.
@@ -41,7 +42,8 @@ def identified_files(found: Identified, folder: Path) -> dict[str, Callable[[Pat
         raise IdentificationError(f"{found.scene.source}: was made in Python and has no URDF; a "
                                   "scene file needs one (`found.scene` is complete)")  # fmt: skip
     texts = {"scene.yaml": scene_text(found, robot, folder), "posterior.csv": posterior_text(found),
-             "sweep.yaml": _SWEEP}  # fmt: skip
+             "sweep.yaml": _SWEEP,
+             "advice.waypoints.yaml": advice_text(found.advice[0], found.scene)}  # fmt: skip
     if not found.keeps_inertias:
         texts["robot.urdf"] = robot_text(robot, found.scene.model)
 

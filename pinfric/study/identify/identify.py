@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +16,7 @@ from pinfric.dynamics.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.scene import Scene
+from pinfric.study.identify.advice import Advice, advise
 from pinfric.study.identify.checks import check_one_robot
 from pinfric.study.identify.choice import nested_errors
 from pinfric.study.identify.columns import joint_rows, prepare
@@ -106,6 +108,11 @@ class Identified(Shown):
         """The logs that were fitted."""
         return tuple(one.recording for one in self.estimate.prepared)
 
+    @cached_property
+    def advice(self) -> tuple[Advice, ...]:
+        """Recordings of 30 s each, that which would tell most first."""
+        return advise(self.estimate)
+
     def __repr__(self) -> str:
         logs = counted(len(self.recordings), "log")
         unknown = [p.key for p in self.parameters if not p.determined]
@@ -115,7 +122,7 @@ class Identified(Shown):
                                                   for e in self.errors.values()]),
             "delay": f"{1e3 * self.delay:.2g} ms",
             "not determined": listed(unknown),
-            "more": ".parameters .posterior .scene .summary() .plot()",
+            "more": ".parameters .posterior .scene .advice .summary() .plot()",
         })  # fmt: skip
 
 
