@@ -156,9 +156,9 @@ class Transmission(Entry):
             question("transmission.efficiency.over_speed: missed by", driving.error, _APART,
                      "at most; try another `exponent` than "
                      f"{driving.exponent:.3g}")  # fmt: skip
-        usual = 0.1 if abs(self.ratio) != 1.0 else 10.0  # at a ratio of 1 all figures are a joint's
-        question("transmission.rotor_inertia", self.rotor_inertia, usual,
-                 "kg m^2 (kg cm^2 entered?)")  # fmt: skip
+        if abs(self.ratio) != 1.0:  # without a gear it is a joint's, of any size
+            question("transmission.rotor_inertia", self.rotor_inertia, 0.1,
+                     "kg m^2 (kg cm^2 entered?)")  # fmt: skip
         question("transmission.ratio", abs(self.ratio), 1000.0, "")
         return self
 

@@ -15,7 +15,7 @@ from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COMPUTED, _BAND, _MEASURED, _STICKING = "#0072B2", "#A9CFE8", "#D55E00", "#E69F00"
+_COMPUTED, _BAND, _MEASURED, _STICKING = "#0072B2", "#A9CFE8", "#F2B38B", "#E69F00"
 _QUIET = "#6B6B6B"
 #: Inches: the width, a panel, what is above and below all of them.
 _WIDTH, _PANEL, _HEADER, _FOOT = 11.0, 1.5, 0.75, 0.5
@@ -39,7 +39,8 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
         raise StateError("a figure of measured efforts needs a log that has them")
     t, (lower, upper) = result.t, measured_interval(result, log.at)
     total = _HEADER + _PANEL * len(log.measured) + _FOOT
-    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans",
+                     "figure.constrained_layout.use": False}):  # fmt: skip
         figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         panels = figure.subplots(len(log.measured), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (name, found) in zip(panels, log.measured.items(), strict=True):
@@ -51,16 +52,16 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
                              transform=axes.get_xaxis_transform(), color=_STICKING, alpha=0.15,
                              linewidth=0)  # fmt: skip
             axes.fill_between(t[keep], lower[keep, i], upper[keep, i], color=_BAND, linewidth=0)
+            axes.plot(t[keep], measured[keep], color=_MEASURED, linewidth=1.8, gid="measured")
             axes.plot(t[keep], upper[keep, i], color=_COMPUTED, linewidth=0.9, gid="computed")
             axes.plot(t[keep], lower[keep, i], color=_COMPUTED, linewidth=0.9)
-            axes.plot(t[keep], measured[keep], color=_MEASURED, linewidth=0.8, gid="measured")
             title = f"{name}, {effort_unit(result.scene, i)}: off by {found.relative_error:.0%}"
             axes.set_title(title.replace("%", " %"), loc="left", fontsize=9)
             axes.yaxis.set_major_formatter(brief_ticks)
             axes.spines[["top", "right"]].set_visible(False)
             axes.tick_params(colors=_QUIET)
         panels[-1].set_xlabel("time (s)", color=_QUIET)
-        handles = [panels[0].lines[2], panels[0].lines[0]]
+        handles = [panels[0].lines[0], panels[0].lines[1]]
         figure.legend(handles, ["measured", "computed (a band where it sticks)"], ncols=2,
                       loc="upper right", frameon=False)  # fmt: skip
         figure.suptitle(f"{trajectory}: efforts at the {log.at}", x=0.06, ha="left",

@@ -222,9 +222,19 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     drives = float(np.mean(rows.load * rows.velocity > 0.0))
     varied = float(np.sqrt(np.mean(rows.load**2))) > coulomb
     entry = scene.friction.get(name)
-    return candidates(entry is not None and entry.bearing is not None,
-                      found.question.motor and varied,
-                      min(drives, 1.0 - drives) > _LEAST_SHARE)  # fmt: skip
+    both = _scale_is_known(found) and min(drives, 1.0 - drives) > _LEAST_SHARE
+    bearing = entry is not None and entry.bearing is not None
+    return candidates(bearing, found.question.motor and varied, both)
+
+
+def _scale_is_known(found: Estimate) -> bool:
+    """Whether something says how heavy the robot is, so that both of a gear's losses show.
+
+    With all masses free, (t + f)/eta and eta_b (t + f) are also those of a robot and a friction
+    larger by 1/eta in a gear without loss forward and eta eta_b back: only the product shows.
+    """
+    return found.question.keep_inertias or any(
+        one.recording.trajectory.attached.any() for one in found.prepared)  # fmt: skip
 
 
 def reloaded(found: Estimate, one: Prepared) -> tuple[Prepared, FloatArray]:

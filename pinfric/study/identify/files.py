@@ -6,7 +6,7 @@ import copy
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,10 +17,12 @@ from pinfric.model.schema import Simulation, TableEffort
 from pinfric.model.urdf import mesh_file
 from pinfric.model.urdf_file import read_xml
 from pinfric.study.identify.advice import advice_text
-from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter, on_motor
 from pinfric.study.new_scene import locator, scalar, yaml_number
+
+if TYPE_CHECKING:
+    from pinfric.study.identify.identify import Identified
 
 #: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
 _ABSOLUTE = ("efficiency", "back_efficiency")

@@ -15,12 +15,14 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.files import write_folder
 from pinfric.model.scene import Scene
 from pinfric.study.identify.advice import Advice, advise
 from pinfric.study.identify.checks import check_one_robot
 from pinfric.study.identify.choice import nested_errors
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
+from pinfric.study.identify.files import identified_files
 from pinfric.study.identify.laws import SLOTS, Law
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
@@ -47,6 +49,8 @@ FloatArray = NDArray[np.float64]
 _DRAWS = 400
 #: Below this share of its velocity limit a joint has not been fast.
 _FAST = 0.2
+#: A fit that leaves a larger share of an effort lacks something.
+_MISSED = 0.1
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,17 @@ class Identified(Shown):
         """Recordings of 30 s each, that which would tell most first."""
         return advise(self.estimate)
 
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write scene.yaml, robot.urdf if inertias changed, posterior.csv, sweep.yaml, advice.
+
+        Args:
+            folder: is made where there is none.
+
+        Raises:
+            IdentificationError: the scene has no URDF. PinfricError: it cannot be written.
+        """
+        return write_folder(folder, identified_files(self, Path(folder)))
+
     def __repr__(self) -> str:
         logs = counted(len(self.recordings), "log")
         unknown = [p.key for p in self.parameters if not p.determined]
@@ -122,7 +137,7 @@ class Identified(Shown):
                                                   for e in self.errors.values()]),
             "delay": f"{1e3 * self.delay:.2g} ms",
             "not determined": listed(unknown),
-            "more": ".parameters .posterior .scene .advice .summary() .plot()",
+            "more": ".parameters .posterior .scene .advice .summary() .plot() .save(folder)",
         })  # fmt: skip
 
 
@@ -289,12 +304,32 @@ def _said(
                     f"it: {', '.join(plain)}")  # fmt: skip
     if found.question.keep_inertias:
         said.append("the URDF's inertias were kept: what is wrong with them is in the friction")
+    said += _missed(found)
+    equal = [n for n, law in zip(names, found.choice.laws, strict=True)
+             if law.load == "gear" and law.both_ways]  # fmt: skip
+    if equal and not found.question.keep_inertias:
+        said.append("with masses free, a gear's losses driving and driven cannot be told apart and "
+                    "are taken as equal; a log with a known payload (--payload) tells both: "
+                    f"{', '.join(equal)}")  # fmt: skip
     vague = [p.key for p in every if not p.determined]
     if vague:
         said.append(f"not determined: {', '.join(vague)}")
     said.append("an offset of an effort's sensor would show as a difference of Coulomb friction "
                 "forward and backward")  # fmt: skip
     return tuple(said)
+
+
+def _missed(found: Estimate) -> list[str]:
+    """Joints whose efforts the laws do not explain: something is not in the model."""
+    names = []
+    for j, (name, rows) in enumerate(zip(found.scene.joint_names, found.rows, strict=True)):
+        off = residuals(rows, found.fit, j)
+        if off.size and np.mean(off**2) > _MISSED**2 * np.mean(rows.effort**2):
+            names.append(f"{name} {np.sqrt(np.mean(off**2) / np.mean(rows.effort**2)):.0%}")
+    if not names:
+        return []
+    return [f"off by more than a tenth even where it was fitted, so something is missing or turned "
+            f"(signs, zeros, motors that move with another joint): {', '.join(names)}"]  # fmt: skip
 
 
 def _slow(found: Estimate, still: Sequence[str]) -> list[str]:
