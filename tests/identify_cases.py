@@ -117,3 +117,33 @@ def log(seed: int, duration: float = 60.0, rate: float = 500.0, still=(), name="
     step = 2 * np.pi / COUNTS
     stamps = 1_700_000_000_000_000_000 + np.rint(motion.t * 1e9).astype(np.int64)
     return pf.Log(stamps, step * np.rint(motion.q / step), measured, name=name)
+
+
+def slow_departures(joints: tuple[int, ...], static: float, rate: float = 100.0) -> pf.Log:
+    """A log in which joints leave rest while their efforts rise to `static` x Coulomb friction."""
+    scene = truth()
+    for name, entry in scene.friction.items():
+        ways = {way: {"static": static * both.kinetic, "kinetic": both.kinetic}
+                for way, both in (("positive", entry.coulomb.positive),
+                                  ("negative", entry.coulomb.negative))}  # fmt: skip
+        other = {key: x for key, x in entry if x is not None and key != "coulomb"}
+        scene = scene.with_(friction=scene.friction | {name: other | {"coulomb": ways}})
+    here, q, push = np.array([0.3, -1.0, 1.1, -0.4, 0.5, 0.2]), [], []
+    s = np.arange(1, int(2.5 * rate) + 1) / (2.5 * rate)
+    for joint, way in [(j, way) for _ in range(3) for j in joints for way in (1.0, -1.0)]:
+        held = np.linspace(-0.2, 1.0, int(1.2 * rate))
+        there = here + 0.08 * way * (np.arange(6) == joint)
+        q += [np.tile(here, (held.size, 1)), here + np.outer(s**3 * (10 - 15 * s + 6 * s**2),
+                                                             there - here)]  # fmt: skip
+        push += [np.outer(held, way * (np.arange(6) == joint)), np.zeros((s.size, 6))]
+        here = there
+    q, push = np.concatenate(q), np.concatenate(push)
+    motion = pf.Trajectory.from_arrays(scene, np.arange(len(q)) / rate, q)
+    found = pf.inverse_dynamics(scene, motion)
+    low, high = RATIO * found.motor_torque_lower, RATIO * found.motor_torque_upper
+    effort = 0.5 * (low + high) + 0.5 * push * (high - low)
+    late = np.column_stack([np.interp(motion.t - DELAY, motion.t, y) for y in effort.T])
+    size = 0.01 * np.sqrt(np.mean(effort**2, axis=0))
+    late += size * np.random.default_rng(0).normal(size=late.shape)
+    step = 2 * np.pi / COUNTS
+    return pf.Log(motion.t, step * np.rint(q / step), late, name="departures")

@@ -23,21 +23,20 @@ from pinfric.study.identify.choice import nested_errors
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
-from pinfric.study.identify.laws import SLOTS, Law
+from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOTS, Law
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
     JointEntries,
     Parameter,
-    RestBound,
     identified_scene,
     parameters,
     ratios,
-    rest_bounds,
     scene_entries,
     scene_key,
     scene_value,
 )
 from pinfric.study.identify.recordings import Recording, check_scene, read_recordings
+from pinfric.study.identify.rest import BreakAway, RestBound, break_aways, rest_bounds
 from pinfric.study.identify.uncertainty import Uncertainty, uncertainty
 from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.judged import JudgedLog, compare_effort
@@ -199,17 +198,18 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
     scene, recordings = found.question.scene, found.question.recordings
     check_one_robot(scene.joint_names, found.rows, found.fit, [r.name for r in recordings])
     known = uncertainty(found)
-    entries = scene_entries(found)
+    static = break_aways(found)
+    entries = scene_entries(found, static)
     better = identified_scene(found, entries)
     names = scene.joint_names
     rest = dict(zip(names, rest_bounds(found, better), strict=True))
     spread = dict(zip(names, known.spread.tolist(), strict=True))
-    every = parameters(found, known)
+    every = parameters(found, known, static)
     return Identified(
         scene=better, laws=dict(zip(names, found.choice.laws, strict=True)), parameters=every,
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
-        delay=found.delay, said=_said(found, rest, every), entries=entries, estimate=found,
+        delay=found.delay, said=_said(found, rest, every, static), entries=entries, estimate=found,
         uncertainty=known,
     )  # fmt: skip
 
@@ -281,7 +281,10 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
 
 
 def _said(
-    found: Estimate, rest: Mapping[str, RestBound], every: Sequence[Parameter]
+    found: Estimate,
+    rest: Mapping[str, RestBound],
+    every: Sequence[Parameter],
+    static: Mapping[tuple[int, str], BreakAway],
 ) -> tuple[str, ...]:
     """What a person should know: of reading, and of what these logs cannot tell."""
     names, recordings = found.scene.joint_names, found.question.recordings
@@ -295,6 +298,11 @@ def _said(
     restless = [n for n in names if n not in still and rest[n].seconds == 0.0]
     if restless:
         said.append(f"never rests, nothing bounds its static friction: {', '.join(restless)}")
+    bounded = [n for j, n in enumerate(names) if n not in (*still, *restless)
+               and not {(j, FORWARD), (j, BACKWARD)} & static.keys()]  # fmt: skip
+    if bounded:
+        said.append("rests, but never broke away slowly enough (three times a direction): static "
+                    f"friction is only bounded from below: {', '.join(bounded)}")  # fmt: skip
     said += _slow(found, still)
     plain = [name for name, errors in zip(names, found.choice.errors, strict=True)
              if name not in still and name not in found.question.laws

@@ -12,20 +12,19 @@ With a gear and friction on the motor's side the second form holds, else the fir
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import BACKWARD, BEARING, FORWARD, INERTIA, SLOT, SLOTS, Law
+from pinfric.study.identify.rest import BreakAway
 from pinfric.study.identify.uncertainty import Uncertainty
 from pinfric.study.summary import effort_unit
-from pinfric.study.trajectory.log.judged import measured_interval
 
 FloatArray = NDArray[np.float64]
 
@@ -133,12 +132,15 @@ def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
     return value
 
 
-def parameters(found: Estimate, known: Uncertainty) -> tuple[Parameter, ...]:
+def parameters(
+    found: Estimate, known: Uncertainty, static: Mapping[tuple[int, str], BreakAway]
+) -> tuple[Parameter, ...]:
     """Return every coefficient of the laws taken, in the scene's terms.
 
     Args:
         found: the estimate.
         known: how far its coefficients are known.
+        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
     result, r = [], ratios(found.scene)
     errors = dict(zip(known.place.tolist(), np.sqrt(np.diag(known.covariance)), strict=True))
@@ -163,6 +165,12 @@ def parameters(found: Estimate, known: Uncertainty) -> tuple[Parameter, ...]:
             slope = abs(float(scene_value(law, slot, x + 1e-6, float(r[j]))) - value) / 1e-6
             result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, low,
                                     high, float(slope * error), not why, why))  # fmt: skip
+            if (j, SLOTS[slot]) in static:
+                broke = static[j, SLOTS[slot]]
+                mean, low, high, error = (float(scene_value(law, slot, x, float(r[j])))
+                                          for x in astuple(broke))  # fmt: skip
+                result.append(Parameter(section, found.scene.joint_names[j], f"{name}.static", unit,
+                                        mean, low, high, error, True))  # fmt: skip
     return tuple(result)
 
 
@@ -187,11 +195,14 @@ def identified_scene(found: Estimate, entries: Mapping[str, JointEntries]) -> Sc
     return scene.with_(friction=friction, actuators=actuators)
 
 
-def scene_entries(found: Estimate) -> dict[str, JointEntries]:
+def scene_entries(
+    found: Estimate, static: Mapping[tuple[int, str], BreakAway]
+) -> dict[str, JointEntries]:
     """Return what the identified scene says of every joint that moved, as a scene file would.
 
     Args:
         found: the estimate.
+        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
     scene, r = found.question.scene, ratios(found.scene)
     bearing_scene = found.question.scene.friction
@@ -208,7 +219,11 @@ def scene_entries(found: Estimate) -> dict[str, JointEntries]:
         if law.coulomb and (value[FORWARD] or value[BACKWARD]):
             for slot in (FORWARD, BACKWARD):
                 way = scene_key(scene, j, law, SLOT[slot])[1].rpartition(".")[2]
-                dry[way] = {"static": _rounded(value[slot] + extra), "kinetic": value[slot]}
+                rest = value[slot] + extra
+                if (j, slot) in static:
+                    broke = scene_value(law, SLOT[slot], static[j, slot].mean, float(r[j]))
+                    rest = max(value[slot], float(broke))
+                dry[way] = {"static": _rounded(rest), "kinetic": value[slot]}
         speed = value[f"speed^{law.exponent:g}"] if law.exponent is not None else 0.0
         viscous: Any = speed if law.exponent == 1.0 else {"coefficient": speed,
                                                           "exponent": law.exponent}  # fmt: skip
@@ -259,44 +274,3 @@ def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
 def _rounded(value: float) -> float:
     """Six digits: more than any log tells, and as many as a file should print."""
     return float(f"{value:.6g}")
-
-
-@dataclass(frozen=True)
-class RestBound:
-    """What times at rest say of a joint's static friction: no less than this, N m or N.
-
-    Attributes:
-        seconds: at rest in all logs.
-        largest: the largest friction that held it.
-        share: of the identified half-width there.
-    """
-
-    seconds: float
-    largest: float
-    share: float
-
-
-def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
-    """Return for each joint what its holds show; they bound static friction from below only.
-
-    Args:
-        found: the estimate. scene: the identified one.
-    """
-    nj = scene.model.nv
-    seconds, largest, share = np.zeros((3, nj))
-    for one in found.prepared:
-        motion, held = one.recording.trajectory, one.recording.rests
-        if not held.any():
-            continue
-        lower, upper = measured_interval(inverse_dynamics(scene, motion),
-                                         "motor" if found.question.motor else "joint")  # fmt: skip
-        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        off = np.abs(one.effort + one.payload - middle)
-        for j in range(nj):
-            at = held[:, j] & np.isfinite(off[:, j])
-            if at.any():
-                seconds[j] += at.sum() * one.recording.step
-                largest[j] = max(largest[j], float(off[at, j].max()))
-                wide = np.maximum(half[at, j], 1e-12)
-                share[j] = max(share[j], float((off[at, j] / wide).max()))
-    return tuple(RestBound(*row) for row in np.column_stack((seconds, largest, share)).tolist())

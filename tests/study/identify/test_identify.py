@@ -18,6 +18,7 @@ from identify_cases import (
     guess,
     log,
     motor_effort,
+    slow_departures,
     truth,
 )
 
@@ -214,6 +215,22 @@ def test_two_logs_say_how_much_friction_differs_between_them():
     assert 0.05 < found.spread[NAMES[5]] < 0.25
     viscous = parameter(found, "friction", 5, "viscous")
     assert viscous.standard_error > 0.8 * found.spread[NAMES[5]] * viscous.value
+
+
+def test_static_friction_shows_where_joints_break_away_slowly():
+    logs = [short(), slow_departures((0, 3), 1.3)]
+    found = pf.identify(guess(0), logs, laws=dict.fromkeys(NAMES, Law()))
+    for joint in (0, 3):
+        for way, kinetic in zip(("positive", "negative"), COULOMB[joint], strict=True):
+            static = parameter(found, "friction", joint, f"coulomb.{way}.static")
+            assert static.value == pytest.approx(1.3 * kinetic, rel=0.05)
+            entry = found.entries[NAMES[joint]].friction["coulomb"][way]
+            assert entry["static"] == pytest.approx(static.value, rel=1e-5)
+    # joint 6 rested all the time, and what held it says little
+    assert found.rest[NAMES[5]].seconds > 20.0
+    assert found.rest[NAMES[5]].share < 1.0
+    assert not any(p.joint == NAMES[5] and p.name.endswith("static") for p in found.parameters)
+    assert "only bounded from below" in "\n".join(found.said)
 
 
 def drag(seed: int, duration: float, rate: float) -> np.ndarray:

@@ -1,0 +1,148 @@
+"""What logs say of friction at rest: how much held, and at how much the joints broke away.
+
+A hold bounds static friction from below. Only a departure shows it, and only one so slow that the
+effort rises until the joint moves: else inertia acts before the first encoder count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.result import runs
+from pinfric.model.scene import Scene
+from pinfric.study.identify.columns import Prepared
+from pinfric.study.identify.estimate import Estimate
+from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT
+from pinfric.study.trajectory.log.judged import measured_interval
+from pinfric.study.trajectory.log.noise import low_pass
+
+FloatArray = NDArray[np.float64]
+
+#: s: a hold from which a departure counts, what counts as before it, and what comes after it.
+_HELD, _BEFORE, _AFTER = 0.5, 0.3, 0.15
+#: Hz of the low pass on efforts in which a peak is looked for.
+_PEAK_PASS = 40.0
+#: By which share of its peak friction must have risen during the hold, and how much of it the
+#: change of the rigid effort may be while the joint departs.
+_RISE, _INERTIA = 0.3, 0.15
+#: Departures in one direction from which static friction is taken.
+_FEWEST = 3
+
+
+@dataclass(frozen=True)
+class RestBound:
+    """What times at rest say of a joint's static friction: no less than this, N m or N.
+
+    Attributes:
+        seconds: at rest in all logs.
+        largest: the largest friction that held it.
+        share: of the identified half-width there.
+    """
+
+    seconds: float
+    largest: float
+    share: float
+
+
+def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
+    """Return for each joint what its holds show; they bound static friction from below only.
+
+    Args:
+        found: the estimate. scene: the identified one.
+    """
+    nj = scene.model.nv
+    seconds, largest, share = np.zeros((3, nj))
+    for one in found.prepared:
+        motion, held = one.recording.trajectory, one.recording.rests
+        if not held.any():
+            continue
+        lower, upper = measured_interval(inverse_dynamics(scene, motion),
+                                         "motor" if found.question.motor else "joint")  # fmt: skip
+        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        off = np.abs(one.effort + one.payload - middle)
+        for j in range(nj):
+            at = held[:, j] & np.isfinite(off[:, j])
+            if at.any():
+                seconds[j] += at.sum() * one.recording.step
+                largest[j] = max(largest[j], float(off[at, j].max()))
+                wide = np.maximum(half[at, j], 1e-12)
+                share[j] = max(share[j], float((off[at, j] / wide).max()))
+    return tuple(RestBound(*row) for row in np.column_stack((seconds, largest, share)).tolist())
+
+
+@dataclass(frozen=True)
+class BreakAway:
+    """Friction at which a joint left rest in one direction, N m or N: mean and 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
+    standard_error: float
+
+
+def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
+    """Return joint, FORWARD or BACKWARD -> static friction, where three departures or more show it.
+
+    Joints whose bearing is in their law are left out: its load is in what holds them.
+
+    Args:
+        found: the estimate.
+    """
+    from scipy.special import stdtrit
+
+    result = {}
+    for j, law in enumerate(found.choice.laws):
+        peaks: dict[str, list[float]] = {FORWARD: [], BACKWARD: []}
+        for one, rigid in zip(found.prepared, found.rigid, strict=True):
+            if law.load != "bearing":
+                for way, peak in _peaks(found, one, rigid[:, j], j):
+                    peaks[way].append(peak)
+        for way, values in peaks.items():
+            if len(values) >= _FEWEST:
+                error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
+                mean, reach = float(np.mean(values)), float(stdtrit(len(values) - 1, 0.975)) * error
+                result[j, way] = BreakAway(mean, max(mean - reach, 0.0), mean + reach, error)
+    return result
+
+
+def _peaks(
+    found: Estimate, one: Prepared, rigid: FloatArray, joint: int
+) -> Iterator[tuple[str, float]]:
+    """Direction and largest friction of each departure that was slow enough."""
+    recording = one.recording
+    t, step, v = recording.trajectory.t, recording.step, recording.trajectory.v[:, joint]
+    effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
+    if step * _PEAK_PASS < 0.45:
+        effort = low_pass(effort, step, _PEAK_PASS)
+    effort = np.interp(t + found.delay, t, effort)
+    before, after = (int(np.ceil(span / step)) for span in (_BEFORE, _AFTER))
+    for first, last in runs(recording.rests[:, joint]):
+        if (last - first) * step < _HELD or last + after >= t.size:
+            continue
+        sign = float(np.sign(v[last + 1 : last + after + 1].sum()))
+        held = slice(first, last + 1)
+        friction = _friction(found, joint, sign, effort[held], rigid[held])
+        peak = float(friction[-before:].max())
+        rises = peak - float(np.quantile(friction, 0.1)) > _RISE * peak
+        change = np.abs(rigid[last : last + after + 1] - rigid[last]).max()
+        if peak > 0.0 and rises and change < _INERTIA * peak:
+            yield FORWARD if sign > 0.0 else BACKWARD, peak
+
+
+def _friction(
+    found: Estimate, joint: int, sign: float, effort: FloatArray, rigid: FloatArray
+) -> FloatArray:
+    """The friction sign (x - rigid) that holds, gears' losses taken out of the effort."""
+    law, slots = found.choice.laws[joint], found.fit.slots[joint]
+    losses = {way: float(slots[SLOT[f"gear {way}, {law.side} side"]])
+              for way in ("driving", "driven", "both")} if law.load == "gear" else {}  # fmt: skip
+    both = losses.get("both", 0.0)
+    driving, driven = losses.get("driving", 0.0) + both, losses.get("driven", 0.0) + both
+    if law.side == "joint":
+        return sign * (effort / np.where(sign * effort > 0.0, 1.0 + driving, 1.0 - driven) - rigid)
+    return sign * (effort - rigid) - np.abs(rigid) * np.where(sign * rigid > 0.0, driving, driven)
