@@ -363,12 +363,14 @@ def replay(
     live: Annotated[
         bool, typer.Option("--live", help="Show the simulation while it computes, too.")
     ] = False,
+    effort_at: EffortAt = "joint",
     as_json: AsJson = False,
     log: Any,
 ) -> None:
     """Show a motion in 3D: what slides, what sticks, and when.
 
-    The page is one file that plays without a network.
+    The page is one file that plays without a network. Where a log's own efforts miss the computed
+    ones is marked.
     """
     from pinfric.dynamics.motion import Motion
     from pinfric.model.scene_file import load_scene
@@ -384,14 +386,15 @@ def replay(
             param_hint="--live",
         )
     motion: Any
+    judged = None
     if live:
         motion = simulate_live(scene, say, open_browser=open_browser)
     else:
         with working("computing the motion"):
-            motion = motion_to_replay(scene, motion_name, notice, log)
+            motion, judged = motion_to_replay(scene, motion_name, notice, log, effort_at)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
-        shown = make_replay(scene, motion, html=html, title=title)
+        shown = make_replay(scene, motion, html=html, title=title, log=judged)
     opened = shown.open() if open_browser and not live else None
     if as_json:
         show(replay_json(shown, noticed))

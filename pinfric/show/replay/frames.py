@@ -23,6 +23,7 @@ from pinfric.dynamics.states import States
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import loop_state
 from pinfric.model.scene import Scene
+from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
 #: Frames per second of a replay.
 RATE = 60.0
@@ -34,6 +35,9 @@ NEAR = 0.9
 #: In inverse dynamics break-away is certain only where motion resumes: the end of the interval is
 #: marked, this many seconds of it, at most this part.
 BEFORE, BEFORE_PART = 0.1, 0.25
+
+#: Shares of a logged effort's RMS by which it is off, and far off, the computed one.
+OFF = 0.1, 0.3
 
 Spans = tuple[tuple[float, float], ...]
 
@@ -75,6 +79,8 @@ class Frames:
         carried: payload -> spans in which it is carried.
         gears: drive -> spans in which its gear holds the joint by itself: it stands still under an
             effort other than 0, and the motor's torque may be 0. Drives without any are left out.
+        off: drive -> spans in which its logged effort is off the computed one by more than 10 %,
+            and more than 30 %, of its RMS; at rest the nearest value of the interval counts.
         simulated: True for a simulated motion.
         ended: why a simulation ended before its time, or "".
     """
@@ -91,6 +97,7 @@ class Frames:
     stick_intervals: tuple[StickInterval, ...]
     carried: dict[str, Spans]
     gears: dict[str, Spans]
+    off: dict[str, tuple[Spans, Spans]]
     simulated: bool
     ended: str = ""
 
@@ -100,13 +107,19 @@ class Frames:
         return float(self.t[-1] - self.t[0])
 
 
-def make_frames(scene: Scene, motion: InverseResult | Motion, rate: float = RATE) -> Frames:
+def make_frames(
+    scene: Scene,
+    motion: InverseResult | Motion,
+    rate: float = RATE,
+    log: JudgedLog | None = None,
+) -> Frames:
     """Cut a motion into frames that lose no change between sliding and sticking.
 
     Args:
         scene: the robot.
         motion: a result of inverse dynamics with times, or a simulated motion.
         rate: frames per second; fewer where they would be more than `MOST_FRAMES`.
+        log: the log that the motion comes from, compared with the result.
 
     Raises:
         StateError: no times, a rate that is not positive.
@@ -138,6 +151,7 @@ def make_frames(scene: Scene, motion: InverseResult | Motion, rate: float = RATE
         stick_intervals=intervals,
         carried=_carried(scene, states),
         gears=_gears(scene, motion, states),
+        off={} if log is None or isinstance(motion, Motion) else _off(motion, log),
         simulated=isinstance(motion, Motion),
         ended=ended,
     )
@@ -366,6 +380,18 @@ def _gears(scene: Scene, motion: InverseResult | Motion, states: States) -> dict
         if drive.transmission is not None and holds.any():
             assert states.t is not None
             found[drive.name] = _spans(states.t, holds)
+    return found
+
+
+def _off(result: InverseResult, log: JudgedLog) -> dict[str, tuple[Spans, Spans]]:
+    """Where logged efforts miss the computed ones: see `Frames.off`."""
+    found, (lower, upper) = {}, measured_interval(result, log.at)
+    for name, compared in log.measured.items():
+        i, effort = result.actuator_names.index(name), log.reading.effort[name]
+        gap = np.abs(effort - np.clip(effort, lower[:, i], upper[:, i]))
+        assert result.t is not None  # _states refuses a motion without
+        mild, strong = (_spans(result.t, gap > share * compared.rms) for share in OFF)
+        found[name] = mild, strong
     return found
 
 

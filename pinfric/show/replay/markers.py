@@ -35,6 +35,9 @@ SIMULATED = {"reversal": "reverses without sticking"}
 #: Of a gear that holds its joint without its motor, and what that means.
 GEAR_COLOR = "#56B4E9"
 GEAR_MEANING = "gear holds by itself: its motor may be without torque"
+#: Of a logged effort that is off the computed one, and far off, and what that means.
+OFF_COLORS = "#F2B38B", "#D55E00"
+OFF_MEANING = "logged effort off the computed one by more than 10 %, 30 % of its RMS"
 FORCE_COLOR = "#7B4FB5"
 PAYLOAD_COLOR = "#1FAF86"
 #: Radius of a ring, as parts of the robot's size: least and most.

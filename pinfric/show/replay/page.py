@@ -89,6 +89,10 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
             {"name": name, "path": staged.gear_paths.get(name, ""), "spans": spans}
             for name, spans in frames.gears.items()
         ],
+        "off": [
+            {"name": name, "mild": mild, "strong": strong}
+            for name, (mild, strong) in frames.off.items()
+        ],
         "cylinders": [
             {"path": c.path, "a": [c.a[0] - 1, c.a[1]], "b": [c.b[0] - 1, c.b[1]]}
             for c in staged.cylinders
@@ -99,6 +103,8 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
         "force_color": markers.FORCE_COLOR,
         "gear_color": markers.GEAR_COLOR,
         "gear_meaning": markers.GEAR_MEANING,
+        "off_colors": markers.OFF_COLORS,
+        "off_meaning": markers.OFF_MEANING,
         "payload_color": markers.PAYLOAD_COLOR,
         "drive_color": stage.DRIVE_COLOR,
         "drives": bool(staged.cylinders) or any(a.force for a in scene.actuators or ()),

@@ -21,6 +21,7 @@ from pinfric.model.scene import Scene
 from pinfric.show.replay.frames import RATE, make_frames
 from pinfric.show.replay.page import replay_html
 from pinfric.study.scene_run import run_scene
+from pinfric.study.trajectory.log.judged import JudgedLog, judge_log
 from pinfric.study.trajectory.log.reading import ReadingOptions
 from pinfric.study.trajectory.trajectory import load_trajectory
 
@@ -73,6 +74,7 @@ def replay(
     *,
     title: str | None = None,
     rate: float = RATE,
+    log: JudgedLog | None = None,
 ) -> Replay:
     """Return a page that plays a motion: robot, joints that stick or slide, forces, intervals.
 
@@ -88,13 +90,14 @@ def replay(
             the page is.
         title: heading; None takes the scene's name.
         rate: frames per second; samples at which sticking begins or ends are always frames.
+        log: the log that the motion comes from: where its efforts miss the computed ones is marked.
 
     Raises:
         StateError: the motion has no times, or is of another scene.
         PinfricError: the file cannot be written.
     """
     check_same_scene(scene, motion)
-    frames = make_frames(scene, motion, rate)
+    frames = make_frames(scene, motion, rate, log)
     page = replay_html(scene, frames, title or Path(scene.source).stem)
     if html is None and open_browser:
         html = Path(tempfile.mkdtemp(prefix="pinfric-")) / "replay.html"
@@ -114,8 +117,9 @@ def motion_to_replay(
     name: str | None = None,
     notice: Callable[[str], object] = lambda _: None,
     log: ReadingOptions = ReadingOptions(),  # noqa: B008
-) -> InverseResult | Motion:
-    """Return what `pinfric replay SCENE [NAME]` shows.
+    effort_at: str = "joint",
+) -> tuple[InverseResult | Motion, JudgedLog | None]:
+    """Return what `pinfric replay SCENE [NAME]` shows, and how a log's own efforts fit it.
 
     Args:
         scene: the robot.
@@ -123,20 +127,22 @@ def motion_to_replay(
             whose inverse dynamics are computed, or None: the scene's own simulation.
         notice: called with each of the trajectory's warnings.
         log: how a log is to be read.
+        effort_at: where its efforts were measured, "motor" or "joint".
 
     Raises:
         PinfricError: the file cannot be read or is of another scene; there is no simulation.
     """
     if name is None:
-        return run_scene(scene)
+        return run_scene(scene), None
     if Path(name).suffix.lower() == ".npz":
         if not os.path.isfile(name):
             raise TrajectoryError(f"there is no file {name}; `Motion.save` writes such files")
-        return load_motion(name, scene)
+        return load_motion(name, scene), None
     trajectory = load_trajectory(name, scene, log)
     for text in trajectory.warnings:
         notice(f"{trajectory.source}: {text}")
-    return inverse_dynamics(scene, trajectory)
+    result, reading = inverse_dynamics(scene, trajectory), trajectory.reading
+    return result, None if reading is None else judge_log(result, reading, effort_at)
 
 
 def replay_lines(shown: Replay, opened: bool | None) -> list[str]:

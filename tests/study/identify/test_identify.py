@@ -26,8 +26,9 @@ import pinfric as pf
 from pinfric import cli
 from pinfric.errors import IdentificationError
 from pinfric.show.identification_page.page import identification_page
+from pinfric.show.replay.frames import make_frames
 from pinfric.study.identify.advice import advice_text
-from pinfric.study.identify.identify import Identified
+from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.identify.laws import Law
 
 LOGS = Path(__file__).parents[4] / "shared" / "data"
@@ -157,6 +158,26 @@ def test_measured_and_identified_efforts_are_shown_together(found):
     assert (
         table.loc[f"friction.{NAMES[2]}.mu", "value"] == parameter(found, "friction", 2, "mu").value
     )
+
+
+def test_a_replay_marks_where_the_log_is_off(found):
+    result, log = beside_measured(found)
+    good = make_frames(found.scene, result, 10.0, log).off
+    effort = {
+        name: (1.5 if name == NAMES[1] else 1.0) * y for name, y in log.reading.effort.items()
+    }
+    wrong = replace(log, reading=replace(log.reading, effort=effort))
+    bad = make_frames(found.scene, result, 10.0, wrong).off
+
+    def length(spans) -> float:
+        return sum(end - start for start, end in spans)
+
+    assert list(good) == list(NAMES)
+    for name in NAMES:
+        (_, strong), (mild, now_strong) = good[name], bad[name]
+        assert length(strong) < 0.05 * result.t[-1]
+        assert (length(now_strong) > 0.3 * result.t[-1]) == (name == NAMES[1])
+        assert length(mild) >= length(now_strong)
 
 
 def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):

@@ -240,6 +240,11 @@ function show(t, since = t) {
     g.row.style.setProperty("--state", holds ? D.gear_color : "transparent");
     g.value.textContent = holds ? "holds by itself" : "";
   }
+  for (const d of D.off) {
+    const how = ["strong", "mild"].findIndex((kind) => meets(d[kind], Math.min(since, now), now));
+    d.row.style.setProperty("--state", how < 0 ? "transparent" : D.off_colors[1 - how]);
+    d.value.textContent = ["far off the log", "off the log"][how] ?? "";
+  }
   for (const p of payloads) p.node.visible = p.spans.some(([a, b]) => a <= now && (now < b || b === t1));
   $("slider").value = now;
   $("clock").innerHTML = `${now.toFixed(3)} s <small>/ ${t1.toFixed(2)} s</small>`;

@@ -36,6 +36,13 @@ gears.forEach((gear) => {
   [gear.canvas, gear.value] = [gear.row.querySelector("canvas"), gear.row.querySelector(".value")];
   $("strips").append(gear.row);
 });
+// strips of logged efforts that miss the computed ones
+D.off.forEach((drive) => {
+  drive.row = element("div", "row", `<span class="name" title="logged effort of ${plain(drive.name)}"><i></i>≠ ${short(drive.name)}</span>` +
+    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`);
+  [drive.canvas, drive.value] = [drive.row.querySelector("canvas"), drive.row.querySelector(".value")];
+  $("strips").append(drive.row);
+});
 const ticks = element("div", "row ticks", `<span></span><div class="track"><canvas></canvas></div><span></span>`);
 $("strips").append(ticks);
 
@@ -135,6 +142,7 @@ function lay_out() {
   viewer.set_3d_pane_size();
   sites.forEach(draw_strip);
   gears.forEach((gear) => draw_spans(gear.canvas, [[D.gear_color, gear.spans, 2]]));
+  D.off.forEach((drive) => draw_spans(drive.canvas, [[D.off_colors[0], drive.mild, 1], [D.off_colors[1], drive.strong, 1]]));
   draw_ticks();
   place_labels();
 }
@@ -147,6 +155,7 @@ $("legend").innerHTML = (ns ? used.map(ring).join("") : "<li>no joint has fricti
   (ns ? `<li style="--state:#46525f"><span class="mark">↻</span>friction of the parent on the child${D.simulated ? "; at rest with its share of the limit" : "; at rest both ways: all it can be"}</li>` : "") +
   (ns ? `<li style="--state:${D.force_color}"><span class="mark">↑</span>force of the parent on the child</li>` : "") +
   (gears.length ? `<li style="--state:${D.gear_color}"><span class="mark">⚙</span>${D.gear_meaning}</li>` : "") +
+  (D.off.length ? `<li style="--state:${D.off_colors[1]}"><span class="mark">≠</span>${D.off_meaning}</li>` : "") +
   (D.drives ? `<li style="--state:${D.drive_color}"><span class="box"></span>cylinder or force that drives</li>` : "") +
   payloads.map((p) => `<li style="--state:${D.payload_color}"><span class="box"></span>${plain(p.name)}, while carried</li>`).join("");
 $("about").textContent = D.about;
