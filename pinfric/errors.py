@@ -167,6 +167,8 @@ class GearJam(AccelerationError):  # noqa: N818 - a finding about the mechanism
     """A self-locking gear whose rotor is too light for the load: no acceleration, or several."""
 
     _finding = "a self-locking gear jams"
+
+
 class IdentificationError(PinfricError):
     """Logs from which nothing can be identified, or that contradict the robot."""
 
