@@ -75,7 +75,7 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
             scene.sites, staged.site_paths, staged.markers, frames.sites, strict=True
         )
     ]  # fmt: skip
-    return {
+    return _drives(frames, staged) | {
         "simulated": frames.simulated,
         "about": _about(scene, frames),
         "frames": len(frames.t),
@@ -85,14 +85,6 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
             {"name": name, "path": path, "spans": frames.carried[name]}
             for name, path in staged.payload_paths.items()
         ],
-        "gears": [
-            {"name": name, "path": staged.gear_paths.get(name, ""), "spans": spans}
-            for name, spans in frames.gears.items()
-        ],
-        "off": [
-            {"name": name, "mild": mild, "strong": strong}
-            for name, (mild, strong) in frames.off.items()
-        ],
         "cylinders": [
             {"path": c.path, "a": [c.a[0] - 1, c.a[1]], "b": [c.b[0] - 1, c.b[1]]}
             for c in staged.cylinders
@@ -101,10 +93,6 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
         "colors": markers.COLORS,
         "meanings": markers.MEANINGS | (markers.SIMULATED if frames.simulated else {}),
         "force_color": markers.FORCE_COLOR,
-        "gear_color": markers.GEAR_COLOR,
-        "gear_meaning": markers.GEAR_MEANING,
-        "off_colors": markers.OFF_COLORS,
-        "off_meaning": markers.OFF_MEANING,
         "payload_color": markers.PAYLOAD_COLOR,
         "drive_color": stage.DRIVE_COLOR,
         "drives": bool(staged.cylinders) or any(a.force for a in scene.actuators or ()),
@@ -115,6 +103,24 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
         "head": {kind: length * staged.size for kind, length in stage.HEADS.items()},
         "arc": {"angle": markers.ARC, "segments": surfaces.SEGMENTS, "sides": surfaces.SIDES},
         "most": _most(scene, frames),
+    }
+
+
+def _drives(frames: Frames, staged: Stage) -> dict[str, Any]:
+    """What gears hold by themselves, and logged efforts that miss the computed ones."""
+    return {
+        "gears": [
+            {"name": name, "path": staged.gear_paths.get(name, ""), "spans": spans}
+            for name, spans in frames.gears.items()
+        ],
+        "off": [
+            {"name": name, "mild": mild, "strong": strong}
+            for name, (mild, strong) in frames.off.items()
+        ],
+        "gear_color": markers.GEAR_COLOR,
+        "gear_meaning": markers.GEAR_MEANING,
+        "off_colors": markers.OFF_COLORS,
+        "off_meaning": markers.OFF_MEANING,
     }
 
 
