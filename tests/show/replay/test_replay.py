@@ -425,11 +425,12 @@ def test_command_takes_a_trajectory_a_saved_motion_or_the_scenes_simulation(
     pendulum_motion, tmp_path, capsys
 ):
     scene, motion = pendulum_motion
-    given = motion_to_replay(scene, "pendulum.waypoints.yaml")
+    given, log = motion_to_replay(scene, "pendulum.waypoints.yaml")
     assert isinstance(given, pf.InverseResult)
+    assert log is None  # way-points have no efforts of their own
     file = motion.save(tmp_path / "motion.npz")
-    assert motion_to_replay(scene, str(file)).stick_intervals() == motion.stick_intervals()
-    own = motion_to_replay(scene)
+    assert motion_to_replay(scene, str(file))[0].stick_intervals() == motion.stick_intervals()
+    own, _ = motion_to_replay(scene)
     assert own.stick_intervals()[0].start == pytest.approx(1.07, abs=0.01)  # printed in the paper
     with pytest.raises(PinfricError, match=r"nothing\.csv"):
         motion_to_replay(scene, "nothing.csv")
