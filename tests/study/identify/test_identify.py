@@ -116,6 +116,12 @@ def test_what_was_read_and_what_the_log_cannot_tell_is_said(found):
     assert "left out 2 rows of 7500" in said
     assert "one log only" in said
     assert "never rests" in said
+    wrists = ", ".join(NAMES[3:])
+    assert (
+        f"no load contrast beside Coulomb friction, a gear's loss cannot be told from it: {wrists}"
+        in said
+    )
+    assert "never fast" not in said
     assert np.isnan(list(found.spread.values())).all()
 
 
@@ -236,6 +242,13 @@ def test_two_logs_say_how_much_friction_differs_between_them():
     assert 0.05 < found.spread[NAMES[5]] < 0.25
     viscous = parameter(found, "friction", 5, "viscous")
     assert viscous.standard_error > 0.8 * found.spread[NAMES[5]] * viscous.value
+
+
+def test_a_log_that_never_is_fast_says_that_speeds_are_extrapolated():
+    slow = replace(short(), t=np.arange(short().q.shape[0]) / 10.0)
+    found = pf.identify(guess(0), slow, inertia="keep", laws=dict.fromkeys(NAMES, Law()))
+    line = next(line for line in found.said if line.startswith("never fast"))
+    assert NAMES[1] in line
 
 
 def test_static_friction_shows_where_joints_break_away_slowly():
