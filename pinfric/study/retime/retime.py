@@ -1,0 +1,359 @@
+"""`pf.retime`: the fastest motion that a robot's real drives can do along a path.
+
+Solve on a coarse grid, then on one whose points are even in time and in place, with every knot and
+every reversal among them; judge the inside of all intervals, and the samples, by
+`inverse_dynamics`, and refine where a limit is exceeded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.errors import RetimeError
+from pinfric.model.brief import Shown, file_name, listed, screen
+from pinfric.model.scene import Scene
+from pinfric.study.retime.limits import (
+    KINDS,
+    DriveLimits,
+    LimitsLike,
+    limited_scene,
+    read_limits,
+    replaced,
+    scaled,
+    with_ratio,
+)
+from pinfric.study.retime.path import Path, check_limits, load_path
+from pinfric.study.retime.problem import Policy, Problem, modes, usage
+from pinfric.study.retime.profile import Profile, Samples, columns_to_velocities, sample
+from pinfric.study.retime.tables import Grid, distinct, make_grid, make_tables, natural_points
+from pinfric.study.trajectory.joint_columns import JointColumn, configurations, joint_columns
+from pinfric.study.trajectory.trajectory import Trajectory
+
+#: Where the inside of an interval is judged.
+_INSIDE = np.array([0.02, 0.25, 0.5, 0.75, 0.98])
+#: Times that intervals over a limit are cut in two.
+_ROUNDS = 5
+#: A limit of which more than this part is used holds the motion back.
+_AT_LIMIT = 0.995
+#: Fewest points of a piece; a zone about a reversal, in sample periods.
+_FEWEST, _ZONE = 24, 0.65
+
+
+@dataclass(frozen=True)
+class RetimeResult(Shown):
+    """The fastest motion along a path, and what holds it back.
+
+    Attributes:
+        trajectory: its samples, which every command takes.
+        duration: s, holds included. moves: (pieces,) of each, s.
+        before: how long the motion took that the path comes from, s; None: it had no times.
+        limiting: drive -> limit -> part of the moving time in which more than 99.5 % are used.
+        excess: the most by which a sample exceeds any limit, as a part of it (`inverse_dynamics`
+            judges); 0.001 is 0.1 %.
+        usage: (T, na, `limits.KINDS`) which part of each limit each sample uses.
+        problem, profile: the grid with its limits, and the speed on it.
+        holes: how often a lower limit cut the accelerations at a place in two; 0 but for extreme
+            friction: the larger part was kept.
+    """
+
+    trajectory: Trajectory
+    duration: float
+    moves: np.ndarray
+    before: float | None
+    limiting: dict[str, dict[str, float]]
+    excess: float
+    usage: np.ndarray
+    problem: Problem
+    profile: Profile
+    holes: int = 0
+
+    def __repr__(self) -> str:
+        most = self.held_back()
+        return screen("RetimeResult", f"{file_name(self.problem.path.source)}: "
+                      f"{self.duration:.4g} s", {
+            "moves": listed([f"{t:.4g} s" for t in self.moves]),
+            "limits": listed([f"{d}: {k}" for d, k, _ in most],
+                             [f"{100 * share:.0f} % of the time" for _, _, share in most]),
+            "excess": f"{100 * self.excess:.3g} % over any limit",
+            "more": ".trajectory .limiting .sensitivity() .sweep_ratio(joint, ratios) .plot()",
+        })  # fmt: skip
+
+    def held_back(self) -> list[tuple[str, str, float]]:
+        """Return (drive, limit, part of the moving time), the greatest part first."""
+        found = [(d, k, share) for d, kinds in self.limiting.items() for k, share in kinds.items()]
+        return sorted(found, key=lambda entry: -entry[2])
+
+    def sensitivity(self, change: float = 0.01) -> dict[str, dict[str, float]]:
+        """Return d ln T/d ln limit of the moving time T, drive -> limit, on the same grid.
+
+        Central differences; only limits that hold the motion back at some time are tried, the
+        others are 0. Of the speed-torque line the stall torque is changed.
+
+        Args:
+            change: relative change of a limit.
+        """
+        found: dict[str, dict[str, float]] = {}
+        p = self.problem
+        for d, drive in enumerate(p.scene.drives):
+            for kind, name in enumerate(KINDS):
+                if not self.usage[:, d, kind].max(initial=0.0) > 0.97:
+                    continue
+                times = [
+                    p.with_limits(replaced(p.limits, d, scaled(p.limits[d], kind, 1.0 + sign)))
+                    .solve().duration.sum() for sign in (change, -change)
+                ]  # fmt: skip
+                slope = np.log(times[0] / times[1]) / np.log((1 + change) / (1 - change))
+                found.setdefault(drive.name, {})[name] = float(slope)
+        return found
+
+    def sweep_ratio(self, joint: str, ratios: Sequence[float]) -> dict[float, float | str]:
+        """Return the duration (s, holds included) for other gear ratios of one drive.
+
+        The gear's other figures stay: torques and inertia at the motor's shaft. On the same grid;
+        where a ratio cannot follow the path, why.
+
+        Args:
+            joint: the drive's name. ratios: motor turns per joint turn.
+
+        Raises:
+            RetimeError: there is no such drive.
+        """
+        p = self.problem
+        names = p.scene.actuator_names
+        if joint not in names:
+            raise RetimeError(f"sweep_ratio: there is no drive {joint!r}; there are: "
+                              f"{', '.join(names)}")  # fmt: skip
+        d, found = names.index(joint), {}
+        for ratio in ratios:
+            new = with_ratio(p.limits[d], p.scene.drives[d].transmission, ratio)
+            limits = replaced(p.limits, d, new)
+            try:
+                profile = p.with_limits(limits, limited_scene(p.scene, limits)).solve()
+                found[ratio] = float(profile.duration.sum() + sum(p.path.holds))
+            except RetimeError as problem:
+                found[ratio] = str(problem)
+        return found
+
+
+def retime(
+    scene: Scene,
+    path: Path | Trajectory | str,
+    limits: LimitsLike = None,
+    *,
+    reversal: Literal["interval", "own sign"] = "interval",
+    rest: Literal["worst", "needed"] = "worst",
+    points: int = 300,
+    tolerance: float = 1e-3,
+    sample_rate: float = 1000.0,
+) -> RetimeResult:
+    """Return the fastest motion along a path within the limits of real drives.
+
+    min int ds/sqrt(x) over x(s) = (ds/dt)^2 with every drive's torque, friction and gear losses
+    included, within its limits (`limits`); see `scan` for the method and its sources.
+
+    Args:
+        scene: an open chain with one drive on each joint, its friction and payloads.
+        path: a `Path`; a trajectory, whose path is taken; a file of either.
+        limits: of the drives, see `limits.read_limits`; None: the URDF's effort and velocity.
+        reversal, rest: what counts where a joint stands still, see `problem.Policy`.
+        points: of the grid, all pieces together; refined where a limit would be exceeded.
+        tolerance: part of a limit by which it may be exceeded between grid points.
+        sample_rate: of the resulting trajectory, Hz.
+
+    Raises:
+        RetimeError: loops, cylinders or joints without a drive; limits missing; a drive that cannot
+            hold, break away or follow, with the place and what it needs.
+        TrajectoryError: a path that cannot be, or does not fit the robot.
+    """
+    _check_scene(scene)
+    if isinstance(path, Trajectory):
+        path = Path.from_trajectory(path)
+    elif not isinstance(path, Path):
+        path = load_path(path, scene)
+    if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0):
+        raise RetimeError(f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
+                          f"{tolerance:g}: should be positive")  # fmt: skip
+    given = read_limits(scene, limits)
+    scene = limited_scene(scene, given)
+    columns = joint_columns(scene.model, scene.source)
+    check_limits(path, columns)
+    policy = Policy(reversal, rest, sample_rate, tolerance)
+    solver = _Retiming(scene, path, columns, given, policy)
+    solver.check_stops()
+    problem, profile, samples = solver.refine(solver.coarse(points), points)
+    return solver.result(problem, profile, samples)
+
+
+def _check_scene(scene: Scene) -> None:
+    """Refuse robots whose efforts depend on friction through reactions."""
+    if scene.linkage is not None:
+        what = f"loop {scene.loops[0].name!r}" if scene.loops else "a drive off the joints"
+        raise RetimeError(f"{scene.source}: retime is for open chains with drives on their joints; "
+                          f"{what} couples efforts and friction")  # fmt: skip
+    driven = [drive.velocity_index for drive in scene.drives]
+    if driven != list(range(scene.model.nv)):
+        raise RetimeError(f"{scene.source}: retime needs one drive on each of {scene.model.nv} "
+                          f"degrees of freedom, found {len(driven)}")  # fmt: skip
+
+
+class _Retiming:
+    """One run of `retime`."""
+
+    def __init__(
+        self, scene: Scene, path: Path, columns: tuple[JointColumn, ...],
+        limits: tuple[DriveLimits, ...], policy: Policy,
+    ) -> None:  # fmt: skip
+        self.scene, self.path, self.columns = scene, path, columns
+        self.limits, self.policy = limits, policy
+        self.natural = [natural_points(piece) for piece in path.pieces]
+        #: (piece, from s, to s): intervals of constant u; and zones about reversals.
+        self.constant: list[tuple[int, float, float]] = []
+        self.zones: list[tuple[int, int, float, float]] = []
+
+    def problem(self, points: list[np.ndarray]) -> Problem:
+        """The problem on a grid."""
+        grid = make_grid(self.path, self.columns, points)
+        middle, piece = 0.5 * (grid.s[grid.start] + grid.s[grid.end]), grid.piece[grid.start]
+        constant = np.zeros(len(middle), dtype=bool)
+        for p, first, last in self.constant:
+            constant |= (piece == p) & (first < middle) & (middle < last)
+        tables = make_tables(self.scene, self.path, self.columns, grid)
+        return Problem(self.scene, self.path, self.columns, self.limits, self.policy, grid, tables,
+                       modes(grid, self.policy, self.zones), constant)  # fmt: skip
+
+    def check_stops(self) -> None:
+        """Refuse stops at which a drive cannot hold, with what it carries before and after."""
+        n = len(self.path.pieces)
+        grid = make_grid(self.path, self.columns, [piece.x[[0, -1]] for piece in self.path.pieces])
+        probe = Problem(self.scene, self.path, self.columns, self.limits, self.policy, grid,
+                        make_tables(self.scene, self.path, self.columns, grid),
+                        modes(grid, self.policy, ()), np.zeros(n, dtype=bool))  # fmt: skip
+        for p, curve in enumerate(self.path.pieces):
+            for end, s in enumerate(curve.x[[0, -1]]):
+                still = probe.states(np.array([s]), np.array([p]), np.zeros(1), np.zeros(1))
+                use = usage(still, self.limits, replace(self.policy, rest="needed"))[0]
+                d, kind = np.unravel_index(int(use.argmax()), use.shape)
+                if use[d, kind] > 1.0:
+                    where = f"{self.path.source}: stop {p + end}"
+                    raise RetimeError(
+                        f"{where}: drive {probe.limits_text(still, int(d), int(kind), 'hold')}"
+                    )
+
+    def coarse(self, points: int) -> Profile:
+        """A first profile on a grid that is even in place."""
+        length = np.array([piece.x[-1] - piece.x[0] for piece in self.path.pieces])
+        counts = np.maximum(points / 3 * length / length.sum(), _FEWEST / 2).astype(int)
+        grids = [
+            distinct(np.linspace(curve.x[0], curve.x[-1], n + 1), curve.x[-1] - curve.x[0], natural)
+            for curve, n, natural in zip(self.path.pieces, counts, self.natural, strict=True)
+        ]
+        return self.problem(grids).solve()
+
+    def refine(self, coarse: Profile, points: int) -> tuple[Problem, Profile, Samples]:
+        """Solve on the final grid, cut intervals over a limit in two, up to `_ROUNDS` times."""
+        if self.policy.reversal == "interval":
+            self.zones = self._zones(coarse)
+        share = coarse.duration / coarse.duration.sum()
+        grids = []
+        for p, (curve, natural) in enumerate(zip(self.path.pieces, self.natural, strict=True)):
+            n = max(int(points * share[p]), _FEWEST)
+            even = np.linspace(curve.x[0], curve.x[-1], n // 2 + 1)
+            timed = coarse.at(p, np.linspace(0.0, coarse.duration[p], n - n // 2 + 1))[0]
+            edges = [edge for _, q, *zone in self.zones if q == p for edge in zone]
+            inside = np.concatenate((even, timed, edges))
+            inside = inside[(inside > curve.x[0]) & (inside < curve.x[-1])]
+            kept = np.union1d(natural, curve.x[[0, -1]])
+            grids.append(distinct(inside, curve.x[-1] - curve.x[0], kept))
+        for attempt in range(_ROUNDS + 1):
+            problem = self.problem(grids)
+            profile = problem.solve()
+            samples = sample(self.path, profile, self.policy.sample_rate)
+            if attempt == _ROUNDS or not self._cut(problem, profile, samples, grids):
+                break
+        return problem, profile, samples
+
+    def _zones(self, profile: Profile) -> list[tuple[int, int, float, float]]:
+        """Where samples are beside a reversal: within half a sample period of it, and a reserve."""
+        grid, found = profile.grid, []
+        for j in np.flatnonzero(~grid.stop[1:-1]) + 1:
+            piece, s = int(grid.piece[grid.start[j]]), float(grid.s[grid.start[j]])
+            reach = _ZONE / self.policy.sample_rate * float(np.sqrt(profile.x[j]))
+            curve = self.path.pieces[piece]
+            reach = max(reach, 1e-6 * (curve.x[-1] - curve.x[0]))
+            turning = grid.way[j] * grid.way[j - 1] < 0.0
+            found += [(int(d), piece, s - reach, s + reach) for d in np.flatnonzero(turning)]
+        return found
+
+    def _cut(
+        self, problem: Problem, profile: Profile, samples: Samples, grids: list[np.ndarray]
+    ) -> bool:
+        """Cut the intervals in which a limit is exceeded; False where there are none."""
+        grid, most = problem.grid, 1.0 + 0.5 * self.policy.tolerance
+        of, x, u = profile.inside(_INSIDE)
+        rows = grid.start[of]
+        s = grid.s[rows] + np.tile(_INSIDE, len(grid.step)) * grid.step[of]
+        use = usage(problem.states(s, grid.piece[rows], x, u), self.limits, self.policy)
+        over = set(of[(use > most).any(axis=(1, 2))].tolist())
+        motion = self.motion(samples)
+        judged = inverse_dynamics(self.scene, motion)
+        wrong = (usage(judged, self.limits, self.policy) > most).any(axis=(1, 2))
+        turning = judged.reversal.any(axis=1)
+        for i in np.flatnonzero(wrong & samples.moving):
+            p, place = int(samples.piece[i]), float(samples.s[i])
+            here = np.flatnonzero((grid.piece[grid.start] == p) & (grid.s[grid.start] <= place))
+            over.add(int(here[-1]))
+            if turning[i]:
+                self._widen(p, place, 2.0 * float(samples.rate[i]) / self.policy.sample_rate)
+        for j in over:
+            p, first, last = int(grid.piece[grid.start[j]]), grid.s[grid.start[j]], grid.s[grid.end[j]]
+            self.constant.append((p, float(first), float(last)))
+            curve = self.path.pieces[p]
+            grids[p] = distinct(np.array([0.5 * (first + last)]), curve.x[-1] - curve.x[0], grids[p])
+        return bool(over)
+
+    def _widen(self, piece: int, s: float, near: float) -> None:
+        """Let the zones of reversals beside a sample reach to it."""
+        for i, (d, p, first, last) in enumerate(self.zones):
+            if p == piece and first - near < s < last + near:
+                self.zones[i] = d, p, min(first, s - 0.1 * near), max(last, s + 0.1 * near)
+
+    def motion(self, samples: Samples) -> Trajectory:
+        """The samples as a trajectory."""
+        names = list(self.scene.payloads)
+        attached = None
+        if self.path.attached is not None:
+            attached = {n: self.path.attached[samples.piece, k] for k, n in enumerate(names)}
+        return Trajectory.from_arrays(
+            self.scene, samples.t, configurations(self.columns, samples.q, self.scene.model.nq),
+            columns_to_velocities(self.columns, samples.v),
+            columns_to_velocities(self.columns, samples.a), attached,
+            f"{self.path.source} retimed",
+        )  # fmt: skip
+
+    def result(self, problem: Problem, profile: Profile, samples: Samples) -> RetimeResult:
+        """Judge the samples and say what holds them back."""
+        trajectory = self.motion(samples)
+        judged = inverse_dynamics(self.scene, trajectory)
+        use = usage(judged, self.limits, self.policy)
+        moving = use[samples.moving]
+        shares = (moving > _AT_LIMIT).mean(axis=0) if len(moving) else np.zeros(use.shape[1:])
+        limiting = {
+            drive.name: {KINDS[k]: float(shares[d, k]) for k in np.flatnonzero(shares[d])}
+            for d, drive in enumerate(self.scene.drives) if shares[d].any()
+        }  # fmt: skip
+        return RetimeResult(
+            trajectory=trajectory,
+            duration=float(profile.duration.sum() + sum(self.path.holds)),
+            moves=profile.duration,
+            before=self.path.duration,
+            limiting=limiting,
+            excess=max(0.0, float(moving.max(initial=0.0)) - 1.0),
+            usage=use,
+            problem=problem,
+            profile=profile,
+        )

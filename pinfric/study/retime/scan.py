@@ -1,0 +1,423 @@
+"""The fastest profile x(s) = (ds/dt)^2 on a grid: one scan back, one forward.
+
+At a place and a speed every limit of a drive bounds u = d^2s/dt^2. In the direction of motion the
+effort is y(u), friction included, and the motor's torque times the ratio F(u) = upper(y) + ...,
+both convex (a line, plus norms of wrenches that are affine in u, through a gear that loses). So
+F <= r T leaves an interval of u, and F >= -r T takes one out. Inside an interval of the grid u is
+linear in s and each end is judged by itself (or constant, judged at both):
+
+    x' - x = step (u_a + u_b),      u_a in [low, high](x),  u_b in [low', high'](x')
+
+Backward: K_i, the greatest x from which K_{i+1} is reached. Forward: the greatest x' <= K_{i+1}.
+The greater of two feasible profiles is feasible, so the pointwise greatest is the fastest (Pham &
+Pham 2018, A new approach to time-optimal path parameterization based on reachability analysis, for
+limits that are linear in (x, u)).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.model.compiled import kernel, record
+from pinfric.model.drives import Gears
+from pinfric.model.laws import Laws, friction_at
+
+#: How a drive is judged at one end of an interval: by its own direction and friction in motion;
+#: with friction at rest against leaving it; by both ends of its interval of standstill, each of
+#: which must be within the limits; by the nearer of them.
+MOVING, BREAKING, WORST, NEEDED = range(4)
+_FAR = 1.0e9
+#: Levels of x that are tried where a solution is not next to the expected one, and bisections.
+_LEVELS, _HALVINGS = 48, 52
+_TINY = 1.0e-12
+
+
+class Scan(NamedTuple):
+    """Everything the scan reads.
+
+    Attributes:
+        step, start, end, stop: of `tables.Grid`. effort, gram: of `tables.Tables`.
+        rate, curvature: (m, nv) q' and q'' of each row.
+        top: (m,) greatest x that the speeds allow.
+        way: (n, nv) sign of each drive's motion in each interval, 0 at rest.
+        mode: (n, 2, nv) see `MOVING`.
+        constant: (n,) bool, whether u is constant in the interval.
+        site_start: (nv + 1,) which entries of the next three are a drive's.
+        site, weight, turn: (ns,) site, its speed per speed of the drive, and the sign of that.
+        term_start: (ns + 1,) which rows of `gram` are a site's.
+        load: (ns,) constant part of each site's load.
+        laws: of the sites. gears: of the drives.
+        peak, stall, no_load_speed: (nv,) N m, N m, rad/s at the motor's shaft; infinite: no limit.
+        effort_limit, acceleration: (nv,) N m or N, rad/s^2 or m/s^2 at the joint.
+        work: (nt, 3), head: (6,) scratch.
+        holes: (1,) how often a lower limit cut u's interval in two.
+    """
+
+    step: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    stop: np.ndarray
+    effort: np.ndarray
+    gram: np.ndarray
+    rate: np.ndarray
+    curvature: np.ndarray
+    top: np.ndarray
+    way: np.ndarray
+    mode: np.ndarray
+    constant: np.ndarray
+    site_start: np.ndarray
+    site: np.ndarray
+    weight: np.ndarray
+    turn: np.ndarray
+    term_start: np.ndarray
+    load: np.ndarray
+    laws: Laws
+    gears: Gears
+    peak: np.ndarray
+    stall: np.ndarray
+    no_load_speed: np.ndarray
+    effort_limit: np.ndarray
+    acceleration: np.ndarray
+    work: np.ndarray
+    head: np.ndarray
+    holes: np.ndarray
+
+
+ScanRecord = record(Scan)
+
+
+@kernel
+def box_scan(fields: tuple) -> Scan:  # type: ignore[type-arg]
+    """Return the record of a `Scan`'s fields."""
+    return ScanRecord(*fields)
+
+
+@kernel
+def _prepare(s: Scan, row: int, d: int, way: float, static: bool, x: float) -> int:
+    """Write y(u) and F(u) of one drive in one direction into the scratch.
+
+    y = head[0] + head[1] u + sum sqrt(work . (1, u, u^2)), F = max(head[2] y, head[3] y) + head[4]
+    + head[5] u.
+
+    Returns:
+        the number of norms.
+    """
+    rate, root = s.rate[row, d], np.sqrt(x)
+    speed = abs(rate) * root
+    base = way * (s.effort[row, d, 0] + s.effort[row, d, 1] * x)
+    count = 0
+    for k in range(s.site_start[d], s.site_start[d + 1]):
+        site, weight = s.site[k], s.weight[k]
+        forward = way * s.turn[k] > 0.0
+        now = friction_at(s.laws, site, speed * weight)
+        mu, flat = now.mu, now.forward if forward else now.backward
+        if static:
+            mu, flat = s.laws.mu_static[site], s.laws.coulomb_static[site, 0 if forward else 1]
+        mu += now.drag_mu
+        flat += now.drag_forward if forward else now.drag_backward
+        flat += s.laws.viscous[site] * speed * weight
+        base += weight * (flat + mu * s.load[site])
+        square = (weight * mu) ** 2
+        if square == 0.0:
+            continue
+        for t in range(s.term_start[site], s.term_start[site + 1]):
+            g = s.gram[row, t]
+            s.work[count, 0] = square * (g[0] + x * (2.0 * g[3] + x * g[1]))
+            s.work[count, 1] = square * 2.0 * (g[4] + x * g[5])
+            s.work[count, 2] = square * g[2]
+            count += 1
+    r, inertia = s.gears.ratio[d], s.gears.rotor_inertia[d]
+    s.head[0], s.head[1] = base, way * s.effort[row, d, 2]
+    s.head[2], s.head[3] = 1.0 / s.gears.efficiency[d], s.gears.back_efficiency[d]
+    s.head[4] = s.gears.no_load[d] + r * r * (
+        s.gears.viscous[d] * speed + way * inertia * s.curvature[row, d] * x
+    )
+    s.head[5] = r * r * way * inertia * rate
+    return count
+
+
+@kernel
+def _value(s: Scan, count: int, motor: bool, u: float) -> tuple[float, float]:
+    """F(u) and its slope; y(u) and its slope where it is not the motor's."""
+    f, slope = s.head[0] + s.head[1] * u, s.head[1]
+    for k in range(count):
+        b, c = s.work[k, 1], s.work[k, 2]
+        square = s.work[k, 0] + u * (b + c * u)
+        if square > 0.0:
+            norm = np.sqrt(square)
+            f += norm
+            slope += (0.5 * b + c * u) / norm
+    if motor:
+        drives, driven = s.head[2] * f, s.head[3] * f
+        if drives >= driven:
+            f, slope = drives, s.head[2] * slope
+        else:
+            f, slope = driven, s.head[3] * slope
+        f += s.head[4] + s.head[5] * u
+        slope += s.head[5]
+    return f, slope
+
+
+@kernel
+def _root(s: Scan, count: int, motor: bool, u: float, side: float, target: float) -> float:
+    """Newton from above a convex function's level to it, leftwards (side -1) or rightwards.
+
+    NaN where the function does not come down to it on this side.
+    """
+    for _ in range(60):
+        f, slope = _value(s, count, motor, u)
+        if f - target <= _TINY * (abs(target) + abs(s.head[0])):
+            return u
+        if side * slope >= 0.0:
+            return np.nan
+        following = u - (f - target) / slope
+        if following == u:
+            return u
+        u = following
+    return u
+
+
+@kernel
+def _within(
+    s: Scan, count: int, motor: bool, least: float, most: float, low: float, high: float
+) -> tuple[float, float]:
+    """Part of [low, high] in which least <= f(u) <= most, f convex; low > high where none is."""
+    f_low, slope_low = _value(s, count, motor, low)
+    f_high, slope_high = _value(s, count, motor, high)
+    if f_high > most or f_low > most:
+        if f_high > most:
+            high = _root(s, count, motor, high, -1.0, most)
+        if f_low > most:
+            low = _root(s, count, motor, low, 1.0, most)
+        if not low <= high:
+            return _FAR, -_FAR
+        f_low, slope_low = _value(s, count, motor, low)
+        f_high, slope_high = _value(s, count, motor, high)
+    slack = _TINY * (abs(least) + abs(s.head[0])) if least > -np.inf else 0.0
+    below_low, below_high = f_low < least - slack, f_high < least - slack
+    if below_low and below_high:
+        return _FAR, -_FAR
+    if below_low:
+        return _root(s, count, motor, high, -1.0, least), high
+    if below_high:
+        return low, _root(s, count, motor, low, 1.0, least)
+    if slope_low < 0.0 < slope_high and least > -np.inf:
+        meet = (f_high - f_low + slope_low * low - slope_high * high) / (slope_low - slope_high)
+        if f_low + slope_low * (meet - low) < least:  # the tangents go below: f may, too
+            left = _root(s, count, motor, low, 1.0, least)
+            if left == left:
+                right = _root(s, count, motor, high, -1.0, least)
+                if right > left:
+                    s.holes[0] += 1
+                    if left - low >= high - right:
+                        return low, left
+                    return right, high
+    return low, high
+
+
+@kernel
+def _limited(
+    s: Scan, row: int, d: int, way: float, static: bool, upper: bool, lower: bool, x: float,
+    low: float, high: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Part of [low, high] that a drive's torque and effort leave, in one direction."""
+    r, speed = abs(s.gears.ratio[d]), abs(s.rate[row, d]) * np.sqrt(x)
+    line = r * speed / s.no_load_speed[d]
+    most, least = np.inf, -np.inf
+    if upper:
+        most = r * min(s.peak[d], s.stall[d] * (1.0 - line))
+    if lower:
+        least = -r * min(s.peak[d], s.stall[d] * (1.0 + line))
+    count = _prepare(s, row, d, way, static, x)
+    if most < np.inf or least > -np.inf:
+        low, high = _within(s, count, True, least, most, low, high)
+    limit = s.effort_limit[d]
+    if limit < np.inf and low <= high:
+        least, most = -limit if lower else -np.inf, limit if upper else np.inf
+        low, high = _within(s, count, False, least, most, low, high)
+    return low, high
+
+
+@kernel
+def bounds(s: Scan, j: int, side: int, x: float) -> tuple[float, float]:
+    """Return least and greatest u at one end of an interval; least > greatest where there is none.
+
+    Args:
+        s: see `Scan`.
+        j: the interval; side: 0 its start, 1 its end.
+        x: (ds/dt)^2 there.
+    """
+    row = s.start[j] if side == 0 else s.end[j]
+    low, high = -_FAR, _FAR
+    if x > s.top[row] * (1.0 + _TINY):
+        return high, low
+    for d in range(s.rate.shape[1]):
+        most, rate, bend = s.acceleration[d], s.rate[row, d], s.curvature[row, d] * x
+        if most < np.inf:
+            if rate != 0.0:
+                ends = (-most - bend) / rate, (most - bend) / rate
+                low, high = max(low, min(ends)), min(high, max(ends))
+            elif abs(bend) > most:
+                return _FAR, -_FAR
+        mode, way = s.mode[j, side, d], s.way[j, d]
+        if mode == MOVING and low <= high:
+            low, high = _limited(s, row, d, way, False, True, True, x, low, high)
+        elif mode == BREAKING and low <= high:
+            low, high = _limited(s, row, d, way, True, True, False, x, low, high)
+            if low <= high:
+                low, high = _limited(s, row, d, way, False, False, True, x, low, high)
+        elif low <= high:
+            upper = mode == WORST
+            low, high = _limited(s, row, d, 1.0, True, upper, not upper, x, low, high)
+            if low <= high:
+                low, high = _limited(s, row, d, -1.0, True, upper, not upper, x, low, high)
+        if not low <= high:
+            return _FAR, -_FAR
+    return low, high
+
+
+@kernel
+def _span(s: Scan, j: int, a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """Least and greatest u_a + u_b of an interval; least > greatest where there is none."""
+    if a[0] > a[1] or b[0] > b[1]:
+        return _FAR, -_FAR
+    if s.constant[j]:
+        return 2.0 * max(a[0], b[0]), 2.0 * min(a[1], b[1])
+    return a[0] + b[0], a[1] + b[1]
+
+
+@kernel
+def _reaches(s: Scan, j: int, x: float, a: tuple[float, float], end: float) -> int:
+    """Whether x' = end is reached from x: 0 yes, 1 it is too great, -1 too small, 2 no u there."""
+    least, most = _span(s, j, a, bounds(s, j, 1, end))
+    if least > most + _TINY * (abs(least) + abs(most)):
+        return 2
+    step = s.step[j]
+    need = (end - x) / step
+    slack = 1e-10 * (abs(least) + abs(most)) + _TINY * (abs(x) + abs(end)) / step
+    if need > most + slack:
+        return 1
+    return -1 if need < least - slack else 0
+
+
+@kernel
+def reach(s: Scan, j: int, x: float, limit: float) -> float:
+    """Return the greatest x' <= limit that is reached from x over interval j, or -1.
+
+    Args: see `bounds`; limit: greatest x' that is asked for.
+    """
+    a = bounds(s, j, 0, x)
+    if a[0] > a[1]:
+        return -1.0
+    found = _reaches(s, j, x, a, limit)
+    if found == 0:
+        return limit
+    if found == -1:
+        return -1.0
+    if found == 1:  # x' = x + step (high + high'(x')), by secants
+        step, end, last, miss = s.step[j], limit, 0.0, 0.0
+        for k in range(40):
+            most = _span(s, j, a, bounds(s, j, 1, end))[1]
+            if most <= -_FAR:
+                break
+            now = x + step * most - end
+            if abs(now) <= 1e-15 * (x + limit) and _reaches(s, j, x, a, end) == 0:
+                return end
+            slope = (now - miss) / (end - last) if k > 0 and end != last else -1.0
+            slope = min(slope, -0.2)
+            last, miss = end, now
+            end = min(max(end - now / slope, 0.0), limit)
+            if end == last:
+                if _reaches(s, j, x, a, end) == 0:
+                    return end
+                break
+    return _search(s, j, x, a, limit)
+
+
+@kernel
+def _search(s: Scan, j: int, x: float, a: tuple[float, float], limit: float) -> float:
+    """`reach` where there is no u at some speeds: levels from above, then bisection."""
+    for k in range(_LEVELS + 1):
+        good = limit * (1.0 - k / _LEVELS)
+        if _reaches(s, j, x, a, good) == 0:
+            bad = limit * (1.0 - (k - 1) / _LEVELS)
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (good + bad)
+                if _reaches(s, j, x, a, middle) == 0:
+                    good = middle
+                else:
+                    bad = middle
+            return min(good, limit)
+    return -1.0
+
+
+@kernel
+def brake(s: Scan, j: int, limit: float) -> float:
+    """Return the greatest x from which some x' <= limit is reached over interval j, or -1."""
+    step, top = s.step[j], s.top[s.start[j]]
+    end, guess = bounds(s, j, 1, limit), top
+    if end[0] <= end[1]:  # x = limit - step (low(x) + low'), by secants
+        x, last, miss = min(max(limit - 2.0 * step * end[0], 0.0), top), 0.0, 0.0
+        for k in range(40):
+            least, most = _span(s, j, bounds(s, j, 0, x), end)
+            if least > most:
+                guess = x
+                break
+            now = limit - step * least - x
+            if x == top and now >= 0.0 and reach(s, j, x, limit) >= 0.0:
+                return x
+            if abs(now) <= 1e-15 * (x + limit):
+                return x
+            slope = (now - miss) / (x - last) if k > 0 and x != last else -1.0
+            slope = min(slope, -0.2)
+            last, miss = x, now
+            x = min(max(x - now / slope, 0.0), top)
+            if x == last:
+                if reach(s, j, x, limit) >= 0.0:
+                    return x
+                break
+    for k in range(_LEVELS + 1):
+        good = guess * (1.0 - k / _LEVELS)
+        if reach(s, j, good, limit) >= 0.0:
+            bad = guess * (1.0 - (k - 1) / _LEVELS)
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (good + bad)
+                if reach(s, j, middle, limit) >= 0.0:
+                    good = middle
+                else:
+                    bad = middle
+            return good
+    return -1.0
+
+
+@kernel
+def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
+    """Write the fastest profile; see the module's text.
+
+    Args:
+        s: see `Scan`.
+        x: (n + 1,) (ds/dt)^2 at each point, overwritten.
+        u: (n, 2) d^2s/dt^2 at both ends of each interval, overwritten.
+
+    Returns:
+        -1; or the interval over which there is no way, plus n where the way back found none.
+    """
+    n = s.step.size
+    x[n] = 0.0
+    for j in range(n - 1, -1, -1):
+        x[j] = 0.0 if s.stop[j] else brake(s, j, x[j + 1])
+        if x[j] < 0.0:
+            return n + j
+    for j in range(n):
+        reached = reach(s, j, x[j], x[j + 1])
+        if reached < 0.0 or (reached == 0.0 and not s.stop[j + 1]):
+            return j
+        x[j + 1] = reached
+        a, b = bounds(s, j, 0, x[j]), bounds(s, j, 1, reached)
+        total = (reached - x[j]) / s.step[j]
+        first = min(max(0.5 * total, a[0], total - b[1]), a[1], total - b[0])
+        u[j, 0] = 0.5 * total if s.constant[j] else first
+        u[j, 1] = total - u[j, 0]
+    return -1
