@@ -168,7 +168,7 @@ def _root(s: Scan, count: int, motor: bool, u: float, side: float, target: float
     """
     for _ in range(60):
         f, slope = _value(s, count, motor, u)
-        if f - target <= _TINY * (abs(target) + abs(s.head[0])):
+        if abs(f - target) <= _TINY * (abs(target) + abs(s.head[0])):  # rounding from afar: below
             return u
         if side * slope >= 0.0:
             return np.nan
@@ -303,6 +303,24 @@ def _reaches(s: Scan, j: int, x: float, a: tuple[float, float], end: float) -> i
 
 
 @kernel
+def _passable(s: Scan, j: int, a: tuple[float, float], limit: float) -> float:
+    """The greatest x' <= limit at the end of interval j where there is any u, or -1."""
+    for k in range(_LEVELS + 1):
+        good, bad = limit * (1.0 - k / _LEVELS), min(limit * (1.0 - (k - 1) / _LEVELS), limit)
+        least, most = _span(s, j, a, bounds(s, j, 1, good))
+        if least <= most:
+            for _ in range(_HALVINGS if k > 0 else 0):
+                middle = 0.5 * (good + bad)
+                least, most = _span(s, j, a, bounds(s, j, 1, middle))
+                if least <= most:
+                    good = middle
+                else:
+                    bad = middle
+            return good
+    return -1.0
+
+
+@kernel
 def reach(s: Scan, j: int, x: float, limit: float) -> float:
     """Return the greatest x' <= limit that is reached from x over interval j, or -1.
 
@@ -311,77 +329,70 @@ def reach(s: Scan, j: int, x: float, limit: float) -> float:
     a = bounds(s, j, 0, x)
     if a[0] > a[1]:
         return -1.0
-    found = _reaches(s, j, x, a, limit)
-    if found == 0:
-        return limit
-    if found == -1:
-        return -1.0
-    if found == 1:  # x' = x + step (high + high'(x')), by secants
-        step, end, last, miss = s.step[j], limit, 0.0, 0.0
-        for k in range(40):
-            most = _span(s, j, a, bounds(s, j, 1, end))[1]
-            if most <= -_FAR:
-                break
-            now = x + step * most - end
-            if abs(now) <= 1e-15 * (x + limit) and _reaches(s, j, x, a, end) == 0:
+    limit = _passable(s, j, a, limit)
+    found = -1 if limit < 0.0 else _reaches(s, j, x, a, limit)
+    if found <= 0:
+        return limit if found == 0 else -1.0
+    step, last, miss = s.step[j], 0.0, 0.0
+    guess = min(max(x + 2.0 * step * a[1], 0.0), limit)
+    end = guess
+    for k in range(40):  # x' = x + step (high + high'(x')), by secants
+        most = _span(s, j, a, bounds(s, j, 1, end))[1]
+        if most <= -_FAR:
+            break
+        now = x + step * most - end
+        if abs(now) <= 1e-15 * (x + limit) and _reaches(s, j, x, a, end) == 0:
+            return end
+        slope = (now - miss) / (end - last) if k > 0 and end != last else -1.0
+        last, miss = end, now
+        end = min(max(end - now / min(slope, -0.2), 0.0), limit)
+        if end == last:
+            if _reaches(s, j, x, a, end) == 0:
                 return end
-            slope = (now - miss) / (end - last) if k > 0 and end != last else -1.0
-            slope = min(slope, -0.2)
-            last, miss = end, now
-            end = min(max(end - now / slope, 0.0), limit)
-            if end == last:
-                if _reaches(s, j, x, a, end) == 0:
-                    return end
-                break
-    return _search(s, j, x, a, limit)
-
-
-@kernel
-def _search(s: Scan, j: int, x: float, a: tuple[float, float], limit: float) -> float:
-    """`reach` where there is no u at some speeds: levels from above, then bisection."""
-    for k in range(_LEVELS + 1):
-        good = limit * (1.0 - k / _LEVELS)
+            break
+    for k in range(_LEVELS + 1):  # there is no u at some speeds: levels from above
+        good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), limit)
         if _reaches(s, j, x, a, good) == 0:
-            bad = limit * (1.0 - (k - 1) / _LEVELS)
             for _ in range(_HALVINGS):
                 middle = 0.5 * (good + bad)
                 if _reaches(s, j, x, a, middle) == 0:
                     good = middle
                 else:
                     bad = middle
-            return min(good, limit)
+            return good
     return -1.0
 
 
 @kernel
 def brake(s: Scan, j: int, limit: float) -> float:
     """Return the greatest x from which some x' <= limit is reached over interval j, or -1."""
-    step, top = s.step[j], s.top[s.start[j]]
-    end, guess = bounds(s, j, 1, limit), top
-    if end[0] <= end[1]:  # x = limit - step (low(x) + low'), by secants
-        x, last, miss = min(max(limit - 2.0 * step * end[0], 0.0), top), 0.0, 0.0
-        for k in range(40):
-            least, most = _span(s, j, bounds(s, j, 0, x), end)
-            if least > most:
-                guess = x
-                break
-            now = limit - step * least - x
-            if x == top and now >= 0.0 and reach(s, j, x, limit) >= 0.0:
+    limit = _passable(s, j, (-_FAR, _FAR), limit)
+    if limit < 0.0:
+        return -1.0
+    end = bounds(s, j, 1, limit)
+    step, top, last, miss = s.step[j], s.top[s.start[j]], 0.0, 0.0
+    x = min(max(limit - 2.0 * step * end[0], 0.0), top)
+    guess = x
+    for k in range(40):  # x = limit - step (low(x) + low'), by secants
+        least, most = _span(s, j, bounds(s, j, 0, x), end)
+        if least > most:
+            break
+        now = limit - step * least - x
+        if x == top and now >= 0.0 and reach(s, j, x, limit) >= 0.0:
+            return x
+        if abs(now) <= 1e-15 * (x + limit):
+            return x
+        slope = (now - miss) / (x - last) if k > 0 and x != last else -1.0
+        last, miss = x, now
+        x = min(max(x - now / min(slope, -0.2), 0.0), top)
+        guess = max(x, guess)
+        if x == last:
+            if reach(s, j, x, limit) >= 0.0:
                 return x
-            if abs(now) <= 1e-15 * (x + limit):
-                return x
-            slope = (now - miss) / (x - last) if k > 0 and x != last else -1.0
-            slope = min(slope, -0.2)
-            last, miss = x, now
-            x = min(max(x - now / slope, 0.0), top)
-            if x == last:
-                if reach(s, j, x, limit) >= 0.0:
-                    return x
-                break
-    for k in range(_LEVELS + 1):
-        good = guess * (1.0 - k / _LEVELS)
+            break
+    for k in range(_LEVELS + 1):  # there is no u at some speeds: levels from above
+        good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), top)
         if reach(s, j, good, limit) >= 0.0:
-            bad = guess * (1.0 - (k - 1) / _LEVELS)
             for _ in range(_HALVINGS):
                 middle = 0.5 * (good + bad)
                 if reach(s, j, middle, limit) >= 0.0:
