@@ -119,16 +119,23 @@ class Problem:
         return replace(self, limits=tuple(limits), scene=scene or self.scene)
 
     def states(
-        self, s: np.ndarray, piece: np.ndarray, x: np.ndarray, u: np.ndarray
-    ) -> InverseResult:
-        """Return inverse dynamics at places of the path, as states without order."""
+        self, s: np.ndarray, piece: np.ndarray, x: np.ndarray, u: np.ndarray,
+        attached: np.ndarray | None = None,
+    ) -> InverseResult:  # fmt: skip
+        """Return inverse dynamics at places of the path, as states without order.
+
+        Args:
+            s, piece: (m,) places. x, u: (m,) (ds/dt)^2 and d^2s/dt^2.
+            attached: (m, np) what is carried; None: what the pieces carry.
+        """
         q, rate, bend = (np.empty((len(s), self.path.nj)) for _ in range(3))
         for p in np.unique(piece):
             here, curve = piece == p, self.path.pieces[p]
             q[here], rate[here], bend[here] = curve(s[here]), curve(s[here], 1), curve(s[here], 2)
         v = columns_to_velocities(self.columns, rate * np.sqrt(x)[:, None])
         a = columns_to_velocities(self.columns, rate * u[:, None] + bend * x[:, None])
-        attached = None if self.path.attached is None else self.path.attached[piece]
+        if attached is None and self.path.attached is not None:
+            attached = self.path.attached[piece]
         full = configurations(self.columns, q, self.scene.model.nq)
         return inverse_dynamics(self.scene, full, v, a, attached=attached)
 

@@ -22,6 +22,8 @@ from pinfric.study.trajectory.joint_columns import JointColumn
 _SERIES = 1.0e-6
 #: s; instants closer than this are one.
 _SAME_INSTANT = 1.0e-9
+#: Of the quadrature of a moving mean.
+_NODES = 48
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class Samples:
     rate: np.ndarray
 
 
-def sample(path: Path, profile: Profile, rate: float) -> Samples:
+def sample(path: Path, profile: Profile, rate: float, smooth: float = 0.0) -> Samples:
     """Return the motion at `rate` (Hz), its end included; v = a = 0 at stops and in holds.
 
     At a stop without a hold the acceleration is that of the move that follows.
@@ -137,29 +139,51 @@ def sample(path: Path, profile: Profile, rate: float) -> Samples:
         path: with its holds.
         profile: how fast its pieces are run.
         rate: Hz.
+        smooth: s(t) is a moving mean over this time (s), by which each piece takes longer: jumps of
+            the acceleration become ramps, and the path stays.
     """
-    departs = np.cumsum(np.array(path.holds[:-1]) + np.concatenate(([0.0], profile.duration[:-1])))
-    end = departs[-1] + profile.duration[-1] + path.holds[-1]
+    duration = profile.duration + smooth
+    departs = np.cumsum(np.array(path.holds[:-1]) + np.concatenate(([0.0], duration[:-1])))
+    end = departs[-1] + duration[-1] + path.holds[-1]
     t = np.arange(int(np.floor(end * rate + 1e-6)) + 1) / rate
     if end - t[-1] > _SAME_INSTANT:
         t = np.append(t, end)
     n, nj = len(path.pieces), path.nj
     q, v, a = np.empty((len(t), nj)), np.zeros((len(t), nj)), np.zeros((len(t), nj))
     s, speed, moving = np.zeros(len(t)), np.zeros(len(t)), np.zeros(len(t), dtype=bool)
-    of = np.searchsorted(departs + profile.duration, t + _SAME_INSTANT, side="right")
+    of = np.searchsorted(departs + duration, t + _SAME_INSTANT, side="right")
     for p in range(n + 1):
         here = of == p
         q[here] = path.stop(p)
         if p == n:
             break
         here &= t >= departs[p] - (_SAME_INSTANT if path.holds[p] == 0.0 else -_SAME_INSTANT)
-        place, z, u = profile.at(p, np.maximum(t[here] - departs[p], 0.0))
+        place, z, u = _smoothed(profile, p, np.maximum(t[here] - departs[p], 0.0), smooth)
         curve = path.pieces[p]
         first = curve(place, 1)
         q[here], v[here] = curve(place), first * z[:, None]
         a[here] = first * u[:, None] + curve(place, 2) * (z * z)[:, None]
         s[here], speed[here], moving[here] = place, z, z > 0.0
     return Samples(t, q, v, a, of, moving, s, speed)
+
+
+def _smoothed(
+    profile: Profile, piece: int, t: np.ndarray, width: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`Profile.at` of the moving mean of s over a window that ends at t."""
+    if width == 0.0:
+        return profile.at(piece, t)
+
+    def at(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        inside = (t > 0.0) & (t < profile.duration[piece])
+        s, z, _ = profile.at(piece, np.clip(t, 0.0, profile.duration[piece]))
+        return s, np.where(inside, z, 0.0)
+
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    place = sum(0.5 * w * at(t - width * 0.5 * (1.0 - x))[0]
+                for x, w in zip(nodes, weights, strict=True))  # fmt: skip
+    (s_1, z_1), (s_0, z_0) = at(t), at(t - width)
+    return np.asarray(place), (s_1 - s_0) / width, (z_1 - z_0) / width
 
 
 def columns_to_velocities(columns: tuple[JointColumn, ...], x: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.result import InverseResult
 from pinfric.errors import RetimeError
 from pinfric.model.brief import Shown, file_name, listed, screen
 from pinfric.model.scene import Scene
@@ -31,6 +32,8 @@ from pinfric.study.retime.path import Path, check_limits, load_path
 from pinfric.study.retime.problem import Policy, Problem, modes, usage
 from pinfric.study.retime.profile import Profile, Samples, columns_to_velocities, sample
 from pinfric.study.retime.tables import Grid, distinct, make_grid, make_tables, natural_points
+from pinfric.study.retime.thermal import Cycle, within_continuous
+from pinfric.study.summary import ends_by_magnitude, rests, rms as root_mean_square
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations, joint_columns
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -59,6 +62,11 @@ class RetimeResult(Shown):
         problem, profile: the grid with its limits, and the speed on it.
         holes: how often a lower limit cut the accelerations at a place in two; 0 but for extreme
             friction: the larger part was kept.
+        rms: (na,) part of its continuous torque that each motor uses over the whole cycle; None
+            where that was not asked for.
+        uniform: s, how long the motion would take if it were slowed down as a whole until these
+            torques are kept; None as `rms`.
+        smooth: s, of the moving mean; each move takes so much longer by it.
     """
 
     trajectory: Trajectory
@@ -71,6 +79,9 @@ class RetimeResult(Shown):
     problem: Problem
     profile: Profile
     holes: int = 0
+    rms: np.ndarray | None = None
+    uniform: float | None = None
+    smooth: float = 0.0
 
     def __repr__(self) -> str:
         most = self.held_back()
@@ -147,6 +158,8 @@ def retime(
     *,
     reversal: Literal["interval", "own sign"] = "interval",
     rest: Literal["worst", "needed"] = "worst",
+    rms: bool = False,
+    smooth: float = 0.0,
     points: int = 300,
     tolerance: float = 1e-3,
     sample_rate: float = 1000.0,
@@ -161,6 +174,9 @@ def retime(
         path: a `Path`; a trajectory, whose path is taken; a file of either.
         limits: of the drives, see `limits.read_limits`; None: the URDF's effort and velocity.
         reversal, rest: what counts where a joint stands still, see `problem.Policy`.
+        rms: keep each motor's continuous torque over the whole cycle, holds included (`thermal`).
+        smooth: s; the place along the path becomes a moving mean over this time, so that
+            accelerations ramp; each move takes so much longer.
         points: of the grid, all pieces together; refined where a limit would be exceeded.
         tolerance: part of a limit by which it may be exceeded between grid points.
         sample_rate: of the resulting trajectory, Hz.
@@ -175,9 +191,9 @@ def retime(
         path = Path.from_trajectory(path)
     elif not isinstance(path, Path):
         path = load_path(path, scene)
-    if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0):
+    if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
         raise RetimeError(f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
-                          f"{tolerance:g}: should be positive")  # fmt: skip
+                          f"{tolerance:g}, smooth {smooth:g}: should be positive")  # fmt: skip
     given = read_limits(scene, limits)
     scene = limited_scene(scene, given)
     columns = joint_columns(scene.model, scene.source)
@@ -186,7 +202,12 @@ def retime(
     solver = _Retiming(scene, path, columns, given, policy)
     solver.check_stops()
     problem, profile, samples = solver.refine(solver.coarse(points), points)
-    return solver.result(problem, profile, samples)
+    uniform = None
+    if rms:
+        profile, uniform = solver.cool(problem, profile)
+    if rms or smooth:
+        samples = sample(path, profile, sample_rate, smooth)
+    return solver.result(problem, profile, samples, uniform, smooth)
 
 
 def _check_scene(scene: Scene) -> None:
@@ -335,7 +356,33 @@ class _Retiming:
             f"{self.path.source} retimed",
         )  # fmt: skip
 
-    def result(self, problem: Problem, profile: Profile, samples: Samples) -> RetimeResult:
+    def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float]:
+        """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
+        limit = np.array([x.continuous_torque for x in self.limits])
+        if not np.isfinite(limit).any():
+            raise RetimeError("rms: no drive has a continuous_torque; give it in the limits")
+        path, n = self.path, len(self.path.pieces)
+        piece = np.minimum(np.arange(n + 1), n - 1)
+        ends = np.array([path.pieces[p].x[0 if i == p else -1] for i, p in enumerate(piece)])
+        none = np.zeros(n + 1)
+        still = problem.states(ends, piece, none, none, path.attached)
+        torque = _counted(still, self.policy)
+        stay = np.array(path.holds)
+        asked = limit
+        for _ in range(3):
+            cycle = Cycle(asked, stay @ torque**2, float(stay.sum()))
+            profile, uniform = within_continuous(problem, fast, cycle)
+            motion = self.motion(sample(path, profile, self.policy.sample_rate))
+            use = _mean_squares(inverse_dynamics(self.scene, motion), self.policy) / limit
+            if use.max() <= 1.0 + 0.5 * self.policy.tolerance:
+                break
+            asked = asked / np.maximum(use, 1.0)
+        return profile, uniform + float(stay.sum())
+
+    def result(
+        self, problem: Problem, profile: Profile, samples: Samples, uniform: float | None,
+        smooth: float,
+    ) -> RetimeResult:  # fmt: skip
         """Judge the samples and say what holds them back."""
         trajectory = self.motion(samples)
         judged = inverse_dynamics(self.scene, trajectory)
@@ -348,12 +395,32 @@ class _Retiming:
         }  # fmt: skip
         return RetimeResult(
             trajectory=trajectory,
-            duration=float(profile.duration.sum() + sum(self.path.holds)),
-            moves=profile.duration,
+            duration=float((profile.duration + smooth).sum() + sum(self.path.holds)),
+            moves=profile.duration + smooth,
             before=self.path.duration,
             limiting=limiting,
             excess=max(0.0, float(moving.max(initial=0.0)) - 1.0),
             usage=use,
             problem=problem,
             profile=profile,
+            rms=None if uniform is None else _mean_squares(judged, self.policy)
+            / np.array([x.continuous_torque for x in self.limits]),
+            uniform=uniform,
+            smooth=smooth,
         )
+
+
+def _counted(result: InverseResult, policy: Policy) -> np.ndarray:
+    """(T, na) the motors' torques that heat: the worse end of each interval, or what is needed."""
+    worst, least = ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)
+    if policy.rest == "worst":
+        return worst
+    still = [rests(result, d) for d in range(worst.shape[1])]
+    return np.where(np.stack(still, axis=1), least, worst)
+
+
+def _mean_squares(result: InverseResult, policy: Policy) -> np.ndarray:
+    """(na,) root mean squares of the motors' torques over a motion, N m."""
+    assert result.t is not None
+    counted = _counted(result, policy)
+    return np.array([root_mean_square(result.t, counted[:, d]) for d in range(counted.shape[1])])

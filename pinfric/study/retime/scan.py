@@ -432,3 +432,69 @@ def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
         u[j, 0] = 0.5 * total if s.constant[j] else first
         u[j, 1] = total - u[j, 0]
     return -1
+
+
+@kernel
+def ranges(s: Scan, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+    """Write `bounds` at both ends of every interval of a profile.
+
+    Args:
+        s: see `Scan`.
+        x: (n, 2) (ds/dt)^2 at both ends.
+        low, high: (n, 2), overwritten.
+    """
+    for j in range(x.shape[0]):
+        for side in range(2):
+            low[j, side], high[j, side] = bounds(s, j, side, x[j, side])
+
+
+@kernel
+def torques(s: Scan, x: np.ndarray, u: np.ndarray, torque: np.ndarray) -> None:
+    """Write the motors' torques, in the direction of motion, at both ends of every interval.
+
+    Of a drive at rest the greater end of its interval of standstill.
+
+    Args:
+        s: see `Scan`.
+        x, u: (n, 2) at both ends of each interval.
+        torque: (n, 2, nv) N m, overwritten.
+    """
+    for j in range(x.shape[0]):
+        for side in range(2):
+            row = s.start[j] if side == 0 else s.end[j]
+            for d in range(torque.shape[2]):
+                way = s.way[j, d]
+                count = _prepare(s, row, d, way if way != 0.0 else 1.0, way == 0.0, x[j, side])
+                most = _value(s, count, True, u[j, side])[0]
+                if way == 0.0:
+                    count = _prepare(s, row, d, -1.0, True, x[j, side])
+                    most = max(most, _value(s, count, True, u[j, side])[0])
+                torque[j, side, d] = most / abs(s.gears.ratio[d])
+
+
+@kernel
+def limit_curve(s: Scan, most: float, x: np.ndarray) -> None:
+    """Write the greatest (ds/dt)^2 at which there is any u: (n,), at the start of each interval.
+
+    Args:
+        s: see `Scan`.
+        most: no greater one is looked for.
+        x: overwritten.
+    """
+    for j in range(x.size):
+        row = s.start[j]
+        x[j] = 0.0
+        top = min(s.top[row], most)
+        for k in range(_LEVELS + 1):
+            good, bad = top * (1.0 - k / _LEVELS), min(top * (1.0 - (k - 1) / _LEVELS), top)
+            low, high = bounds(s, j, 0, good)
+            if low <= high:
+                for _ in range(_HALVINGS if k > 0 else 0):
+                    middle = 0.5 * (good + bad)
+                    low, high = bounds(s, j, 0, middle)
+                    if low <= high:
+                        good = middle
+                    else:
+                        bad = middle
+                x[j] = good
+                break
