@@ -226,6 +226,57 @@ def size(
 
 
 @app.command()
+def retime(
+    scene_name: SceneName,
+    path_name: Annotated[
+        str,
+        typer.Argument(metavar="PATH", help="Way-points (`via: true`: no stop) or a trajectory."),
+    ],
+    motors: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Limits of the drives, or default:NAME; else the URDF's."),
+    ] = None,
+    rms: Annotated[
+        bool, typer.Option("--rms", help="Keep continuous torques over the cycle, too.")
+    ] = False,
+    smooth: Annotated[
+        float, typer.Option(min=0.0, metavar="MS", help="Let accelerations ramp for so long.")
+    ] = 0.0,
+    sensitivity: Annotated[
+        bool, typer.Option("--sensitivity", help="What 1 % more of each limit would bring.")
+    ] = False,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Give the fastest motion along a path, and the drive that holds it back.
+
+    Within motor torque, speed-torque line, gear and joint limits, all friction and gear losses
+    included. --out writes trajectory.csv, retime.png and summary.json.
+    """
+    from pinfric.model.files import check_writable
+    from pinfric.model.scene_file import load_scene
+    from pinfric.show.report.retime import retime_json, retime_report
+    from pinfric.study.retime.retime import retime as find_fastest
+
+    if out is not None:
+        check_writable(out)
+    scene = load_scene(scene_name)
+    with working("retiming"):
+        result = find_fastest(scene, path_name, motors, rms=rms, smooth=1e-3 * smooth)
+        slopes = result.sensitivity() if sensitivity else None
+    summary = retime_json(result, slopes, noticed)
+    if out is not None:
+        from pinfric.show.figure.retime import retime_figure
+
+        write(out, {
+            "trajectory.csv": result.trajectory.to_csv,
+            "retime.png": retime_figure(result).savefig,
+            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
+        })  # fmt: skip
+    show(summary if as_json else retime_report(result, slopes))
+
+
+@app.command()
 @takes_logs
 def sweep(
     *,

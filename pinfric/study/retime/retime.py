@@ -32,6 +32,7 @@ from pinfric.study.retime.path import Path, check_limits, load_path
 from pinfric.study.retime.problem import Policy, Problem, modes, usage
 from pinfric.study.retime.profile import Profile, Samples, columns_to_velocities, sample
 from pinfric.study.retime.tables import Grid, distinct, make_grid, make_tables, natural_points
+from pinfric.study.retime.scan import box_scan, limit_curve
 from pinfric.study.retime.thermal import Cycle, within_continuous
 from pinfric.study.summary import ends_by_magnitude, rests, rms as root_mean_square
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations, joint_columns
@@ -98,6 +99,16 @@ class RetimeResult(Shown):
         """Return (drive, limit, part of the moving time), the greatest part first."""
         found = [(d, k, share) for d, kinds in self.limiting.items() for k, share in kinds.items()]
         return sorted(found, key=lambda entry: -entry[2])
+
+    def limit_curve(self) -> np.ndarray:
+        """Return (n,) the greatest (ds/dt)^2 with any acceleration within all limits.
+
+        At the start of each interval of `profile.grid`; none above 100 times the greatest of the profile is looked for.
+        """
+        found = np.empty(len(self.profile.grid.step))
+        most = 100.0 * max(float(self.profile.x.max()), 1e-9)
+        limit_curve(box_scan(tuple(self.problem.scan())), most, found)
+        return found
 
     def sensitivity(self, change: float = 0.01) -> dict[str, dict[str, float]]:
         """Return d ln T/d ln limit of the moving time T, drive -> limit, on the same grid.
