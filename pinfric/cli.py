@@ -234,7 +234,9 @@ def retime(
     ],
     motors: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Limits of the drives, or default:NAME; else the URDF's."),
+        typer.Option(
+            metavar="FILE", help="Limits of the drives, or default:NAME; else the URDF's."
+        ),
     ] = None,
     rms: Annotated[
         bool, typer.Option("--rms", help="Keep continuous torques over the cycle, too.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,7 +65,7 @@ def _draw_speed(axes: Axes, result: RetimeResult) -> None:
     curve = result.limit_curve()
     stops = np.flatnonzero(result.profile.grid.stop)
     holds, most = result.problem.path.holds, float(np.sqrt(result.profile.x.max()))
-    for p, (a, b) in enumerate(zip(stops[:-1], stops[1:], strict=True)):
+    for p, (a, b) in enumerate(pairwise(stops)):
         departs += holds[p]
         t = departs + np.append(0.0, result.profile.time[a + 1 : b + 1])
         limit = np.append(curve[a:b], curve[b - 1])

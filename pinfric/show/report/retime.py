@@ -123,9 +123,9 @@ def _lines(result: RetimeResult) -> list[str]:
     lines = [f"no limit is exceeded by more than {100 * result.excess:.2g} % at {rate:g} Hz "
              "(inverse dynamics)"]  # fmt: skip
     if result.uniform is not None:
-        gain = 100.0 * (1.0 - result.duration / result.uniform)
+        gain = 100.0 * (result.uniform / result.duration - 1.0)
         lines.append(f"slowed down as a whole to keep the continuous torques it would take "
-                     f"{digits(result.uniform)} s: {gain:.3g} % more than it does")  # fmt: skip
+                     f"{digits(result.uniform)} s: {gain:.3g} % more")  # fmt: skip
     if result.smooth:
         cost = result.smooth * len(result.moves)
         lines.append(f"smoothing over {1e3 * result.smooth:g} ms costs {digits(cost)} s")

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -176,7 +175,7 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
         gear = candidate.gear
         values["effort"] = gear.repeated_peak_torque or gear.momentary_peak_torque
         values["input_speed"] = gear.max_input_speed
-    known = {key: value for key, value in values.items() if value is not None}
+    known: dict[str, Any] = {key: value for key, value in values.items() if value is not None}
     return DriveLimits(**known, motor=candidate.name).model_copy(
         update={"transmission": candidate.transmission}  # its figures were validated in the entry
     )

@@ -147,12 +147,12 @@ class Problem:
         where = self.place(piece, s)
         still = self.states(np.array([s]), np.array([piece]), np.zeros(1), np.zeros(1))
         use = usage(still, self.limits, self.policy)[0]
-        d, kind = np.unravel_index(int(use.argmax()), use.shape)
+        d, kind = divmod(int(use.argmax()), use.shape[1])
         if use[d, kind] > 1.0:
             what = "break away" if grid.stop[interval] and grid.way[interval, d] else "hold"
-            return f"{where}: drive {self.limits_text(still, int(d), int(kind), what)}"
-        for d, drive in enumerate(self.scene.drives):
-            free = [limit if i != d else DriveLimits() for i, limit in enumerate(self.limits)]
+            return f"{where}: drive {self.limits_text(still, d, kind, what)}"
+        for k, drive in enumerate(self.scene.drives):
+            free = [limit if i != k else DriveLimits() for i, limit in enumerate(self.limits)]
             x, u = np.empty(n + 1), np.empty((n, 2))
             scan = self.with_limits(free).scan()
             if fastest(box_scan(tuple(scan)), x, u) != interval:
@@ -208,9 +208,7 @@ def modes(grid: Grid, policy: Policy, zones: Sequence[tuple[int, int, float, flo
     return mode
 
 
-def usage(
-    result: InverseResult, limits: Sequence[DriveLimits], policy: Policy
-) -> np.ndarray:
+def usage(result: InverseResult, limits: Sequence[DriveLimits], policy: Policy) -> np.ndarray:
     """Return which part of each limit a motion uses, (T, na, number of `limits.KINDS`).
 
     Args:

@@ -11,6 +11,7 @@ In an interval u = d^2s/dt^2 is linear in s, u = u_a + k h: with z = ds/dt
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class Profile:
         total = np.concatenate(([0.0], np.cumsum(spent)))
         stops = np.flatnonzero(grid.stop)
         begin = np.zeros(len(total))
-        for a, b in zip(stops[:-1], stops[1:], strict=True):
+        for a, b in pairwise(stops):
             begin[a + 1 : b + 1] = total[a]
         return cls(grid, x, u, total - begin, np.diff(total[stops]))
 
@@ -96,9 +97,7 @@ def _sine(k: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.where(np.abs(square) < _SERIES, t * (1.0 + square / 6.0), found)
 
 
-def _durations(
-    step: np.ndarray, z_a: np.ndarray, z_b: np.ndarray, u: np.ndarray
-) -> np.ndarray:
+def _durations(step: np.ndarray, z_a: np.ndarray, z_b: np.ndarray, u: np.ndarray) -> np.ndarray:
     """(n,) how long each interval takes."""
     k = (u[:, 1] - u[:, 0]) / step
     w, ratio = np.sqrt(np.abs(k)), step / (z_a + z_b)

@@ -31,10 +31,11 @@ from pinfric.study.retime.limits import (
 from pinfric.study.retime.path import Path, check_limits, load_path
 from pinfric.study.retime.problem import Policy, Problem, modes, usage
 from pinfric.study.retime.profile import Profile, Samples, columns_to_velocities, sample
-from pinfric.study.retime.tables import Grid, distinct, make_grid, make_tables, natural_points
 from pinfric.study.retime.scan import box_scan, limit_curve
+from pinfric.study.retime.tables import distinct, make_grid, make_tables, natural_points
 from pinfric.study.retime.thermal import Cycle, within_continuous
-from pinfric.study.summary import ends_by_magnitude, rests, rms as root_mean_square
+from pinfric.study.summary import ends_by_magnitude, rests
+from pinfric.study.summary import rms as root_mean_square
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations, joint_columns
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -103,7 +104,8 @@ class RetimeResult(Shown):
     def limit_curve(self) -> np.ndarray:
         """Return (n,) the greatest (ds/dt)^2 with any acceleration within all limits.
 
-        At the start of each interval of `profile.grid`; none above 100 times the greatest of the profile is looked for.
+        At the start of each interval of `profile.grid`; none above 100 times the
+        greatest of the profile is looked for.
         """
         found = np.empty(len(self.profile.grid.step))
         most = 100.0 * max(float(self.profile.x.max()), 1e-9)
@@ -150,7 +152,8 @@ class RetimeResult(Shown):
         if joint not in names:
             raise RetimeError(f"sweep_ratio: there is no drive {joint!r}; there are: "
                               f"{', '.join(names)}")  # fmt: skip
-        d, found = names.index(joint), {}
+        d = names.index(joint)
+        found: dict[float, float | str] = {}
         for ratio in ratios:
             new = with_ratio(p.limits[d], p.scene.drives[d].transmission, ratio)
             limits = replaced(p.limits, d, new)
@@ -269,12 +272,10 @@ class _Retiming:
             for end, s in enumerate(curve.x[[0, -1]]):
                 still = probe.states(np.array([s]), np.array([p]), np.zeros(1), np.zeros(1))
                 use = usage(still, self.limits, replace(self.policy, rest="needed"))[0]
-                d, kind = np.unravel_index(int(use.argmax()), use.shape)
+                d, kind = divmod(int(use.argmax()), use.shape[1])
                 if use[d, kind] > 1.0:
                     where = f"{self.path.source}: stop {p + end}"
-                    raise RetimeError(
-                        f"{where}: drive {probe.limits_text(still, int(d), int(kind), 'hold')}"
-                    )
+                    raise RetimeError(f"{where}: drive {probe.limits_text(still, d, kind, 'hold')}")
 
     def coarse(self, points: int) -> Profile:
         """A first profile on a grid that is even in place."""
@@ -334,7 +335,7 @@ class _Retiming:
         motion = self.motion(samples)
         judged = inverse_dynamics(self.scene, motion)
         wrong = (usage(judged, self.limits, self.policy) > most).any(axis=(1, 2))
-        turning = judged.reversal.any(axis=1)
+        turning = np.asarray(judged.reversal.any(axis=1))
         for i in np.flatnonzero(wrong & samples.moving):
             p, place = int(samples.piece[i]), float(samples.s[i])
             here = np.flatnonzero((grid.piece[grid.start] == p) & (grid.s[grid.start] <= place))
@@ -342,10 +343,16 @@ class _Retiming:
             if turning[i]:
                 self._widen(p, place, 2.0 * float(samples.rate[i]) / self.policy.sample_rate)
         for j in over:
-            p, first, last = int(grid.piece[grid.start[j]]), grid.s[grid.start[j]], grid.s[grid.end[j]]
+            p, first, last = (
+                int(grid.piece[grid.start[j]]),
+                grid.s[grid.start[j]],
+                grid.s[grid.end[j]],
+            )
             self.constant.append((p, float(first), float(last)))
             curve = self.path.pieces[p]
-            grids[p] = distinct(np.array([0.5 * (first + last)]), curve.x[-1] - curve.x[0], grids[p])
+            grids[p] = distinct(
+                np.array([0.5 * (first + last)]), curve.x[-1] - curve.x[0], grids[p]
+            )
         return bool(over)
 
     def _widen(self, piece: int, s: float, near: float) -> None:
@@ -414,7 +421,9 @@ class _Retiming:
             usage=use,
             problem=problem,
             profile=profile,
-            rms=None if uniform is None else _mean_squares(judged, self.policy)
+            rms=None
+            if uniform is None
+            else _mean_squares(judged, self.policy)
             / np.array([x.continuous_torque for x in self.limits]),
             uniform=uniform,
             smooth=smooth,

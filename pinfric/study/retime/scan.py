@@ -16,7 +16,7 @@ limits that are linear in (x, u)).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,7 @@ MOVING, BREAKING, WORST, NEEDED = range(4)
 _FAR = 1.0e9
 #: Levels of x that are tried where a solution is not next to the expected one, and bisections.
 _LEVELS, _HALVINGS = 48, 52
+_OPEN, _PASSABLE, _REACHED = range(3)
 _TINY = 1.0e-12
 
 
@@ -89,7 +90,7 @@ ScanRecord = record(Scan)
 
 
 @kernel
-def box_scan(fields: tuple) -> Scan:  # type: ignore[type-arg]
+def box_scan(fields: tuple[Any, ...]) -> Any:
     """Return the record of a `Scan`'s fields."""
     return ScanRecord(*fields)
 
@@ -303,16 +304,36 @@ def _reaches(s: Scan, j: int, x: float, a: tuple[float, float], end: float) -> i
 
 
 @kernel
-def _passable(s: Scan, j: int, a: tuple[float, float], limit: float) -> float:
-    """The greatest x' <= limit at the end of interval j where there is any u, or -1."""
+def _passes(s: Scan, j: int, what: int, x: float, a: tuple[float, float], value: float) -> bool:
+    """Predicate of `_greatest`."""
+    if what == _OPEN:
+        least, most = bounds(s, j, 0, value)
+        return least <= most
+    if what == _REACHED:
+        return _reaches(s, j, x, a, value) == 0
+    least, most = _span(s, j, a, bounds(s, j, 1, value))
+    return least <= most
+
+
+@kernel
+def _greatest(
+    s: Scan, j: int, what: int, x: float, a: tuple[float, float], guess: float, most: float
+) -> float:
+    """The greatest value <= most with a property, or -1: levels below a guess, then bisection.
+
+    Args:
+        s, j: see `bounds`.
+        what: `_OPEN`: there is any u at the start of the interval; `_PASSABLE`: at its end, beside
+            that in a at its start; `_REACHED`: it is reached from x.
+        x, a: speed and range of u at the start, where they matter.
+        guess: where the search begins; most: no greater one is asked for.
+    """
     for k in range(_LEVELS + 1):
-        good, bad = limit * (1.0 - k / _LEVELS), min(limit * (1.0 - (k - 1) / _LEVELS), limit)
-        least, most = _span(s, j, a, bounds(s, j, 1, good))
-        if least <= most:
-            for _ in range(_HALVINGS if k > 0 else 0):
+        good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), most)
+        if _passes(s, j, what, x, a, good):
+            for _ in range(_HALVINGS if bad > good else 0):
                 middle = 0.5 * (good + bad)
-                least, most = _span(s, j, a, bounds(s, j, 1, middle))
-                if least <= most:
+                if _passes(s, j, what, x, a, middle):
                     good = middle
                 else:
                     bad = middle
@@ -329,7 +350,7 @@ def reach(s: Scan, j: int, x: float, limit: float) -> float:
     a = bounds(s, j, 0, x)
     if a[0] > a[1]:
         return -1.0
-    limit = _passable(s, j, a, limit)
+    limit = _greatest(s, j, _PASSABLE, x, a, limit, limit)
     found = -1 if limit < 0.0 else _reaches(s, j, x, a, limit)
     if found <= 0:
         return limit if found == 0 else -1.0
@@ -350,23 +371,13 @@ def reach(s: Scan, j: int, x: float, limit: float) -> float:
             if _reaches(s, j, x, a, end) == 0:
                 return end
             break
-    for k in range(_LEVELS + 1):  # there is no u at some speeds: levels from above
-        good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), limit)
-        if _reaches(s, j, x, a, good) == 0:
-            for _ in range(_HALVINGS):
-                middle = 0.5 * (good + bad)
-                if _reaches(s, j, x, a, middle) == 0:
-                    good = middle
-                else:
-                    bad = middle
-            return good
-    return -1.0
+    return _greatest(s, j, _REACHED, x, a, guess, limit)  # there is no u at some speeds
 
 
 @kernel
 def brake(s: Scan, j: int, limit: float) -> float:
     """Return the greatest x from which some x' <= limit is reached over interval j, or -1."""
-    limit = _passable(s, j, (-_FAR, _FAR), limit)
+    limit = _greatest(s, j, _PASSABLE, 0.0, (-_FAR, _FAR), limit, limit)
     if limit < 0.0:
         return -1.0
     end = bounds(s, j, 1, limit)
@@ -482,19 +493,5 @@ def limit_curve(s: Scan, most: float, x: np.ndarray) -> None:
         x: overwritten.
     """
     for j in range(x.size):
-        row = s.start[j]
-        x[j] = 0.0
-        top = min(s.top[row], most)
-        for k in range(_LEVELS + 1):
-            good, bad = top * (1.0 - k / _LEVELS), min(top * (1.0 - (k - 1) / _LEVELS), top)
-            low, high = bounds(s, j, 0, good)
-            if low <= high:
-                for _ in range(_HALVINGS if k > 0 else 0):
-                    middle = 0.5 * (good + bad)
-                    low, high = bounds(s, j, 0, middle)
-                    if low <= high:
-                        good = middle
-                    else:
-                        bad = middle
-                x[j] = good
-                break
+        top = min(s.top[s.start[j]], most)
+        x[j] = _greatest(s, j, _OPEN, 0.0, (-_FAR, _FAR), top, top)

@@ -138,9 +138,7 @@ def carried_names(scene: Scene, path: Path, piece: int) -> tuple[str, ...] | Non
     return tuple(n for n, on in zip(scene.payloads, path.attached[piece], strict=True) if on)
 
 
-def make_tables(
-    scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid: Grid
-) -> Tables:
+def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid: Grid) -> Tables:
     """Return efforts and loads along a grid (the module's equations).
 
     Args:
@@ -187,9 +185,7 @@ def _wrenches_and_efforts(
     return wrench, effort
 
 
-def _gram(
-    scene: Scene, twin: Twin, q: np.ndarray, wrenches: tuple[np.ndarray, ...]
-) -> np.ndarray:
+def _gram(scene: Scene, twin: Twin, q: np.ndarray, wrenches: tuple[np.ndarray, ...]) -> np.ndarray:
     """(m, nt, 6) products of the vectors B w of each term of a load."""
     sites, contacts = scene.site_tables, scene.site_tables.contacts
     joint = sites.joint[contacts.site]

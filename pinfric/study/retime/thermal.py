@@ -295,5 +295,3 @@ class _Assembled:
         self.band[0, :-1] += hessian[:, 0, 0]
         self.band[0, 1:] += hessian[:, 1, 1]
         self.band[1, :-1] += hessian[:, 0, 1]
-
-
