@@ -71,7 +71,8 @@ class MotorsFile(Entry):
     Attributes:
         catalog: file, or "default" for the bundled one. conditions: what differs from its own
             (bus voltage, reserve on the peak torque).
-        drives: drive name -> `DriveLimits`, or a motor with its gear as `pinfric size` names it.
+        drives: drive name -> `DriveLimits`; with a key `drive`, the name of a drive of the
+            catalogue as `pinfric size` names it, whose figures the others take the place of.
         others: the same for all drives that are not named.
     """
 
@@ -91,9 +92,9 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
 
     Args:
         scene: with the drives.
-        limits: drive name -> `DriveLimits`, a mapping of its fields, a `Candidate` or the name of
-            a drive of the bundled catalogue ("motor + gear", as `size` names it); a file
-            (`MotorsFile`); "default:NAME" for the same drive everywhere; None: effort and velocity
+        limits: drive name -> `DriveLimits`, a mapping as in `MotorsFile.drives`, a `Candidate` or
+            the name of a drive of the bundled catalogue ("motor + gear"); such a file;
+            "default:NAME" for the same drive everywhere; None: effort and velocity
             as the URDF states them.
 
     Raises:
@@ -219,10 +220,17 @@ def _limits(name: str, entry: Any, shop: _Shop) -> DriveLimits:
     elif isinstance(entry, Candidate):
         found = candidate_limits(entry, Conditions())
     else:
+        chosen = None
+        if isinstance(entry, dict) and "drive" in entry:
+            chosen = shop.drive(name, str(entry["drive"]).removeprefix("default:"))
+            entry = {key: value for key, value in entry.items() if key != "drive"}
         try:
             found = parse(DriveLimits, entry, f"limits.{name}")
         except SceneError as problem:
             raise RetimeError(str(problem)) from None
+        if chosen is not None:
+            own = {key: getattr(found, key) for key in found.model_fields_set}
+            found = chosen.model_copy(update=own)
     if math.isfinite(found.stall_torque) != math.isfinite(found.no_load_speed):
         raise RetimeError(f"limits.{name}: the speed-torque line needs both stall_torque and "
                           "no_load_speed")  # fmt: skip

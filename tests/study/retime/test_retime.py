@@ -16,6 +16,7 @@ from pinfric.study.retime.problem import Policy
 from pinfric.study.retime.profile import Profile
 from pinfric.study.retime.retime import _Retiming, retime
 from pinfric.study.retime.tables import natural_points
+from pinfric.study.sizing.catalog import load_catalog
 from pinfric.study.trajectory.joint_columns import joint_columns
 
 
@@ -156,6 +157,7 @@ def planar(friction=True):
 
 
 WAVE = Path.spline(np.arange(4.0), [[0.0, 0.0], [1.2, -0.8], [0.4, 0.5], [-0.5, 1.0]])
+STOPS = Path.from_waypoints([[0.0, 0.0], [1.0, 0.4], [0.2, -0.5]], holds=[0.0, 0.3, 0.1])
 MOTORS = {"a": {"peak_torque": 0.32}, "b": {"peak_torque": 0.12}}
 
 
@@ -170,7 +172,7 @@ def test_within_every_limit_between_the_points_too():
 
 def test_no_other_profile_is_faster():
     """SLSQP on the squares of the speeds, judged by `inverse_dynamics`, on the same coarse grid."""
-    scene, s = planar(), np.union1d(np.linspace(0.0, 3.0, 25), reversals(WAVE))
+    scene, s = planar(), np.union1d(np.linspace(0.0, 3.0, 10), reversals(WAVE))
     run = _Retiming(scene, WAVE, joint_columns(scene.model),
                     read_limits(scene, MOTORS), Policy("own sign"))  # fmt: skip
     run.constant = [(0, 0.0, 3.0)]
@@ -213,7 +215,7 @@ def test_no_other_profile_is_faster():
     found = minimize(
         duration, best.scaled(0.7).x[1:-1], method="SLSQP", bounds=[(1e-4, None)] * (len(s) - 2),
         constraints={"type": "ineq", "fun": spare, "jac": slope},
-        options={"maxiter": 400, "ftol": 1e-9},
+        options={"maxiter": 400, "ftol": 1e-8},
     )  # fmt: skip
     assert found.fun == pytest.approx(best.duration[0], rel=2e-3)
 
@@ -337,6 +339,67 @@ def test_swinging_over_a_place_where_it_could_not_stand():
     assert found.excess < 1e-3
     with pytest.raises(pf.RetimeError, match=r"cannot hold: needs 9.81"):
         retime(scene, straight(np.pi / 2, -1.4), weak)
+
+
+def test_motors_file_with_a_drive_of_the_catalogue(tmp_path):
+    """Its figures at the motor's shaft: a gearmotor's are printed at the output."""
+    text = """pinfric_motors: 1
+conditions: {peak_factor: 1.0, bus_voltage: 24.0}
+drives:
+  j: {drive: CubeMars AK80-64, acceleration: 2.0}
+"""
+    file = tmp_path / "motors.yaml"
+    file.write_text(text)
+    limits = read_limits(lifting(), file)[0]
+    entry = load_catalog().gearmotors["CubeMars AK80-64"]
+    assert limits.acceleration == 2.0
+    assert limits.peak_torque == pytest.approx(entry.peak_torque / entry.ratio)
+    assert limits.no_load_speed == pytest.approx(
+        entry.no_load_speed * entry.ratio * 24.0 / entry.nominal_voltage
+    )
+    found = retime(lifting(), straight(1.0), file)
+    assert found.duration == pytest.approx(np.sqrt(4 * 1.0 / 2.0), rel=1e-3)
+    file.write_text(text.replace("AK80-64", "AK80-6000"))
+    with pytest.raises(pf.RetimeError, match=r"limits.j: default has no drive .* did you mean"):
+        retime(lifting(), straight(1.0), file)
+    file.write_text(text.replace("drives", "motors"))
+    with pytest.raises(pf.PinfricError, match="unknown key `motors`"):
+        retime(lifting(), straight(1.0), file)
+
+
+def test_continuous_torque_of_a_pure_inertia():
+    """The optimum sqrt(2 sqrt(3) D J/c) is 7 % faster than the whole motion slowed down."""
+    D, c, J = 3.0, 1.0, 2.0
+    limits = {"j": {"peak_torque": 50.0, "continuous_torque": c}}
+    found = retime(one_joint(inertia=J), straight(D), limits, rms=True, points=150)
+    assert found.duration == pytest.approx(np.sqrt(2 * np.sqrt(3) * D * J / c), rel=1e-3)
+    assert found.uniform == pytest.approx(2 * np.sqrt(D * J / c), rel=3e-3)
+    assert found.rms == pytest.approx([1.0], abs=1e-3)
+    with pytest.raises(pf.RetimeError, match="no drive has a continuous_torque"):
+        retime(one_joint(), straight(D), {"j": {"peak_torque": 50.0}}, rms=True)
+
+
+def test_continuous_torques_over_a_cycle_with_holds():
+    found = retime(planar(), STOPS, {name: entry | {"continuous_torque": 0.6 * entry["peak_torque"]}
+                                     for name, entry in MOTORS.items()}, rms=True)  # fmt: skip
+    fast = retime(planar(), STOPS, MOTORS)
+    assert fast.duration < found.duration <= found.uniform
+    assert found.rms.max() == pytest.approx(1.0, abs=2e-3)
+    assert found.excess < 1e-3
+    with pytest.raises(pf.RetimeError, match="'a' exceeds its continuous torque however slow"):
+        retime(planar(), STOPS, {"a": MOTORS["a"] | {"continuous_torque": 0.02},
+                                 "b": MOTORS["b"]}, rms=True)  # fmt: skip
+
+
+def test_smoothing_costs_its_width_and_stays_on_the_path():
+    plain = retime(planar(), STOPS, MOTORS)
+    smooth = retime(planar(), STOPS, MOTORS, smooth=0.02)
+    assert smooth.duration == pytest.approx(plain.duration + 2 * 0.02)
+    q, v, a = (getattr(smooth.trajectory, name) for name in "qva")
+    jump = np.abs(np.diff(a, axis=0)).max()
+    assert jump < 0.3 * np.abs(np.diff(plain.trajectory.a, axis=0)).max()
+    assert np.abs((q[2:] - q[:-2]) / 2e-3 - v[1:-1]).max() < 2e-3 * np.abs(v).max()
+    assert np.abs(q[-1] - STOPS.stop(2)).max() < 1e-9
 
 
 def test_kinks_and_repeated_points_are_refused():
