@@ -20,12 +20,13 @@ from pydantic import BeforeValidator, Field
 from pinfric.errors import CatalogError, RetimeError, SceneError, choose_from
 from pinfric.model.entry import Entry, Positive, parse, strict_number
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Transmission
+from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.drivetrain import Candidate, candidates
+from pinfric.study.sizing.size import geared
 from pinfric.study.summary import effort_unit
-from pinfric.study.trajectory.joint_columns import stated_speed
+from pinfric.study.trajectory.joint_columns import stated_limit
 
 #: What can hold a motion back, in the order of every table of shares.
 KINDS = ("peak torque", "speed-torque line", "motor speed", "effort", "input speed",
@@ -132,12 +133,9 @@ def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
     """Return the scene with the drives' transmissions in place of its own where they have one."""
     if all(limit.transmission is None for limit in limits):
         return scene
-    actuators = [
-        Actuator.model_construct(joint=drive.name, cylinder=None, force=None,
-                                 transmission=limit.transmission or drive.transmission)
-        for drive, limit in zip(scene.drives, limits, strict=True)
-    ]  # fmt: skip
-    return scene.with_(actuators=actuators)
+    own = {drive.name: limit.transmission for drive, limit in zip(scene.drives, limits, strict=True)
+           if limit.transmission is not None}  # fmt: skip
+    return scene.with_(actuators=geared(scene, own))
 
 
 def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimits:
@@ -243,7 +241,7 @@ def _limits(name: str, entry: Any, shop: _Shop) -> DriveLimits:
 def _stated(scene: Scene, i: int) -> DriveLimits:
     """Effort and velocity as the URDF states them."""
     drive = scene.drives[i]
-    effort = stated_speed(float(scene.model.effortLimit[drive.velocity_index]))
+    effort = stated_limit(float(scene.model.effortLimit[drive.velocity_index]))
     if not math.isfinite(effort):
         raise RetimeError(
             f"limits: the robot states no effort limit for {drive.name!r} ({effort_unit(scene, i)})"
@@ -263,7 +261,7 @@ def _read(path: Path) -> MotorsFile:
 
 def joint_speeds(scene: Scene, limits: Sequence[DriveLimits]) -> np.ndarray:
     """Return (na,) the greatest |v| of each drive's joint: URDF, limits, motor and gear."""
-    stated = [stated_speed(float(scene.model.velocityLimit[d.velocity_index]))
+    stated = [stated_limit(float(scene.model.velocityLimit[d.velocity_index]))
               for d in scene.drives]  # fmt: skip
     ratio = [1.0 if d.transmission is None else abs(d.transmission.ratio) for d in scene.drives]
     rows = zip(stated, ratio, limits, strict=True)

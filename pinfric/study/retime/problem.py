@@ -99,7 +99,7 @@ class Problem:
             peak=columns["peak_torque"], stall=columns["stall_torque"],
             no_load_speed=columns["no_load_speed"], effort_limit=columns["effort"],
             acceleration=columns["acceleration"], work=np.empty((self.tables.gram.shape[1], 3)),
-            head=np.empty(6), holes=np.zeros(1, dtype=np.int64), **self._sites,
+            head=np.empty(8), holes=np.zeros(1, dtype=np.int64), **self._sites,
         )  # fmt: skip
 
     def solve(self) -> Profile:

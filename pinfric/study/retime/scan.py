@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.model.compiled import kernel, record
-from pinfric.model.drives import Gears
+from pinfric.model.drives import Gears, gear_drag, gear_line
 from pinfric.model.laws import Laws, friction_at
 
 #: How a drive is judged at one end of an interval: by its own direction and friction in motion;
@@ -52,7 +52,7 @@ class Scan(NamedTuple):
         laws: of the sites. gears: of the drives.
         peak, stall, no_load_speed: (nv,) N m, N m, rad/s at the motor's shaft; infinite: no limit.
         effort_limit, acceleration: (nv,) N m or N, rad/s^2 or m/s^2 at the joint.
-        work: (nt, 3), head: (6,) scratch.
+        work: (nt, 3), head: (8,) scratch.
         holes: (1,) how often a lower limit cut u's interval in two.
     """
 
@@ -99,8 +99,8 @@ def box_scan(fields: tuple[Any, ...]) -> Any:
 def _prepare(s: Scan, row: int, d: int, way: float, static: bool, x: float) -> int:
     """Write y(u) and F(u) of one drive in one direction into the scratch.
 
-    y = head[0] + head[1] u + sum sqrt(work . (1, u, u^2)), F = max(head[2] y, head[3] y) + head[4]
-    + head[5] u.
+    y = head[0] + head[1] u + sum sqrt(work . (1, u, u^2)), F = upper(y) + head[2] + head[3] u; what
+    follows in head is for `gear_line`: drive, direction, speed, whether it is to leave rest.
 
     Returns:
         the number of norms.
@@ -131,11 +131,9 @@ def _prepare(s: Scan, row: int, d: int, way: float, static: bool, x: float) -> i
             count += 1
     r, inertia = s.gears.ratio[d], s.gears.rotor_inertia[d]
     s.head[0], s.head[1] = base, way * s.effort[row, d, 2]
-    s.head[2], s.head[3] = 1.0 / s.gears.efficiency[d], s.gears.back_efficiency[d]
-    s.head[4] = s.gears.no_load[d] + r * r * (
-        s.gears.viscous[d] * speed + way * inertia * s.curvature[row, d] * x
-    )
-    s.head[5] = r * r * way * inertia * rate
+    s.head[2] = gear_drag(s.gears, d, speed) + r * r * way * inertia * s.curvature[row, d] * x
+    s.head[3] = r * r * way * inertia * rate
+    s.head[4], s.head[5], s.head[6], s.head[7] = d, way, speed, 1.0 if static else 0.0
     return count
 
 
@@ -151,29 +149,34 @@ def _value(s: Scan, count: int, motor: bool, u: float) -> tuple[float, float]:
             f += norm
             slope += (0.5 * b + c * u) / norm
     if motor:
-        drives, driven = s.head[2] * f, s.head[3] * f
-        if drives >= driven:
-            f, slope = drives, s.head[2] * slope
-        else:
-            f, slope = driven, s.head[3] * slope
-        f += s.head[4] + s.head[5] * u
-        slope += s.head[5]
+        d, way = int(s.head[4]), s.head[5]
+        line = gear_line(s.gears, d, way, s.head[6], s.head[7] > 0.0, way * f)
+        f = line[0] * f + way * line[1] + s.head[2] + s.head[3] * u
+        slope = line[0] * slope + s.head[3]
     return f, slope
 
 
 @kernel
 def _root(s: Scan, count: int, motor: bool, u: float, side: float, target: float) -> float:
-    """Newton from above a convex function's level to it, leftwards (side -1) or rightwards.
+    """Newton from above a function's level to it, leftwards (side -1) or rightwards.
 
-    NaN where the function does not come down to it on this side.
+    Monotone where the function is convex; where a gear's efficiency rises with its load it is not
+    quite, and what Newton overshoots is bisected. NaN where it does not come down on this side.
     """
-    for _ in range(60):
+    outside, inside = u, np.nan
+    for _ in range(80):
         f, slope = _value(s, count, motor, u)
         if abs(f - target) <= _TINY * (abs(target) + abs(s.head[0])):  # rounding from afar: below
             return u
-        if side * slope >= 0.0:
-            return np.nan
-        following = u - (f - target) / slope
+        if f > target:
+            outside = u
+            if side * slope >= 0.0 and inside != inside:
+                return np.nan
+        else:
+            inside = u
+        following = u - (f - target) / slope if slope != 0.0 else outside
+        if inside == inside and not (following - inside) * (following - outside) < 0.0:
+            following = 0.5 * (inside + outside)
         if following == u:
             return u
         u = following

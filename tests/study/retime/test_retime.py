@@ -283,6 +283,28 @@ def test_mimic_joints_and_guides_on_the_parent():
     assert found.usage.max() > 0.999
 
 
+def test_gears_as_makers_give_them():
+    """An efficiency that rises with the load: accelerating it is what it is at that torque."""
+    curve = [[2.0, 0.5], [5.0, 0.7], [10.0, 0.8]]
+    gear = {"ratio": 50.0, "efficiency": {"over_load": curve}, "back_efficiency": "same_loss",
+            "no_load_torque": {"static": 0.02, "kinetic": 0.01}}  # fmt: skip
+    scene = one_joint(inertia=2.0, transmission=gear)
+    # at 10 N m the motor gives 10/0.8 N m/50 with all losses
+    found = retime(scene, straight(3.0), {"j": {"peak_torque": 10.0 / 0.8 / 50.0}})
+    most = found.trajectory.a.max()  # but for the start, which takes the static torque
+    assert most == pytest.approx(10.0 / 2.0, rel=1e-3)
+    assert found.excess < 1e-3
+    arm = planar()
+    gears = arm.with_(actuators=[{"joint": name, "transmission": gear | {"rotor_inertia": 3e-5}}
+                                 for name in "ab"])  # fmt: skip
+    motors = {"a": {"peak_torque": 0.5}, "b": {"peak_torque": 0.25}}
+    moved = retime(gears, WAVE, motors)
+    assert moved.excess < 1e-3
+    assert moved.usage.max() > 0.999
+    assert moved.duration == pytest.approx(retime(gears, WAVE, motors, points=900).duration,
+                                           rel=3e-3)  # fmt: skip
+
+
 def test_sensitivity_and_ratio():
     """T = sqrt(2 D/a) twice: T ~ torque^-1/2; the best ratio of an inertia is sqrt(J/J_rotor)."""
     gear = {"ratio": 50.0, "rotor_inertia": 5e-4}
