@@ -197,6 +197,9 @@ def size(
         str | None,
         typer.Option("--catalog", metavar="FILE", help="Catalogue file, or `default` (bundled)."),
     ] = None,
+    fastest: Annotated[
+        bool, typer.Option("--fastest", help="Cycle time beside mass, with heavier drives, too.")
+    ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
     log: Any,
@@ -204,7 +207,7 @@ def size(
     """Size the drives for a cycle that repeats.
 
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
-    meets it. --out writes sizing.json and report.html.
+    meets it. --out writes sizing.json and report.html, with --fastest fastest.png.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.report.sizing import sizing_json, sizing_report
@@ -213,6 +216,7 @@ def size(
     with working(f"sizing {len(scene.drives)} drives"):
         report = size_drives(scene, trajectory, catalog, on_miss="ignore")
     summary = sizing_json(report, noticed)
+    tables, pictures = _fastest(report, trajectory, summary) if fastest else ([], {})
     if out is not None:
         from pinfric.show.sizing_page.page import sizing_page
 
@@ -220,9 +224,28 @@ def size(
         write(out, {
             "sizing.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
             "report.html": lambda path: path.write_text(page, encoding="utf-8"),
+            **pictures,
         })  # fmt: skip
-    show(summary if as_json else sizing_report(report))
+    show(summary if as_json else [*sizing_report(report), *tables])
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+def _fastest(
+    report: Any, trajectory: Any, summary: dict[str, Any]
+) -> tuple[list[Any], dict[str, Any]]:
+    """What `size --fastest` prints and draws; into the summary, too."""
+    from dataclasses import asdict
+
+    from pinfric.show.figure.retime import fastest_figure
+    from pinfric.show.report.retime import fastest_table
+    from pinfric.study.retime.fastest import fastest_sets
+    from pinfric.study.retime.path import Path as Way
+
+    with working("retiming with other drives"):
+        sets = fastest_sets(report, Way.from_trajectory(trajectory))
+    summary["fastest"] = [asdict(found) for found in sets]
+    title = f"{Path(report.given.source).stem} · {Path(trajectory.source).name}"
+    return ["", fastest_table(sets)], {"fastest.png": fastest_figure(sets, title).savefig}
 
 
 @app.command()

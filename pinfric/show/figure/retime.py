@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.show.report.values import digits
+from pinfric.study.retime.fastest import DriveSet
 from pinfric.study.retime.limits import KINDS
 from pinfric.study.retime.retime import RetimeResult
 
@@ -56,6 +58,43 @@ def retime_figure(result: RetimeResult) -> Figure:
                 f"{100 * result.excess:.2g} %")  # fmt: skip
         figure.text(0.02, 1 - 0.55 / total, text, color=_QUIET)
         _legend(figure, used)
+    return figure
+
+
+def fastest_figure(sets: Sequence[DriveSet], title: str) -> Figure:
+    """Draw cycle time over the mass of the drives: what was tried, and what nothing beats.
+
+    Args:
+        sets: of `fastest.fastest_sets`.
+        title: of the scene and its path.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+        figure = Figure(figsize=(8.0, 5.0), dpi=150, facecolor="white")
+        axes = figure.add_axes((0.09, 0.11, 0.88, 0.74))
+        best = [x for x in sets if x.best]
+        others = [x for x in sets if not x.best]
+        most = 1.25 * max(x.duration for x in best)  # far slower ones would squeeze the rest
+        shown = [x for x in others if x.duration <= most]
+        axes.plot([x.mass for x in shown], [x.duration for x in shown], "o", color=_QUIET,
+                  alpha=0.5, label="tried")  # fmt: skip
+        axes.step([x.mass for x in best], [x.duration for x in best], "o-", where="post",
+                  color=_SPEED, label="nothing lighter is as fast")  # fmt: skip
+        for x in best:
+            axes.annotate(x.held_by, (x.mass, x.duration), xytext=(5, 4), fontsize=7,
+                          textcoords="offset points", color=_INK)  # fmt: skip
+        axes.margins(x=0.12, y=0.12)
+        axes.set_xlabel("mass of all drives (kg)")
+        axes.set_ylabel("cycle time (s)")
+        figure.legend(loc="lower right", bbox_to_anchor=(0.98, 0.86), frameon=False, ncols=2)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        left = len(others) - len(shown)
+        figure.text(0.02, 0.94, title, fontsize=12, fontweight="bold", color=_INK)
+        figure.text(0.02, 0.895, "cycle time with other drives, and what holds each back"
+                    + f"; {left} slower ones not drawn" * (left > 0), color=_QUIET)  # fmt: skip
     return figure
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, json_safe
+from pinfric.study.retime.fastest import DriveSet
 from pinfric.study.retime.limits import KINDS
 from pinfric.study.retime.retime import RetimeResult
 
@@ -78,6 +79,28 @@ def retime_report(
         parts += [Text(), _sensitivities(sensitivity)]
     parts += [Text(), *(Text(line) for line in _lines(result))]
     return parts
+
+
+def fastest_table(sets: Sequence[DriveSet]) -> Table:
+    """Return the sets of drives that no other one beats in both mass and time.
+
+    Args:
+        sets: of `fastest.fastest_sets`.
+    """
+    best = [x for x in sets if x.best]
+    rows = []
+    for now in best:
+        changed = [f"{joint}: {name}" for joint, name in now.drives.items()
+                   if best[0].drives[joint] != name]  # fmt: skip
+        rows.append((digits(now.mass), f"{now.duration:.3f}", "; ".join(changed), now.held_by))
+    columns = (
+        Column("drives\nkg"),
+        Column("cycle\ns"),
+        Column("other than in the first", Kind.WORDS),
+        Column("held back by", Kind.WORDS),
+    )
+    title = f"fastest along the path, {len(sets)} sets of drives tried"
+    return Table(title, columns, rows, keys=2)
 
 
 def _moves(result: RetimeResult) -> Table:

@@ -45,6 +45,8 @@ _INSIDE = np.array([0.02, 0.25, 0.5, 0.75, 0.98])
 _ROUNDS = 5
 #: A limit of which more than this part is used holds the motion back.
 _AT_LIMIT = 0.995
+#: What comes nearer than this may do so, on another grid.
+_NEAR_LIMIT = 0.98
 #: Fewest points of a piece; a zone about a reversal, in sample periods.
 _FEWEST, _ZONE = 24, 0.65
 
@@ -68,6 +70,7 @@ class RetimeResult(Shown):
             where that was not asked for.
         uniform: s, how long the motion would take if it were slowed down as a whole until these
             torques are kept; None as `rms`.
+        cycle: what the continuous torques count beside the moves; None as `rms`.
         smooth: s, of the moving mean; each move takes so much longer by it.
     """
 
@@ -83,6 +86,7 @@ class RetimeResult(Shown):
     holes: int = 0
     rms: np.ndarray | None = None
     uniform: float | None = None
+    cycle: Cycle | None = None
     smooth: float = 0.0
 
     def __repr__(self) -> str:
@@ -115,25 +119,41 @@ class RetimeResult(Shown):
     def sensitivity(self, change: float = 0.01) -> dict[str, dict[str, float]]:
         """Return d ln T/d ln limit of the moving time T, drive -> limit, on the same grid.
 
-        Central differences; only limits that hold the motion back at some time are tried, the
+        Central differences; only limits of which nearly all is used at some time are tried, the
         others are 0. Of the speed-torque line the stall torque is changed.
 
         Args:
             change: relative change of a limit.
         """
+
+        def slope(d: int, kind: int | None) -> float:
+            times = []
+            for factor in (1.0 + change, 1.0 - change):
+                limits, cycle = p.limits, self.cycle
+                if kind is not None:
+                    limits = replaced(limits, d, scaled(limits[d], kind, factor))
+                elif cycle is not None:
+                    limit = cycle.limit.copy()
+                    limit[d] *= factor
+                    cycle = replace(cycle, limit=limit)
+                times.append(self._moving_time(p.with_limits(limits), cycle))
+            return float(np.log(times[0] / times[1]) / np.log((1 + change) / (1 - change)))
+
         found: dict[str, dict[str, float]] = {}
-        p = self.problem
+        p, most = self.problem, self.usage.max(axis=0, initial=0.0)
         for d, drive in enumerate(p.scene.drives):
-            for kind, name in enumerate(KINDS):
-                if not self.usage[:, d, kind].max(initial=0.0) > 0.97:
-                    continue
-                times = [
-                    p.with_limits(replaced(p.limits, d, scaled(p.limits[d], kind, 1.0 + sign)))
-                    .solve().duration.sum() for sign in (change, -change)
-                ]  # fmt: skip
-                slope = np.log(times[0] / times[1]) / np.log((1 + change) / (1 - change))
-                found.setdefault(drive.name, {})[name] = float(slope)
+            near = [k for k in range(len(KINDS)) if most[d, k] > _NEAR_LIMIT]
+            if near:
+                found[drive.name] = {KINDS[k]: slope(d, k) for k in near}
+            if self.rms is not None and self.rms[d] > _NEAR_LIMIT:
+                found.setdefault(drive.name, {})["continuous torque"] = slope(d, None)
         return found
+
+    def _moving_time(self, problem: Problem, cycle: Cycle | None) -> float:
+        profile = problem.solve()
+        if cycle is not None:
+            profile, _ = within_continuous(problem, profile, cycle)
+        return float(profile.duration.sum())
 
     def sweep_ratio(self, joint: str, ratios: Sequence[float]) -> dict[float, float | str]:
         """Return the duration (s, holds included) for other gear ratios of one drive.
@@ -158,8 +178,8 @@ class RetimeResult(Shown):
             new = with_ratio(p.limits[d], p.scene.drives[d].transmission, ratio)
             limits = replaced(p.limits, d, new)
             try:
-                profile = p.with_limits(limits, limited_scene(p.scene, limits)).solve()
-                found[ratio] = float(profile.duration.sum() + sum(p.path.holds))
+                other = p.with_limits(limits, limited_scene(p.scene, limits))
+                found[ratio] = self._moving_time(other, self.cycle) + sum(p.path.holds)
             except RetimeError as problem:
                 found[ratio] = str(problem)
         return found
@@ -213,15 +233,7 @@ def retime(
     columns = joint_columns(scene.model, scene.source)
     check_limits(path, columns)
     policy = Policy(reversal, rest, sample_rate, tolerance)
-    solver = _Retiming(scene, path, columns, given, policy)
-    solver.check_stops()
-    problem, profile, samples = solver.refine(solver.coarse(points), points)
-    uniform = None
-    if rms:
-        profile, uniform = solver.cool(problem, profile)
-    if rms or smooth:
-        samples = sample(path, profile, sample_rate, smooth)
-    return solver.result(problem, profile, samples, uniform, smooth)
+    return _Retiming(scene, path, columns, given, policy).run(points, rms, smooth)
 
 
 def _check_scene(scene: Scene) -> None:
@@ -249,6 +261,19 @@ class _Retiming:
         #: (piece, from s, to s): intervals of constant u; and zones about reversals.
         self.constant: list[tuple[int, float, float]] = []
         self.zones: list[tuple[int, int, float, float]] = []
+
+    def run(self, points: int, rms: bool, smooth: float) -> RetimeResult:
+        """Do what `retime` does; arguments see there."""
+        self.check_stops()
+        problem, profile, samples = self.refine(self.coarse(points), points)
+        if not rms:
+            if smooth:
+                samples = sample(self.path, profile, self.policy.sample_rate, smooth)
+            return self.result(problem, profile, samples, smooth)
+        profile, uniform, cycle, use = self.cool(problem, profile)
+        samples = sample(self.path, profile, self.policy.sample_rate, smooth)
+        found = self.result(problem, profile, samples, smooth)
+        return replace(found, rms=use, uniform=uniform, cycle=cycle)
 
     def problem(self, points: list[np.ndarray]) -> Problem:
         """The problem on a grid."""
@@ -374,7 +399,7 @@ class _Retiming:
             f"{self.path.source} retimed",
         )  # fmt: skip
 
-    def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float]:
+    def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float, Cycle, np.ndarray]:
         """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
         limit = np.array([x.continuous_torque for x in self.limits])
         if not np.isfinite(limit).any():
@@ -395,12 +420,11 @@ class _Retiming:
             if use.max() <= 1.0 + 0.5 * self.policy.tolerance:
                 break
             asked = asked / np.maximum(use, 1.0)
-        return profile, uniform + float(stay.sum())
+        return profile, uniform + float(stay.sum()), cycle, use
 
     def result(
-        self, problem: Problem, profile: Profile, samples: Samples, uniform: float | None,
-        smooth: float,
-    ) -> RetimeResult:  # fmt: skip
+        self, problem: Problem, profile: Profile, samples: Samples, smooth: float
+    ) -> RetimeResult:
         """Judge the samples and say what holds them back."""
         trajectory = self.motion(samples)
         judged = inverse_dynamics(self.scene, trajectory)
@@ -421,11 +445,6 @@ class _Retiming:
             usage=use,
             problem=problem,
             profile=profile,
-            rms=None
-            if uniform is None
-            else _mean_squares(judged, self.policy)
-            / np.array([x.continuous_torque for x in self.limits]),
-            uniform=uniform,
             smooth=smooth,
         )
 

@@ -319,6 +319,14 @@ def test_sensitivity_and_ratio():
         found.sweep_ratio("k", [1.0])
 
 
+def test_sensitivity_to_a_continuous_torque():
+    """T ~ c^-1/2 of a pure inertia that only its continuous torque limits."""
+    limits = {"j": {"peak_torque": 50.0, "continuous_torque": 1.0}}
+    found = retime(one_joint(inertia=2.0), straight(3.0), limits, rms=True, points=60)
+    slopes = found.sensitivity(0.05)
+    assert slopes == {"j": {"continuous torque": pytest.approx(-0.5, abs=0.01)}}
+
+
 def lifting():
     """A joint about a horizontal axis, with a weight at 0.5 m: 9.81 N m at q = 90 deg."""
     model = pin.Model()
