@@ -111,7 +111,7 @@ class Problem:
         x, u = np.empty(len(self.grid.stop)), np.empty((len(self.grid.step), 2))
         failed = fastest(box_scan(tuple(self.scan())), x, u)
         if failed >= 0:
-            raise RetimeError(self._why(failed % len(self.grid.step)))
+            raise RetimeError(self._why(failed))
         return Profile.of(self.grid, x, u)
 
     def with_limits(self, limits: Sequence[DriveLimits], scene: Scene | None = None) -> Problem:

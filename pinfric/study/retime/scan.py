@@ -32,6 +32,8 @@ _FAR = 1.0e9
 #: Levels of x that are tried where a solution is not next to the expected one, and bisections.
 _LEVELS, _HALVINGS = 48, 52
 _OPEN, _PASSABLE, _REACHED = range(3)
+#: An interval that leaves less of x than this is taken more slowly.
+_HARDEST = 0.25
 _TINY = 1.0e-12
 
 
@@ -378,6 +380,32 @@ def reach(s: Scan, j: int, x: float, limit: float) -> float:
 
 
 @kernel
+def _goes_on(s: Scan, j: int, x: float, limit: float) -> bool:
+    """Whether the interval can be passed from x without nearly stopping in it.
+
+    Between far points a speed can be so high that only an emergency stop is left, and a lower one
+    goes on: of two feasible profiles the greater is feasible where points are near.
+    """
+    return reach(s, j, x, limit) >= min(limit, _HARDEST * x)
+
+
+@kernel
+def _greatest_start(s: Scan, j: int, guess: float, most: float, limit: float) -> float:
+    """The greatest x <= most that `_goes_on`, or -1: levels below a guess, then bisection."""
+    for k in range(_LEVELS + 1):
+        good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), most)
+        if _goes_on(s, j, good, limit):
+            for _ in range(_HALVINGS if bad > good else 0):
+                middle = 0.5 * (good + bad)
+                if _goes_on(s, j, middle, limit):
+                    good = middle
+                else:
+                    bad = middle
+            return good
+    return -1.0
+
+
+@kernel
 def brake(s: Scan, j: int, limit: float) -> float:
     """Return the greatest x from which some x' <= limit is reached over interval j, or -1."""
     limit = _greatest(s, j, _PASSABLE, 0.0, (-_FAR, _FAR), limit, limit)
@@ -392,29 +420,19 @@ def brake(s: Scan, j: int, limit: float) -> float:
         if least > most:
             break
         now = limit - step * least - x
-        if x == top and now >= 0.0 and reach(s, j, x, limit) >= 0.0:
-            return x
         if abs(now) <= 1e-15 * (x + limit):
+            return x
+        if x == top and now >= 0.0 and _goes_on(s, j, x, limit):
             return x
         slope = (now - miss) / (x - last) if k > 0 and x != last else -1.0
         last, miss = x, now
         x = min(max(x - now / min(slope, -0.2), 0.0), top)
         guess = max(x, guess)
         if x == last:
-            if reach(s, j, x, limit) >= 0.0:
+            if _goes_on(s, j, x, limit):
                 return x
             break
-    for k in range(_LEVELS + 1):  # there is no u at some speeds: levels from above
-        good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), top)
-        if reach(s, j, good, limit) >= 0.0:
-            for _ in range(_HALVINGS):
-                middle = 0.5 * (good + bad)
-                if reach(s, j, middle, limit) >= 0.0:
-                    good = middle
-                else:
-                    bad = middle
-            return good
-    return -1.0
+    return _greatest_start(s, j, guess, top, limit)  # there is no u at some speeds
 
 
 @kernel
@@ -427,24 +445,55 @@ def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
         u: (n, 2) d^2s/dt^2 at both ends of each interval, overwritten.
 
     Returns:
-        -1; or the interval over which there is no way, plus n where the way back found none.
+        -1; or the interval over which there is no way.
     """
     n = s.step.size
-    x[n] = 0.0
-    for j in range(n - 1, -1, -1):
-        x[j] = 0.0 if s.stop[j] else brake(s, j, x[j + 1])
-        if x[j] < 0.0:
-            return n + j
-    for j in range(n):
-        reached = reach(s, j, x[j], x[j + 1])
-        if reached < 0.0 or (reached == 0.0 and not s.stop[j + 1]):
-            return j
-        x[j + 1] = reached
-        a, b = bounds(s, j, 0, x[j]), bounds(s, j, 1, reached)
-        total = (reached - x[j]) / s.step[j]
+    most = np.zeros(n + 1)
+    failed = _back(s, n, most)
+    j, again = 0, 0
+    while failed < 0 and j < n:
+        if s.stop[j]:
+            x[j] = 0.0
+        x[j + 1] = reach(s, j, x[j], most[j + 1])
+        if x[j + 1] < 0.0 or (x[j + 1] == 0.0 and not s.stop[j + 1]):
+            if s.stop[j] or again > n:
+                return j
+            again += 1  # too fast to go on from here: slower, and back to the stop before
+            most[j] = _greatest_start(s, j, x[j] * (1.0 - 1e-9), x[j], most[j + 1])
+            if most[j] <= 0.0:
+                return j
+            failed = _back(s, j, most)
+            while not s.stop[j]:
+                j -= 1
+            continue
+        j += 1
+    for j in range(n if failed < 0 else 0):
+        a, b = bounds(s, j, 0, x[j]), bounds(s, j, 1, x[j + 1])
+        total = (x[j + 1] - x[j]) / s.step[j]
         first = min(max(0.5 * total, a[0], total - b[1]), a[1], total - b[0])
         u[j, 0] = 0.5 * total if s.constant[j] else first
         u[j, 1] = total - u[j, 0]
+    return failed
+
+
+@kernel
+def _back(s: Scan, end: int, most: np.ndarray) -> int:
+    """Write the greatest x at each point before `end`, to the stop before it; -1 or where none is.
+
+    Args:
+        s: see `Scan`.
+        end: a point; of the last one, all stops are passed.
+        most: (n + 1,) overwritten.
+    """
+    for j in range(end - 1, -1, -1):
+        if s.stop[j]:
+            most[j] = 0.0
+            if end < s.step.size:
+                return -1
+        else:
+            most[j] = brake(s, j, most[j + 1])
+            if most[j] < 0.0:
+                return j
     return -1
 
 
