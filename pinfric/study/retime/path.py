@@ -31,6 +31,10 @@ _SAME = 1.0e-9
 _STILL = 1.0e-9
 #: A motion slower than this part of its greatest speed has stopped.
 _STOPPED = 1.0e-6
+#: Cosine between velocities, turned round, from which on a motion turns back.
+_BACK = 0.9
+#: Where the way grows by less than this part of its fastest with s, it does not.
+_TURNS = 1.0e-7
 #: A direction that turns by more than this (rad) between two sections is a kink.
 _KINK = 1.0e-4
 #: Points of a trajectory's samples that a piece keeps.
@@ -131,7 +135,8 @@ class Path:
     def from_trajectory(cls, trajectory: Trajectory) -> Path:
         """Take a motion's path, its stops and holds; its times are left behind.
 
-        It stops where every joint does (up to rounding). Straight pieces stay straight, others are
+        It stops where every joint does (up to rounding), or all turn back between two samples.
+        Straight pieces stay straight, others are
         cubic splines through up to 200 of their samples.
 
         Raises:
@@ -140,6 +145,7 @@ class Path:
         source, t = trajectory.source, trajectory.t
         speed = np.abs(trajectory.v).max(axis=1)
         still = speed <= _STOPPED * speed.max()
+        still[_turning_back(trajectory.v)] = True
         if not (still[0] and still[-1]):
             raise TrajectoryError(f"{source}: does not start and end at rest (v = 0): hold the "
                                   "first and last position for a few samples")  # fmt: skip
@@ -223,6 +229,22 @@ def _carried(given: WayPointFile, defaults: dict[str, bool]) -> np.ndarray:
     return np.array(rows, dtype=bool).reshape(len(rows), len(defaults))
 
 
+def _roots(rate: PPoly) -> list[np.ndarray]:
+    """Where each joint's q' is 0, and does not stay so."""
+    found = []
+    for k in range(rate.c.shape[2]):
+        one = PPoly(rate.c[:, :, k], rate.x)
+        moves = len(one.c) > 1 and one.c.any()
+        places = one.roots(discontinuity=True, extrapolate=False) if moves else np.empty(0)
+        found.append(places[np.isfinite(places)])
+    return found
+
+
+def reversals(piece: PPoly) -> np.ndarray:
+    """Return where any joint's velocity is 0 along a piece, in no order."""
+    return np.concatenate(_roots(piece.derivative()))
+
+
 def _points(source: str, q: ArrayLike) -> np.ndarray:
     points = np.asarray(real_numbers(f"{source}: q", q, TrajectoryError))
     if points.ndim != 2 or len(points) < 2 or not np.isfinite(points).all():
@@ -246,6 +268,14 @@ def _spline(s: np.ndarray, points: np.ndarray) -> PPoly:
         return PPoly(np.stack([slope, points[0]])[:, None, :], s)
     spline = CubicSpline(s, points)
     return PPoly(spline.c, spline.x)
+
+
+def _turning_back(v: np.ndarray) -> np.ndarray:
+    """The slower sample of each two between which the whole motion turns back."""
+    size = np.linalg.norm(v, axis=1)
+    along = (v[1:] * v[:-1]).sum(axis=1)
+    at = np.flatnonzero(along < -_BACK * size[1:] * size[:-1])
+    return at + (size[at + 1] < size[at])
 
 
 def _moved(position: np.ndarray, before: Any, after: Any) -> bool:
@@ -283,6 +313,11 @@ def _checked(piece: PPoly, where: str) -> PPoly:
     for i in np.flatnonzero(np.abs(after - before).max(axis=1, initial=0.0) > _KINK * size):
         raise TrajectoryError(f"{where}: a kink at s = {piece.x[i + 1]:.6g}, where the robot does "
                               "not stop; end a piece there or round it off")  # fmt: skip
+    turns = np.concatenate((piece.x[[0, -1]], *map(np.ravel, _roots(rate))))
+    for s in turns[np.linalg.norm(rate(turns), axis=1) <= _TURNS * fastest]:
+        raise TrajectoryError(f"{where}: every joint stands still at s = {s:.6g}, whatever the "
+                              "speed along the path: where they turn back make a stop of it; at "
+                              "an end take a parameter that grows with the way")  # fmt: skip
     c = np.array(piece.c)
     width = np.diff(piece.x)[:, None]
     order = np.arange(len(c) - 1, 0, -1)[:, None, None]

@@ -285,13 +285,24 @@ def bounds(s: Scan, j: int, side: int, x: float) -> tuple[float, float]:
 
 
 @kernel
+def _near(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """The range of u at one end, no farther from that at the other than this is wide.
+
+    Where the only joint that moves reverses, nothing limits u at that place, but close to it.
+    """
+    beyond = abs(b[0]) + abs(b[1])
+    return max(a[0], b[0] - beyond), min(a[1], b[1] + beyond)
+
+
+@kernel
 def _span(s: Scan, j: int, a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     """Least and greatest u_a + u_b of an interval; least > greatest where there is none."""
     if a[0] > a[1] or b[0] > b[1]:
         return _FAR, -_FAR
     if s.constant[j]:
         return 2.0 * max(a[0], b[0]), 2.0 * min(a[1], b[1])
-    return a[0] + b[0], a[1] + b[1]
+    first, second = _near(a, b), _near(b, a)
+    return first[0] + second[0], first[1] + second[1]
 
 
 @kernel
@@ -469,6 +480,7 @@ def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
         j += 1
     for j in range(n if failed < 0 else 0):
         a, b = bounds(s, j, 0, x[j]), bounds(s, j, 1, x[j + 1])
+        a, b = _near(a, b), _near(b, a)
         total = (x[j + 1] - x[j]) / s.step[j]
         first = min(max(0.5 * total, a[0], total - b[1]), a[1], total - b[0])
         u[j, 0] = 0.5 * total if s.constant[j] else first

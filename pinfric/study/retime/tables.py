@@ -22,7 +22,7 @@ from scipy.interpolate import PPoly
 from pinfric.dynamics.reactions import Batch, batch_size, generalized_effort, reactions, slices
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
-from pinfric.study.retime.path import Path
+from pinfric.study.retime.path import Path, reversals
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 
 #: Grid points nearer than this part of a piece are one.
@@ -77,12 +77,7 @@ class Tables:
 
 def natural_points(piece: PPoly) -> np.ndarray:
     """Return the knots of a piece and the places where a joint reverses: points of every grid."""
-    rate = piece.derivative()
-    found = [np.asarray(piece.x)]
-    for k in range(piece.c.shape[2]):
-        if rate.c[:, :, k].any() and len(rate.c) > 1:
-            roots = PPoly(rate.c[:, :, k], rate.x).roots(discontinuity=True, extrapolate=False)
-            found.append(roots[np.isfinite(roots)])
+    found = [np.asarray(piece.x), reversals(piece)]
     return distinct(np.concatenate(found), piece.x[-1] - piece.x[0], piece.x)
 
 

@@ -172,7 +172,7 @@ def test_within_every_limit_between_the_points_too():
 
 def test_no_other_profile_is_faster():
     """SLSQP on the squares of the speeds, judged by `inverse_dynamics`, on the same coarse grid."""
-    scene, s = planar(), np.union1d(np.linspace(0.0, 3.0, 10), reversals(WAVE))
+    scene, s = planar(), np.union1d(np.linspace(0.0, 3.0, 10), natural_points(WAVE.pieces[0]))
     run = _Retiming(scene, WAVE, joint_columns(scene.model),
                     read_limits(scene, MOTORS), Policy("own sign"))  # fmt: skip
     run.constant = [(0, 0.0, 3.0)]
@@ -218,10 +218,6 @@ def test_no_other_profile_is_faster():
         options={"maxiter": 400, "ftol": 1e-8},
     )  # fmt: skip
     assert found.fun == pytest.approx(best.duration[0], rel=2e-3)
-
-
-def reversals(path):
-    return natural_points(path.pieces[0])
 
 
 def test_samples_are_of_one_motion():
@@ -439,8 +435,22 @@ def test_kinks_and_repeated_points_are_refused():
     bent = PPoly(np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.0, 0.0], [1.0, 0.0]]]), knots)
     with pytest.raises(pf.PinfricError, match="a kink at s = 1"):
         Path((bent,))
+    with pytest.raises(pf.PinfricError, match=r"every joint stands still at s = 0.875"):
+        Path.from_waypoints([[0.0], [1.0], [0.5]], via=[False, True, False])
     with pytest.raises(pf.PinfricError, match=r"points.0.via"):
         Path.from_waypoints([[0.0], [1.0]], via=[True, False])
+
+
+def test_a_motion_that_turns_back_between_samples_stops_there():
+    scene = one_joint()
+    t = np.linspace(0.0, 2.0, 402)
+    swing = 1.0 - np.cos(np.pi * t)  # to 2 rad at 1 s, between two samples, and back
+    move = pf.Trajectory.from_arrays(scene, t, swing[:, None])
+    path = Path.from_trajectory(move)
+    assert len(path.pieces) == 2
+    assert path.stop(1) == pytest.approx([2.0], abs=1e-4)
+    found = retime(scene, path, {"j": {"peak_torque": 8.0}})
+    assert found.moves == pytest.approx([2.0 * np.sqrt(2.0 / 4.0)] * 2, rel=1e-3)
 
 
 def test_loops_are_refused_by_name():
