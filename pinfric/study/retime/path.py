@@ -136,8 +136,7 @@ class Path:
         """Take a motion's path, its stops and holds; its times are left behind.
 
         It stops where every joint does (up to rounding), or all turn back between two samples.
-        Straight pieces stay straight, others are
-        cubic splines through up to 200 of their samples.
+        Straight pieces stay straight, others are cubic splines through up to 200 of their samples.
 
         Raises:
             TrajectoryError: it does not start and end at rest; joints without one position.

@@ -158,16 +158,19 @@ class Problem:
             if fastest(box_scan(tuple(scan)), x, u) != interval:
                 return (f"{where}: drive {drive.name!r} cannot follow the path on from there at "
                         "any speed; a stronger drive, or less curvature")  # fmt: skip
-        carried = carried_names(self.scene, self.path, piece)
-        text = f", carrying {', '.join(carried)}" if carried else ""
-        return f"{where}{text}: several drives together cannot follow the path at any speed"
+        return f"{where}: several drives together cannot follow the path at any speed"
 
     def place(self, piece: int, s: float) -> str:
         """Say where on the path a place is."""
         curve = self.path.pieces[piece]
         share = (s - curve.x[0]) / (curve.x[-1] - curve.x[0])
         text = "at the start" if share <= 0 else f"at {100 * share:.0f} %"
-        return f"{self.path.source}: {text} of piece {piece}"
+        return f"{self.path.source}: {text} of piece {piece}{self.carrying(piece)}"
+
+    def carrying(self, piece: int) -> str:
+        """Say what a piece carries; empty if nothing."""
+        carried = carried_names(self.scene, self.path, piece)
+        return f", carrying {', '.join(carried)}" if carried else ""
 
     def limits_text(self, result: InverseResult, d: int, kind: int, what: str) -> str:
         """Say what one drive would need in the first sample to `what`, and what it has."""

@@ -299,7 +299,7 @@ class _Retiming:
                 use = usage(still, self.limits, replace(self.policy, rest="needed"))[0]
                 d, kind = divmod(int(use.argmax()), use.shape[1])
                 if use[d, kind] > 1.0:
-                    where = f"{self.path.source}: stop {p + end}"
+                    where = f"{self.path.source}: stop {p + end}{probe.carrying(p)}"
                     raise RetimeError(f"{where}: drive {probe.limits_text(still, d, kind, 'hold')}")
 
     def coarse(self, points: int) -> Profile:

@@ -265,8 +265,45 @@ def test_holds_payloads_and_moves():
     assert (np.abs(again.effort_upper) < 1.001 * scene.model.effortLimit).all()
 
 
-def test_mimic_joints_and_guides_on_the_parent():
-    """A follower's friction counts at its own speed and direction."""
+def test_a_payload_that_is_too_heavy_is_named():
+    scene, way = pf.load_scene("panda_pick_and_place"), "panda_pick_and_place.waypoints.yaml"
+    move = pf.load_trajectory(way, scene)
+    still = pf.inverse_dynamics(scene, move.q, 0 * move.v, 0 * move.a, attached=move.attached)
+    need = np.abs(still.effort_frictionless[:, 1])
+    carried = move.attached[:, 0]
+    between = 0.5 * (need[~carried].max() + need[carried].max())
+    limits = {name: {"effort": 200.0} for name in scene.actuator_names}
+    limits["panda_joint2"] = {"effort": between}
+    with pytest.raises(pf.RetimeError, match=r"stop 2, carrying box: drive 'panda_joint2' cannot"):
+        retime(scene, way, limits)
+
+
+MIMIC = """<robot name="pair"><link name="base"/>{}</robot>"""
+TURNING = """<link name="{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="{1}" ixy="0"
+  ixz="0" iyz="0"/></inertial></link><joint name="j{0}" type="revolute"><parent link="base"/>
+  <child link="{0}"/><axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="10" velocity="9"/>
+  {2}</joint>"""
+
+
+def test_followers_rub_at_their_own_speed_and_direction(tmp_path):
+    """The follower turns twice as fast, and backwards: J = 1 + 4 x 0.5, friction 1 + 2 x 0.7."""
+    follows = '<mimic joint="ja" multiplier="-2"/>'
+    links = TURNING.format("a", 1.0, "") + TURNING.format("b", 0.5, follows)
+    (tmp_path / "pair.urdf").write_text(MIMIC.format(links))
+    (tmp_path / "pair.yaml").write_text("""pinfric: 1
+robot: {urdf: pair.urdf}
+friction:
+  ja: {coulomb: {static: 1.0, kinetic: 1.0}}
+  jb: {coulomb: {positive: {static: 2.0, kinetic: 2.0}, negative: {static: 0.7, kinetic: 0.7}}}
+""")
+    scene = pf.load_scene(tmp_path / "pair.yaml")
+    up, down = (10.0 - 2.4) / 3.0, (10.0 + 2.4) / 3.0
+    found = retime(scene, straight(2.0))
+    assert found.duration == pytest.approx(np.sqrt(2 * 2.0 * (1 / up + 1 / down)), rel=1e-4)
+    assert found.excess < 1e-3
+
+
+def test_guides_on_the_parent():
     model = pin.Model()
     first = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "lead")
     model.appendBodyToJoint(first, pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3)),
