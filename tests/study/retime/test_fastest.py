@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,16 @@ def test_retime_of_what_cannot_be_is_one_line(files, capsys):
     assert run("retime", "four_bar", "way.yaml") == cli.BAD_INPUT
     assert "retime is for open chains" in capsys.readouterr().err
     assert run("retime", "table.yaml", "none.yaml") == cli.BAD_INPUT
+
+
+def test_motors_file_in_the_readme_fits_the_panda(tmp_path):
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"^```YML\n(.*?)^```$", readme, re.DOTALL | re.MULTILINE)
+    (tmp_path / "motors.yaml").write_text(example)
+    scene = pf.load_scene("panda_pick_and_place")
+    found = pf.retime(scene, "panda_pick_and_place.csv", tmp_path / "motors.yaml", points=100)
+    assert found.excess < 1e-3
+    assert found.duration < found.before
 
 
 def test_size_with_fastest(files, capsys):
