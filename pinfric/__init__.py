@@ -48,6 +48,10 @@ _PUBLIC = {
     "CheckReport": "pinfric.study.check.findings",
     "plot": "pinfric.show.views",
     "summary": "pinfric.show.views",
+    "retime": "pinfric.study.retime.retime",
+    "RetimeResult": "pinfric.study.retime.retime",
+    "Path": "pinfric.study.retime.path",
+    "RetimeError": "pinfric.errors",
     "sweep": "pinfric.study.sweep.run",
     "SweepResult": "pinfric.study.sweep.result",
     "replay": "pinfric.show.replay.replay",
@@ -75,6 +79,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.solver import Solver as Solver
     from pinfric.errors import PinfricError as PinfricError
     from pinfric.errors import PinfricWarning as PinfricWarning
+    from pinfric.errors import RetimeError as RetimeError
     from pinfric.model.scene import Scene as Scene
     from pinfric.model.scene_file import load_scene as load_scene
     from pinfric.show.replay.live import LiveReplay as LiveReplay
@@ -87,6 +92,9 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.study.export.export import export as export
     from pinfric.study.identify.identify import Identified as Identified
     from pinfric.study.identify.identify import identify as identify
+    from pinfric.study.retime.path import Path as Path
+    from pinfric.study.retime.retime import RetimeResult as RetimeResult
+    from pinfric.study.retime.retime import retime as retime
     from pinfric.study.scene_run import run_scene as run_scene
     from pinfric.study.sizing.catalog import load_catalog as load_catalog
     from pinfric.study.sizing.size import SizingReport as SizingReport

@@ -208,6 +208,9 @@ def size(
         str | None,
         typer.Option("--catalog", metavar="FILE", help="Catalogue file, or `default` (bundled)."),
     ] = None,
+    fastest: Annotated[
+        bool, typer.Option("--fastest", help="Cycle time beside mass, with heavier drives, too.")
+    ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
     log: Any,
@@ -215,7 +218,7 @@ def size(
     """Size the drives for a cycle that repeats.
 
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
-    meets it. --out writes sizing.json and report.html.
+    meets it. --out writes sizing.json and report.html, with --fastest fastest.png.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.report.sizing import sizing_json, sizing_report
@@ -224,6 +227,7 @@ def size(
     with working(f"sizing {len(scene.drives)} drives"):
         report = size_drives(scene, trajectory, catalog, on_miss="ignore")
     summary = sizing_json(report, noticed)
+    tables, pictures = _fastest(report, trajectory, summary) if fastest else ([], {})
     if out is not None:
         from pinfric.show.sizing_page.page import sizing_page
 
@@ -231,9 +235,81 @@ def size(
         write(out, {
             "sizing.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
             "report.html": lambda path: path.write_text(page, encoding="utf-8"),
+            **pictures,
         })  # fmt: skip
-    show(summary if as_json else sizing_report(report))
+    show(summary if as_json else [*sizing_report(report), *tables])
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+def _fastest(
+    report: Any, trajectory: Any, summary: dict[str, Any]
+) -> tuple[list[Any], dict[str, Any]]:
+    """What `size --fastest` prints and draws; into the summary, too."""
+    from dataclasses import asdict
+
+    from pinfric.show.figure.retime import fastest_figure
+    from pinfric.show.report.retime import fastest_table
+    from pinfric.study.retime.fastest import fastest_sets
+    from pinfric.study.retime.path import Path as Way
+
+    with working("retiming with other drives"):
+        sets = fastest_sets(report, Way.from_trajectory(trajectory))
+    summary["fastest"] = [asdict(found) for found in sets]
+    title = f"{Path(report.given.source).stem} · {Path(trajectory.source).name}"
+    return ["", fastest_table(sets)], {"fastest.png": fastest_figure(sets, title).savefig}
+
+
+@app.command()
+def retime(
+    scene_name: SceneName,
+    path_name: Annotated[
+        str,
+        typer.Argument(metavar="PATH", help="Way-points (`via: true`: no stop) or a trajectory."),
+    ],
+    motors: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Limits of the drives, or default:NAME; else the URDF's."
+        ),
+    ] = None,
+    rms: Annotated[
+        bool, typer.Option("--rms", help="Keep continuous torques over the cycle, too.")
+    ] = False,
+    smooth: Annotated[
+        float, typer.Option(min=0.0, metavar="MS", help="Let accelerations ramp for so long.")
+    ] = 0.0,
+    sensitivity: Annotated[
+        bool, typer.Option("--sensitivity", help="What 1 % more of each limit would bring.")
+    ] = False,
+    out: OutFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Give the fastest motion along a path, and the drive that holds it back.
+
+    Within motor torque, speed-torque line, gear and joint limits, all friction and gear losses
+    included. --out writes trajectory.csv, retime.png and summary.json.
+    """
+    from pinfric.model.files import check_writable
+    from pinfric.model.scene_file import load_scene
+    from pinfric.show.report.retime import retime_json, retime_report
+    from pinfric.study.retime.retime import retime as find_fastest
+
+    if out is not None:
+        check_writable(out)
+    scene = load_scene(scene_name)
+    with working("retiming"):
+        result = find_fastest(scene, path_name, motors, rms=rms, smooth=1e-3 * smooth)
+        slopes = result.sensitivity() if sensitivity else None
+    summary = retime_json(result, slopes, noticed)
+    if out is not None:
+        from pinfric.show.figure.retime import retime_figure
+
+        write(out, {
+            "trajectory.csv": result.trajectory.to_csv,
+            "retime.png": retime_figure(result).savefig,
+            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
+        })  # fmt: skip
+    show(summary if as_json else retime_report(result, slopes))
 
 
 @app.command()

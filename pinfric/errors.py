@@ -197,6 +197,10 @@ class SizingError(PinfricError):
         super().__init__(message)
 
 
+class RetimeError(PinfricError):
+    """Drives that cannot follow a path at any speed, or of which too little is known."""
+
+
 class SweepError(PinfricError):
     """A sweep's file says something that cannot be, or its samples cannot be computed or kept."""
 

@@ -19,9 +19,12 @@ from pinfric.errors import StateError
 from pinfric.show.figure.efforts import effort_figure
 from pinfric.show.figure.measured import measured_figure
 from pinfric.show.figure.motion import motion_figure
+from pinfric.show.figure.retime import retime_figure
 from pinfric.show.figure.sweep import sweep_figure
 from pinfric.study.export.export import Exported
 from pinfric.study.identify.identify import Identified, beside_measured
+from pinfric.study.retime.limits import KINDS
+from pinfric.study.retime.retime import RetimeResult
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import effort_unit, rms, summarize
 from pinfric.study.sweep.cycle import DEMANDS
@@ -55,8 +58,8 @@ def summary(result: Any) -> pd.DataFrame:
     Args:
         result: of `inverse_dynamics` (`peak`, `rms`, ... as `--json` names them), `simulate`
             (efforts, their work, and at its joint heat and time at rest), `size` (demand and
-            choice), `sweep` (percentiles, `peak_95` and so on), `export` (a row a joint) or
-            `identify` (a row a coefficient).
+            choice), `retime` (largest part of each limit used), `sweep` (percentiles, `peak_95`
+            and so on), `export` (a row a joint) or `identify` (a row a coefficient).
 
     Raises:
         StateError: it is none of these, or has no times.
@@ -65,7 +68,7 @@ def summary(result: Any) -> pd.DataFrame:
 
 
 def _nothing(what: str, result: Any) -> StateError:
-    kinds = "inverse_dynamics, simulate, size, sweep and identify"
+    kinds = "inverse_dynamics, simulate, size, retime, sweep and identify"
     return StateError(f"a {type(result).__name__} has no {what}; results of {kinds} have one")
 
 
@@ -77,6 +80,11 @@ def _(result: InverseResult, **options: Any) -> Figure:
 @plot.register(SizingReport)
 def _(result: SizingReport, **options: Any) -> Figure:
     return effort_figure(result.result, **options)
+
+
+@plot.register(RetimeResult)
+def _(result: RetimeResult) -> Figure:
+    return retime_figure(result)
 
 
 @plot.register(Motion)
@@ -145,6 +153,18 @@ def _(result: Motion) -> pd.DataFrame:
 @summary.register(Exported)
 def _(result: Exported) -> pd.DataFrame:
     return pd.DataFrame([asdict(joint) for joint in result.joints]).set_index("joint")
+
+
+@summary.register(RetimeResult)
+def _(result: RetimeResult) -> pd.DataFrame:
+    most = result.usage.max(axis=0, initial=0.0)
+    rows: list[dict[str, Any]] = [
+        {"name": drive.name, **dict(zip(KINDS, most[d].tolist(), strict=True)),
+         "limiting": sum(result.limiting.get(drive.name, {}).values()),
+         "continuous torque": np.nan if result.rms is None else float(result.rms[d])}
+        for d, drive in enumerate(result.problem.scene.drives)
+    ]  # fmt: skip
+    return _by_drive(rows)
 
 
 @summary.register(SweepResult)

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
-from pinfric.errors import SceneError, TrajectoryError, choose_from
+from pinfric.errors import SceneError, TrajectoryError, choose_from, problems_line
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, parse
 from pinfric.model.yamlfile import read_yaml
 
@@ -56,7 +56,8 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_as_names)]
 class WayPoint(Entry):
     """One stop: where (rad, m), how long the way there takes, how long it stays (s), what it grips.
 
-    `attach` and `detach` act on arrival, that is at the start of the hold.
+    `attach` and `detach` act on arrival, that is at the start of the hold. `via`: it is passed
+    without a stop, which only `pinfric retime` can do.
     """
 
     q: tuple[Number, ...]
@@ -65,6 +66,7 @@ class WayPoint(Entry):
     attach: Names = ()
     detach: Names = ()
     name: str | None = None
+    via: bool = False
 
 
 class WayPointFile(Entry):
@@ -175,11 +177,13 @@ def sample_waypoints(
         problems: what is wrong is appended here, and None returned.
     """
     found = len(problems)
-    order = _joint_order(waypoints, joint_names, problems)
-    _check_points(waypoints, len(joint_names), payloads, problems)
+    for index, point in enumerate(waypoints.points):
+        if point.via:
+            problems.append(f"points.{index}.via: a point without a stop has no time yet; `pinfric "
+                            "retime` finds it")  # fmt: skip
+    stops = _positions(waypoints, joint_names, payloads, problems)
     if len(problems) > found:
         return None
-    stops = np.array([point.q for point in waypoints.points])[:, order]
     moves = plan_moves(waypoints, stops, joint_names, velocity_limits, problems)
     if len(problems) > found:
         return None
@@ -189,6 +193,44 @@ def sample_waypoints(
     position, velocity, acceleration = _sample_moves(moves, t, waypoints)
     attached = _sample_phases(waypoints, moves, t, payloads)
     return SampledMotion(t, position, velocity, acceleration, attached)
+
+
+def way_points(
+    waypoints: WayPointFile,
+    joint_names: Sequence[str],
+    payloads: Mapping[str, bool],
+    source: str,
+) -> FloatArray:
+    """Return the positions (number of points, nj) in the model's order of joints, without times.
+
+    Args:
+        waypoints, joint_names, payloads: see `sample_waypoints`.
+        source: the file, for messages.
+
+    Raises:
+        TrajectoryError: what is wrong with the points, all at once.
+    """
+    problems: list[str] = []
+    for index, point in enumerate(waypoints.points):
+        if point.via and (point.hold or point.attach or point.detach):
+            problems.append(f"points.{index}: `via` passes it without a stop; hold, attach and "
+                            "detach need one")  # fmt: skip
+    found = _positions(waypoints, joint_names, payloads, problems)
+    if problems:
+        raise TrajectoryError(problems_line(source, problems))
+    return found
+
+
+def _positions(
+    waypoints: WayPointFile, joint_names: Sequence[str], payloads: Mapping[str, bool],
+    problems: list[str],
+) -> FloatArray:  # fmt: skip
+    found = len(problems)
+    order = _joint_order(waypoints, joint_names, problems)
+    _check_points(waypoints, len(joint_names), payloads, problems)
+    if len(problems) > found:
+        return np.empty((0, len(joint_names)))
+    return np.array([point.q for point in waypoints.points])[:, order]
 
 
 def _ramp(waypoints: WayPointFile) -> float:

@@ -1,0 +1,156 @@
+"""A picture of a retimed path: its speed below what the limits allow, and each drive's use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.show.report.values import digits
+from pinfric.study.retime.fastest import DriveSet
+from pinfric.study.retime.limits import KINDS
+from pinfric.study.retime.retime import RetimeResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_SPEED, _LIMIT, _INK, _QUIET = "#0072B2", "#D55E00", "#222222", "#6B6B6B"
+#: A colour for each of `KINDS` (Okabe and Ito's palette), where the drive is at that limit.
+_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B4513", "#F0E442", "#56B4E9", "#009E73")
+#: Inches: width, top panel, a drive's strip, margins.
+_WIDTH, _TOP, _STRIP, _HEAD, _GAP, _FOOT = 11.0, 3.0, 0.34, 0.85, 0.45, 0.95
+#: Pieces of time that strips are drawn in.
+_PIECES = 1400
+_AT_LIMIT = 0.995
+
+
+def retime_figure(result: RetimeResult) -> Figure:
+    """Draw the speed along the path over time under its limit, and below what each drive uses.
+
+    The limit is the speed above which no acceleration along the path is within all limits; the
+    strips are darker the more of its nearest limit a drive uses, and coloured where it holds the
+    motion back.
+
+    Args:
+        result: of `retime`.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    drives = len(result.problem.scene.drives)
+    total = _HEAD + _TOP + _GAP + drives * _STRIP + _FOOT
+    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
+        left, width = 1.6 / _WIDTH, (_WIDTH - 1.85) / _WIDTH
+        top = figure.add_axes((left, 1 - (_HEAD + _TOP) / total, width, _TOP / total))
+        low = figure.add_axes((left, _FOOT / total, width, drives * _STRIP / total), sharex=top)
+        _draw_speed(top, result)
+        used = _draw_use(low, result)
+        scene, path = result.problem.scene, result.problem.path
+        before = f" ({digits(result.before)} s before)" if result.before is not None else ""
+        title = f"{Path(scene.source).stem} · {Path(path.source).name}"
+        figure.text(0.02, 1 - 0.3 / total, title, fontsize=12, fontweight="bold", color=_INK)
+        text = (f"{digits(result.duration)} s{before}; no limit exceeded by more than "
+                f"{100 * result.excess:.2g} %")  # fmt: skip
+        figure.text(0.02, 1 - 0.55 / total, text, color=_QUIET)
+        _legend(figure, used)
+    return figure
+
+
+def fastest_figure(sets: Sequence[DriveSet], title: str) -> Figure:
+    """Draw cycle time over the mass of the drives: what was tried, and what nothing beats.
+
+    Args:
+        sets: of `fastest.fastest_sets`.
+        title: of the scene and its path.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+        figure = Figure(figsize=(8.0, 5.0), dpi=150, facecolor="white")
+        axes = figure.add_axes((0.09, 0.11, 0.88, 0.74))
+        best = [x for x in sets if x.best]
+        others = [x for x in sets if not x.best]
+        most = 1.25 * max(x.duration for x in best)  # far slower ones would squeeze the rest
+        shown = [x for x in others if x.duration <= most]
+        axes.plot([x.mass for x in shown], [x.duration for x in shown], "o", color=_QUIET,
+                  alpha=0.5, label="tried")  # fmt: skip
+        axes.step([x.mass for x in best], [x.duration for x in best], "o-", where="post",
+                  color=_SPEED, label="nothing lighter is as fast")  # fmt: skip
+        for x in best:
+            axes.annotate(x.held_by, (x.mass, x.duration), xytext=(5, 4), fontsize=7,
+                          textcoords="offset points", color=_INK)  # fmt: skip
+        axes.margins(x=0.12, y=0.12)
+        axes.set_xlabel("mass of all drives (kg)")
+        axes.set_ylabel("cycle time (s)")
+        figure.legend(loc="lower right", bbox_to_anchor=(0.98, 0.86), frameon=False, ncols=2)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        left = len(others) - len(shown)
+        figure.text(0.02, 0.94, title, fontsize=12, fontweight="bold", color=_INK)
+        figure.text(0.02, 0.895, "cycle time with other drives, and what holds each back"
+                    + f"; {left} slower ones not drawn" * (left > 0), color=_QUIET)  # fmt: skip
+    return figure
+
+
+def _draw_speed(axes: Axes, result: RetimeResult) -> None:
+    """The speed, and the curve that it cannot pass."""
+    departs, label = 0.0, True
+    curve = result.limit_curve()
+    stops = np.flatnonzero(result.profile.grid.stop)
+    holds, most = result.problem.path.holds, float(np.sqrt(result.profile.x.max()))
+    for p, (a, b) in enumerate(pairwise(stops)):
+        departs += holds[p]
+        t = departs + np.append(0.0, result.profile.time[a + 1 : b + 1])
+        limit = np.append(curve[a:b], curve[b - 1])
+        limit = np.where(limit < (3.0 * most) ** 2, np.sqrt(limit), np.nan)
+        axes.plot(t, limit, color=_LIMIT, linewidth=1.0, label="limit" if label else None)
+        fine = np.linspace(0.0, result.profile.duration[p], 400)
+        axes.plot(departs + fine, result.profile.at(p, fine)[1], color=_SPEED, linewidth=1.6,
+                  label="speed" if label else None)  # fmt: skip
+        departs, label = departs + float(result.moves[p]), False
+    axes.set_ylim(0.0, 1.35 * most)
+    axes.set_ylabel("along the path, ds/dt (1/s)")
+    axes.tick_params(labelbottom=False, colors=_QUIET)
+    axes.legend(loc="upper right", frameon=False, ncols=2)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
+    """A strip for each drive; returns which limits are reached."""
+    from matplotlib.colors import to_rgb
+
+    t, use = result.trajectory.t, result.usage
+    names = [drive.name for drive in result.problem.scene.drives]
+    edges = np.linspace(t[0], t[-1], min(_PIECES, len(t)) + 1)
+    first = np.searchsorted(t, edges[:-1])
+    most = np.maximum.reduceat(use, np.minimum(first, len(t) - 1), axis=0)
+    nearest, share = most.argmax(axis=2), np.clip(most.max(axis=2), 0.0, 1.0)
+    grey = 1.0 - 0.55 * share
+    colour = np.stack([grey, grey, np.minimum(grey + 0.06, 1.0)], axis=2)
+    table = np.array([to_rgb(c) for c in _COLOURS])
+    reached = share > _AT_LIMIT
+    colour[reached] = table[nearest[reached]]
+    axes.imshow(colour.transpose(1, 0, 2), aspect="auto", interpolation="nearest",
+                extent=(t[0], t[-1], len(names) - 0.5, -0.5))  # fmt: skip
+    axes.set_yticks(range(len(names)), names)
+    axes.set_yticks(np.arange(0.5, len(names) - 1), minor=True)
+    axes.grid(which="minor", axis="y", color="white", linewidth=2.0)
+    axes.tick_params(which="both", length=0)
+    axes.tick_params(axis="x", length=3, colors=_QUIET)
+    axes.set_xlabel("time (s)")
+    return sorted(set(nearest[reached].tolist()))
+
+
+def _legend(figure: Figure, used: list[int]) -> None:
+    from matplotlib.patches import Patch
+
+    patches = [Patch(color=_COLOURS[k], label=f"at its {KINDS[k]}") for k in used]
+    patches.append(Patch(color=(0.45, 0.45, 0.51), label="uses nearly all of a limit"))
+    figure.legend(handles=patches, loc="lower center", ncols=len(patches), frameon=False)

@@ -1,0 +1,1 @@
+"""The fastest motion that real drives can do along a path."""

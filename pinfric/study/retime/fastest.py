@@ -1,0 +1,115 @@
+"""Cycle time beside mass: which motor buys how much of it.
+
+From the drives that `size` chose, those that hold the motion back are exchanged for the next
+heavier ones that fit the cycle, the one that saves most time per kg first, until none saves any. A
+search by steps: sets that exchange several drives at once for less are not tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pinfric.errors import RetimeError
+from pinfric.study.retime.limits import candidate_limits
+from pinfric.study.retime.path import Path
+from pinfric.study.retime.retime import RetimeResult, retime
+from pinfric.study.sizing.assess import Assessment
+from pinfric.study.sizing.size import SizingReport, with_masses
+
+#: Drives that are exchanged in a step, and how many heavier ones are tried for each.
+_DRIVES, _HEAVIER = 2, 3
+#: Steps, and the part of the duration that a step saves at least.
+_STEPS, _LEAST = 12, 1e-3
+_POINTS = 150
+
+
+@dataclass(frozen=True)
+class DriveSet:
+    """A drive for every joint, and how fast the path is with them.
+
+    Attributes:
+        drives: joint -> name of its drive.
+        mass: kg, of all drives.
+        duration: s, holds included, continuous torques kept.
+        held_by: the drive and the limit that hold it back for the greatest part of the time.
+        best: faster than every lighter set that was tried, by 0.1 % or more.
+    """
+
+    drives: dict[str, str]
+    mass: float
+    duration: float
+    held_by: str
+    best: bool = True
+
+
+def fastest_sets(report: SizingReport, path: Path) -> tuple[DriveSet, ...]:
+    """Return the sets of drives that were tried, from the lightest on.
+
+    Args:
+        report: of `size` with a catalogue, a drive taken for each joint.
+        path: where to; all sets move along it.
+
+    Raises:
+        RetimeError: a joint has no drive, or the drives chosen cannot follow the path.
+    """
+    taken = {i: joint.taken for i, joint in enumerate(report.joints) if joint.taken is not None}
+    if len(taken) < len(report.joints) or report.catalog is None:
+        raise RetimeError(f"{report.given.source}: fastest: needs a drive for every joint; give "
+                          "size a catalogue that has one")  # fmt: skip
+    now = _tried(report, path, taken)
+    found, result = [now[0]], now[1]
+    for _ in range(_STEPS):
+        names = report.given.actuator_names
+        held = dict.fromkeys(drive for drive, kind, _ in result.held_back()
+                             if kind not in ("joint speed", "acceleration"))  # fmt: skip
+        if result.rms is not None and result.rms.max() > 0.99:
+            held = {names[int(result.rms.argmax())]: None} | held
+        options = []
+        for drive in list(held)[:_DRIVES]:
+            i = names.index(drive)
+            for other in _heavier(report, i, taken[i]):
+                try:
+                    options.append((*_tried(report, path, taken | {i: other}), i, other))
+                except RetimeError:  # figures missing, or too heavy for the joints below
+                    continue
+        found += [option[0] for option in options]
+        last = result.duration
+        better = [o for o in options if o[0].duration < last * (1.0 - _LEAST)]
+        if not better:
+            break
+        mass = sum(a.candidate.mass or 0.0 for a in taken.values())
+        best = max(better, key=lambda o: (last - o[0].duration) / max(o[0].mass - mass, 1e-3))
+        result, taken = best[1], taken | {best[2]: best[3]}
+    found.sort(key=lambda x: (x.mass, x.duration))
+    return tuple(
+        DriveSet(x.drives, x.mass, x.duration, x.held_by,
+                 all(x.duration < y.duration * (1.0 - _LEAST) for y in found[:k]))
+        for k, x in enumerate(found)
+    )  # fmt: skip
+
+
+def _heavier(report: SizingReport, i: int, taken: Assessment) -> list[Assessment]:
+    """The next drives that fit the cycle and weigh as much or more, and can give more."""
+    mass = taken.candidate.mass or 0.0
+    ranked = [a for a in report.joints[i].assessments
+              if a.fits and a is not taken and (a.candidate.mass or 0.0) >= mass]  # fmt: skip
+    return ranked[:_HEAVIER]
+
+
+def _tried(
+    report: SizingReport, path: Path, taken: Mapping[int, Assessment]
+) -> tuple[DriveSet, RetimeResult]:
+    """One set of drives, their masses in the model."""
+    scene = with_masses(report.given, taken, report.conditions)
+    names = scene.actuator_names
+    limits = {names[i]: candidate_limits(a.candidate, report.conditions) for i, a in taken.items()}
+    rated = any(limit.continuous_torque < float("inf") for limit in limits.values())
+    result = retime(scene, path, limits, rms=rated, points=_POINTS)
+    most = result.held_back()
+    held_by = f"{most[0][0]}: {most[0][1]}" if most else ""
+    if result.rms is not None and result.rms.max() > 0.99:
+        held_by = f"{names[int(result.rms.argmax())]}: continuous torque"
+    mass = sum(a.candidate.mass or 0.0 for a in taken.values())
+    drives = {names[i]: a.candidate.name for i, a in sorted(taken.items())}
+    return DriveSet(drives, mass, result.duration, held_by), result

@@ -1,0 +1,275 @@
+"""What limits each drive: its motor, its gear, its joint; by numbers, catalogue or URDF.
+
+    |T_m| <= peak,   |T_m/stall + omega/no-load| <= 1,   |omega| <= maximum,   |effort| <= gear's,
+    |v| <= joint's,  |a| <= joint's,   RMS(T_m) <= continuous torque over the cycle, if asked for
+
+T_m and omega at the motor's shaft (`drives.motor_torque_bounds`), the speed-torque line at the bus
+voltage (equivalent circuit of a DC or field-oriented motor, as `size` takes it).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from pinfric.errors import CatalogError, RetimeError, SceneError, choose_from
+from pinfric.model.entry import Entry, Positive, parse, strict_number
+from pinfric.model.scene import Scene
+from pinfric.model.schema import Transmission
+from pinfric.model.yamlfile import read_yaml
+from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
+from pinfric.study.sizing.drivetrain import Candidate, candidates
+from pinfric.study.sizing.size import geared
+from pinfric.study.summary import effort_unit
+from pinfric.study.trajectory.joint_columns import stated_limit
+
+#: What can hold a motion back, in the order of every table of shares.
+KINDS = ("peak torque", "speed-torque line", "motor speed", "effort", "input speed",
+         "joint speed", "acceleration")  # fmt: skip
+
+
+class DriveLimits(Entry):
+    """The limits of one drive; what is left out is no limit.
+
+    peak_torque (N m), stall_torque (N m) with no_load_speed (rad/s), max_speed (rad/s),
+    continuous_torque (N m): at the motor's shaft; effort (N m or N): most that the gear may
+    deliver; input_speed (rad/s): of the gear; velocity, acceleration (rad/s, rad/s^2; m/s, m/s^2):
+    of the joint. `transmission` takes the place of the scene's; `motor`: a name for tables.
+    """
+
+    peak_torque: Positive = math.inf
+    stall_torque: Positive = math.inf
+    no_load_speed: Positive = math.inf
+    max_speed: Positive = math.inf
+    effort: Positive = math.inf
+    input_speed: Positive = math.inf
+    velocity: Positive = math.inf
+    acceleration: Positive = math.inf
+    continuous_torque: Positive = math.inf
+    transmission: Transmission | None = None
+    motor: str = ""
+
+    @property
+    def driven(self) -> bool:
+        """Whether its torque is limited, without which nothing limits a motion."""
+        line = math.isfinite(self.stall_torque) and math.isfinite(self.no_load_speed)
+        return line or math.isfinite(min(self.peak_torque, self.effort))
+
+
+#: The field of `DriveLimits` behind each of `KINDS`.
+FIELDS = ("peak_torque", "stall_torque", "max_speed", "effort", "input_speed", "velocity",
+          "acceleration")  # fmt: skip
+
+
+class MotorsFile(Entry):
+    """A file of motors: for each drive limits, or the name of a drive of the catalogue.
+
+    Attributes:
+        catalog: file, or "default" for the bundled one. conditions: what differs from its own
+            (bus voltage, reserve on the peak torque).
+        drives: drive name -> `DriveLimits`; with a key `drive`, the name of a drive of the
+            catalogue as `pinfric size` names it, whose figures the others take the place of.
+        others: the same for all drives that are not named.
+    """
+
+    pinfric_motors: Annotated[Literal[1], BeforeValidator(strict_number)]
+    catalog: str = "default"
+    conditions: dict[str, Any] = Field(default_factory=dict)
+    drives: dict[str, Any] = Field(default_factory=dict)
+    others: Any = None
+
+
+#: What `retime` takes as limits.
+LimitsLike = Mapping[str, Any] | str | Path | None
+
+
+def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
+    """Return the limits of every drive, in the order of the scene's.
+
+    Args:
+        scene: with the drives.
+        limits: drive name -> `DriveLimits`, a mapping as in `MotorsFile.drives`, a `Candidate` or
+            the name of a drive of the bundled catalogue ("motor + gear"); such a file;
+            "default:NAME" for the same drive everywhere; None: effort and velocity
+            as the URDF states them.
+
+    Raises:
+        RetimeError: no limits for a drive, or none of its torque; a name that is not there.
+        CatalogError: as reading a catalogue raises it.
+    """
+    conditions, catalog, others = None, "default", None
+    if limits is None:
+        return tuple(_stated(scene, i) for i in range(len(scene.drives)))
+    given: Mapping[str, Any] = {}
+    if isinstance(limits, Mapping):
+        given = limits
+    elif str(limits).startswith("default:"):
+        others = str(limits).partition(":")[2]
+    else:
+        file = _read(Path(limits))
+        given, others, conditions = file.drives, file.others, file.conditions
+        catalog = file.catalog
+    for name in given:
+        if name not in scene.actuator_names:
+            raise RetimeError(f"limits: there is no drive {name!r}; "
+                              f"{choose_from(name, scene.actuator_names)}")  # fmt: skip
+    shop = _Shop(catalog, conditions)
+    found = []
+    for drive in scene.drives:
+        entry = given.get(drive.name, others)
+        if entry is None:
+            raise RetimeError(f"limits: none for drive {drive.name!r}; give at least peak_torque "
+                              "(N m, at the motor's shaft), or a motor by name")  # fmt: skip
+        found.append(_limits(drive.name, entry, shop))
+    return tuple(found)
+
+
+def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
+    """Return the scene with the drives' transmissions in place of its own where they have one."""
+    if all(limit.transmission is None for limit in limits):
+        return scene
+    own = {drive.name: limit.transmission for drive, limit in zip(scene.drives, limits, strict=True)
+           if limit.transmission is not None}  # fmt: skip
+    return scene.with_(actuators=geared(scene, own))
+
+
+def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimits:
+    """Return the limits of a drive of a catalogue, under given conditions.
+
+    The peak torque is divided by `conditions.peak_factor`, the line is at `conditions.bus_voltage`,
+    the continuous torque at `conditions.ambient`; the gear's limit is its repeated peak torque,
+    without one its momentary peak torque. A gearmotor's figures are brought to its motor's shaft.
+
+    Raises:
+        RetimeError: a figure is missing that the motor's torque needs.
+    """
+    ratings, ratio = candidate.ratings, candidate.ratio
+    if candidate.transmission is None:
+        raise RetimeError(f"{candidate.name}: not known: {', '.join(candidate.missing)}; without "
+                          "it the motor's torque cannot be computed")  # fmt: skip
+    torque, speed = (1 / ratio, ratio) if candidate.at_output else (1.0, 1.0)
+    values: dict[str, float | None] = {
+        "peak_torque": None if ratings.peak_torque is None else
+        torque * ratings.peak_torque / conditions.peak_factor,
+        "max_speed": ratings.speed_limit(conditions.bus_voltage)[0],
+        "continuous_torque": ratings.continuous_at(conditions)[0],
+    }  # fmt: skip
+    for key, factor in (("max_speed", speed), ("continuous_torque", torque)):
+        value = values[key]
+        values[key] = None if value is None else factor * value
+    if ratings.has_line:
+        one, none = np.ones(1), np.zeros(1)
+        values["stall_torque"] = (
+            torque * conditions.bus_voltage / float(ratings.voltage(one, none)[0])
+        )
+        values["no_load_speed"] = (
+            speed * conditions.bus_voltage / float(ratings.voltage(none, one)[0])
+        )
+    if candidate.gear is not None:
+        gear = candidate.gear
+        values["effort"] = gear.repeated_peak_torque or gear.momentary_peak_torque
+        values["input_speed"] = gear.max_input_speed
+    known: dict[str, Any] = {key: value for key, value in values.items() if value is not None}
+    return DriveLimits(**known, motor=candidate.name).model_copy(
+        update={"transmission": candidate.transmission}  # its figures were validated in the entry
+    )
+
+
+def scaled(limits: DriveLimits, kind: int, factor: float) -> DriveLimits:
+    """Return the limits with one of `KINDS` times a factor (of the line: the stall torque)."""
+    field = FIELDS[kind]
+    return limits.model_copy(update={field: factor * getattr(limits, field)})
+
+
+def with_ratio(limits: DriveLimits, own: Transmission | None, ratio: float) -> DriveLimits:
+    """Return the limits behind a gear of another ratio, its other figures as they are."""
+    transmission = limits.transmission or own or Transmission(ratio=1.0)
+    return limits.model_copy(
+        update={"transmission": transmission.model_copy(update={"ratio": ratio})}
+    )
+
+
+class _Shop:
+    """A catalogue, read at the first name that is asked for."""
+
+    def __init__(self, catalog: str, conditions: Mapping[str, Any] | None) -> None:
+        self.file, self.given = catalog, conditions
+        self.catalog: Catalog | None = None
+
+    def drive(self, where: str, name: str) -> DriveLimits:
+        if self.catalog is None:
+            self.catalog = load_catalog(self.file)
+        known = {c.name: c for linear in (False, True) for c in candidates(self.catalog, linear)}
+        if name not in known:
+            raise RetimeError(f"limits.{where}: {self.file} has no drive {name!r}; "
+                              f"{choose_from(name, known)}")  # fmt: skip
+        conditions = parse_conditions(self.given, self.catalog.conditions)
+        return candidate_limits(known[name], conditions)
+
+
+def _limits(name: str, entry: Any, shop: _Shop) -> DriveLimits:
+    if isinstance(entry, str):
+        found = shop.drive(name, entry.removeprefix("default:"))
+    elif isinstance(entry, Candidate):
+        found = candidate_limits(entry, Conditions())
+    else:
+        chosen = None
+        if isinstance(entry, dict) and "drive" in entry:
+            chosen = shop.drive(name, str(entry["drive"]).removeprefix("default:"))
+            entry = {key: value for key, value in entry.items() if key != "drive"}
+        try:
+            found = parse(DriveLimits, entry, f"limits.{name}")
+        except SceneError as problem:
+            raise RetimeError(str(problem)) from None
+        if chosen is not None:
+            own = {key: getattr(found, key) for key in found.model_fields_set}
+            found = chosen.model_copy(update=own)
+    if math.isfinite(found.stall_torque) != math.isfinite(found.no_load_speed):
+        raise RetimeError(f"limits.{name}: the speed-torque line needs both stall_torque and "
+                          "no_load_speed")  # fmt: skip
+    if not found.driven:
+        raise RetimeError(f"limits.{name}: nothing limits its torque; give peak_torque, "
+                          "stall_torque with no_load_speed, or effort")  # fmt: skip
+    return found
+
+
+def _stated(scene: Scene, i: int) -> DriveLimits:
+    """Effort and velocity as the URDF states them."""
+    drive = scene.drives[i]
+    effort = stated_limit(float(scene.model.effortLimit[drive.velocity_index]))
+    if not math.isfinite(effort):
+        raise RetimeError(
+            f"limits: the robot states no effort limit for {drive.name!r} ({effort_unit(scene, i)})"
+            "; give limits of its drives (--motors)"
+        )
+    return DriveLimits(effort=effort)
+
+
+def _read(path: Path) -> MotorsFile:
+    content = read_yaml(path, CatalogError)
+    try:
+        file: MotorsFile = parse(MotorsFile, content, str(path))
+    except SceneError as problem:
+        raise CatalogError(str(problem)) from None
+    return file
+
+
+def joint_speeds(scene: Scene, limits: Sequence[DriveLimits]) -> np.ndarray:
+    """Return (na,) the greatest |v| of each drive's joint: URDF, limits, motor and gear."""
+    stated = [stated_limit(float(scene.model.velocityLimit[d.velocity_index]))
+              for d in scene.drives]  # fmt: skip
+    ratio = [1.0 if d.transmission is None else abs(d.transmission.ratio) for d in scene.drives]
+    rows = zip(stated, ratio, limits, strict=True)
+    return np.array([
+        min(speed, x.velocity, min(x.max_speed, x.input_speed) / r) for speed, r, x in rows
+    ])  # fmt: skip
+
+
+def replaced(limits: Sequence[DriveLimits], i: int, new: DriveLimits) -> tuple[DriveLimits, ...]:
+    """Return the limits with one drive's exchanged."""
+    return (*limits[:i], new, *limits[i + 1 :])

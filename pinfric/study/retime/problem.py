@@ -1,0 +1,247 @@
+"""A path with its drives as one problem of `scan.fastest`: modes, limits, and what went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.motor_torques import drive_stick_velocity
+from pinfric.dynamics.result import InverseResult
+from pinfric.errors import RetimeError
+from pinfric.model.drives import gear_table
+from pinfric.model.scene import Scene
+from pinfric.study.retime.limits import KINDS, DriveLimits, joint_speeds
+from pinfric.study.retime.path import Path
+from pinfric.study.retime.profile import Profile, columns_to_velocities
+from pinfric.study.retime.scan import BREAKING, NEEDED, WORST, Scan, box_scan, fastest
+from pinfric.study.retime.tables import Grid, Tables, carried_names
+from pinfric.study.summary import effort_unit, ends_by_magnitude, rests
+from pinfric.study.trajectory.joint_columns import JointColumn, configurations
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What is demanded where a joint stands still.
+
+    Attributes:
+        reversal: "interval": both ends of the interval of standstill are within the limits, as
+            `inverse_dynamics` reports them at the sample beside a reversal or a start; "own sign":
+            only friction against the motion counts.
+        rest: "worst": the same for a joint that rests while others move; "needed": the drive can
+            hold it.
+        sample_rate: Hz, of the samples that are within the limits.
+        tolerance: by which part a limit may be exceeded between grid points.
+    """
+
+    reversal: Literal["interval", "own sign"] = "interval"
+    rest: Literal["worst", "needed"] = "worst"
+    sample_rate: float = 1000.0
+    tolerance: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A grid with everything that limits the speed along it.
+
+    Attributes:
+        scene: an open chain, with the drives' transmissions. path: its pieces.
+        columns: of the joints. limits: (na,) of the drives. policy: see `Policy`.
+        grid, tables: of the path.
+        mode: (n, 2, nv) see `scan.MOVING`. constant: (n,) bool, u is constant in the interval.
+    """
+
+    scene: Scene
+    path: Path
+    columns: tuple[JointColumn, ...]
+    limits: tuple[DriveLimits, ...]
+    policy: Policy
+    grid: Grid
+    tables: Tables
+    mode: np.ndarray
+    constant: np.ndarray
+
+    @cached_property
+    def _sites(self) -> dict[str, np.ndarray]:
+        """The fields of `Scan` that say which sites rub on which drive."""
+        sites, nv = self.scene.site_tables, self.scene.model.nv
+        order = np.argsort(sites.velocity_index, kind="stable")
+        counts = np.bincount(sites.velocity_index, minlength=nv)
+        terms = np.bincount(sites.contacts.site, minlength=len(order))
+        return {
+            "site_start": np.concatenate(([0], np.cumsum(counts))),
+            "site": order,
+            "weight": np.abs(sites.ratio[order]),
+            "turn": np.sign(sites.ratio[order]),
+            "term_start": np.concatenate(([0], np.cumsum(terms))),
+            "load": sites.contacts.constant,
+        }
+
+    def scan(self) -> Scan:
+        """Return what `scan.fastest` reads."""
+        grid, limits, drives = self.grid, self.limits, self.scene.drives
+        speed = joint_speeds(self.scene, limits)
+        with np.errstate(divide="ignore"):
+            top = ((speed / np.abs(grid.rate)) ** 2).min(axis=1)
+        stick = [drive_stick_velocity(self.scene, drive) for drive in drives]
+        names = "peak_torque", "stall_torque", "no_load_speed", "effort", "acceleration"
+        columns = {name: np.array([getattr(x, name) for x in limits]) for name in names}
+        return Scan(
+            step=grid.step, start=grid.start, end=grid.end, stop=grid.stop,
+            effort=self.tables.effort, gram=self.tables.gram, rate=grid.rate,
+            curvature=grid.curvature, top=np.minimum(top, 1e15), way=grid.way, mode=self.mode,
+            constant=self.constant, laws=self.scene.site_tables.laws,
+            gears=gear_table([drive.transmission for drive in drives], stick),
+            peak=columns["peak_torque"], stall=columns["stall_torque"],
+            no_load_speed=columns["no_load_speed"], effort_limit=columns["effort"],
+            acceleration=columns["acceleration"], work=np.empty((self.tables.gram.shape[1], 3)),
+            head=np.empty(8), holes=np.zeros(1, dtype=np.int64), **self._sites,
+        )  # fmt: skip
+
+    def solve(self) -> Profile:
+        """Return the fastest profile.
+
+        Raises:
+            RetimeError: there is none; names the place, the drive, what it needs and has.
+        """
+        x, u = np.empty(len(self.grid.stop)), np.empty((len(self.grid.step), 2))
+        failed = fastest(box_scan(tuple(self.scan())), x, u)
+        if failed >= 0:
+            raise RetimeError(self._why(failed))
+        return Profile.of(self.grid, x, u)
+
+    def with_limits(self, limits: Sequence[DriveLimits], scene: Scene | None = None) -> Problem:
+        """Return the same problem with other limits, and a scene with other transmissions."""
+        return replace(self, limits=tuple(limits), scene=scene or self.scene)
+
+    def states(
+        self, s: np.ndarray, piece: np.ndarray, x: np.ndarray, u: np.ndarray,
+        attached: np.ndarray | None = None,
+    ) -> InverseResult:  # fmt: skip
+        """Return inverse dynamics at places of the path, as states without order.
+
+        Args:
+            s, piece: (m,) places. x, u: (m,) (ds/dt)^2 and d^2s/dt^2.
+            attached: (m, np) what is carried; None: what the pieces carry.
+        """
+        q, rate, bend = (np.empty((len(s), self.path.nj)) for _ in range(3))
+        for p in np.unique(piece):
+            here, curve = piece == p, self.path.pieces[p]
+            q[here], rate[here], bend[here] = curve(s[here]), curve(s[here], 1), curve(s[here], 2)
+        v = columns_to_velocities(self.columns, rate * np.sqrt(x)[:, None])
+        a = columns_to_velocities(self.columns, rate * u[:, None] + bend * x[:, None])
+        if attached is None and self.path.attached is not None:
+            attached = self.path.attached[piece]
+        full = configurations(self.columns, q, self.scene.model.nq)
+        return inverse_dynamics(self.scene, full, v, a, attached=attached)
+
+    def _why(self, interval: int) -> str:
+        """Say where there is no way on, and which drive is at its end."""
+        grid, n = self.grid, len(self.grid.step)
+        row = grid.start[interval]
+        piece, s = int(grid.piece[row]), float(grid.s[row])
+        where = self.place(piece, s)
+        still = self.states(np.array([s]), np.array([piece]), np.zeros(1), np.zeros(1))
+        use = usage(still, self.limits, self.policy)[0]
+        d, kind = divmod(int(use.argmax()), use.shape[1])
+        if use[d, kind] > 1.0:
+            what = "break away" if grid.stop[interval] and grid.way[interval, d] else "hold"
+            return f"{where}: drive {self.limits_text(still, d, kind, what)}"
+        for k, drive in enumerate(self.scene.drives):
+            free = [limit if i != k else DriveLimits() for i, limit in enumerate(self.limits)]
+            x, u = np.empty(n + 1), np.empty((n, 2))
+            scan = self.with_limits(free).scan()
+            if fastest(box_scan(tuple(scan)), x, u) != interval:
+                return (f"{where}: drive {drive.name!r} cannot follow the path on from there at "
+                        "any speed; a stronger drive, or less curvature")  # fmt: skip
+        return f"{where}: several drives together cannot follow the path at any speed"
+
+    def place(self, piece: int, s: float) -> str:
+        """Say where on the path a place is."""
+        curve = self.path.pieces[piece]
+        share = (s - curve.x[0]) / (curve.x[-1] - curve.x[0])
+        text = "at the start" if share <= 0 else f"at {100 * share:.0f} %"
+        return f"{self.path.source}: {text} of piece {piece}{self.carrying(piece)}"
+
+    def carrying(self, piece: int) -> str:
+        """Say what a piece carries; empty if nothing."""
+        carried = carried_names(self.scene, self.path, piece)
+        return f", carrying {', '.join(carried)}" if carried else ""
+
+    def limits_text(self, result: InverseResult, d: int, kind: int, what: str) -> str:
+        """Say what one drive would need in the first sample to `what`, and what it has."""
+        torques = result.motor_torque_lower[0, d], result.motor_torque_upper[0, d]
+        efforts = result.effort_lower[0, d], result.effort_upper[0, d]
+        x, unit = self.limits[d], effort_unit(self.scene, d)
+        name = self.scene.drives[d].name
+        if KINDS[kind] == "effort":
+            need, have, of = max(map(abs, efforts)), x.effort, unit
+        else:
+            need, have = max(map(abs, torques)), min(x.peak_torque, x.stall_torque)
+            of = f"{'N m' if self.scene.drives[d].transmission else unit} of its motor"
+        return f"{name!r} cannot {what}: needs {need:.4g} {of}, has {have:.4g}"
+
+
+def modes(grid: Grid, policy: Policy, zones: Sequence[tuple[int, int, float, float]]) -> np.ndarray:
+    """Return how each drive is judged at both ends of each interval, (n, 2, nv).
+
+    Args:
+        grid: the points.
+        policy: see `Policy`.
+        zones: (drive, piece, from s, to s): within them it reverses, and both signs count.
+    """
+    way, rests_ = grid.way, grid.way == 0.0
+    mode = np.zeros((*way.shape[:1], 2, way.shape[1]), dtype=np.int64)
+    leaving = WORST if policy.reversal == "interval" else BREAKING
+    for j in range(len(way)):
+        new = np.ones(way.shape[1], bool) if grid.stop[j] else rests_[j - 1]
+        mode[j, 0, new] = leaving
+        if policy.reversal == "own sign" and not grid.stop[j]:
+            mode[j, 0, way[j] * way[j - 1] < 0.0] = BREAKING
+    middle = 0.5 * (grid.s[grid.start] + grid.s[grid.end])
+    for d, piece, first, last in zones:
+        inside = (grid.piece[grid.start] == piece) & (first < middle) & (middle < last)
+        mode[inside, :, d] = WORST
+    both = np.broadcast_to(rests_[:, None, :], mode.shape)
+    mode[both] = WORST if policy.rest == "worst" else NEEDED
+    return mode
+
+
+def usage(result: InverseResult, limits: Sequence[DriveLimits], policy: Policy) -> np.ndarray:
+    """Return which part of each limit a motion uses, (T, na, number of `limits.KINDS`).
+
+    Args:
+        result: of inverse dynamics.
+        limits: (na,) of the drives.
+        policy: where a drive stands still and only what is needed counts, the least torque of its
+            interval does.
+    """
+    scene, v = result.scene, result.actuator_velocity
+    use = np.zeros((*v.shape, len(KINDS)))
+    speeds = joint_speeds(scene, [DriveLimits() for _ in limits])
+    for d, (drive, x) in enumerate(zip(scene.drives, limits, strict=True)):
+        ends = [result.motor_torque_lower[:, d], result.motor_torque_upper[:, d]]
+        efforts = [result.effort_lower[:, d], result.effort_upper[:, d]]
+        least = np.zeros(len(v), dtype=bool)
+        if policy.rest == "needed":
+            least |= rests(result, d)
+        if policy.reversal == "own sign":
+            least |= result.reversal[:, [s.velocity_index == d for s in scene.sites]].any(axis=1)
+        for pair in (ends, efforts):
+            nearer = ends_by_magnitude(*pair)[1]
+            pair[0], pair[1] = (np.where(least, nearer, end) for end in pair)
+        ratio = 1.0 if drive.transmission is None else drive.transmission.ratio
+        omega = ratio * v[:, d]
+        use[:, d, 0] = np.maximum(*map(np.abs, ends)) / x.peak_torque
+        line = (end / x.stall_torque + omega / x.no_load_speed for end in ends)
+        use[:, d, 1] = np.maximum(*map(np.abs, line))
+        use[:, d, 2] = np.abs(omega) / x.max_speed
+        use[:, d, 3] = np.maximum(*map(np.abs, efforts)) / x.effort
+        use[:, d, 4] = np.abs(omega) / x.input_speed
+        use[:, d, 5] = np.abs(v[:, d]) / min(x.velocity, speeds[d])
+        use[:, d, 6] = np.abs(result.actuator_acceleration[:, d]) / x.acceleration
+    return use

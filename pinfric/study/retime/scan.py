@@ -1,0 +1,561 @@
+"""The fastest profile x(s) = (ds/dt)^2 on a grid: one scan back, one forward.
+
+At a place and a speed every limit of a drive bounds u = d^2s/dt^2. In the direction of motion the
+effort is y(u), friction included, and the motor's torque times the ratio F(u) = upper(y) + ...,
+both convex (a line, plus norms of wrenches that are affine in u, through a gear that loses). So
+F <= r T leaves an interval of u, and F >= -r T takes one out. Inside an interval of the grid u is
+linear in s and each end is judged by itself (or constant, judged at both):
+
+    x' - x = step (u_a + u_b),      u_a in [low, high](x),  u_b in [low', high'](x')
+
+Backward: K_i, the greatest x from which K_{i+1} is reached. Forward: the greatest x' <= K_{i+1}.
+The greater of two feasible profiles is feasible, so the pointwise greatest is the fastest (Pham &
+Pham 2018, A new approach to time-optimal path parameterization based on reachability analysis, for
+limits that are linear in (x, u)).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pinfric.model.compiled import kernel, record
+from pinfric.model.drives import Gears, gear_drag, gear_line
+from pinfric.model.laws import Laws, friction_at
+
+#: How a drive is judged at one end of an interval: by its own direction and friction in motion;
+#: with friction at rest against leaving it; by both ends of its interval of standstill, each of
+#: which must be within the limits; by the nearer of them.
+MOVING, BREAKING, WORST, NEEDED = range(4)
+_FAR = 1.0e9
+#: Levels of x that are tried where a solution is not next to the expected one, and bisections.
+_LEVELS, _HALVINGS = 48, 52
+_OPEN, _PASSABLE, _REACHED = range(3)
+#: An interval that leaves less of x than this is taken more slowly.
+_HARDEST = 0.25
+_TINY = 1.0e-12
+
+
+class Scan(NamedTuple):
+    """Everything the scan reads.
+
+    Attributes:
+        step, start, end, stop: of `tables.Grid`. effort, gram: of `tables.Tables`.
+        rate, curvature: (m, nv) q' and q'' of each row.
+        top: (m,) greatest x that the speeds allow.
+        way: (n, nv) sign of each drive's motion in each interval, 0 at rest.
+        mode: (n, 2, nv) see `MOVING`.
+        constant: (n,) bool, whether u is constant in the interval.
+        site_start: (nv + 1,) which entries of the next three are a drive's.
+        site, weight, turn: (ns,) site, its speed per speed of the drive, and the sign of that.
+        term_start: (ns + 1,) which rows of `gram` are a site's.
+        load: (ns,) constant part of each site's load.
+        laws: of the sites. gears: of the drives.
+        peak, stall, no_load_speed: (nv,) N m, N m, rad/s at the motor's shaft; infinite: no limit.
+        effort_limit, acceleration: (nv,) N m or N, rad/s^2 or m/s^2 at the joint.
+        work: (nt, 3), head: (8,) scratch.
+        holes: (1,) how often a lower limit cut u's interval in two.
+    """
+
+    step: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    stop: np.ndarray
+    effort: np.ndarray
+    gram: np.ndarray
+    rate: np.ndarray
+    curvature: np.ndarray
+    top: np.ndarray
+    way: np.ndarray
+    mode: np.ndarray
+    constant: np.ndarray
+    site_start: np.ndarray
+    site: np.ndarray
+    weight: np.ndarray
+    turn: np.ndarray
+    term_start: np.ndarray
+    load: np.ndarray
+    laws: Laws
+    gears: Gears
+    peak: np.ndarray
+    stall: np.ndarray
+    no_load_speed: np.ndarray
+    effort_limit: np.ndarray
+    acceleration: np.ndarray
+    work: np.ndarray
+    head: np.ndarray
+    holes: np.ndarray
+
+
+ScanRecord = record(Scan)
+
+
+@kernel
+def box_scan(fields: tuple[Any, ...]) -> Any:
+    """Return the record of a `Scan`'s fields."""
+    return ScanRecord(*fields)
+
+
+@kernel
+def _prepare(s: Scan, row: int, d: int, way: float, static: bool, x: float) -> int:
+    """Write y(u) and F(u) of one drive in one direction into the scratch.
+
+    y = head[0] + head[1] u + sum sqrt(work . (1, u, u^2)), F = upper(y) + head[2] + head[3] u; what
+    follows in head is for `gear_line`: drive, direction, speed, whether it is to leave rest.
+
+    Returns:
+        the number of norms.
+    """
+    rate, root = s.rate[row, d], np.sqrt(x)
+    speed = abs(rate) * root
+    base = way * (s.effort[row, d, 0] + s.effort[row, d, 1] * x)
+    count = 0
+    for k in range(s.site_start[d], s.site_start[d + 1]):
+        site, weight = s.site[k], s.weight[k]
+        forward = way * s.turn[k] > 0.0
+        now = friction_at(s.laws, site, speed * weight)
+        mu, flat = now.mu, now.forward if forward else now.backward
+        if static:
+            mu, flat = s.laws.mu_static[site], s.laws.coulomb_static[site, 0 if forward else 1]
+        mu += now.drag_mu
+        flat += now.drag_forward if forward else now.drag_backward
+        flat += s.laws.viscous[site] * speed * weight
+        base += weight * (flat + mu * s.load[site])
+        square = (weight * mu) ** 2
+        if square == 0.0:
+            continue
+        for t in range(s.term_start[site], s.term_start[site + 1]):
+            g = s.gram[row, t]
+            s.work[count, 0] = square * (g[0] + x * (2.0 * g[3] + x * g[1]))
+            s.work[count, 1] = square * 2.0 * (g[4] + x * g[5])
+            s.work[count, 2] = square * g[2]
+            count += 1
+    r, inertia = s.gears.ratio[d], s.gears.rotor_inertia[d]
+    s.head[0], s.head[1] = base, way * s.effort[row, d, 2]
+    s.head[2] = gear_drag(s.gears, d, speed) + r * r * way * inertia * s.curvature[row, d] * x
+    s.head[3] = r * r * way * inertia * rate
+    s.head[4], s.head[5], s.head[6], s.head[7] = d, way, speed, 1.0 if static else 0.0
+    return count
+
+
+@kernel
+def _value(s: Scan, count: int, motor: bool, u: float) -> tuple[float, float]:
+    """F(u) and its slope; y(u) and its slope where it is not the motor's."""
+    f, slope = s.head[0] + s.head[1] * u, s.head[1]
+    for k in range(count):
+        b, c = s.work[k, 1], s.work[k, 2]
+        square = s.work[k, 0] + u * (b + c * u)
+        if square > 0.0:
+            norm = np.sqrt(square)
+            f += norm
+            slope += (0.5 * b + c * u) / norm
+    if motor:
+        d, way = int(s.head[4]), s.head[5]
+        line = gear_line(s.gears, d, way, s.head[6], s.head[7] > 0.0, way * f)
+        f = line[0] * f + way * line[1] + s.head[2] + s.head[3] * u
+        slope = line[0] * slope + s.head[3]
+    return f, slope
+
+
+@kernel
+def _root(s: Scan, count: int, motor: bool, u: float, side: float, target: float) -> float:
+    """Newton from above a function's level to it, leftwards (side -1) or rightwards.
+
+    Monotone where the function is convex; where a gear's efficiency rises with its load it is not
+    quite, and what Newton overshoots is bisected. NaN where it does not come down on this side.
+    """
+    outside, inside = u, np.nan
+    for _ in range(80):
+        f, slope = _value(s, count, motor, u)
+        if abs(f - target) <= _TINY * (abs(target) + abs(s.head[0])):  # rounding from afar: below
+            return u
+        if f > target:
+            outside = u
+            if side * slope >= 0.0 and inside != inside:
+                return np.nan
+        else:
+            inside = u
+        following = u - (f - target) / slope if slope != 0.0 else outside
+        if inside == inside and not (following - inside) * (following - outside) < 0.0:
+            following = 0.5 * (inside + outside)
+        if following == u:
+            return u
+        u = following
+    return u
+
+
+@kernel
+def _within(
+    s: Scan, count: int, motor: bool, least: float, most: float, low: float, high: float
+) -> tuple[float, float]:
+    """Part of [low, high] in which least <= f(u) <= most, f convex; low > high where none is."""
+    f_low, slope_low = _value(s, count, motor, low)
+    f_high, slope_high = _value(s, count, motor, high)
+    if f_high > most or f_low > most:
+        if f_high > most:
+            high = _root(s, count, motor, high, -1.0, most)
+        if f_low > most:
+            low = _root(s, count, motor, low, 1.0, most)
+        if not low <= high:
+            return _FAR, -_FAR
+        f_low, slope_low = _value(s, count, motor, low)
+        f_high, slope_high = _value(s, count, motor, high)
+    slack = _TINY * (abs(least) + abs(s.head[0])) if least > -np.inf else 0.0
+    below_low, below_high = f_low < least - slack, f_high < least - slack
+    if below_low and below_high:
+        return _FAR, -_FAR
+    if below_low:
+        return _root(s, count, motor, high, -1.0, least), high
+    if below_high:
+        return low, _root(s, count, motor, low, 1.0, least)
+    if slope_low < 0.0 < slope_high and least > -np.inf:
+        meet = (f_high - f_low + slope_low * low - slope_high * high) / (slope_low - slope_high)
+        if f_low + slope_low * (meet - low) < least:  # the tangents go below: f may, too
+            left = _root(s, count, motor, low, 1.0, least)
+            if left == left:
+                right = _root(s, count, motor, high, -1.0, least)
+                if right > left:
+                    s.holes[0] += 1
+                    if left - low >= high - right:
+                        return low, left
+                    return right, high
+    return low, high
+
+
+@kernel
+def _limited(
+    s: Scan, row: int, d: int, way: float, static: bool, upper: bool, lower: bool, x: float,
+    low: float, high: float,
+) -> tuple[float, float]:  # fmt: skip
+    """Part of [low, high] that a drive's torque and effort leave, in one direction."""
+    r, speed = abs(s.gears.ratio[d]), abs(s.rate[row, d]) * np.sqrt(x)
+    line = r * speed / s.no_load_speed[d]
+    most, least = np.inf, -np.inf
+    if upper:
+        most = r * min(s.peak[d], s.stall[d] * (1.0 - line))
+    if lower:
+        least = -r * min(s.peak[d], s.stall[d] * (1.0 + line))
+    count = _prepare(s, row, d, way, static, x)
+    if most < np.inf or least > -np.inf:
+        low, high = _within(s, count, True, least, most, low, high)
+    limit = s.effort_limit[d]
+    if limit < np.inf and low <= high:
+        least, most = -limit if lower else -np.inf, limit if upper else np.inf
+        low, high = _within(s, count, False, least, most, low, high)
+    return low, high
+
+
+@kernel
+def bounds(s: Scan, j: int, side: int, x: float) -> tuple[float, float]:
+    """Return least and greatest u at one end of an interval; least > greatest where there is none.
+
+    Args:
+        s: see `Scan`.
+        j: the interval; side: 0 its start, 1 its end.
+        x: (ds/dt)^2 there.
+    """
+    row = s.start[j] if side == 0 else s.end[j]
+    low, high = -_FAR, _FAR
+    if x > s.top[row] * (1.0 + _TINY):
+        return high, low
+    for d in range(s.rate.shape[1]):
+        most, rate, bend = s.acceleration[d], s.rate[row, d], s.curvature[row, d] * x
+        if most < np.inf:
+            if rate != 0.0:
+                ends = (-most - bend) / rate, (most - bend) / rate
+                low, high = max(low, min(ends)), min(high, max(ends))
+            elif abs(bend) > most:
+                return _FAR, -_FAR
+        mode, way = s.mode[j, side, d], s.way[j, d]
+        if mode == MOVING and low <= high:
+            low, high = _limited(s, row, d, way, False, True, True, x, low, high)
+        elif mode == BREAKING and low <= high:
+            low, high = _limited(s, row, d, way, True, True, False, x, low, high)
+            if low <= high:
+                low, high = _limited(s, row, d, way, False, False, True, x, low, high)
+        elif low <= high:
+            upper = mode == WORST
+            low, high = _limited(s, row, d, 1.0, True, upper, not upper, x, low, high)
+            if low <= high:
+                low, high = _limited(s, row, d, -1.0, True, upper, not upper, x, low, high)
+        if not low <= high:
+            return _FAR, -_FAR
+    return low, high
+
+
+@kernel
+def _near(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """The range of u at one end, no farther from that at the other than this is wide.
+
+    Where the only joint that moves reverses, nothing limits u at that place, but close to it.
+    """
+    beyond = abs(b[0]) + abs(b[1])
+    return max(a[0], b[0] - beyond), min(a[1], b[1] + beyond)
+
+
+@kernel
+def _span(s: Scan, j: int, a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """Least and greatest u_a + u_b of an interval; least > greatest where there is none."""
+    if a[0] > a[1] or b[0] > b[1]:
+        return _FAR, -_FAR
+    if s.constant[j]:
+        return 2.0 * max(a[0], b[0]), 2.0 * min(a[1], b[1])
+    first, second = _near(a, b), _near(b, a)
+    return first[0] + second[0], first[1] + second[1]
+
+
+@kernel
+def _reaches(s: Scan, j: int, x: float, a: tuple[float, float], end: float) -> int:
+    """Whether x' = end is reached from x: 0 yes, 1 it is too great, -1 too small, 2 no u there."""
+    least, most = _span(s, j, a, bounds(s, j, 1, end))
+    if least > most + _TINY * (abs(least) + abs(most)):
+        return 2
+    step = s.step[j]
+    need = (end - x) / step
+    slack = 1e-10 * (abs(least) + abs(most)) + _TINY * (abs(x) + abs(end)) / step
+    if need > most + slack:
+        return 1
+    return -1 if need < least - slack else 0
+
+
+@kernel
+def _passes(s: Scan, j: int, what: int, x: float, a: tuple[float, float], value: float) -> bool:
+    """Predicate of `_greatest`."""
+    if what == _OPEN:
+        least, most = bounds(s, j, 0, value)
+        return least <= most
+    if what == _REACHED:
+        return _reaches(s, j, x, a, value) == 0
+    least, most = _span(s, j, a, bounds(s, j, 1, value))
+    return least <= most
+
+
+@kernel
+def _greatest(
+    s: Scan, j: int, what: int, x: float, a: tuple[float, float], guess: float, most: float
+) -> float:
+    """The greatest value <= most with a property, or -1: levels below a guess, then bisection.
+
+    Args:
+        s, j: see `bounds`.
+        what: `_OPEN`: there is any u at the start of the interval; `_PASSABLE`: at its end, beside
+            that in a at its start; `_REACHED`: it is reached from x.
+        x, a: speed and range of u at the start, where they matter.
+        guess: where the search begins; most: no greater one is asked for.
+    """
+    for k in range(_LEVELS + 1):
+        good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), most)
+        if _passes(s, j, what, x, a, good):
+            for _ in range(_HALVINGS if bad > good else 0):
+                middle = 0.5 * (good + bad)
+                if _passes(s, j, what, x, a, middle):
+                    good = middle
+                else:
+                    bad = middle
+            return good
+    return -1.0
+
+
+@kernel
+def reach(s: Scan, j: int, x: float, limit: float) -> float:
+    """Return the greatest x' <= limit that is reached from x over interval j, or -1.
+
+    Args: see `bounds`; limit: greatest x' that is asked for.
+    """
+    a = bounds(s, j, 0, x)
+    if a[0] > a[1]:
+        return -1.0
+    limit = _greatest(s, j, _PASSABLE, x, a, limit, limit)
+    found = -1 if limit < 0.0 else _reaches(s, j, x, a, limit)
+    if found <= 0:
+        return limit if found == 0 else -1.0
+    step, last, miss = s.step[j], 0.0, 0.0
+    guess = min(max(x + 2.0 * step * a[1], 0.0), limit)
+    end = guess
+    for k in range(40):  # x' = x + step (high + high'(x')), by secants
+        most = _span(s, j, a, bounds(s, j, 1, end))[1]
+        if most <= -_FAR:
+            break
+        now = x + step * most - end
+        if abs(now) <= 1e-15 * (x + limit) and _reaches(s, j, x, a, end) == 0:
+            return end
+        slope = (now - miss) / (end - last) if k > 0 and end != last else -1.0
+        last, miss = end, now
+        end = min(max(end - now / min(slope, -0.2), 0.0), limit)
+        if end == last:
+            if _reaches(s, j, x, a, end) == 0:
+                return end
+            break
+    return _greatest(s, j, _REACHED, x, a, guess, limit)  # there is no u at some speeds
+
+
+@kernel
+def _goes_on(s: Scan, j: int, x: float, limit: float) -> bool:
+    """Whether the interval can be passed from x without nearly stopping in it.
+
+    Between far points a speed can be so high that only an emergency stop is left, and a lower one
+    goes on: of two feasible profiles the greater is feasible where points are near.
+    """
+    return reach(s, j, x, limit) >= min(limit, _HARDEST * x)
+
+
+@kernel
+def _greatest_start(s: Scan, j: int, guess: float, most: float, limit: float) -> float:
+    """The greatest x <= most that `_goes_on`, or -1: levels below a guess, then bisection."""
+    for k in range(_LEVELS + 1):
+        good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), most)
+        if _goes_on(s, j, good, limit):
+            for _ in range(_HALVINGS if bad > good else 0):
+                middle = 0.5 * (good + bad)
+                if _goes_on(s, j, middle, limit):
+                    good = middle
+                else:
+                    bad = middle
+            return good
+    return -1.0
+
+
+@kernel
+def brake(s: Scan, j: int, limit: float) -> float:
+    """Return the greatest x from which some x' <= limit is reached over interval j, or -1."""
+    limit = _greatest(s, j, _PASSABLE, 0.0, (-_FAR, _FAR), limit, limit)
+    if limit < 0.0:
+        return -1.0
+    end = bounds(s, j, 1, limit)
+    step, top, last, miss = s.step[j], s.top[s.start[j]], 0.0, 0.0
+    x = min(max(limit - 2.0 * step * end[0], 0.0), top)
+    guess = x
+    for k in range(40):  # x = limit - step (low(x) + low'), by secants
+        least, most = _span(s, j, bounds(s, j, 0, x), end)
+        if least > most:
+            break
+        now = limit - step * least - x
+        if abs(now) <= 1e-15 * (x + limit):
+            return x
+        if x == top and now >= 0.0 and _goes_on(s, j, x, limit):
+            return x
+        slope = (now - miss) / (x - last) if k > 0 and x != last else -1.0
+        last, miss = x, now
+        x = min(max(x - now / min(slope, -0.2), 0.0), top)
+        guess = max(x, guess)
+        if x == last:
+            if _goes_on(s, j, x, limit):
+                return x
+            break
+    return _greatest_start(s, j, guess, top, limit)  # there is no u at some speeds
+
+
+@kernel
+def fastest(s: Scan, x: np.ndarray, u: np.ndarray) -> int:
+    """Write the fastest profile; see the module's text.
+
+    Args:
+        s: see `Scan`.
+        x: (n + 1,) (ds/dt)^2 at each point, overwritten.
+        u: (n, 2) d^2s/dt^2 at both ends of each interval, overwritten.
+
+    Returns:
+        -1; or the interval over which there is no way.
+    """
+    n = s.step.size
+    most = np.zeros(n + 1)
+    failed = _back(s, n, most)
+    j, again = 0, 0
+    while failed < 0 and j < n:
+        if s.stop[j]:
+            x[j] = 0.0
+        x[j + 1] = reach(s, j, x[j], most[j + 1])
+        if x[j + 1] < 0.0 or (x[j + 1] == 0.0 and not s.stop[j + 1]):
+            if s.stop[j] or again > n:
+                return j
+            again += 1  # too fast to go on from here: slower, and back to the stop before
+            most[j] = _greatest_start(s, j, x[j] * (1.0 - 1e-9), x[j], most[j + 1])
+            if most[j] <= 0.0:
+                return j
+            failed = _back(s, j, most)
+            while not s.stop[j]:
+                j -= 1
+            continue
+        j += 1
+    for j in range(n if failed < 0 else 0):
+        a, b = bounds(s, j, 0, x[j]), bounds(s, j, 1, x[j + 1])
+        a, b = _near(a, b), _near(b, a)
+        total = (x[j + 1] - x[j]) / s.step[j]
+        first = min(max(0.5 * total, a[0], total - b[1]), a[1], total - b[0])
+        u[j, 0] = 0.5 * total if s.constant[j] else first
+        u[j, 1] = total - u[j, 0]
+    return failed
+
+
+@kernel
+def _back(s: Scan, end: int, most: np.ndarray) -> int:
+    """Write the greatest x at each point before `end`, to the stop before it; -1 or where none is.
+
+    Args:
+        s: see `Scan`.
+        end: a point; of the last one, all stops are passed.
+        most: (n + 1,) overwritten.
+    """
+    for j in range(end - 1, -1, -1):
+        if s.stop[j]:
+            most[j] = 0.0
+            if end < s.step.size:
+                return -1
+        else:
+            most[j] = brake(s, j, most[j + 1])
+            if most[j] < 0.0:
+                return j
+    return -1
+
+
+@kernel
+def ranges(s: Scan, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+    """Write `bounds` at both ends of every interval of a profile.
+
+    Args:
+        s: see `Scan`.
+        x: (n, 2) (ds/dt)^2 at both ends.
+        low, high: (n, 2), overwritten.
+    """
+    for j in range(x.shape[0]):
+        for side in range(2):
+            low[j, side], high[j, side] = bounds(s, j, side, x[j, side])
+
+
+@kernel
+def torques(s: Scan, x: np.ndarray, u: np.ndarray, torque: np.ndarray) -> None:
+    """Write the motors' torques, in the direction of motion, at both ends of every interval.
+
+    Of a drive at rest the greater end of its interval of standstill.
+
+    Args:
+        s: see `Scan`.
+        x, u: (n, 2) at both ends of each interval.
+        torque: (n, 2, nv) N m, overwritten.
+    """
+    for j in range(x.shape[0]):
+        for side in range(2):
+            row = s.start[j] if side == 0 else s.end[j]
+            for d in range(torque.shape[2]):
+                way = s.way[j, d]
+                count = _prepare(s, row, d, way if way != 0.0 else 1.0, way == 0.0, x[j, side])
+                most = _value(s, count, True, u[j, side])[0]
+                if way == 0.0:
+                    count = _prepare(s, row, d, -1.0, True, x[j, side])
+                    most = max(most, _value(s, count, True, u[j, side])[0])
+                torque[j, side, d] = most / abs(s.gears.ratio[d])
+
+
+@kernel
+def limit_curve(s: Scan, most: float, x: np.ndarray) -> None:
+    """Write the greatest (ds/dt)^2 at which there is any u: (n,), at the start of each interval.
+
+    Args:
+        s: see `Scan`.
+        most: no greater one is looked for.
+        x: overwritten.
+    """
+    for j in range(x.size):
+        top = min(s.top[s.start[j]], most)
+        x[j] = _greatest(s, j, _OPEN, 0.0, (-_FAR, _FAR), top, top)
