@@ -21,6 +21,8 @@ FIRST = {
     "friction/test_holding.py": "holding",
     "dynamics/test_linked_forward.py": "holding",
     "dynamics/test_solver.py": "holding",
+    "study/retime/test_retime.py": "retiming",
+    "study/retime/test_fastest.py": "retiming",
 }
 #: Files of long tests that share nothing: one by one, so that all processes end together.
 LAST = ("dynamics/test_stuck_loops.py", "dynamics/test_rounding.py", "test_notebooks.py")
