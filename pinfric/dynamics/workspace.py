@@ -68,8 +68,9 @@ from pinfric.model.drives import gear_jam, may_lock
 from pinfric.model.loops import Linkage, stand_still
 from pinfric.model.scene import Scene
 
-#: So many self-locking gears are let hold and slip in all ways; loads that are more than any.
-_MOST_WEDGED, _MUCH = 3, 1e6
+#: So many self-locking gears at rest are let hold and slip in all ways (3^n searches at most, of
+#: six 0.7 s); loads that are more than any.
+_MOST_WEDGED, _MUCH = 6, 1e6
 #: How: beyond the loads at which it slips, on the other side; between them, on a line that falls.
 _OTHERWISE, _FALLS = 1, 2
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.

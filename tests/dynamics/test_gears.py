@@ -96,6 +96,25 @@ def test_a_worm_lowers_its_load_if_its_rotor_is_heavy_enough_and_else_jams(exces
     assert forward(hoist(worm), 0.0, (98.1 / 0.4 + 0.999) / 50).a[0] == 0.0
 
 
+@pytest.mark.parametrize("count", [1, 5])
+def test_worms_side_by_side_are_lowered_at_once(count):
+    """Each alone: (I + eta_b M) a = u + n - eta_b h, I = 5, so 3 a = -30 + 1 + 19.62.
+
+    Motor and load push the same way: each holds little and much load and slips between.
+    """
+    model = pin.Model()
+    for k in range(count):
+        joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), f"lift_{k}")
+        body = pin.Inertia(10.0, np.zeros(3), 0.01 * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    gear = {**WORM, "rotor_inertia": 5.0 / 50**2}
+    actuators = [{"joint": name, "transmission": gear} for name in tuple(model.names)[1:]]
+    scene = pf.Scene(model=model, actuators=actuators)
+    still, torque = np.zeros(count), np.full(count, -30.0 / 50)
+    found = pf.forward_dynamics(scene, still, still, motor_torque=torque)
+    np.testing.assert_allclose(found.a, -9.38 / 3, rtol=1e-12)
+
+
 def geared_arm(seed: int, mimic: bool = False) -> tuple[pf.Scene, np.random.Generator]:
     """A random arm with a random gear on every joint, some of them self-locking."""
     rng = np.random.default_rng(seed)
