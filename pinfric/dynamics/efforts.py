@@ -70,8 +70,8 @@ def make_effort(
     if effort is None:
         if scene.simulation is None:
             raise SimulationError(
-                f"{scene.source}: has no `simulation` section; give `effort`: a function of "
-                "(t, q, v), constants, or (times, values)"
+                f"{scene.source}: has no `simulation` section; give `effort` or `motor_torque`: a "
+                "function of (t, q, v), constants, or (times, values)"
             )
         given = "motor_torque" if scene.simulation.motor_torque else "effort"
         effort = scene.simulation.motor_torque or scene.simulation.effort

@@ -90,7 +90,7 @@ def forward_dynamics(
         effort: (na,) what the drives deliver at the joints (N m or N).
         external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
         motor_torque: (na,) in place of `effort`, at the motors' shafts (N m): of it, gears take
-            what they lose and rotors what accelerates them (`model/drives.py`).
+            what they lose and rotors what accelerates them (`model/transmission.py`).
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:

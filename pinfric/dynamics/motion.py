@@ -267,8 +267,8 @@ class Motion(Shown):
 def mechanical_energy(model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> float:
     """Return kinetic and potential energy (J); Pinocchio's own do not know mimic joints."""
     if any(joint.shortname() == "JointModelMimic" for joint in model.joints[1:]):
-        M = np.triu(pin.crba(model, data, q))
-        kinetic = v @ M @ v - 0.5 * v @ (np.diag(M) * v)
+        weight = pin.rnea(model, data, q, 0.0 * v, 0.0 * v)  # `crba` wants joints depth first
+        kinetic = 0.5 * v @ (pin.rnea(model, data, q, 0.0 * v, v) - weight)
         centre = pin.centerOfMass(model, data, q)
         return float(kinetic - pin.computeTotalMass(model) * model.gravity.linear @ centre)
     kinetic = pin.computeKineticEnergy(model, data, q, v)

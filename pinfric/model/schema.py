@@ -24,6 +24,7 @@ from pinfric.model.entry import (
     Number,
     Positive,
     Vector3,
+    number_or,
     question,
     strict_number,
 )
@@ -242,15 +243,24 @@ class Sine(Entry):
 
 
 class SineEffort(Entry):
-    """A drive's effort as a sine of time."""
+    """A drive's effort, or its motor's torque, as a sine of time."""
 
     sine: Sine
 
 
 class TableEffort(Entry):
-    """A drive's effort from a CSV file with columns t and one per drive."""
+    """A drive's effort, or its motor's torque, from a CSV file with columns t and one per drive."""
 
     table: str
+
+
+def _sine_or_table(given: dict[str, object]) -> SineEffort | TableEffort:
+    return (TableEffort if "table" in given else SineEffort).model_validate(given)
+
+
+GivenEffort = Annotated[
+    float | SineEffort | TableEffort, BeforeValidator(number_or(_sine_or_table, Number))
+]
 
 
 class Start(Entry):
@@ -264,8 +274,8 @@ class Simulation(Entry):
     """What `pinfric simulate SCENE` runs: efforts of drives, or torques of their motors."""
 
     start: Start = Start()
-    effort: dict[str, Number | SineEffort | TableEffort] = Field(default_factory=dict)
-    motor_torque: dict[str, Number | SineEffort | TableEffort] = Field(default_factory=dict)
+    effort: dict[str, GivenEffort] = Field(default_factory=dict)
+    motor_torque: dict[str, GivenEffort] = Field(default_factory=dict)
     t_end: Positive
 
     @model_validator(mode="after")

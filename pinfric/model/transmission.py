@@ -255,10 +255,11 @@ def _load_part(gear: Transmission, efficiency: float, load: float, speed: float)
     no_load = _no_load(gear, speed)
     part = load_part(efficiency, load, no_load)
     if part < -1e-12 * load:
+        eta = load / (load + part) if load + part > 0.0 else np.inf
         raise ValueError(
             f"`efficiency` {efficiency:g} at load {load:g} loses {part + no_load:.4g} N m (N), "
             f"`no_load_torque` and `motor_viscous` alone {no_load:.4g} at the output: the load's "
-            f"part would be {load / (load + part):.3g}, above 1; no such pair exists, take the "
+            f"part would be {eta:.3g}, above 1; no such pair exists, take the "
             "maker's curve (`over_load`), or give no_load_torque at the motor's shaft in N m"
         )
     return max(part, 0.0)

@@ -133,7 +133,9 @@ def _sized(joint: JointSizing) -> dict[str, Any]:
 def _(result: Motion) -> pd.DataFrame:
     scene, t = result.scene, result.t
     rates, _ = working_rates(scene, result.q, result.v)
-    heat = dict(zip(result.site_names, result.energy().friction_loss, strict=True))
+    energy = result.energy()
+    heat = dict(zip(result.site_names, energy.friction_loss, strict=True))
+    gears = result.motor_torque is not None
     rest: dict[str, float] = dict.fromkeys(result.site_names, 0.0)
     for interval in result.stick_intervals():
         rest[interval.site] += interval.end - interval.start
@@ -145,6 +147,7 @@ def _(result: Motion) -> pd.DataFrame:
             "peak": float(np.abs(effort).max()), "rms": rms(t, effort),
             "work": float(np.trapezoid(effort * rates[:, i], t)),
             "heat": float(heat.get(drive.name, np.nan)),
+            "gear_heat": float(energy.gear_loss[i]) if gears else np.nan,
             "stick_time": rest.get(drive.name, np.nan),
         })  # fmt: skip
     return _by_drive(rows)

@@ -222,6 +222,7 @@ def test_a_motion_keeps_which_was_given(tmp_path):
     assert (found.motor_torque == -3.0).all()
     assert found.given == motion_json(found)["given"] == "motor_torque"
     assert found.energy().gear_loss[0] == motion_json(found)["energy"]["gear_loss"]["lift"]
+    assert found.energy().gear_loss[0] == found.summary().loc["lift", "gear_heat"]
     t = found.a[:, 0] * 10.0 + 98.1
     np.testing.assert_allclose(found.effort[:, 0], t, rtol=1e-12)
     assert {"lift.effort", "lift.motor_torque"} <= set(found.to_dataframe().columns)
@@ -240,6 +241,12 @@ def test_a_scene_says_what_drives_its_simulation():
     assert (pf.simulate(scene, [0.0], [0.0]).motor_torque == -3.0).all()
     with pytest.raises(ValueError, match="`effort` and `motor_torque`: give one of them"):
         pf.model.schema.Simulation(**section | {"effort": {"lift": 1.0}})
+    with pytest.raises(
+        ValueError, match=r"motor_torque.lift.sine.angular_frequency\s+Field required"
+    ):
+        pf.model.schema.Simulation(
+            **section | {"motor_torque": {"lift": {"sine": {"amplitude": 1.0}}}}
+        )
     with pytest.raises(SimulationError, match="found both effort and motor_torque"):
         pf.simulate(scene, [0.0], [0.0], [1.0], 1.0, motor_torque=[1.0])
     with pytest.raises(SimulationError, match=r"motor_torque: shape \(2,\); should be \(1,\)"):

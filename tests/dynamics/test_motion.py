@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import block, plane_friction
+from builders import block, plane_friction, random_states, random_tree
 
 import pinfric as pf
 from pinfric.dynamics.crossing import first_crossing
+from pinfric.dynamics.motion import mechanical_energy
 from pinfric.errors import SimulationError, StateError
 
 G = 9.81
@@ -349,3 +350,16 @@ def test_first_crossing(guard, expected):
         assert found is None
     else:
         assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_the_energy_with_a_mimic_joint_is_that_of_the_joints_apart(seed):
+    """Their joints are not numbered depth first, as Pinocchio's `crba` takes for granted."""
+    model = random_tree(seed, 5, sliding=0.0)
+    mimic = pin.transformJointIntoMimic(model, 1, 5, -0.7, 0.1)
+    (q,), (v,), _ = random_states(mimic, seed, 1)
+    apart = np.append(q, -0.7 * q[0] + 0.1), np.append(v, -0.7 * v[0])
+    data = model.createData()
+    wanted = pin.computeKineticEnergy(model, data, *apart)
+    wanted += pin.computePotentialEnergy(model, data, apart[0])
+    assert mechanical_energy(mimic, mimic.createData(), q, v) == pytest.approx(wanted, rel=1e-12)

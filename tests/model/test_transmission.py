@@ -61,6 +61,9 @@ def test_no_pair_exists_for_a_gear_that_would_gain():
     with pytest.raises(SceneError, match=r"no_load_torque.*1\.13, above 1.*maker's curve"):
         transmission(ratio=80.0, efficiency={"rated": 0.63, "load": 34.0}, back_efficiency=0.9,
                      no_load_torque=n)  # fmt: skip
+    with pytest.raises(SceneError, match="the load's part would be inf, above 1"):  # 80 of 34 N m
+        transmission(ratio=80.0, efficiency={"rated": 0.63, "load": 34.0}, back_efficiency=0.9,
+                     no_load_torque=1.0)  # fmt: skip
 
 
 @pytest.mark.parametrize(("degrees", "points"), [(20, 0.14), (0, 0.065), (-10, 0.51)])
