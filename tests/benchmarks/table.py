@@ -25,6 +25,8 @@ from measure import all_seconds, machine, median_seconds, states, ur5, with_pins
 from scaling import memory  # isort: skip
 
 SAMPLES = 20_000
+GEAR = {"ratio": 100.0, "efficiency": 0.8, "back_efficiency": 0.7, "no_load_torque": 0.01,
+        "rotor_inertia": 1e-5}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -136,18 +138,25 @@ def solver():
     state = tuple(rng.uniform(-1, 1, (3, 7)))  # rows of an array would be made at every call
     q, v, u = rng.uniform(-2, 2, 6), rng.uniform(-2, 2, 6), rng.uniform(-20, 20, 6)
     arm_data, data = arm.model.createData(), model.createData()
-    inverse, forward = arm.solver().inverse, with_pins(model).solver().forward
+    inverse, scene = arm.solver().inverse, with_pins(model)
+    forward, geared = scene.solver().forward, scene.with_(actuators=[
+        {"joint": name, "transmission": GEAR} for name in tuple(model.names)[1:]
+    ]).solver().forward  # fmt: skip
+    torque = u / GEAR["ratio"]
     s = median_seconds({
         "rnea": lambda: pin.rnea(arm.model, arm_data, *state),
         "inverse": lambda: inverse(*state),
         "aba": lambda: pin.aba(model, data, q, v, u),
         "forward": lambda: forward(q, v, u),
+        "geared": lambda: geared(q, v, motor_torque=torque),
     }, rounds=101, calls=30)  # fmt: skip
     return [
         Row("`Solver.inverse`, 7-axis arm with gears", "pin.rnea", s["inverse"] / s["rnea"], 6,
             more=f"{1e6 * s['inverse']:.1f} to {1e6 * s['rnea']:.1f} us a call"),
         Row("`Solver.forward`, UR5, six pins", "pin.aba", s["forward"] / s["aba"], 8,
             more=f"{1e6 * s['forward']:.1f} to {1e6 * s['aba']:.1f} us a call"),
+        Row("the same with six gears, motor torque given", "without gears",
+            s["geared"] / s["forward"], 1.3, more=f"{1e6 * s['geared']:.1f} us a call"),
     ]  # fmt: skip
 
 
