@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.laws import INERTIA, PLAIN, SLOT, Law
-from pinfric.study.identify.normal import Grams, Normal, Prior, Reduced, block_errors
+from pinfric.study.identify.normal import Grams, Normal, Prior, Reduced, block_errors, residuals
 
 FloatArray = NDArray[np.float64]
 
@@ -109,16 +110,19 @@ def choose(problem: Problem) -> Choice:
     return Choice(tuple(chosen), errors)
 
 
-def nested_errors(problem: Problem) -> tuple[FloatArray, FloatArray]:
+def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, FloatArray]:
     """Return each joint's RMS error on blocks that neither its law's choice nor its fit has seen.
+
+    Every row counts alike: weights of outliers are those of the law taken, and would flatter it.
 
     Args:
         problem: as for `choose`.
+        rows: of each joint, of which the problem's products are.
 
     Returns:
         (nj,) of the laws chosen without these blocks, (nj,) of plain friction; N m or N.
     """
-    squares, rows = np.zeros((2, len(problem.laws))), np.zeros(len(problem.laws))
+    squares = np.zeros((2, len(problem.laws)))
     plain = [PLAIN] * len(problem.laws)
     for part in np.unique(problem.folds):
         test = problem.folds == part
@@ -127,10 +131,9 @@ def nested_errors(problem: Problem) -> tuple[FloatArray, FloatArray]:
         reduced = Reduced(Normal.of(problem.grams, ~test, problem.weights), problem.prior)
         for kind, taken in enumerate((laws, plain)):
             fit = reduced.fit(problem.slots(taken))
-            for j, gram in enumerate(problem.grams):
-                squares[kind, j] += block_errors(gram.products[test], fit.of_joint(j)).sum()
-        rows += [gram.count[test].sum() for gram in problem.grams]
-    chosen, simple = np.sqrt(squares / np.maximum(rows, 1.0))
+            for j, own in enumerate(rows):
+                squares[kind, j] += np.sum(residuals(own, fit, j)[test[own.block]] ** 2)
+    chosen, simple = np.sqrt(squares / np.maximum([own.effort.size for own in rows], 1.0))
     return chosen, simple
 
 

@@ -244,7 +244,7 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
 
 
 def _errors(found: Estimate) -> dict[str, HeldOut]:
-    chosen, plain = nested_errors(found.problem)
+    chosen, plain = nested_errors(found.problem, found.rows)
     result = {}
     for j, name in enumerate(found.scene.joint_names):
         effort = found.rows[j].effort
