@@ -119,8 +119,13 @@ def log(seed: int, duration: float = 60.0, rate: float = 500.0, still=(), name="
     return pf.Log(stamps, step * np.rint(motion.q / step), measured, name=name)
 
 
-def slow_departures(joints: tuple[int, ...], static: float, rate: float = 100.0) -> pf.Log:
-    """A log in which joints leave rest while their efforts rise to `static` x Coulomb friction."""
+def slow_departures(
+    joints: tuple[int, ...], static: float, rate: float = 100.0, rise: float = 1.2
+) -> pf.Log:
+    """A log in which joints leave rest while their efforts rise to `static` x Coulomb friction.
+
+    They take `rise` s of a hold of 1.2 s for that.
+    """
     scene = truth()
     for name, entry in scene.friction.items():
         ways = {way: {"static": static * both.kinetic, "kinetic": both.kinetic}
@@ -131,7 +136,7 @@ def slow_departures(joints: tuple[int, ...], static: float, rate: float = 100.0)
     here, q, push = np.array([0.3, -1.0, 1.1, -0.4, 0.5, 0.2]), [], []
     s = np.arange(1, int(2.5 * rate) + 1) / (2.5 * rate)
     for joint, way in [(j, way) for _ in range(3) for j in joints for way in (1.0, -1.0)]:
-        held = np.linspace(-0.2, 1.0, int(1.2 * rate))
+        held = np.maximum(np.linspace(1.0 - 1.2 * 1.2 / rise, 1.0, int(1.2 * rate)), -0.2)
         there = here + 0.08 * way * (np.arange(6) == joint)
         q += [np.tile(here, (held.size, 1)), here + np.outer(s**3 * (10 - 15 * s + 6 * s**2),
                                                              there - here)]  # fmt: skip

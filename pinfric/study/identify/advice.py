@@ -17,7 +17,7 @@ from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, reloaded
 from pinfric.study.identify.laws import INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import Grams, Normal
+from pinfric.study.identify.normal import Grams, Normal, places
 from pinfric.study.identify.parameters import scene_key
 from pinfric.study.identify.recordings import Recording
 from pinfric.study.trajectory.joint_columns import configurations, joint_columns
@@ -183,8 +183,8 @@ def _sum(one: Normal, other: Normal) -> Normal:
 
 
 def _places(found: Estimate) -> NDArray[np.int64]:
-    values = found.fit.slots.ravel()
-    return np.flatnonzero(values > 0.0)
+    place = places(found.problem.slots(found.choice.laws))
+    return place[found.fit.slots.ravel()[place] > 0.0]
 
 
 def _standard_errors(

@@ -45,7 +45,13 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
         if one.effort.size < 50:
             continue
         slope, correlation = _slope(one, theta)
-        if slope < 0.0 and correlation < -_CORRELATION:
+        if _against_friction(one, theta):
+            problems.append(
+                f"joint {name}: its effort pushes against its motion, as if friction drove it: "
+                "sign of the effort or of the angle turned; say so by `sign` in a file given by "
+                "--columns"
+            )
+        elif slope < 0.0 and correlation < -_CORRELATION:
             problems.append(
                 f"joint {name}: its effort falls where the robot's weight makes it rise (slope "
                 f"{slope:.2f}, correlation {correlation:.2f}): sign of the effort or of the angle "
@@ -61,6 +67,17 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
             )
     if problems:
         raise IdentificationError(problems_line(scene.source, problems))
+
+
+def _against_friction(rows: Rows, theta: FloatArray) -> bool:
+    """Whether what the URDF's masses leave of a joint's effort acts against its motion.
+
+    Only where their part is small: else the slope on them says more.
+    """
+    load, way = rows.rigid @ theta, rows.slots[:, SLOT[FORWARD]] + rows.slots[:, SLOT[BACKWARD]]
+    off = rows.effort - load
+    return bool(load @ load < 0.5 * (rows.effort @ rows.effort)
+                and way @ off < -_CORRELATION * np.sqrt((way @ way) * (off @ off)))  # fmt: skip
 
 
 def _slope(rows: Rows, theta: FloatArray) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.study.identify.columns import Rows
-from pinfric.study.identify.laws import INERTIA, PLAIN, SLOT, Law
+from pinfric.study.identify.laws import INERTIA, PLAIN, SLOT, SLOTS, Law
 from pinfric.study.identify.normal import Grams, Normal, Prior, Reduced, block_errors, residuals
 
 FloatArray = NDArray[np.float64]
@@ -45,11 +45,13 @@ class Problem:
     def slots(self, laws: Sequence[Law]) -> list[tuple[int, ...]]:
         """Return the slots that all joints' laws take, rotors' inertias among them.
 
-        A joint without rows takes none.
+        A joint without rows takes none, one that moves one way only no Coulomb friction the other.
         """
         rotor = (SLOT[INERTIA],) if self.rotor else ()
-        return [(*rotor, *law.slots) if gram.count.any() else ()
-                for gram, law in zip(self.grams, laws, strict=True)]  # fmt: skip
+        sizes = [gram.products.diagonal(axis1=1, axis2=2).sum(axis=0) for gram in self.grams]
+        seen = [size[-len(SLOTS) - 1 : -1] > 0.0 for size in sizes]
+        return [tuple(slot for slot in (*rotor, *law.slots) if own[slot])
+                for own, law in zip(seen, laws, strict=True)]  # fmt: skip
 
 
 @dataclass(frozen=True)

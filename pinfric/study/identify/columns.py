@@ -42,6 +42,8 @@ _BESIDE, _AT_ENDS = 0.35, 0.3
 #: s: blocks are as long as residuals hang together, and there should be enough of them.
 _BLOCK = (2.0, 5.0)
 _BLOCKS = 10
+#: Rows of a joint in one direction from which friction in that direction is its own coefficient.
+FEWEST_ROWS = 25
 #: A coefficient so small that the load it reports is that without friction.
 _HARDLY = 1e-9
 
@@ -192,6 +194,8 @@ def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay
         rigid: their rigid efforts, (T, nj) each.
         joint: its column.
         delay: s by which the logged effort lags behind the motion.
+
+    In a direction in which it hardly slides Coulomb friction is taken as in the other one.
     """
     parts, first = [], 0
     for number, (one, effort) in enumerate(zip(every, rigid, strict=True)):
@@ -205,8 +209,15 @@ def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay
             effort[rows, joint],
         ))  # fmt: skip
         first += count
-    return Rows(*(np.concatenate([getattr(part, name) for part in parts])
+    joined = Rows(*(np.concatenate([getattr(part, name) for part in parts])
                   for name in Rows.__dataclass_fields__))  # fmt: skip
+    forward, backward = joined.slots[:, SLOT[FORWARD]], joined.slots[:, SLOT[BACKWARD]]
+    for seen, own, other in ((joined.velocity > 0.0, forward, backward),
+                             (joined.velocity < 0.0, backward, forward)):  # fmt: skip
+        if seen.sum() < FEWEST_ROWS:  # what the low pass leaks into it would fit anything
+            other += own
+            own[:] = 0.0
+    return joined
 
 
 def blocks(t: FloatArray) -> tuple[int, NDArray[np.int64]]:

@@ -156,6 +156,10 @@ def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
     choice = Choice(chosen, ({},) * nj) if first else choose(problem)
     slots = problem.slots(choice.laws)
     fit = consistent_fit(normal, problem.prior, Reduced(normal, problem.prior).fit(slots), slots)
+    for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
+        dry = [slot for slot in (SLOT[FORWARD], SLOT[BACKWARD]) if slot in own]
+        if law.coulomb and len(dry) == 1:  # it moved one way only
+            values[[SLOT[FORWARD], SLOT[BACKWARD]]] = values[dry[0]]
     scene = before.question.scene
     if not problem.prior.kept:
         scene = scene.with_(model=with_parameters(scene.model, fit.theta))
@@ -181,22 +185,30 @@ def _weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], F
 
 def _delay(found: Estimate) -> float:
     """Return the delay of the efforts that leaves the least weighted sum of squares, s."""
-    problem, weights = found.problem, found.row_weights
+    problem = found.problem
     slots, alone = problem.slots(found.choice.laws), np.ones(1, dtype=bool)
 
-    def rows(delay: float) -> list[Rows]:
-        return [joint_rows(list(found.prepared), list(found.rigid), j, delay)
+    def rows(log: int, delay: float) -> list[Rows]:
+        return [joint_rows([found.prepared[log]], [found.rigid[log]], j, delay)
                 for j in range(len(found.rows))]  # fmt: skip
 
-    still = [Grams.of(replace(r, block=np.zeros_like(r.block)), w, 1)
-             for r, w in zip(rows(0.0), weights, strict=True)]  # fmt: skip
+    # each log with friction of its own: that it was warm shall not look like a delay
+    logs = range(len(found.prepared))
+    weights = [[w[r.log == log] for w, r in zip(found.row_weights, found.rows, strict=True)]
+               for log in logs]  # fmt: skip
+    still = [[Grams.of(replace(r, block=np.zeros_like(r.block)), w, 1)
+              for r, w in zip(rows(log, 0.0), weights[log], strict=True)]
+             for log in logs]  # fmt: skip
 
     def misfit(delay: float) -> float:
-        grams = [gram.with_effort(r, w)
-                 for gram, r, w in zip(still, rows(delay), weights, strict=True)]  # fmt: skip
-        fit = Reduced(Normal.of(grams, alone, problem.weights), problem.prior).fit(slots)
-        errors = [block_errors(gram.products, fit.of_joint(j))[0] for j, gram in enumerate(grams)]
-        return float(problem.weights @ errors)
+        total = 0.0
+        for log in logs:
+            grams = [gram.with_effort(r, w) for gram, r, w in
+                     zip(still[log], rows(log, delay), weights[log], strict=True)]  # fmt: skip
+            fit = Reduced(Normal.of(grams, alone, problem.weights), problem.prior).fit(slots)
+            errors = [block_errors(g.products, fit.of_joint(j))[0] for j, g in enumerate(grams)]
+            total += float(problem.weights @ errors)
+        return total
 
     tried = {round(float(d), 6): misfit(float(d)) for d in _DELAYS}
     for step in (2 * _STEP, _STEP):

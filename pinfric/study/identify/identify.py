@@ -20,7 +20,7 @@ from pinfric.model.scene import Scene
 from pinfric.study.identify.advice import Advice, advise
 from pinfric.study.identify.checks import check_one_robot
 from pinfric.study.identify.choice import nested_errors
-from pinfric.study.identify.columns import joint_rows, prepare
+from pinfric.study.identify.columns import FEWEST_ROWS, joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
 from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOTS, Law
@@ -295,6 +295,12 @@ def _said(
     still = [name for name, rows in zip(names, found.rows, strict=True) if rows.effort.size == 0]
     if still:
         said.append(f"never slides, keeps what the scene says: {', '.join(still)}")
+    for way, sign in (("forward", 1.0), ("backward", -1.0)):
+        slides = [(sign * rows.velocity > 0.0).sum() >= FEWEST_ROWS for rows in found.rows]
+        one_way = [n for n, s in zip(names, slides, strict=True) if n not in still and not s]
+        if one_way:
+            said.append(f"hardly slides {way}, Coulomb friction there is taken as the other way: "
+                        f"{', '.join(one_way)}")  # fmt: skip
     restless = [n for n in names if n not in still and rest[n].seconds == 0.0]
     if restless:
         said.append(f"never rests, nothing bounds its static friction: {', '.join(restless)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -99,9 +100,16 @@ def read_recordings(
         if name not in names:
             raise IdentificationError(f"gain: there is no joint {name!r}; "
                                       f"{choose_from(name, names)}")  # fmt: skip
+        if not np.isfinite(gain[name]) or gain[name] == 0.0:
+            raise IdentificationError(f"gain {name}={gain[name]:g}: should be finite, not zero")
     if not logs:
         raise IdentificationError("identification needs a log: a motion with measured efforts")
     found = [_read(scene, log, gain, options) for log in logs]
+    for one, other in combinations(found, 2):
+        if np.array_equal(one.trajectory.q, other.trajectory.q) and np.array_equal(
+                one.effort, other.effort, equal_nan=True):  # fmt: skip
+            raise IdentificationError(f"{one.name} and {other.name} are one log given twice: give "
+                                      "it once, it tells nothing more")  # fmt: skip
     labels = [recording.name for recording in found]
     for label in payloads:
         if label not in labels:

@@ -23,8 +23,9 @@ from pinfric.study.trajectory.log.noise import low_pass
 
 FloatArray = NDArray[np.float64]
 
-#: s: a hold from which a departure counts, what counts as before it, and what comes after it.
-_HELD, _BEFORE, _AFTER = 0.5, 0.3, 0.15
+#: s: a hold from which a departure counts, what counts as before it and right before it, and what
+#: comes after it.
+_HELD, _BEFORE, _NEAR, _AFTER = 0.5, 0.3, 0.05, 0.15
 #: Hz of the low pass on efforts in which a peak is looked for.
 _PEAK_PASS = 40.0
 #: By which share of its peak friction must have risen during the hold, and how much of it the
@@ -120,7 +121,7 @@ def _peaks(
     if step * _PEAK_PASS < 0.45:
         effort = low_pass(effort, step, _PEAK_PASS)
     effort = np.interp(t + found.delay, t, effort)
-    before, after = (int(np.ceil(span / step)) for span in (_BEFORE, _AFTER))
+    before, near, after = (int(np.ceil(span / step)) for span in (_BEFORE, _NEAR, _AFTER))
     for first, last in runs(recording.rests[:, joint]):
         if (last - first) * step < _HELD or last + after >= t.size:
             continue
@@ -129,8 +130,10 @@ def _peaks(
         friction = _friction(found, joint, sign, effort[held], rigid[held])
         peak = float(friction[-before:].max())
         rises = peak - float(np.quantile(friction, 0.1)) > _RISE * peak
+        # a jump at the last samples is cut where motion first shows, somewhere below what held
+        gradual = float(friction[-2 * near : -near].mean()) > (1.0 - _RISE) * peak
         change = np.abs(rigid[last : last + after + 1] - rigid[last]).max()
-        if peak > 0.0 and rises and change < _INERTIA * peak:
+        if peak > 0.0 and rises and gradual and change < _INERTIA * peak:
             yield FORWARD if sign > 0.0 else BACKWARD, peak
 
 

@@ -13,6 +13,7 @@ from identify_cases import (
     DELAY,
     EFFICIENCY,
     MU,
+    ROTOR,
     VISCOUS,
     excitation,
     guess,
@@ -30,6 +31,7 @@ from pinfric.show.replay.frames import make_frames
 from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.identify.laws import Law
+from pinfric.study.identify.normal import residuals
 
 LOGS = Path(__file__).parents[4] / "shared" / "data"
 NAMES = truth().joint_names
@@ -100,6 +102,13 @@ def test_the_posterior_scatters_as_the_intervals_say(found):
     gear = found.posterior[f"transmission.{NAMES[1]}.efficiency"]
     # a gear that loses more leaves less to Coulomb friction
     assert np.corrcoef(draws, gear)[0, 1] > 0.3
+
+
+def test_what_follows_the_urdf_is_as_uncertain_as_that(found):
+    # a rotor on a vertical axis: its inertia is told from that of the links by the URDF alone
+    rotor = parameter(found, "transmission", 0, "rotor_inertia")
+    assert rotor.low < ROTOR[0] < rotor.high
+    assert not rotor.determined
 
 
 def test_corrected_links_can_exist(found):
@@ -240,6 +249,7 @@ def test_two_logs_say_how_much_friction_differs_between_them():
     found = pf.identify(guess(0), [short(), warm], laws=laws)
     # a third of joint 6's viscous friction was taken off in one of them, and it is most of it
     assert 0.05 < found.spread[NAMES[5]] < 0.25
+    assert found.delay == pytest.approx(DELAY, abs=0.0015)
     viscous = parameter(found, "friction", 5, "viscous")
     assert viscous.standard_error > 0.8 * found.spread[NAMES[5]] * viscous.value
 
@@ -267,6 +277,38 @@ def test_static_friction_shows_where_joints_break_away_slowly():
     assert "only bounded from below" in "\n".join(found.said)
 
 
+def test_a_jump_of_effort_at_departure_is_no_break_away():
+    logs = [short(), slow_departures((0, 3), 1.0, rise=0.04)]
+    found = pf.identify(guess(0), logs, laws=dict.fromkeys(NAMES, Law()))
+    assert found.rest[NAMES[0]].seconds > 5.0
+    assert not any(p.name.endswith("static") for p in found.parameters)
+
+
+def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
+    motion = excitation(0, 20.0, 100.0)
+    t = motion.t
+    motion.q[:, 5] = 0.3 * t - 0.25 * np.cos(0.8 * t)
+    motion.v[:, 5], motion.a[:, 5] = 0.3 + 0.2 * np.sin(0.8 * t), 0.16 * np.cos(0.8 * t)
+    log = pf.Log(t, motion.q, motor_effort(truth(), motion))
+    found = pf.identify(guess(0), log, laws=dict.fromkeys(NAMES, Law()))
+    assert f"hardly slides backward, Coulomb friction there is taken as the other way: {NAMES[5]}" \
+        in found.said  # fmt: skip
+    assert not any((p.joint, p.name) == (NAMES[5], "coulomb.negative") for p in found.parameters)
+    coulomb = found.entries[NAMES[5]].friction["coulomb"]
+    assert coulomb["negative"] == coulomb["positive"]
+    assert coulomb["positive"]["kinetic"] == pytest.approx(COULOMB[5][0], rel=0.05)
+    assert all(np.isfinite(x) for one in found.advice for x in one.factors.values())
+
+
+def test_held_out_errors_count_outliers_in_full():
+    bursts = np.zeros_like(short().effort)
+    bursts[np.arange(len(bursts)) % 200 < 20, 5] = 2.0
+    log = replace(short(), effort=short().effort + bursts)
+    found = pf.identify(guess(0), log, laws=dict.fromkeys(NAMES, Law()))
+    fitted = residuals(found.estimate.rows[5], found.estimate.fit, 5)
+    assert found.errors[NAMES[5]].error > np.sqrt(np.mean(fitted**2))
+
+
 def drag(seed: int, duration: float, rate: float) -> np.ndarray:
     return excitation(seed, duration, rate).v * np.array(VISCOUS)
 
@@ -277,6 +319,10 @@ def test_currents_without_a_gain_and_turned_signs_are_refused_by_name():
         pf.identify(guess(0), current)
     turned = replace(short(), effort=short().effort * np.array([1, 1, -1, 1, 1, 1]))
     with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort falls where"):
+        pf.identify(guess(0), turned)
+    # no weight tells it at the last joint: its friction does
+    turned = replace(short(), effort=short().effort * np.array([1, 1, 1, 1, 1, -1]))
+    with pytest.raises(IdentificationError, match=f"{NAMES[5]}: its effort pushes against"):
         pf.identify(guess(0), turned)
 
 
@@ -297,6 +343,8 @@ def test_logs_of_two_robots_are_refused():
     ("arguments", "said"),
     [
         ({"gain": {"elbow": 2.0}}, "there is no joint 'elbow'"),
+        ({"gain": {NAMES[2]: 0.0}}, "should be finite, not zero"),
+        ({"gain": {NAMES[2]: np.nan}}, "should be finite, not zero"),
         ({"payloads": {"log": "box"}}, "has no payload 'box'"),
         ({"payloads": {"lgo": "box"}}, "there is no log 'lgo'"),
         ({"effort_at": "shaft"}, "--effort-at shaft"),
@@ -318,6 +366,8 @@ def test_logs_without_efforts_or_time_are_refused():
         pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")
     with pytest.raises(IdentificationError, match="needs a log"):
         pf.identify(guess(0), [])
+    with pytest.raises(IdentificationError, match="one log given twice"):
+        pf.identify(guess(0), [short(), replace(short(), name="again")])
 
 
 def test_robots_whose_efforts_no_log_tells_apart_are_refused():
