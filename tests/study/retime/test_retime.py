@@ -170,6 +170,23 @@ def test_within_every_limit_between_the_points_too():
     assert found.duration == pytest.approx(finest.duration, rel=3e-3)
 
 
+def test_stops_that_are_left_at_once_the_other_way():
+    """The sample beside such a stop is a reversal: friction at rest counts both ways there."""
+    way = Path.from_waypoints([[0.0, 0.0], [1.0, 0.4], [0.2, -0.5], [0.7, 0.1], [0.1, 0.5]])
+    assert retime(planar(), way, MOTORS).excess < 1e-3
+
+
+def test_far_points_that_miss_the_way_are_set_nearer():
+    """A curved path on which a third of the points asked for find no speed at one place."""
+    points = np.random.default_rng(7).uniform(-1.6, 1.6, (3, 6, 2))[2]
+    path = Path.spline(np.arange(6.0), points)
+    motors = {"a": {"peak_torque": 0.6, "effort": 30.0}, "b": {"peak_torque": 0.25}}
+    found = retime(planar(), path, motors)
+    assert found.excess < 1e-3
+    finest = retime(planar(), path, motors, points=3200)
+    assert found.duration == pytest.approx(finest.duration, rel=3e-3)
+
+
 def test_no_other_profile_is_faster():
     """SLSQP on the squares of the speeds, judged by `inverse_dynamics`, on the same coarse grid."""
     scene, s = planar(), np.union1d(np.linspace(0.0, 3.0, 10), natural_points(WAVE.pieces[0]))
