@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args, get_type_hints
 
 import numpy as np
 
@@ -66,8 +66,6 @@ class RetimeResult(Shown):
             judges); 0.001 is 0.1 %.
         usage: (T, na, `limits.KINDS`) which part of each limit each sample uses.
         problem, profile: the grid with its limits, and the speed on it.
-        holes: how often a lower limit cut the accelerations at a place in two; 0 but for extreme
-            friction: the larger part was kept.
         rms: (na,) part of its continuous torque that each motor uses over the whole cycle; None
             where that was not asked for.
         uniform: s, how long the motion would take if it were slowed down as a whole until these
@@ -85,7 +83,6 @@ class RetimeResult(Shown):
     usage: np.ndarray
     problem: Problem
     profile: Profile
-    holes: int = 0
     rms: np.ndarray | None = None
     uniform: float | None = None
     cycle: Cycle | None = None
@@ -230,6 +227,10 @@ def retime(
     if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
         raise RetimeError(f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
                           f"{tolerance:g}, smooth {smooth:g}: should be positive")  # fmt: skip
+    for name, value in (("reversal", reversal), ("rest", rest)):
+        known = get_args(get_type_hints(Policy)[name])
+        if value not in known:
+            raise RetimeError(f"retime: {name} {value!r}; should be one of: {', '.join(known)}")
     given = read_limits(scene, limits)
     scene = limited_scene(scene, given)
     columns = joint_columns(scene.model, scene.source)
