@@ -56,6 +56,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tabl
 EffortAt = Annotated[
     str, typer.Option(metavar="motor|joint", help="Measured before the gears, or after them.")
 ]
+Motors = Annotated[
+    str | None, typer.Option(metavar="FILE", help="Limits of the drives, or default:NAME.")
+]
 Threads = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Threads; by default as many as pay off.")
 ]
@@ -266,12 +269,7 @@ def retime(
         str,
         typer.Argument(metavar="PATH", help="Way-points (`via: true`: no stop) or a trajectory."),
     ],
-    motors: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="Limits of the drives, or default:NAME; else the URDF's."
-        ),
-    ] = None,
+    motors: Motors = None,
     rms: Annotated[
         bool, typer.Option("--rms", help="Keep continuous torques over the cycle, too.")
     ] = False,
@@ -286,8 +284,8 @@ def retime(
 ) -> None:
     """Give the fastest motion along a path, and the drive that holds it back.
 
-    Within motor torque, speed-torque line, gear and joint limits, all friction and gear losses
-    included. --out writes trajectory.csv, retime.png and summary.json.
+    Within motor torque, speed-torque line, gear and joint limits (without --motors the URDF's), all
+    friction and gear losses included. --out writes trajectory.csv, retime.png and summary.json.
     """
     from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
@@ -439,6 +437,7 @@ def replay(
     live: Annotated[
         bool, typer.Option("--live", help="Show the simulation while it computes, too.")
     ] = False,
+    motors: Motors = None,
     effort_at: EffortAt = "joint",
     as_json: AsJson = False,
     log: Any,
@@ -446,7 +445,7 @@ def replay(
     """Show a motion in 3D: what slides, what sticks, and when.
 
     The page is one file that plays without a network. Where a log's own efforts miss the computed
-    ones is marked.
+    ones is marked; with --motors, which drive holds the motion back.
     """
     from pinfric.dynamics.motion import Motion
     from pinfric.model.scene_file import load_scene
@@ -462,15 +461,14 @@ def replay(
             param_hint="--live",
         )
     motion: Any
-    judged = None
     if live:
-        motion = simulate_live(scene, say, open_browser=open_browser)
+        motion, judged = simulate_live(scene, say, open_browser=open_browser), None
     else:
         with working("computing the motion"):
             motion, judged = motion_to_replay(scene, motion_name, notice, log, effort_at)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
-        shown = make_replay(scene, motion, html=html, title=title, log=judged)
+        shown = make_replay(scene, motion, html=html, title=title, log=judged, limits=motors)
     opened = shown.open() if open_browser and not live else None
     if as_json:
         show(replay_json(shown, noticed))

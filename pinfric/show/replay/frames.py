@@ -23,6 +23,8 @@ from pinfric.dynamics.states import States
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import loop_state
 from pinfric.model.scene import Scene
+from pinfric.study.retime.limits import KINDS, DriveLimits
+from pinfric.study.retime.problem import Policy, usage
 from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
 #: Frames per second of a replay.
@@ -38,6 +40,9 @@ BEFORE, BEFORE_PART = 0.1, 0.25
 
 #: Shares of a logged effort's RMS by which it is off, and far off, the computed one.
 OFF = 0.1, 0.3
+
+#: Part of a limit from which on it holds a motion back, and from which on it is exceeded.
+AT_LIMIT = 0.995, 1.002
 
 Spans = tuple[tuple[float, float], ...]
 
@@ -81,6 +86,9 @@ class Frames:
             effort other than 0, and the motor's torque may be 0. Drives without any are left out.
         off: drive -> spans in which its logged effort is off the computed one by more than 10 %,
             and more than 30 %, of its RMS; at rest the nearest value of the interval counts.
+        limiting: drive -> limit of `limits.KINDS` -> spans in which the robot moves and more than
+            99.5 % of that limit, and more than 100.2 %, are used; of each drive's limits the one
+            most used counts. Drives and limits without any are left out.
         simulated: True for a simulated motion.
         ended: why a simulation ended before its time, or "".
     """
@@ -98,6 +106,7 @@ class Frames:
     carried: dict[str, Spans]
     gears: dict[str, Spans]
     off: dict[str, tuple[Spans, Spans]]
+    limiting: dict[str, dict[str, tuple[Spans, Spans]]]
     simulated: bool
     ended: str = ""
 
@@ -112,6 +121,7 @@ def make_frames(
     motion: InverseResult | Motion,
     rate: float = RATE,
     log: JudgedLog | None = None,
+    limits: Sequence[DriveLimits] | None = None,
 ) -> Frames:
     """Cut a motion into frames that lose no change between sliding and sticking.
 
@@ -120,6 +130,7 @@ def make_frames(
         motion: a result of inverse dynamics with times, or a simulated motion.
         rate: frames per second; fewer where they would be more than `MOST_FRAMES`.
         log: the log that the motion comes from, compared with the result.
+        limits: (na,) of the drives, for a result of inverse dynamics.
 
     Raises:
         StateError: no times, a rate that is not positive.
@@ -152,6 +163,7 @@ def make_frames(
         carried=_carried(scene, states),
         gears=_gears(scene, motion, states),
         off={} if log is None or isinstance(motion, Motion) else _off(motion, log),
+        limiting={} if limits is None or isinstance(motion, Motion) else _limiting(motion, limits),
         simulated=isinstance(motion, Motion),
         ended=ended,
     )
@@ -392,6 +404,24 @@ def _off(result: InverseResult, log: JudgedLog) -> dict[str, tuple[Spans, Spans]
         assert result.t is not None  # _states refuses a motion without
         mild, strong = (_spans(result.t, gap > share * compared.rms) for share in OFF)
         found[name] = mild, strong
+    return found
+
+
+def _limiting(
+    result: InverseResult, limits: Sequence[DriveLimits]
+) -> dict[str, dict[str, tuple[Spans, Spans]]]:
+    """Which limits of which drives hold the motion back, and when: see `Frames.limiting`."""
+    t, use = result.t, usage(result, limits, Policy())
+    assert t is not None  # _states refuses a motion without
+    moving = (result.actuator_velocity != 0.0).any(axis=1)
+    nearest = use.argmax(axis=2)
+    found: dict[str, dict[str, tuple[Spans, Spans]]] = {}
+    for d, name in enumerate(result.actuator_names):
+        for k, kind in enumerate(KINDS):
+            mine = moving & (nearest[:, d] == k)
+            near, over = (_spans(t, mine & (use[:, d, k] > part), half=True) for part in AT_LIMIT)
+            if near:
+                found.setdefault(name, {})[kind] = near, over
     return found
 
 

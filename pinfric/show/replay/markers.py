@@ -38,6 +38,9 @@ GEAR_MEANING = "gear holds by itself: its motor may be without torque"
 #: Of a logged effort that is off the computed one, and far off, and what that means.
 OFF_COLORS = "#F2B38B", "#D55E00"
 OFF_MEANING = "logged effort off the computed one by more than 10 %, 30 % of its RMS"
+#: Of a limit that holds the motion back, and of one that is exceeded, and what that means.
+LIMIT_COLORS = "#009E73", "#C2185B"
+LIMIT_MEANING = "a drive at one of its limits holds the motion back; red: it exceeds it"
 FORCE_COLOR = "#7B4FB5"
 PAYLOAD_COLOR = "#1FAF86"
 #: Radius of a ring, as parts of the robot's size: least and most.

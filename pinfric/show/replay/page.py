@@ -107,21 +107,46 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
 
 
 def _drives(frames: Frames, staged: Stage) -> dict[str, Any]:
-    """What gears hold by themselves, and logged efforts that miss the computed ones."""
+    """What gears hold by themselves, logged efforts that miss the computed ones, limits."""
     return {
         "gears": [
             {"name": name, "path": staged.gear_paths.get(name, ""), "spans": spans}
             for name, spans in frames.gears.items()
         ],
-        "off": [
-            {"name": name, "mild": mild, "strong": strong}
-            for name, (mild, strong) in frames.off.items()
-        ],
+        "strips": _strips(frames),
         "gear_color": markers.GEAR_COLOR,
         "gear_meaning": markers.GEAR_MEANING,
-        "off_colors": markers.OFF_COLORS,
-        "off_meaning": markers.OFF_MEANING,
-    }
+        "strip_meanings": [
+            (mark, colors[1], meaning)
+            for mark, colors, meaning, there in (
+                ("≠", markers.OFF_COLORS, markers.OFF_MEANING, frames.off),
+                ("▲", markers.LIMIT_COLORS[::-1], markers.LIMIT_MEANING, frames.limiting),
+            ) if there
+        ],
+    }  # fmt: skip
+
+
+def _strips(frames: Frames) -> list[dict[str, Any]]:
+    """Rows in time of what drives do: [colour, spans, words] each, of which later ones win."""
+    off = [
+        ("≠", name, "logged effort of", [
+            (markers.OFF_COLORS[0], mild, "off the log"),
+            (markers.OFF_COLORS[1], strong, "far off the log"),
+        ])
+        for name, (mild, strong) in frames.off.items()
+    ]  # fmt: skip
+    near, over = markers.LIMIT_COLORS
+    limiting = [
+        ("▲", name, "limits of", [
+            *((near, spans, kind) for kind, (spans, _) in kinds.items()),
+            *((over, spans, f"{kind} exceeded") for kind, (_, spans) in kinds.items()),
+        ])
+        for name, kinds in frames.limiting.items()
+    ]  # fmt: skip
+    return [
+        {"mark": mark, "name": name, "of": of, "parts": parts}
+        for mark, name, of, parts in off + limiting
+    ]
 
 
 def _most(scene: Scene, frames: Frames) -> dict[str, float]:

@@ -20,6 +20,7 @@ from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 from pinfric.show.replay.frames import RATE, make_frames
 from pinfric.show.replay.page import replay_html
+from pinfric.study.retime.limits import DriveLimits, LimitsLike, limited_scene, read_limits
 from pinfric.study.scene_run import run_scene
 from pinfric.study.trajectory.log.judged import JudgedLog, judge_log
 from pinfric.study.trajectory.log.reading import ReadingOptions
@@ -75,6 +76,7 @@ def replay(
     title: str | None = None,
     rate: float = RATE,
     log: JudgedLog | None = None,
+    limits: LimitsLike = None,
 ) -> Replay:
     """Return a page that plays a motion: robot, joints that stick or slide, forces, intervals.
 
@@ -91,13 +93,18 @@ def replay(
         title: heading; None takes the scene's name.
         rate: frames per second; samples at which sticking begins or ends are always frames.
         log: the log that the motion comes from: where its efforts miss the computed ones is marked.
+        limits: of the drives, as `retime` takes them; which one holds the motion back is marked.
 
     Raises:
-        StateError: the motion has no times, or is of another scene.
+        StateError: the motion has no times, or is of another scene; limits of a simulated motion.
+        RetimeError: limits that cannot be.
         PinfricError: the file cannot be written.
     """
     check_same_scene(scene, motion)
-    frames = make_frames(scene, motion, rate, log)
+    given = None
+    if limits is not None:
+        scene, motion, given = _with_drives(scene, motion, limits)
+    frames = make_frames(scene, motion, rate, log, given)
     page = replay_html(scene, frames, title or Path(scene.source).stem)
     if html is None and open_browser:
         html = Path(tempfile.mkdtemp(prefix="pinfric-")) / "replay.html"
@@ -110,6 +117,23 @@ def replay(
         if open_browser:
             done.open()
     return done
+
+
+def _with_drives(
+    scene: Scene, motion: InverseResult | Motion, limits: LimitsLike
+) -> tuple[Scene, InverseResult, tuple[DriveLimits, ...]]:
+    """Return scene and motion with the gears of the drives that are given, and their limits."""
+    given = read_limits(scene, limits)
+    geared = limited_scene(scene, given)
+    if isinstance(motion, Motion) or (geared is not scene and motion.external):
+        raise StateError(
+            "replay: limits are for what inverse dynamics gives, not for a "
+            "simulation; nor with gears of a catalogue under forces from outside"
+        )
+    if geared is not scene:
+        now = motion.states
+        motion = inverse_dynamics(geared, now.q, now.v, now.a, t=now.t, attached=now.attached)
+    return geared, motion, given
 
 
 def motion_to_replay(

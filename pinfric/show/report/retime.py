@@ -152,9 +152,9 @@ def _lines(result: RetimeResult) -> list[str]:
     if result.smooth:
         cost = result.smooth * len(result.moves)
         lines.append(f"smoothing over {1e3 * result.smooth:g} ms costs {digits(cost)} s")
-    if result.holes:
-        lines.append(f"at {result.holes} places a lower limit cut the accelerations in two; the "
-                     "larger part was kept")  # fmt: skip
+    if result.profile.holes:
+        lines.append(f"{result.profile.holes} times a lower limit cut the accelerations in two; "
+                     "the larger part was kept")  # fmt: skip
     return lines
 
 

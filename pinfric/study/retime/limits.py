@@ -262,7 +262,7 @@ def _read(path: Path) -> MotorsFile:
 def joint_speeds(scene: Scene, limits: Sequence[DriveLimits]) -> np.ndarray:
     """Return (na,) the greatest |v| of each drive's joint: URDF, limits, motor and gear."""
     stated = [stated_limit(float(scene.model.velocityLimit[d.velocity_index]))
-              for d in scene.drives]  # fmt: skip
+              if d.velocity_index >= 0 else math.inf for d in scene.drives]  # fmt: skip
     ratio = [1.0 if d.transmission is None else abs(d.transmission.ratio) for d in scene.drives]
     rows = zip(stated, ratio, limits, strict=True)
     return np.array([

@@ -69,6 +69,13 @@ class Path:
         if len(self.holds) != len(self.pieces) + 1:
             raise TrajectoryError(f"{self.source}: {len(self.holds)} holds for "
                                   f"{len(self.pieces) + 1} stops; give one for each")  # fmt: skip
+        for i, hold in enumerate(self.holds):
+            if not 0.0 <= hold < np.inf:
+                raise TrajectoryError(f"{self.source}: stop {i}: hold {hold:g} s, should be 0 or "
+                                      "more")  # fmt: skip
+        if self.attached is not None and self.attached.ndim != 2:
+            raise TrajectoryError(f"{self.source}: attached: shape {self.attached.shape}; should "
+                                  "be a row for each stop, a column for each payload")  # fmt: skip
         pieces = tuple(_checked(piece, f"{self.source}: piece {i}")
                        for i, piece in enumerate(self.pieces))  # fmt: skip
         object.__setattr__(self, "pieces", pieces)
@@ -105,6 +112,9 @@ class Path:
         if passed.shape != (len(points),) or stay.shape != (len(points),):
             raise TrajectoryError(f"{source}: via and holds need one entry for each of "
                                   f"{len(points)} points")  # fmt: skip
+        if stay[passed].any():
+            raise TrajectoryError(f"{source}: a hold at a via point, which is passed without a "
+                                  "stop; leave one of both out")  # fmt: skip
         if passed[0] or passed[-1]:
             raise TrajectoryError(f"{source}: points.{0 if passed[0] else len(points) - 1}.via: "
                                   "the motion starts and ends at rest; leave it out")  # fmt: skip

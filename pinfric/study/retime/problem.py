@@ -109,10 +109,11 @@ class Problem:
             RetimeError: there is none; names the place, the drive, what it needs and has.
         """
         x, u = np.empty(len(self.grid.stop)), np.empty((len(self.grid.step), 2))
-        failed = fastest(box_scan(tuple(self.scan())), x, u)
+        scan = self.scan()
+        failed = fastest(box_scan(tuple(scan)), x, u)
         if failed >= 0:
             raise RetimeError(self._why(failed))
-        return Profile.of(self.grid, x, u)
+        return replace(Profile.of(self.grid, x, u), holes=int(scan.holes[0]))
 
     def with_limits(self, limits: Sequence[DriveLimits], scene: Scene | None = None) -> Problem:
         """Return the same problem with other limits, and a scene with other transmissions."""

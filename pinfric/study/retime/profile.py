@@ -37,6 +37,8 @@ class Profile:
         time: (n + 1,) when it passes each point since the start of its piece, s; at a stop the
             time of the piece that ends there.
         duration: (pieces,) s.
+        holes: how often, in finding it, a lower limit cut the accelerations at a place in two; 0
+            but for extreme friction: the larger part was kept.
     """
 
     grid: Grid
@@ -44,6 +46,7 @@ class Profile:
     u: np.ndarray
     time: np.ndarray
     duration: np.ndarray
+    holes: int = 0
 
     @classmethod
     def of(cls, grid: Grid, x: np.ndarray, u: np.ndarray) -> Profile:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args, get_type_hints
 
 import numpy as np
 
@@ -42,11 +42,13 @@ from pinfric.study.trajectory.trajectory import Trajectory
 #: Where the inside of an interval is judged.
 _INSIDE = np.array([0.02, 0.25, 0.5, 0.75, 0.98])
 #: Times that intervals over a limit are cut in two.
-_ROUNDS = 5
+_ROUNDS = 10
 #: A limit of which more than this part is used holds the motion back.
 _AT_LIMIT = 0.995
 #: What comes nearer than this may do so, on another grid.
 _NEAR_LIMIT = 0.98
+#: Times the points asked for, where fewer find no way along the path.
+_FINER = 1, 4, 16
 #: Fewest points of a piece; a zone about a reversal, in sample periods.
 _FEWEST, _ZONE = 24, 0.65
 
@@ -64,8 +66,6 @@ class RetimeResult(Shown):
             judges); 0.001 is 0.1 %.
         usage: (T, na, `limits.KINDS`) which part of each limit each sample uses.
         problem, profile: the grid with its limits, and the speed on it.
-        holes: how often a lower limit cut the accelerations at a place in two; 0 but for extreme
-            friction: the larger part was kept.
         rms: (na,) part of its continuous torque that each motor uses over the whole cycle; None
             where that was not asked for.
         uniform: s, how long the motion would take if it were slowed down as a whole until these
@@ -83,7 +83,6 @@ class RetimeResult(Shown):
     usage: np.ndarray
     problem: Problem
     profile: Profile
-    holes: int = 0
     rms: np.ndarray | None = None
     uniform: float | None = None
     cycle: Cycle | None = None
@@ -228,6 +227,10 @@ def retime(
     if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
         raise RetimeError(f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
                           f"{tolerance:g}, smooth {smooth:g}: should be positive")  # fmt: skip
+    for name, value in (("reversal", reversal), ("rest", rest)):
+        known = get_args(get_type_hints(Policy)[name])
+        if value not in known:
+            raise RetimeError(f"retime: {name} {value!r}; should be one of: {', '.join(known)}")
     given = read_limits(scene, limits)
     scene = limited_scene(scene, given)
     columns = joint_columns(scene.model, scene.source)
@@ -265,7 +268,7 @@ class _Retiming:
     def run(self, points: int, rms: bool, smooth: float) -> RetimeResult:
         """Do what `retime` does; arguments see there."""
         self.check_stops()
-        problem, profile, samples = self.refine(self.coarse(points), points)
+        problem, profile, samples = self.solve(points)
         if not rms:
             if smooth:
                 samples = sample(self.path, profile, self.policy.sample_rate, smooth)
@@ -274,6 +277,16 @@ class _Retiming:
         samples = sample(self.path, profile, self.policy.sample_rate, smooth)
         found = self.result(problem, profile, samples, smooth)
         return replace(found, rms=use, uniform=uniform, cycle=cycle)
+
+    def solve(self, points: int) -> tuple[Problem, Profile, Samples]:
+        """Solve; where no way is found, on finer grids: between far points it can be missed."""
+        for finer in _FINER:
+            try:
+                return self.refine(self.coarse(finer * points), finer * points)
+            except RetimeError as problem:
+                last = problem
+                self.constant, self.zones = [], []
+        raise last
 
     def problem(self, points: list[np.ndarray]) -> Problem:
         """The problem on a grid."""
@@ -336,15 +349,29 @@ class _Retiming:
         return problem, profile, samples
 
     def _zones(self, profile: Profile) -> list[tuple[int, int, float, float]]:
-        """Where samples are beside a reversal: within half a sample period of it, and a reserve."""
-        grid, found = profile.grid, []
-        for j in np.flatnonzero(~grid.stop[1:-1]) + 1:
-            piece, s = int(grid.piece[grid.start[j]]), float(grid.s[grid.start[j]])
-            reach = _ZONE / self.policy.sample_rate * float(np.sqrt(profile.x[j]))
-            curve = self.path.pieces[piece]
-            reach = max(reach, 1e-6 * (curve.x[-1] - curve.x[0]))
-            turning = grid.way[j] * grid.way[j - 1] < 0.0
-            found += [(int(d), piece, s - reach, s + reach) for d in np.flatnonzero(turning)]
+        """Where samples are beside a reversal: within half a sample period of it, and a reserve.
+
+        At a stop that is left at once within a whole one: of the samples beside it the slower
+        counts.
+        """
+        grid, found, period = profile.grid, [], 1.0 / self.policy.sample_rate
+        for j in range(1, len(grid.step)):
+            turning = np.flatnonzero(grid.way[j] * grid.way[j - 1] < 0.0).tolist()
+            piece, stop = int(grid.piece[grid.start[j]]), bool(grid.stop[j])
+            if stop and self.path.holds[piece] >= period:
+                continue
+            for row, u in (
+                (grid.end[j - 1], profile.u[j - 1, 1]),
+                (grid.start[j], profile.u[j, 0]),
+            ):
+                s, p = float(grid.s[row]), int(grid.piece[row])
+                reach = _ZONE * period * float(np.sqrt(profile.x[j]))
+                if stop:
+                    reach = 0.5 * abs(float(u)) * (2.0 * _ZONE * period) ** 2
+                reach = max(reach, 1e-6 * float(np.ptp(self.path.pieces[p].x[[0, -1]])))
+                found += [(d, p, s - reach, s + reach) for d in turning]
+                if not stop:
+                    break
         return found
 
     def _cut(

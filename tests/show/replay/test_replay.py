@@ -29,6 +29,7 @@ from pinfric.show.replay.replay import (
 from pinfric.show.replay.shapes import equivalent_box, robot_shapes
 from pinfric.show.replay.stage import set_stage
 from pinfric.show.replay.window import RecordingWindow
+from pinfric.study.retime.limits import read_limits
 
 ROBOTS = Path(__file__).parents[3] / "robots"
 pytestmark = [
@@ -419,6 +420,42 @@ def test_json_is_what_the_command_prints(three_link, tmp_path):
     assert printed["warnings"] == ["look"]
     assert printed["html"] == str(tmp_path / "out.html")
     assert [i["site"] for i in printed["stick_intervals"]] == ["joint_12"] * 3
+
+
+def pushed():
+    """2 kg m^2 that 4 N m speed up for 1 s, that rests on at 2 rad/s, that 6 N m brake; rest."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), 2.0 * np.eye(3)),
+                            pin.SE3.Identity())  # fmt: skip
+    t = np.arange(3001) / 1000.0
+    a = np.select([t <= 1.0, t <= 2.0, t < 2.0 + 2 / 3], [2.0, 0.0, -3.0], 0.0)[:, None]
+    v = np.where(t <= 1.0, 2.0 * t, np.clip(2.0 - 3.0 * (t - 2.0), 0.0, 2.0))[:, None]
+    scene = pf.Scene(model=model)
+    return scene, pf.inverse_dynamics(scene, np.cumsum(v, axis=0) / 1000.0, v, a, t=t)
+
+
+def test_limits_that_hold_the_motion_back_are_marked_while_it_moves():
+    scene, result = pushed()
+    limits = {"j": {"peak_torque": 4.01, "velocity": 2.0}}
+    marked = make_frames(scene, result, limits=read_limits(scene, limits)).limiting
+    (torque, over), (speed, faster) = marked["j"]["peak torque"], marked["j"]["joint speed"]
+    np.testing.assert_allclose(torque, [(0.0, 1.0), (2.0, 2.0 + 2 / 3)], atol=3e-3)
+    np.testing.assert_allclose(over, torque[1:], atol=1e-9)
+    np.testing.assert_allclose(speed, [(1.0, 2.0)], atol=3e-3)
+    assert faster == ()
+    assert make_frames(scene, result).limiting == {}
+    page = pf.replay(scene, result, limits=limits).page
+    assert "peak torque exceeded" in page
+    geared = limits["j"] | {"transmission": {"ratio": 2.0}}  # whose motor gives half the torque
+    assert "peak torque" not in pf.replay(scene, result, limits={"j": geared}).page
+
+
+def test_limits_of_a_simulated_motion_are_refused(pendulum_motion):
+    scene, motion = pendulum_motion
+    limits = {name: {"peak_torque": 1.0} for name in scene.actuator_names}
+    with pytest.raises(StateError, match="limits are for what inverse dynamics gives"):
+        pf.replay(scene, motion, limits=limits)
 
 
 def test_command_takes_a_trajectory_a_saved_motion_or_the_scenes_simulation(

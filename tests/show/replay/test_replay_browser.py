@@ -350,6 +350,26 @@ def test_gears_that_hold_have_rows_and_wheels(browser, tmp_path):
     assert (np.abs(page.pixels().astype(int) - sky).max(axis=-1) < 30).sum() > 100
 
 
+def test_limits_have_rows_that_say_which_one_holds_back(browser, tmp_path):
+    from test_replay import pushed  # beside this file
+
+    limits = {"j": {"peak_torque": 4.01, "velocity": 2.0}}
+    page = Page(browser, pf.replay(*pushed(), html=tmp_path / "limits.html", limits=limits).html)
+    assert page.complaints() == []
+    assert "a drive at one of its limits" in page.text("#legend")
+    for t, words in ((0.5, "peak torque"), (1.5, "joint speed"), (2.3, "peak torque exceeded"),
+                     (2.9, "")):  # fmt: skip
+        page.seek(t)
+        assert page.text(".row .name").strip() == "▲ j"
+        assert page.text(".row .value").strip() == words
+    green, red = page.run(
+        "const c = document.querySelector('.row canvas'), x = c.getContext('2d');"
+        "return [0.5, 2.3].map((t) => [...x.getImageData(c.width * t / 3, 9, 1, 1).data])"
+    )
+    assert green[:3] == [0x00, 0x9E, 0x73]
+    assert red[:3] == [0xC2, 0x18, 0x5B]
+
+
 def test_names_are_text_whatever_is_in_them(browser, tmp_path):
     names = ['<b>&" onclick="x', "<img src=x onerror=alert(1)>", "</script>a/b", "<object>"]
     model = pin.Model()

@@ -165,8 +165,25 @@ def test_within_every_limit_between_the_points_too():
     found = retime(planar(), WAVE, MOTORS, points=300)
     assert 0.9 < found.usage.max() < 1.0 + 1e-3
     assert found.excess < 1e-3
-    assert found.holes == 0
+    assert found.profile.holes == 0
     finest = retime(planar(), WAVE, MOTORS, points=1600)
+    assert found.duration == pytest.approx(finest.duration, rel=3e-3)
+
+
+def test_stops_that_are_left_at_once_the_other_way():
+    """The sample beside such a stop is a reversal: friction at rest counts both ways there."""
+    way = Path.from_waypoints([[0.0, 0.0], [1.0, 0.4], [0.2, -0.5], [0.7, 0.1], [0.1, 0.5]])
+    assert retime(planar(), way, MOTORS).excess < 1e-3
+
+
+def test_far_points_that_miss_the_way_are_set_nearer():
+    """A curved path on which a third of the points asked for find no speed at one place."""
+    points = np.random.default_rng(7).uniform(-1.6, 1.6, (3, 6, 2))[2]
+    path = Path.spline(np.arange(6.0), points)
+    motors = {"a": {"peak_torque": 0.6, "effort": 30.0}, "b": {"peak_torque": 0.25}}
+    found = retime(planar(), path, motors)
+    assert found.excess < 1e-3
+    finest = retime(planar(), path, motors, points=3200)
     assert found.duration == pytest.approx(finest.duration, rel=3e-3)
 
 
@@ -243,6 +260,8 @@ def test_reversal_and_rest_policies():
     needed = retime(scene, alone, MOTORS, points=100, rest="needed")
     assert needed.duration <= worst.duration
     assert worst.excess < 1e-3
+    with pytest.raises(pf.RetimeError, match="rest 'never'; should be one of: worst, needed"):
+        retime(scene, alone, MOTORS, rest="never")
 
 
 def test_holds_payloads_and_moves():
@@ -474,6 +493,12 @@ def test_kinks_and_repeated_points_are_refused():
         Path((bent,))
     with pytest.raises(pf.PinfricError, match=r"every joint stands still at s = 0.875"):
         Path.from_waypoints([[0.0], [1.0], [0.5]], via=[False, True, False])
+    with pytest.raises(pf.PinfricError, match=r"stop 1: hold -1 s, should be 0 or more"):
+        Path.from_waypoints([[0.0], [1.0]], holds=[0.0, -1.0])
+    with pytest.raises(pf.PinfricError, match="a hold at a via point"):
+        Path.from_waypoints([[0.0], [0.5], [1.0]], via=[False, True, False], holds=[0.0, 1.0, 0.0])
+    with pytest.raises(pf.PinfricError, match=r"attached: shape \(3,\)"):
+        Path.from_waypoints([[0.0], [0.5], [1.0]], attached=[True, True, False])
     with pytest.raises(pf.PinfricError, match=r"points.0.via"):
         Path.from_waypoints([[0.0], [1.0]], via=[True, False])
 

@@ -240,10 +240,10 @@ function show(t, since = t) {
     g.row.style.setProperty("--state", holds ? D.gear_color : "transparent");
     g.value.textContent = holds ? "holds by itself" : "";
   }
-  for (const d of D.off) {
-    const how = ["strong", "mild"].findIndex((kind) => meets(d[kind], Math.min(since, now), now));
-    d.row.style.setProperty("--state", how < 0 ? "transparent" : D.off_colors[1 - how]);
-    d.value.textContent = ["far off the log", "off the log"][how] ?? "";
+  for (const strip of D.strips) {
+    const [color, , words] = strip.parts.findLast(([, spans]) => meets(spans, Math.min(since, now), now)) ?? ["transparent", [], ""];
+    strip.row.style.setProperty("--state", color);
+    strip.value.textContent = words;
   }
   for (const p of payloads) p.node.visible = p.spans.some(([a, b]) => a <= now && (now < b || b === t1));
   $("slider").value = now;

@@ -17,32 +17,25 @@ while (cut > 0 && sites.some(({name}) => !/[A-Za-z]/.test(name[cut]))) {
   cut = together.lastIndexOf("_", cut - 2) + 1;
 }
 // and without "_joint" at the end, where all have it
-const tail = "_joint", end = sites.every(({name}) => name.endsWith(tail) && name.length > cut + tail.length)
+const tail = "_joint", end = ns && sites.every(({name}) => name.endsWith(tail) && name.length > cut + tail.length)
   ? -tail.length : undefined;
 const short = (name) => plain(name.length > cut ? name.slice(cut, end) : name);
 
+function add_row(owner, mark = "", of = "", kind = "row") {
+  owner.row = element("div", kind, `<span class="name" title="${of}${plain(owner.name)}"><i></i>${mark}${short(owner.name)}</span>` +
+    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`);
+  [owner.canvas, owner.value] = [owner.row.querySelector("canvas"), owner.row.querySelector(".value")];
+  $("strips").append(owner.row);
+}
 sites.forEach((site) => {
   site.inverse = new THREE.Quaternion(...site.turn);  // from the wrench's axes to the marker's
-  site.row = element("div", "row", `<span class="name" title="${plain(site.name)}"><i></i>${short(site.name)}</span>` +
-    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`);
-  [site.canvas, site.value] = [site.row.querySelector("canvas"), site.row.querySelector(".value")];
-  $("strips").append(site.row);
+  add_row(site);
   site.label = $("labels").appendChild(element("span", "", short(site.name)));
 });
 // strips of gears that hold a joint without their motor, below those of the joints' friction
-gears.forEach((gear) => {
-  gear.row = element("div", "row gear", `<span class="name" title="gear of ${plain(gear.name)}"><i></i>⚙ ${short(gear.name)}</span>` +
-    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`);
-  [gear.canvas, gear.value] = [gear.row.querySelector("canvas"), gear.row.querySelector(".value")];
-  $("strips").append(gear.row);
-});
-// strips of logged efforts that miss the computed ones
-D.off.forEach((drive) => {
-  drive.row = element("div", "row", `<span class="name" title="logged effort of ${plain(drive.name)}"><i></i>≠ ${short(drive.name)}</span>` +
-    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`);
-  [drive.canvas, drive.value] = [drive.row.querySelector("canvas"), drive.row.querySelector(".value")];
-  $("strips").append(drive.row);
-});
+gears.forEach((gear) => add_row(gear, "⚙ ", "gear of ", "row gear"));
+// strips of logged efforts that miss the computed ones, and of limits that hold the motion back
+D.strips.forEach((strip) => add_row(strip, strip.mark + " ", strip.of + " "));
 const ticks = element("div", "row ticks", `<span></span><div class="track"><canvas></canvas></div><span></span>`);
 $("strips").append(ticks);
 
@@ -142,7 +135,7 @@ function lay_out() {
   viewer.set_3d_pane_size();
   sites.forEach(draw_strip);
   gears.forEach((gear) => draw_spans(gear.canvas, [[D.gear_color, gear.spans, 2]]));
-  D.off.forEach((drive) => draw_spans(drive.canvas, [[D.off_colors[0], drive.mild, 1], [D.off_colors[1], drive.strong, 1]]));
+  D.strips.forEach((strip) => draw_spans(strip.canvas, strip.parts.map(([color, spans]) => [color, spans, 1])));
   draw_ticks();
   place_labels();
 }
@@ -155,7 +148,7 @@ $("legend").innerHTML = (ns ? used.map(ring).join("") : "<li>no joint has fricti
   (ns ? `<li style="--state:#46525f"><span class="mark">↻</span>friction of the parent on the child${D.simulated ? "; at rest with its share of the limit" : "; at rest both ways: all it can be"}</li>` : "") +
   (ns ? `<li style="--state:${D.force_color}"><span class="mark">↑</span>force of the parent on the child</li>` : "") +
   (gears.length ? `<li style="--state:${D.gear_color}"><span class="mark">⚙</span>${D.gear_meaning}</li>` : "") +
-  (D.off.length ? `<li style="--state:${D.off_colors[1]}"><span class="mark">≠</span>${D.off_meaning}</li>` : "") +
+  D.strip_meanings.map(([mark, color, words]) => `<li style="--state:${color}"><span class="mark">${mark}</span>${words}</li>`).join("") +
   (D.drives ? `<li style="--state:${D.drive_color}"><span class="box"></span>cylinder or force that drives</li>` : "") +
   payloads.map((p) => `<li style="--state:${D.payload_color}"><span class="box"></span>${plain(p.name)}, while carried</li>`).join("");
 $("about").textContent = D.about;
