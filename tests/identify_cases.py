@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 import pinfric as pf
 
@@ -117,6 +119,37 @@ def log(seed: int, duration: float = 60.0, rate: float = 500.0, still=(), name="
     step = 2 * np.pi / COUNTS
     stamps = 1_700_000_000_000_000_000 + np.rint(motion.t * 1e9).astype(np.int64)
     return pf.Log(stamps, step * np.rint(motion.q / step), measured, name=name)
+
+
+#: A KUKA KR300's links by its maker: d, a (m), alpha (deg), mass (kg), centre of mass (m) and Ixx,
+#: Iyy, Izz, Ixy, Iyz, Ixz (kg m^2) in the link's frame, ratio of the gear; the last with 200 kg.
+KR300 = (
+    (-0.675, 0.35, 90, 395.4, (-0.353, 0.174, -0.004), (17, 30, 33, -1.7, 0.1, 4.4), 1798 / 7),
+    (-0.189, 1.15, 0, 339.1, (-0.709, -0.001, 0.023), (7.5, 89, 89, 0.4, 0.2, -4.4), 1872 / 7),
+    (0.189, 0.041, -90, 105.2, (-0.018, -0.018, -0.076), (11, 10, 1.9, 0.1, -0.6, -0.1), 757 / 3),
+    (-1.0, 0.0, 90, 35.8, (0.0, 0.236, 0.001), (0.425, 0.218, 0.428, 0.0, -0.011, 0.0), 221.0),
+    (0.0, 0.0, -90, 31.5, (0.0, -0.08, -0.009), (0.284, 0.23, 0.258, 0.0, -0.02, 0.0), 5032 / 21),
+    (-0.24, 0.0, 180, 217.8, (0.0, 0.0, 0.088), (0.5, 0.5, 0.1, 0.0, 0.0, 0.0), 206793 / 1340),
+)
+
+
+def kr300(path: Path) -> tuple[pf.Scene, pf.Log]:
+    """A KUKA KR300 by its Denavit-Hartenberg parameters, and one of its logs, signs as logged."""
+    from scipy.io import loadmat
+
+    model, place = pin.Model(), pin.SE3(pin.utils.rotate("x", np.pi), np.zeros(3))
+    for j, (d, a, alpha, mass, com, (xx, yy, zz, xy, yz, xz), _) in enumerate(KR300):
+        place = place * pin.SE3(pin.utils.rotate("z", np.pi / 2 * (j == 2)), np.zeros(3))
+        joint = model.addJoint(j, pin.JointModelRZ(), place, f"a{j + 1}")
+        place = pin.SE3(pin.utils.rotate("x", np.deg2rad(alpha)), np.array([a, 0.0, d]))
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        body = place.act(pin.Inertia(mass, np.array(com), inertia))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    rec = loadmat(path, squeeze_me=True, struct_as_record=False)["rec"]
+    q, torque = (np.asarray(x).reshape(6, -1).T if len(x) == 6 else np.asarray(x)
+                 for x in (rec.act_pos_mot_deg, rec.act_torque_abs_nm))  # fmt: skip
+    effort = torque * [link[-1] for link in KR300]
+    return pf.Scene(model=model), pf.Log(0.004 * np.arange(len(q)), np.deg2rad(q), effort)
 
 
 def slow_departures(

@@ -17,6 +17,7 @@ from identify_cases import (
     VISCOUS,
     excitation,
     guess,
+    kr300,
     log,
     motor_effort,
     slow_departures,
@@ -385,6 +386,19 @@ def test_a_ur10_is_told_better_than_by_coulomb_and_viscous_friction(tmp_path):
     assert (np.array(share) <= UR10).all(), share
     lift = tuple(found.laws.values())[1]
     assert (lift.load, lift.side) == ("gear", "motor")
+
+
+@pytest.mark.skipif(not LOGS.is_dir(), reason="other people's logs are not in the repository")
+def test_a_kr300_whose_signs_nobody_knows_says_how_far_it_is_off():
+    scene, log = kr300(LOGS / "kr300" / "rec_2020-10-21_10s_FF_A_08ms.mat")
+    found = pf.identify(scene, log, laws=dict.fromkeys(scene.joint_names, Law()))
+    share = {name: error.error / error.rms for name, error in found.errors.items()}
+    assert all(0.02 < one < 0.5 for one in share.values()), share
+    missed = next(line for line in found.said if line.startswith("off by more than a tenth"))
+    assert max(share, key=share.__getitem__) in missed
+    turned = replace(log, q=-log.q, effort=-log.effort)
+    with pytest.raises(IdentificationError, match="joint a4: its effort falls where"):
+        pf.identify(scene, turned, laws=dict.fromkeys(scene.joint_names, Law()))
 
 
 def test_the_command_writes_what_runs(tmp_path, capsys, monkeypatch):
