@@ -109,8 +109,9 @@ class Path:
         points = _points(source, q)
         passed = np.zeros(len(points), bool) if via is None else np.asarray(via, dtype=bool)
         stay = np.zeros(len(points)) if holds is None else np.asarray(holds, dtype=float)
-        if passed.shape != (len(points),) or stay.shape != (len(points),):
-            raise TrajectoryError(f"{source}: via and holds need one entry for each of "
+        rows = len(points) if attached is None else len(attached)
+        if passed.shape != (len(points),) or stay.shape != (len(points),) or rows != len(points):
+            raise TrajectoryError(f"{source}: via, holds and attached need one entry for each of "
                                   f"{len(points)} points")  # fmt: skip
         if stay[passed].any():
             raise TrajectoryError(f"{source}: a hold at a via point, which is passed without a "

@@ -233,6 +233,9 @@ def retime(
             raise RetimeError(f"retime: {name} {value!r}; should be one of: {', '.join(known)}")
     given = read_limits(scene, limits)
     scene = limited_scene(scene, given)
+    if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
+        raise RetimeError(f"{path.source}: attached: {path.attached.shape[1]} columns for "
+                          f"{len(scene.payloads)} payloads")  # fmt: skip
     columns = joint_columns(scene.model, scene.source)
     check_limits(path, columns)
     policy = Policy(reversal, rest, sample_rate, tolerance)

@@ -497,6 +497,11 @@ def test_kinks_and_repeated_points_are_refused():
         Path.from_waypoints([[0.0], [1.0]], holds=[0.0, -1.0])
     with pytest.raises(pf.PinfricError, match="a hold at a via point"):
         Path.from_waypoints([[0.0], [0.5], [1.0]], via=[False, True, False], holds=[0.0, 1.0, 0.0])
+    with pytest.raises(pf.PinfricError, match="attached need one entry for each of 2 points"):
+        Path.from_waypoints([[0.0], [1.0]], attached=[[True]])
+    load = Path.from_waypoints([[0.0], [1.0]], attached=[[True], [True]])
+    with pytest.raises(pf.RetimeError, match="1 columns for 0 payloads"):
+        retime(one_joint(), load, {"j": {"peak_torque": 1.0}})
     with pytest.raises(pf.PinfricError, match=r"attached: shape \(3,\)"):
         Path.from_waypoints([[0.0], [0.5], [1.0]], attached=[True, True, False])
     with pytest.raises(pf.PinfricError, match=r"points.0.via"):
