@@ -31,6 +31,7 @@ from pinfric.terminal import (
     show,
     takes_logs,
     warnings_as_notices,
+    weighted,
     working,
     write,
 )
@@ -56,6 +57,15 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tabl
 EffortAt = Annotated[
     str, typer.Option(metavar="motor|joint", help="Measured before the gears, or after them.")
 ]
+OneCycle = Annotated[
+    str | None, typer.Argument(metavar="[TRAJECTORY]", help="The cycle; several: --cycle.")
+]
+Cycles = Annotated[
+    list[str] | None,
+    typer.Option(metavar="FILE:SHARE", help="A cycle and its share of the time, or its count."),
+]
+On = Annotated[float, typer.Option(metavar="PART", help="Switched on for this part (S3).")]
+Period = Annotated[float, typer.Option(metavar="SECONDS", help="Of shares and of --on.")]
 Motors = Annotated[
     str | None, typer.Option(metavar="FILE", help="Limits of the drives, or default:NAME.")
 ]
@@ -206,7 +216,10 @@ def paper(
 def size(
     *,
     scene_name: SceneName,
-    trajectory_name: TrajectoryName,
+    trajectory_name: OneCycle = None,
+    cycle: Cycles = None,
+    on: On = 1.0,
+    period: Period = 600.0,
     catalog: Annotated[
         str | None,
         typer.Option("--catalog", metavar="FILE", help="Catalogue file, or `default` (bundled)."),
@@ -221,14 +234,23 @@ def size(
     """Size the drives for a cycle that repeats.
 
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
-    meets it. --out writes sizing.json and report.html, with --fastest fastest.png.
+    meets it. --out writes sizing.json and report.html, with --fastest fastest.png. A duty of
+    several cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
     """
-    scene, trajectory = load(scene_name, trajectory_name, log, out)
+    given = [weighted(text) for text in cycle or ()]
+    if (trajectory_name is None) != bool(given) or (fastest and given):
+        raise typer.BadParameter("give one TRAJECTORY (with --fastest always), or --cycle for each "
+                                 "of several", param_hint="--cycle")  # fmt: skip
+    given = given or [(str(trajectory_name), 1.0)]
+    scene, trajectory = load(scene_name, given[0][0], log, out)
     from pinfric.show.report.sizing import sizing_json, sizing_report
+    from pinfric.study.sizing.duty import Duty
     from pinfric.study.sizing.size import size as size_drives
 
+    cycles = [trajectory, *(load_motion_of(scene, name, log) for name, _ in given[1:])]
+    duty = Duty(tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True)), on, period)
     with working(f"sizing {len(scene.drives)} drives"):
-        report = size_drives(scene, trajectory, catalog, on_miss="ignore")
+        report = size_drives(scene, duty, catalog, on_miss="ignore")
     summary = sizing_json(report, noticed)
     tables, pictures = _fastest(report, trajectory, summary) if fastest else ([], {})
     if out is not None:

@@ -113,6 +113,15 @@ def pairs(given: Sequence[str] | None, option: str, kind: Callable[[str], Any]) 
     return found
 
 
+def weighted(text: str) -> tuple[str, float]:
+    """Return the file and the number of FILE:NUMBER; 1 where no number stands behind a colon."""
+    name, _, number = text.rpartition(":")
+    try:
+        return (name, float(number)) if name else (text, 1.0)
+    except ValueError:
+        return text, 1.0
+
+
 def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
     """Print a dictionary as JSON, anything else with rich."""
     if isinstance(answer, Mapping):

@@ -298,6 +298,21 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"sizing.json", "report.html"}
 
 
+def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, capsys):
+    size = ("size", "arm.yaml", "--cycle", "way.yaml:0.7", "--cycle", "way.yaml:")
+    assert run(*size[:-1], "way.yaml:0.3", "--period", "100", "--on", "0.5", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["cycle_time"] == pytest.approx(100.0)
+    assert found["off"] == pytest.approx(50.0)
+    times = [cycle["repeats"] for cycle in found["cycles"]]
+    assert times[0] / times[1] == pytest.approx(7 / 3)
+    assert run(*size[:-1], "way.yaml:0.2") == cli.BAD_INPUT
+    error = "pinfric: error: duty: the shares 0.7, 0.2 add up to 0.9; "
+    assert capsys.readouterr().err.startswith(error)
+    assert run("size", "arm.yaml") == cli.BAD_INPUT
+    assert "give one TRAJECTORY" in capsys.readouterr().err
+
+
 SWEEP = """
 pinfric_sweep: 1
 samples: 20

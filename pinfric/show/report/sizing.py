@@ -36,8 +36,6 @@ def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str,
         report: of `size`.
         warnings: what was noticed on the way.
     """
-    t = report.result.t
-    assert t is not None  # size refuses a motion without times
     return json_safe(
         {
             "pinfric": __version__,
@@ -45,7 +43,12 @@ def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str,
             "trajectory": report.trajectory,
             "catalog": None if report.catalog is None else report.catalog.source,
             "conditions": report.conditions.model_dump(),
-            "cycle_time": t[-1] - t[0],
+            "cycle_time": report.period,
+            "cycles": [
+                {"name": name, "repeats": n}
+                for (name, _), n in zip(report.duty.parts(), report.duty.repeats, strict=False)
+            ],
+            "off": _off(report),
             "unclosed": list(report.unclosed),
             "passes": report.passes,
             "settled": report.settled,
@@ -156,12 +159,19 @@ def sizing_report(report: SizingReport) -> list[RenderableType]:
 
 def repetition(report: SizingReport) -> str:
     """Return how the cycle is taken to go on, in words."""
+    if len(report.duty.repeats) > 1:
+        return "the period, repeated" + ("; not all cycles close" if report.unclosed else "")
     return "repeated, though it does not close" if report.unclosed else "repeated without a pause"
 
 
-def _demand_table(report: SizingReport) -> Table:
+def _off(report: SizingReport) -> float:
+    """Time switched off in a period, s."""
     t = report.result.t
-    assert t is not None
+    assert t is not None  # size refuses a motion without times
+    return float(t[-1] - t[report.duty.starts[-2]]) if report.duty.off else 0.0
+
+
+def _demand_table(report: SizingReport) -> Table:
     units = {joint.demand.unit for joint in report.joints}
     unit = units.pop() if len(units) == 1 else ""
     title = f"{Path(report.given.source).stem} · {Path(report.trajectory).name}"
@@ -181,7 +191,7 @@ def _demand_table(report: SizingReport) -> Table:
         for d in (joint.demand for joint in report.joints)
     ]  # fmt: skip
     return Table(
-        f"{title}: {digits(t[-1] - t[0])} s, {repetition(report)}",
+        f"{title}: {digits(report.period)} s, {repetition(report)}",
         [*key, *figures, Column(f"speed{speed}")], rows, keys=len(key),
     )  # fmt: skip
 

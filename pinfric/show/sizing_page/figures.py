@@ -69,7 +69,7 @@ def effort_over_time(joint: JointSizing) -> Figure:
     """Draw the effort interval over the cycle, and the effort without friction; holds shaded."""
     cycle = joint.cycle
     series = [cycle.effort_lower, cycle.effort_upper, cycle.effort_frictionless]
-    keep = thinned(series, _PIECES)
+    keep = _drawn(joint, series)
     t = five_digits(cycle.t[keep])
     lower, upper, bare = (five_digits(x[keep]) for x in series)
     data = [
@@ -93,7 +93,7 @@ def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
     if motor is None or taken is None or motor.winding is None or motor.winding.runaway:
         return None
     winding, housing = motor.winding.winding, motor.winding.housing
-    keep = thinned([winding, housing], _PIECES)
+    keep = _drawn(joint, [winding, housing])
     t = five_digits(joint.cycle.t[keep])
     data = [
         curve(t, five_digits(winding[keep]), "winding", _RED),
@@ -110,6 +110,12 @@ def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
     layout = axes_layout("time, s", "temperature, °C")
     layout["yaxis"]["rangemode"] = "tozero"
     return {"data": data, "layout": layout}
+
+
+def _drawn(joint: JointSizing, series: Sequence[np.ndarray]) -> np.ndarray:
+    """Which samples to draw over time: a period's time off would leave no room for the rest."""
+    keep = thinned(list(series), _PIECES)
+    return np.asarray(keep[joint.cycle.powered[keep]])
 
 
 def mass_against_margin(joint: JointSizing) -> Figure:

@@ -61,7 +61,7 @@ def sizing_page(report: SizingReport) -> str:
         report=report,
         scene=Path(report.given.source).stem,
         trajectory=Path(report.trajectory).name,
-        cycle=float(t[-1] - t[0]),
+        cycle=report.period,
         samples=len(t),
         joints=joints,
         matrix=_matrix(report),

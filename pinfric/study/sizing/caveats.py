@@ -8,8 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.states import States
 from pinfric.model.scene import Scene
 from pinfric.study.sizing.catalog import Catalog, Conditions
+from pinfric.study.sizing.duty import Schedule
 
 #: Part of a joint's travel, and of its largest velocity, by which a cycle may miss its start.
 _CLOSES = 1e-3
@@ -19,16 +21,38 @@ _LOOKED_AT = 1000
 _MOST_GAPS = 4
 
 
-def unclosed(result: InverseResult) -> tuple[str, ...]:
+def unclosed(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
     """Return in words what of a cycle does not end as it began; empty where it closes.
 
     A position counts from 0.1 % of the joint's farthest way from its start on (and 1e-4 rad or m),
     a velocity from 0.1 % of the largest one (and the stick velocity): a log closes no better.
 
     Args:
-        result: of the whole cycle.
+        result: of all cycles. duty: which samples are which cycle.
     """
-    scene, states, found = result.scene, result.states, []
+    found = []
+    for name, part in duty.parts():
+        where = f"{name}: " if len(duty.names) > 1 else ""
+        found += [where + gap for gap in _gaps(result.scene, result.states.part(part))]
+    return tuple(found)
+
+
+def apart(result: InverseResult, duty: Schedule) -> tuple[str, ...]:
+    """Return in words which cycles of a period do not begin where the one before them ends.
+
+    Args:
+        result: of all cycles. duty: which samples are which cycle.
+    """
+    return tuple(
+        f"{duty.names[k]} does not begin where {duty.names[k - 1]} ends"
+        for k, (_, part) in enumerate(duty.parts())
+        if k and _gaps(result.scene, result.states.part(slice(part.start - 1, part.start + 1)))
+    )
+
+
+def _gaps(scene: Scene, states: States) -> list[str]:
+    """What of one cycle does not end as it began."""
+    found = []
     away = pin.difference(scene.model, states.q[0], states.q[-1])
     some = states.q[:: len(states.q) // _LOOKED_AT + 1]
     ways = np.array([pin.difference(scene.model, states.q[0], q) for q in some])
@@ -47,28 +71,35 @@ def unclosed(result: InverseResult) -> tuple[str, ...]:
         for name, first, last in zip(scene.payloads, *states.attached[[0, -1]], strict=True):
             if first != last:
                 found.append(f"payload {name} is carried at the {'start' if first else 'end'} only")
-    return tuple(found)
+    return found
 
 
 def caveats(
-    scene: Scene, catalog: Catalog | None, conditions: Conditions, gaps: Sequence[str]
+    scene: Scene,
+    catalog: Catalog | None,
+    conditions: Conditions,
+    gaps: Sequence[str],
+    jumps: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Return what a sizing does not know of its input, in sentences.
 
     Args:
         scene: the robot as given.
         catalog, conditions: what was chosen from; None: nothing was.
-        gaps: of `unclosed`.
+        gaps: of `unclosed`. jumps: of `apart`.
     """
     opening = []
+    if jumps:
+        opening.append(f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as "
+                       "a cycle.")  # fmt: skip
     if gaps:
         more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
-        opening = [
+        opening.append(
             f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
             "temperatures, overload and gear life take it as repeated without a pause all the "
             "same, as if the way back took no time and no torque: complete the trajectory by its "
             "way back and its pause for figures that hold."
-        ]
+        )
     if catalog is None:
         return tuple(opening)
     notes = [

@@ -437,9 +437,9 @@ def optimum_ratio(cycle: DriveCycle, effort: np.ndarray, rotor_inertia: float) -
 
     Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
     """
-    moving = rms(cycle.t, cycle.acceleration)
+    moving = rms(cycle.stretched, cycle.acceleration)
     inertial = rotor_inertia * moving  # a product of two positive numbers may still be 0
-    return float(np.sqrt(rms(cycle.t, effort) / inertial)) if inertial > 0 else np.inf
+    return float(np.sqrt(rms(cycle.stretched, effort) / inertial)) if inertial > 0 else np.inf
 
 
 def load_factor(cycle: DriveCycle, effort: np.ndarray) -> float:
@@ -453,6 +453,6 @@ def load_factor(cycle: DriveCycle, effort: np.ndarray) -> float:
 
     Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
     """
-    a, t = cycle.acceleration, cycle.t
+    a, t = cycle.acceleration, cycle.stretched
     mixed = float(np.trapezoid(a * effort, t) / (t[-1] - t[0]))
     return 2 * (rms(t, a) * rms(t, effort) + mixed)

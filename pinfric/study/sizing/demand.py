@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from pinfric.dynamics.result import InverseResult, runs
 from pinfric.dynamics.reversals import reversals
 from pinfric.errors import StateError
 from pinfric.model.scene import Scene
+from pinfric.study.sizing.duty import Schedule, once
 from pinfric.study.summary import effort_unit, ends_by_magnitude, rms
 
 
@@ -82,11 +83,13 @@ class DriveCycle:
     """One drive's samples over the cycle, as criteria take them.
 
     Attributes:
-        t: (T,) s. effort_lower, effort_upper, effort_frictionless: (T,) at the joint, N m or N.
+        t: (T,) s, each cycle of a duty once. effort_lower, effort_upper, effort_frictionless: (T,)
+            at the joint, N m or N; 0 while switched off.
         velocity, acceleration: (T,) of the joint.
         at_rest: (T,) it stands still, or reverses beside the sample.
         holding: (T,) all joints stand still.
         stick_velocity: at or below this speed it stands still.
+        duty: which samples are which cycle of a period; None: they are one cycle.
     """
 
     t: np.ndarray
@@ -98,6 +101,22 @@ class DriveCycle:
     at_rest: np.ndarray
     holding: np.ndarray
     stick_velocity: float
+    duty: Schedule | None = None
+
+    @property
+    def schedule(self) -> Schedule:
+        """Which samples are which cycle, and how often it is run."""
+        return self.duty or once(len(self.t))
+
+    @cached_property
+    def stretched(self) -> np.ndarray:
+        """(T,) time spent in a period, s: means over it are means over the period."""
+        return self.schedule.stretched(self.t)
+
+    @cached_property
+    def powered(self) -> np.ndarray:
+        """(T,) not switched off."""
+        return self.schedule.powered(len(self.t))
 
     @cached_property
     def standing(self) -> np.ndarray:
@@ -107,17 +126,19 @@ class DriveCycle:
     def without_friction(self) -> DriveCycle:
         """Return the same cycle as if the joints had no friction."""
         u = self.effort_frictionless
-        return DriveCycle(self.t, u, u, u, self.velocity, self.acceleration, self.at_rest,
-                          self.holding, self.stick_velocity)  # fmt: skip
+        return replace(self, effort_lower=u, effort_upper=u)
 
 
-def drive_cycle(result: InverseResult, actuator: int, holding: np.ndarray) -> DriveCycle:
+def drive_cycle(
+    result: InverseResult, actuator: int, holding: np.ndarray, duty: Schedule | None = None
+) -> DriveCycle:
     """Return one drive's samples of a result.
 
     Args:
         result: with times, two samples or more.
         actuator: its column.
         holding: (T,) of `hold_samples`.
+        duty: which samples are which cycle; None: they are one.
 
     Raises:
         StateError: the result has no times, or one sample.
@@ -127,16 +148,19 @@ def drive_cycle(result: InverseResult, actuator: int, holding: np.ndarray) -> Dr
     stick = drive_stick_velocity(result.scene, result.scene.drives[actuator])
     velocity = result.actuator_velocity[:, actuator]  # a cylinder's rate is no joint's
     turns = reversals(velocity[:, None], np.array([stick]))[:, 0]
+    on = (duty or once(len(result.t))).powered(len(result.t))
     return DriveCycle(
         t=result.t,
-        effort_lower=result.effort_lower[:, actuator].copy(),  # a view would keep the whole result
-        effort_upper=result.effort_upper[:, actuator].copy(),
-        effort_frictionless=result.effort_frictionless[:, actuator].copy(),
+        # products are copies: a view would keep the whole result
+        effort_lower=result.effort_lower[:, actuator] * on,
+        effort_upper=result.effort_upper[:, actuator] * on,
+        effort_frictionless=result.effort_frictionless[:, actuator] * on,
         velocity=velocity,
         acceleration=result.actuator_acceleration[:, actuator],
-        at_rest=turns | (np.abs(velocity) <= stick),
-        holding=holding,
+        at_rest=(turns | (np.abs(velocity) <= stick)) & on,
+        holding=holding & on,
         stick_velocity=stick,
+        duty=duty,
     )
 
 
@@ -164,7 +188,7 @@ def _lasting(still: np.ndarray) -> np.ndarray:
 
 def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> JointDemand:
     """Return the figures of one drive (see `JointDemand`)."""
-    t, v = cycle.t, cycle.velocity
+    t, v = cycle.stretched, cycle.velocity
     worst, least = ends_by_magnitude(cycle.effort_lower, cycle.effort_upper)
     top = int(np.argmax(np.abs(worst)))
     rest, hold = cycle.at_rest, cycle.holding
@@ -174,7 +198,7 @@ def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> Joi
         name=result.actuator_names[actuator],
         unit=effort_unit(result.scene, actuator),
         peak=float(np.abs(worst[top])),
-        peak_time=float(t[top]),
+        peak_time=float(cycle.t[top]),
         speed_at_peak=float(np.abs(v[top])),
         rms=rms(t, worst),
         rms_least=rms(t, least),

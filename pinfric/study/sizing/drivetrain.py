@@ -351,6 +351,7 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         conditions: ambient temperature.
     """
     assert candidate.transmission is not None
+    t, schedule = cycle.stretched, cycle.schedule
     lower, upper = motor_torque_bounds(
         candidate.transmission, cycle.effort_lower, cycle.effort_upper, cycle.velocity,
         cycle.acceleration, cycle.at_rest, cycle.stick_velocity,
@@ -358,18 +359,17 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     speed = candidate.ratio * cycle.velocity
     if candidate.at_output:
         lower, upper, speed = lower * candidate.ratio, upper * candidate.ratio, cycle.velocity
+    lower, upper = lower * cycle.powered, upper * cycle.powered
     worst, least = ends_by_magnitude(lower, upper)
     hold = cycle.holding
-    current, winding, mean_temperature = _temperatures(
-        candidate.ratings, cycle.t, worst, conditions
-    )
-    power = _electrical(candidate.ratings, cycle.t, worst, speed, current, winding)
+    current, winding, mean_temperature = _temperatures(candidate.ratings, cycle, worst, conditions)
+    power = _electrical(candidate.ratings, t, worst, speed, current, winding)
     limit, _ = candidate.ratings.continuous_at(conditions)
     window, _ = overload_window(candidate.ratings.thermal, conditions)
     figures = MotorFigures(
         peak=largest(worst),
-        rms=rms(cycle.t, worst),
-        rms_least=rms(cycle.t, least),
+        rms=rms(t, worst),
+        rms_least=rms(t, least),
         max_speed=largest(speed),
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         peak_temperature=None if winding is None else winding.peak,
@@ -377,15 +377,15 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         driving_power=power[0], braking_power=power[1], energy=power[2], regenerated=power[3],
         standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
         window=window,
-        short_term=moving_rms(cycle.t, worst, window),
+        short_term=moving_rms(cycle.t, worst, window, schedule),
         overloaded_standstill=None if limit is None else longest_above(
-            cycle.t, worst, limit, cycle.standing),
+            cycle.t, worst, limit, cycle.standing, schedule),
     )  # fmt: skip
     return MotorCycle(lower, upper, speed, current, winding, figures)
 
 
 def _temperatures(
-    ratings: Ratings, t: np.ndarray, torque: np.ndarray, conditions: Conditions
+    ratings: Ratings, cycle: DriveCycle, torque: np.ndarray, conditions: Conditions
 ) -> tuple[np.ndarray | None, WindingCycle | None, float | None]:
     """Return current, winding temperatures and temperature at the mean heat, where known."""
     if ratings.torque_constant is None:
@@ -394,10 +394,12 @@ def _temperatures(
     thermal, resistance = ratings.thermal, ratings.resistance
     if thermal is None or resistance is None:
         return current, None, None
-    at_mean = mean_winding_temperature(t, current, resistance, thermal, conditions.ambient)
+    ambient = conditions.ambient
+    at_mean = mean_winding_temperature(cycle.stretched, current, resistance, thermal, ambient)
     if thermal.winding_time is None or thermal.housing_time is None:
         return current, None, at_mean
-    return current, winding_cycle(t, current, resistance, thermal, conditions.ambient), at_mean
+    winding = winding_cycle(cycle.t, current, resistance, thermal, ambient, duty=cycle.duty)
+    return current, winding, at_mean
 
 
 def _electrical(

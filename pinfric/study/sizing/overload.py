@@ -12,6 +12,7 @@ import numpy as np
 
 from pinfric.model.compiled import kernel
 from pinfric.study.sizing.catalog import Conditions, Thermal
+from pinfric.study.sizing.duty import Schedule
 
 
 def overload_window(thermal: Thermal | None, conditions: Conditions) -> tuple[float, str]:
@@ -22,7 +23,7 @@ def overload_window(thermal: Thermal | None, conditions: Conditions) -> tuple[fl
     return conditions.thermal_time, "pinfric: conditions.thermal_time for a time constant not known"
 
 
-def moving_rms(t: np.ndarray, x: np.ndarray, window: float) -> float:
+def moving_rms(t: np.ndarray, x: np.ndarray, window: float, duty: Schedule | None = None) -> float:
     """Return the largest root mean square over any `window` of time of a cycle that repeats.
 
     max over s of sqrt(1/window int_s^(s + window) x^2 dt), x^2 linear between samples (as the
@@ -32,7 +33,11 @@ def moving_rms(t: np.ndarray, x: np.ndarray, window: float) -> float:
         t: (T,) increasing, s; the last sample is the first of the next repetition.
         x: (T,).
         window: s; no longer than the cycle, a longer one is cut to it.
+        duty: which samples are which cycle of a period; None: they are one.
     """
+    if duty is not None:
+        order, t = duty.played(t, window)
+        x = x[order]
     largest = float(np.abs(x).max())
     if len(t) == 1 or not largest > 0:  # also NaN
         return largest
@@ -41,7 +46,9 @@ def moving_rms(t: np.ndarray, x: np.ndarray, window: float) -> float:
     return largest * min(float(np.sqrt(mean)), 1.0)  # rounding must not lift it above the peak
 
 
-def longest_above(t: np.ndarray, x: np.ndarray, limit: float, where: np.ndarray) -> float:
+def longest_above(
+    t: np.ndarray, x: np.ndarray, limit: float, where: np.ndarray, duty: Schedule | None = None
+) -> float:
     """Return the longest time (s) in which |x| stays above a limit, in a cycle that repeats.
 
     Infinite where it never ends.
@@ -49,7 +56,13 @@ def longest_above(t: np.ndarray, x: np.ndarray, limit: float, where: np.ndarray)
     Args:
         t: (T,) increasing, s. x: (T,), its magnitude linear between samples. limit: of |x|.
         where: (T,) only between two samples that are both in this mask.
+        duty: which samples are which cycle of a period; None: they are one.
     """
+    if not (np.abs(x[where]) > limit).any():
+        return 0.0
+    if duty is not None:
+        order, t = duty.played(t)
+        x, where = x[order], where[order]
     return float(_longest_above(t, np.abs(x), limit, where))
 
 

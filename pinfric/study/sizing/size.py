@@ -29,7 +29,7 @@ from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.urdf import implausible_body
 from pinfric.study.sizing.assess import Assessment, assess, nearest_miss
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
-from pinfric.study.sizing.caveats import caveats, unclosed
+from pinfric.study.sizing.caveats import apart, caveats, unclosed
 from pinfric.study.sizing.demand import (
     DriveCycle,
     JointDemand,
@@ -39,6 +39,7 @@ from pinfric.study.sizing.demand import (
     joint_demand,
 )
 from pinfric.study.sizing.drivetrain import MotorCycle, motor_cycle
+from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Passes over all joints before an alternating choice is given up; a serial chain needs two.
@@ -115,6 +116,7 @@ class SizingReport(Shown):
         catalog, conditions: what was chosen from and what was demanded; catalog None: demand only.
         joints: in the order of the scene's drives.
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
+        duty: which samples are which cycle of the period, and how often it is run.
         passes: over all joints, until no choice changed. settled: no choice changed in the last.
         notes: what the model does not know, for the reader.
         unclosed: what of the cycle does not end as it began, in words; empty where it closes.
@@ -128,14 +130,13 @@ class SizingReport(Shown):
     joints: tuple[JointSizing, ...]
     result: InverseResult
     result_without_masses: InverseResult
+    duty: Schedule
     passes: int
     settled: bool
     notes: tuple[str, ...] = ()
     unclosed: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        t = self.result.t
-        assert t is not None  # size refuses a motion without times
         names = [joint.name for joint in self.joints]
         peaks = [f"{joint.demand.peak:.3g} {joint.demand.unit}" for joint in self.joints]
         chosen = [(j.name, j.choice.candidate.name) for j in self.joints if j.choice is not None]
@@ -150,9 +151,16 @@ class SizingReport(Shown):
                         + counted(self.passes, "pass", "passes"),
             }  # fmt: skip
         title = (
-            f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {t[-1] - t[0]:.4g} s"
+            f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {self.period:.4g} s"
         )
         return screen("SizingReport", title, {**facts, "more": ".summary() .plot() .joint(name)"})
+
+    @property
+    def period(self) -> float:
+        """Duration of what is repeated: the cycle, or a duty's cycles and its time off; s."""
+        assert self.result.t is not None  # size refuses a motion without times
+        t = self.duty.stretched(self.result.t)
+        return float(t[-1] - t[0])
 
     @property
     def drive_mass(self) -> float:
@@ -189,7 +197,7 @@ class SizingReport(Shown):
 
 def size(
     scene: Scene,
-    trajectory: MotionLike,
+    trajectory: MotionLike | Duty,
     catalog: Catalog | str | Path | None = None,
     *,
     conditions: Conditions | Mapping[str, Any] | None = None,
@@ -207,7 +215,7 @@ def size(
         scene: the robot with its friction. Its links are taken to be without drives, but for
             `conditions.mass_in_urdf`. The candidates replace its transmissions.
         trajectory: one cycle, with times; it is repeated without a pause. Where it does not end as
-            it began, `SizingReport.unclosed` and a note say by how much.
+            it began, `SizingReport.unclosed` and a note say by how much. Or several, as a `Duty`.
         catalog: a `Catalog`, a file, "default" for the bundled one, or None for the demand only.
         conditions: what differs from the catalogue's conditions, as `Conditions` or a mapping.
         on_miss: what to do where no candidate fits a joint; the report says so in any case.
@@ -240,12 +248,18 @@ class _Sizing:
     def __init__(
         self,
         scene: Scene,
-        trajectory: MotionLike,
+        trajectory: MotionLike | Duty,
         catalog: Catalog | None,
         conditions: Conditions,
         progress: Callable[[str], object],
     ) -> None:
-        self.scene, self.trajectory, self.catalog = scene, trajectory, catalog
+        self.trajectory: MotionLike
+        self.duty = None
+        if isinstance(trajectory, Duty):
+            self.trajectory, self.duty = trajectory.motion(), trajectory.schedule()
+        else:
+            self.trajectory = trajectory
+        self.scene, self.catalog = scene, catalog
         self.conditions, self.progress = conditions, progress
         self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
         self.judged: dict[tuple[int, _Load], JointSizing] = {}
@@ -272,13 +286,15 @@ class _Sizing:
         chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
         without = inverse_dynamics(self.scene, self.trajectory)
-        gaps = unclosed(without)
+        duty = self.duty or once(len(without.states.q))
+        gaps = unclosed(without, duty)
         return SizingReport(
             scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
             trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without, passes=passes, settled=settled,
-            notes=caveats(self.scene, self.catalog, self.conditions, gaps), unclosed=gaps,
+            result_without_masses=without, duty=duty, passes=passes, settled=settled,
+            notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
+            unclosed=gaps,
         )  # fmt: skip
 
     def joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
@@ -303,7 +319,7 @@ class _Sizing:
     def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
         if self.hold is None:
             self.hold = holds(self.scene, self.trajectory, result.states.v)
-        cycle = drive_cycle(result, i, self.hold)
+        cycle = drive_cycle(result, i, self.hold, self.duty)
         demand = joint_demand(result, i, cycle)
         tree = _joint(self.scene, i) is not None and not self.scene.loops
         inertia = float(inertias[i]) if tree else None
@@ -359,7 +375,7 @@ def joint_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> JointDe
         demand: with friction.
         cycle: `DriveCycle.without_friction`.
     """
-    cubic = average_output_effort(cycle.t, cycle.effort_frictionless, cycle.velocity)
+    cubic = average_output_effort(cycle.stretched, cycle.effort_frictionless, cycle.velocity)
     return replace(demand, peak=demand.peak_frictionless, rms=demand.rms_frictionless,
                    rms_least=demand.rms_frictionless, mean_cubic=cubic)  # fmt: skip
 

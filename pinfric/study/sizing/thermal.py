@@ -16,6 +16,7 @@ import numpy as np
 
 from pinfric.model.compiled import kernel
 from pinfric.study.sizing.catalog import REFERENCE_TEMPERATURE, Thermal
+from pinfric.study.sizing.duty import Schedule, once
 
 #: Rise of copper's resistance with temperature, 1/K, at the reference temperature.
 COPPER = 0.0039
@@ -26,7 +27,8 @@ class WindingCycle:
     """Periodic steady state of winding and housing.
 
     Attributes:
-        winding, housing: (T,) deg C; infinite where the loss outgrows the cooling (run-away).
+        winding, housing: (T,) deg C, the highest of a cycle's repetitions; infinite where the loss
+            outgrows the cooling (run-away).
         runaway: no steady state exists: each repetition ends hotter than it began.
     """
 
@@ -47,6 +49,7 @@ def winding_cycle(
     thermal: Thermal,
     ambient: float,
     copper: float = COPPER,
+    duty: Schedule | None = None,
 ) -> WindingCycle:
     """Return the temperatures that a repeated cycle settles to.
 
@@ -62,6 +65,7 @@ def winding_cycle(
         thermal: with both time constants.
         ambient: deg C.
         copper: alpha, 1/K.
+        duty: which samples are which cycle of a period; None: they are one.
 
     Raises:
         ValueError: `thermal` has no time constants, or there is one sample only.
@@ -75,7 +79,9 @@ def winding_cycle(
     conductance = np.array([1 / thermal.winding_housing, 1 / thermal.housing_ambient])
     heat = resistance * mean_square(np.abs(current))
     warm = 1 + copper * (ambient - REFERENCE_TEMPERATURE)
-    rise, runaway = _settled(np.diff(t), heat, warm, copper, capacity, conductance)
+    maps = _maps(np.diff(t), heat, warm, copper, capacity, conductance)
+    schedule = duty or once(len(t))
+    rise, runaway = _settled(maps, np.array(schedule.starts), schedule.counts)
     if runaway:
         rise = np.full((len(t), 2), np.inf)
     return WindingCycle(ambient + rise[:, 0], ambient + rise[:, 1], bool(runaway))
@@ -156,19 +162,17 @@ def _mean_square_over(t: np.ndarray, x: np.ndarray) -> float:
 
 
 @kernel
-def _settled(
+def _maps(
     step: np.ndarray,
     heat: np.ndarray,
     warm: float,
     copper: float,
     capacity: np.ndarray,
     conductance: np.ndarray,
-) -> tuple[np.ndarray, bool]:
-    """Return (T, 2) rises above ambient of winding and housing, and whether they run away."""
-    n = step.size
-    maps = np.empty((n, 6))  # Phi row by row, then g
-    p00, p01, p10, p11, g0, g1 = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
-    for k in range(n):
+) -> np.ndarray:
+    """Return (T-1, 6) what each interval does to the rises above ambient: Phi by rows, then g."""
+    maps = np.empty((step.size, 6))
+    for k in range(step.size):
         a00 = (copper * heat[k] - conductance[0]) / capacity[0]
         a01 = conductance[0] / capacity[0]
         a10 = conductance[0] / capacity[1]
@@ -185,23 +189,40 @@ def _settled(
         q00, q01 = (a00 - fast) / (slow - fast), a01 / (slow - fast)
         q10, q11 = a10 / (slow - fast), (a11 - fast) / (slow - fast)
         de, di = d_slow - d_fast, i_slow - i_fast
-        m00, m01, m10, m11 = e_fast + de * q00, de * q01, de * q10, e_fast + de * q11
-        c0, c1 = (i_fast + di * q00) * b0, di * q10 * b0
-        maps[k] = (m00, m01, m10, m11, c0, c1)
-        p00, p10 = m00 * p00 + m01 * p10, m10 * p00 + m11 * p10
-        p01, p11 = m00 * p01 + m01 * p11, m10 * p01 + m11 * p11
-        g0, g1 = m00 * g0 + m01 * g1 + c0, m10 * g0 + m11 * g1 + c1
+        maps[k] = (e_fast + de * q00, de * q01, de * q10, e_fast + de * q11,
+                   (i_fast + di * q00) * b0, di * q10 * b0)  # fmt: skip
+    return maps
+
+
+@kernel
+def _settled(maps: np.ndarray, starts: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return (T, 2) largest rises above ambient of winding and housing, and whether they run away.
+
+    Args:
+        maps: of `_maps`.
+        starts, counts: (K + 1,), (K,) of the cycles: first samples, and how often each is run.
+    """
+    p00, p01, p10, p11, g0, g1 = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    for part in range(counts.size):
+        for _ in range(counts[part]):
+            for k in range(starts[part], starts[part + 1] - 1):
+                m00, m01, m10, m11, c0, c1 = maps[k]
+                p00, p10 = m00 * p00 + m01 * p10, m10 * p00 + m11 * p10
+                p01, p11 = m00 * p01 + m01 * p11, m10 * p01 + m11 * p11
+                g0, g1 = m00 * g0 + m01 * g1 + c0, m10 * g0 + m11 * g1 + c1
     # all entries of Phi are positive: its spectral radius is below 1 exactly if I - Phi has
     # positive leading minors (an M-matrix)
     determinant = (1 - p00) * (1 - p11) - p01 * p10
-    rise = np.empty((n + 1, 2))
+    rise = np.zeros((starts[-1], 2))
     if not (p00 < 1.0 and determinant > 0.0):
         return rise, True
     x0 = ((1 - p11) * g0 + p01 * g1) / determinant
     x1 = (p10 * g0 + (1 - p00) * g1) / determinant
-    for k in range(n):
-        rise[k, 0], rise[k, 1] = x0, x1
-        m00, m01, m10, m11, c0, c1 = maps[k]
-        x0, x1 = m00 * x0 + m01 * x1 + c0, m10 * x0 + m11 * x1 + c1
-    rise[n, 0], rise[n, 1] = x0, x1
+    for part in range(counts.size):
+        for _ in range(counts[part]):
+            for k in range(starts[part], starts[part + 1]):
+                if k > starts[part]:
+                    m00, m01, m10, m11, c0, c1 = maps[k - 1]
+                    x0, x1 = m00 * x0 + m01 * x1 + c0, m10 * x0 + m11 * x1 + c1
+                rise[k, 0], rise[k, 1] = max(rise[k, 0], x0), max(rise[k, 1], x1)
     return rise, False
