@@ -534,6 +534,21 @@ def new(
 
 
 @app.command()
+def schema(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="FORMAT", help="scene, waypoints, columns, sweep, motors or catalog."
+        ),
+    ],
+) -> None:
+    """Print the JSON schema of a file's format, by which editors complete and check such files."""
+    from pinfric.study.formats import json_schema
+
+    show(json_schema(name))
+
+
+@app.command()
 def check(
     source: Annotated[
         str, typer.Argument(metavar="URDF | SCENE", help="The robot, or a scene with its robot.")

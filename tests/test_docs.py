@@ -5,10 +5,28 @@
 
 from __future__ import annotations
 
+import inspect
+import json
 import re
+import warnings
 from pathlib import Path
+from typing import Annotated
+
+import jsonschema
+import pytest
+import yaml
+from pydantic import Field, TypeAdapter
 
 import pinfric as pf
+from pinfric import cli
+from pinfric.errors import PinfricError
+from pinfric.model.bearings import Bearing
+from pinfric.model.entry import Entry, documented
+from pinfric.model.friction_terms import FrictionTerm
+from pinfric.model.yamlfile import read_yaml
+from pinfric.study.formats import FORMATS, json_schema
+from pinfric.study.new_scene import write_new
+from pinfric.study.sweep.distributions import Column, Distribution
 
 ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "notebooks"
@@ -19,3 +37,92 @@ def test_every_public_name_is_on_the_page_of_names():
     shown = re.findall(r"^\.\. auto(?:function|class|exception):: pinfric\.(\w+)$", page, re.M)
     assert sorted([*shown, "__version__"]) == sorted(pf.__all__)
     assert "`pf.__version__`" in page
+
+
+def entries(cls=Entry):
+    """All classes of entries that a file can hold."""
+    for sub in cls.__subclasses__():
+        if not inspect.isabstract(sub) and not sub.__name__.startswith("_"):
+            yield sub
+        yield from entries(sub)
+
+
+#: Bases without keys of their own in a file, and what no file holds.
+NOT_IN_FILES = {Bearing, FrictionTerm, Distribution, Column}
+ENTRIES = [cls for cls in dict.fromkeys(entries()) if cls not in NOT_IN_FILES
+           and not cls.__module__.startswith("pinfric.study.sizing")]  # fmt: skip
+
+
+@pytest.mark.parametrize("cls", ENTRIES, ids=lambda cls: cls.__name__)
+def test_every_key_of_every_file_says_what_it_is_with_unit_and_example(cls):
+    said = documented(cls)
+    assert set(said) == set(cls.model_fields)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # an example is of a usual size
+        for name, field in cls.model_fields.items():
+            given = Annotated[field.annotation, Field(), *field.metadata]
+            TypeAdapter(given).validate_python(said[name].example)
+    for name, schema in cls.model_json_schema()["properties"].items():
+        kinds = [schema, *schema.get("anyOf", []), *schema.get("prefixItems", [])]
+        if any(kind.get("type") == "number" for kind in kinds):
+            assert said[name].unit, name
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_has_a_page_made_from_its_classes(name):
+    page = (PAGES / "reference" / f"{name}.md").read_text(encoding="utf-8")
+    assert f"```{{format}} {name}\n```" in page
+    assert f"reference/{name}\n" in (PAGES / "index.md").read_text(encoding="utf-8")
+
+
+BUNDLED = {
+    "scene": [f for f in (ROOT / "robots").glob("*.yaml") if f.name.count(".") == 1],
+    "waypoints": list((ROOT / "robots").glob("*.waypoints.yaml")),
+    "sweep": list((ROOT / "robots").glob("*.sweep.yaml")),
+    "catalog": list((ROOT / "pinfric" / "catalog").glob("*.yaml")),
+}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_schemas_accept_what_readers_accept(name):
+    """Every bundled file, and the examples on the format's page; no key that is misspelled."""
+    schema = json_schema(name)
+    judge = jsonschema.Draft202012Validator(schema)
+    judge.check_schema(schema)
+    files = [read_yaml(file, PinfricError) for file in BUNDLED.get(name, [])]
+    assert bool(files) == (name in BUNDLED)
+    page = (PAGES / "reference" / f"{name}.md").read_text(encoding="utf-8")
+    shown = map(yaml.safe_load, re.findall(r"^```yaml\n(.*?)^```", page, re.DOTALL | re.MULTILINE))
+    for content in [*files, *filter(None, shown)]:
+        judge.validate(content)
+        assert not judge.is_valid({**content, "misspelt": 1})
+    json.dumps(schema, allow_nan=False)
+
+
+def test_schemas_know_every_kind_of_bearing_and_what_fits_none():
+    judge = jsonschema.Draft202012Validator(json_schema("scene"))
+
+    def scene(**friction):
+        return {"pinfric": 1, "robot": {"urdf": "a.urdf"}, "friction": {"joint": friction}}
+
+    mu = {"static": 0.2, "kinetic": 0.1}
+    assert judge.is_valid(scene(bearing={"kind": "pin", "radius": 0.05}, mu=mu, viscous=0.1))
+    assert judge.is_valid(scene(bearing={"kind": "seal"}, mu=mu, viscous={"coefficient": 1.0}))
+    for wrong in ({"kind": "pin"}, {"kind": "pin", "radius": -1}, {"kind": "seal", "radius": 1}):
+        assert not judge.is_valid(scene(bearing=wrong, mu=mu))
+    assert not judge.is_valid(scene(viscus=0.1))
+    assert not judge.is_valid(scene(viscous=-0.1))
+
+
+def test_new_scenes_name_a_schema_that_accepts_them(tmp_path):
+    for file in write_new(ROOT / "robots" / "pendulum.urdf", tmp_path):
+        first = file.read_text(encoding="utf-8").splitlines()[0]
+        named = re.fullmatch(r"# yaml-language-server: \$schema=(\w+\.schema\.json)", first)
+        schema = json.loads((tmp_path / named[1]).read_text(encoding="utf-8"))
+        jsonschema.Draft202012Validator(schema).validate(read_yaml(file, PinfricError))
+
+
+def test_the_command_prints_the_schema(capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["schema", "sweep"])
+    assert (ended.value.code, json.loads(capsys.readouterr().out)) == (0, json_schema("sweep"))

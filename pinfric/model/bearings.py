@@ -17,8 +17,14 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import ValidationError, ValidatorFunctionWrapHandler, model_validator
-from pydantic_core import InitErrorDetails
+from pydantic import (
+    GetJsonSchemaHandler,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, InitErrorDetails
 
 from pinfric.errors import choose_from
 from pinfric.model.compiled import kernel
@@ -85,6 +91,16 @@ class Bearing(Entry):
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         """Make it a kind."""
         KINDS[get_args(cls.model_fields["kind"].annotation)[0]] = cls
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Any of the kinds."""
+        if cls is not Bearing:
+            return super().__get_pydantic_json_schema__(core, handler)
+        kinds = ((kind, handler(kind.__pydantic_core_schema__)) for kind in KINDS.values())
+        return {"anyOf": [kind.describe_keys(schema) for kind, schema in kinds]}
 
     @abstractmethod
     def terms(self) -> LoadTerms:
@@ -169,6 +185,14 @@ class Pin(Bearing):
 
     c = radius (|F_r/2 + M_b x k/length| + |F_r/2 - M_b x k/length| + preload)
         + thrust_radius |F_a|;     without length   radius (|F_r| + preload) + ...
+
+    Attributes:
+        kind: a plain bearing, e.g. pin
+        radius (m): at which it rubs, e.g. 0.05
+        length (m): between the ends that carry bending; left out, bending is not seen, e.g. 0.10
+        thrust_radius (m): mean radius of the face that carries the axial force, e.g. 0.04
+        preload (N): that presses without any load, e.g. 50.0
+        offset (m): of the bearing's middle along the axis from the joint's origin, e.g. -0.02
     """
 
     fits = ("turning joint", "revolute loop", "planar_pin loop")
@@ -203,6 +227,15 @@ class Guide(Bearing):
     """Sliding pads at two ends, fixed to the child or to the parent.
 
     c = |F_r/2 + M_b x k/length| + |F_r/2 - M_b x k/length| + 2 |M_a|/width + preload
+
+    Attributes:
+        kind: sliding pads, e.g. guide
+        length (m): between the pads along the axis, e.g. 0.20
+        width (m): between the pads across it; left out, a moment about the axis is refused, e.g.
+            0.12
+        preload (N): that presses without any load, e.g. 50.0
+        offset (m): of the pads' middle along the axis from the joint's origin, e.g. 0.05
+        on: which side the pads are fixed to and move with, e.g. parent
     """
 
     fits = ("prismatic joint", "prismatic loop")
@@ -240,6 +273,17 @@ class Linear(Bearing):
     """Rolling bearings as catalogues give them: a weight for each part of the load.
 
     c = radial |F_r| + axial |F_a| + moment |M_b| + preload
+
+    Of a slewing ring of raceway diameter D (m): radial 1.025 D, axial 0.5 D, moment 2.05. At a
+    joint that slides the weights are pure numbers and preload is in N.
+
+    Attributes:
+        kind: rolling bearings, e.g. linear
+        radial (m): weight of the force across the axis, e.g. 0.04
+        axial (m): weight of the force along the axis, e.g. 0.04
+        moment (1): weight of the moment across the axis, 1/m where the joint slides, e.g. 2.0
+        preload (N m): load without any force, N where the joint slides, e.g. 0.5
+        offset (m): of the bearing's middle along the axis from the joint's origin, e.g. 0.0
     """
 
     fits = ("turning joint", "prismatic joint", "revolute loop", "planar_pin loop",
@@ -283,7 +327,13 @@ class Linear(Bearing):
 
 
 class Ball(Bearing):
-    """A ball in its socket: c = radius (|F| + preload)."""
+    """A ball in its socket: c = radius (|F| + preload).
+
+    Attributes:
+        kind: a ball joint, e.g. ball
+        radius (m): of the ball, e.g. 0.01
+        preload (N): that presses without any load, e.g. 20.0
+    """
 
     fits = ("spherical loop",)
     sizes = ("radius",)
@@ -302,6 +352,10 @@ class Seal(Bearing):
 
     friction: {ram: {bearing: {kind: seal}, mu: {static: 0.04, kinetic: 0.03},
                      coulomb: {static: 120.0, kinetic: 80.0}, viscous: 400.0}}
+
+    Attributes:
+        kind: seals of a cylinder, e.g. seal
+        preload (N): load without any force, e.g. 200.0
     """
 
     fits = ("cylinder",)

@@ -1,12 +1,19 @@
-"""Entries of the files a user writes: what a number is, and what is said of one that cannot be."""
+"""Entries of the files a user writes: what a number is, and what is said of one that cannot be.
+
+What a key means stands in the section `Attributes` of its class: name (unit): text, e.g. example.
+Reference pages and JSON schemas are made of it (`documented`).
+"""
 
 from __future__ import annotations
 
+import inspect
 import math
+import re
 import warnings
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
+import yaml
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -14,9 +21,12 @@ from pydantic import (
     ConfigDict,
     Field,
     FiniteFloat,
+    GetJsonSchemaHandler,
     TypeAdapter,
     ValidationError,
 )
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from pinfric.errors import PinfricWarning, SceneError, choose_from, problems_line
 from pinfric.model.magnitudes import LARGEST, SMALLEST
@@ -78,6 +88,65 @@ class Entry(BaseModel):
     def keys_and_kinds(cls) -> dict[str, Any]:
         """Return the keys a mapping may have, and the annotation of what stands there."""
         return {key: field.annotation for key, field in cls.model_fields.items()}
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Add to the schema what the class says of its keys."""
+        schema = handler(core)
+        cls.describe_keys(handler.resolve_ref_schema(schema))
+        return schema
+
+    @classmethod
+    def describe_keys(cls, schema: JsonSchemaValue) -> JsonSchemaValue:
+        """Write what the class says of its keys into its JSON schema, and return it."""
+        schema["description"] = _text(cls).partition("\n\nAttributes:")[0]
+        for name, key in documented(cls).items():
+            shown = schema["properties"].get(name, {})
+            shown |= {"description": key.shown, "examples": [key.example], "unit": key.unit}
+            if shown.get("default") in (math.inf, None):  # JSON has no infinity
+                shown.pop("default", None)
+        return schema
+
+
+class Key(NamedTuple):
+    """What a class says of one of its keys.
+
+    Attributes:
+        text: its meaning. unit: empty where it has none, "1" of a ratio.
+        example: a value, as a file gives it.
+    """
+
+    text: str
+    unit: str
+    example: Any
+
+    @property
+    def shown(self) -> str:
+        """Meaning and unit in one text."""
+        return f"{self.text} ({self.unit})" if self.unit else self.text
+
+
+_KEY = re.compile(r"    (\w+)(?: \((.+?)\))?: (.+), e\.g\.\s(.+)", re.DOTALL)
+
+
+def _text(cls: type[BaseModel]) -> str:
+    return inspect.cleandoc(vars(cls).get("__doc__") or "")
+
+
+def documented(entry: type[BaseModel]) -> dict[str, Key]:
+    """Return what a class and its bases say of its keys, by name."""
+    found: dict[str, Key] = {}
+    for cls in reversed(entry.__mro__):
+        if issubclass(cls, BaseModel):
+            section = _text(cls).partition("\n\nAttributes:\n")[2]
+            for item in re.split(r"\n(?=    \S)", section):
+                if match := _KEY.fullmatch(item):
+                    name, unit, *texts = match.groups()
+                    meaning, example = (" ".join(text.split()) for text in texts)
+                    found[name] = Key(meaning, unit or "", yaml.safe_load(example))
+    return found
 
 
 def parse(entry: type[BaseModel], content: Any, where: str) -> Any:

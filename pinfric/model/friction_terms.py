@@ -58,7 +58,12 @@ Row = tuple[Shape, Strength]
 
 
 class Stribeck(Entry):
-    """The fall from static to kinetic: exp(-(|v|/velocity)^exponent), joint velocity."""
+    """The fall from static to kinetic: exp(-(|v|/velocity)^exponent), joint velocity.
+
+    Attributes:
+        velocity (rad/s or m/s): at which 1/e of the difference is left, e.g. 0.02
+        exponent (1): 2 of a bell curve, 1 of a plain decay, e.g. 2.0
+    """
 
     velocity: Positive
     exponent: Positive = 2.0
@@ -115,7 +120,12 @@ TERMS: dict[str, type[FrictionTerm]] = {}
 
 
 class Coefficients(Entry):
-    """A static and a kinetic value of the same kind of friction."""
+    """A static and a kinetic value of the same kind of friction.
+
+    Attributes:
+        static (N m or N): up to which a joint at rest is held, e.g. 6.0
+        kinetic (N m or N): in motion, at most the static one, e.g. 5.0
+    """
 
     static: NonNegative
     kinetic: NonNegative
@@ -140,7 +150,12 @@ class Coefficients(Entry):
 
 
 class LoadFriction(Coefficients, FrictionTerm):
-    """Friction of the bearing's load, mu c (paper eq. 20, 21)."""
+    """Friction of the bearing's load, mu c (paper eq. 20, 21).
+
+    Attributes:
+        static (1): coefficient up to which a joint at rest is held, e.g. 0.15
+        kinetic (1): coefficient in motion, at most the static one, e.g. 0.10
+    """
 
     key = "mu"
 
@@ -168,7 +183,12 @@ class CoulombFriction(Coefficients, FrictionTerm):
 
 
 class DirectedCoulombFriction(FrictionTerm):
-    """Coulomb friction that differs by the direction of motion (N m or N)."""
+    """Coulomb friction that differs by the direction of motion (N m or N).
+
+    Attributes:
+        positive: against motion in the joint's positive direction, e.g. {static: 6.0, kinetic: 5.0}
+        negative: against motion in the other one, e.g. {static: 4.5, kinetic: 4.0}
+    """
 
     key = "coulomb"
 
@@ -212,6 +232,10 @@ class ViscousFriction(FrictionTerm):
 
     viscous: 3.0                                    # N m s/rad or N s/m
     viscous: {coefficient: 0.4, exponent: 0.667}    # N m (s/rad)^exponent: grease, strain waves
+
+    Attributes:
+        coefficient (N m or N at 1 rad/s or 1 m/s): friction at that speed, e.g. 0.4
+        exponent (1): power of the speed, at most 4, e.g. 0.667
     """
 
     key = "viscous"
@@ -232,7 +256,10 @@ def linear_drag(coefficient: float) -> ViscousFriction | None:
 #: `ViscousFriction`, also as a number; 0 is none.
 Viscous = Annotated[
     ViscousFriction | None,
-    BeforeValidator(number_or(ViscousFriction.model_validate, NonNegative, linear_drag)),
+    BeforeValidator(
+        number_or(ViscousFriction.model_validate, NonNegative, linear_drag),
+        json_schema_input_type=NonNegative | ViscousFriction | None,
+    ),
 ]
 
 

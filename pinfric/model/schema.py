@@ -12,10 +12,12 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     SerializeAsAny,
     model_validator,
 )
-from pydantic_core import PydanticKnownError
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticKnownError
 
 from pinfric.model.bearings import Bearing
 from pinfric.model.entry import (
@@ -47,7 +49,16 @@ Coulomb = Annotated[
 
 
 class Payload(Entry):
-    """A body carried by a link; `inertia` (kg m^2) about its own `com`, in the link's axes."""
+    """A body carried by a link.
+
+    Attributes:
+        link: of the robot that carries it, e.g. tool0
+        mass (kg): of the body, e.g. 2.0
+        com (m): centre of mass in the link's frame, e.g. [0, 0, 0.05]
+        inertia (kg m^2): ixx, ixy, ixz, iyy, iyz, izz about its own `com`, in the link's axes, e.g.
+            [0.01, 0, 0, 0.01, 0, 0.01]
+        attached: whether it is carried unless a trajectory says otherwise, e.g. false
+    """
 
     link: str
     mass: Positive
@@ -57,7 +68,16 @@ class Payload(Entry):
 
 
 class RobotEntry(Entry):
-    """Which URDF, how gravity acts on it, what is locked and what it carries."""
+    """Which URDF, how gravity acts on it, what is locked and what it carries.
+
+    Attributes:
+        urdf: file beside the scene, or one of example-robot-data, e.g.
+            'example-robot-data:ur_description/urdf/ur5_robot.urdf'
+        gravity (m/s^2): in the world's axes, e.g. [0.0, 0.0, -9.81]
+        locked (rad or m): joints that are fixed there and removed, e.g. {finger_joint: 0.02}
+        payloads: bodies by name, e.g. {box: {link: tool0, mass: 2.0, com: [0, 0, 0.05]}}
+        urdf_dynamics: whether to take the URDF's <dynamics> as `coulomb` and `viscous`, e.g. use
+    """
 
     urdf: str
     gravity: Vector3 = (0.0, 0.0, -9.81)
@@ -83,6 +103,15 @@ class Friction(Entry):
     """The friction of one joint: a bearing with coefficients, a constant part, a viscous part.
 
     Keys beyond these are terms that a class of `FrictionTerm` adds.
+
+    Attributes:
+        bearing: what makes a normal load of the joint's wrench, e.g. {kind: pin, radius: 0.05}
+        mu: friction per load, e.g. {static: 0.15, kinetic: 0.10}
+        stribeck: how `mu` and `coulomb` fall from static to kinetic; left out, in a jump, e.g.
+            {velocity: 0.02}
+        coulomb: friction whatever the load, also by direction, e.g. {static: 6.0, kinetic: 5.0}
+        viscous (N m or N at 1 rad/s or 1 m/s): friction that grows with the speed, e.g. 3.0
+        stick_velocity (rad/s or m/s): at or below which the joint sticks, e.g. 1.0e-4
     """
 
     model_config = ConfigDict(extra="allow")  # `_added_term` refuses what no class adds
@@ -99,6 +128,18 @@ class Friction(Entry):
     def keys_and_kinds(cls) -> dict[str, Any]:
         """Return the keys a mapping may have, those that classes add, too."""
         return super().keys_and_kinds() | added_terms()
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """With the keys that classes add, and no others."""
+        schema = super().__get_pydantic_json_schema__(core, handler)
+        made = handler.resolve_ref_schema(schema)
+        made["additionalProperties"] = False
+        for key, term in added_terms().items():
+            made["properties"][key] = term.describe_keys(handler(term.__pydantic_core_schema__))
+        return schema
 
     @property
     def terms(self) -> tuple[FrictionTerm, ...]:
@@ -126,14 +167,25 @@ class Friction(Entry):
 
 
 class LinkPoint(Entry):
-    """A point of a link, in the link's frame (m)."""
+    """A point of a link.
+
+    Attributes:
+        link: of the robot, e.g. base
+        xyz (m): in the link's frame, e.g. [0.2, 0, 0.1]
+    """
 
     link: str
     xyz: Vector3 = (0.0, 0.0, 0.0)
 
 
 class Cylinder(Entry):
-    """A drive along the line between two points of two links; a positive effort lengthens it."""
+    """A drive along the line between two points of two links; a positive effort lengthens it.
+
+    Attributes:
+        name: of the drive, e.g. boom
+        a: the point it stands on, e.g. {link: base, xyz: [0.2, 0, 0.1]}
+        b: the point it pushes, e.g. {link: boom, xyz: [0.5, 0, 0.2]}
+    """
 
     name: str
     a: LinkPoint
@@ -141,7 +193,14 @@ class Cylinder(Entry):
 
 
 class PointForce(Entry):
-    """A drive that pushes a point of a link and reacts on the world; all in the link's frame."""
+    """A drive that pushes a point of a link and reacts on the world; all in the link's frame.
+
+    Attributes:
+        name: of the drive, e.g. push
+        link: of the robot, e.g. drawer
+        xyz (m): where it pushes, e.g. [0, 0.2, 0]
+        direction (1): of the force, of any length, e.g. [1, 0, 0]
+    """
 
     name: str
     link: str
@@ -150,7 +209,13 @@ class PointForce(Entry):
 
 
 class LinkFrame(Entry):
-    """A frame on a link, in the link's frame (m, rad)."""
+    """A frame on a link, in the link's frame.
+
+    Attributes:
+        link: of the robot, e.g. coupler
+        xyz (m): its origin, e.g. [0.35, 0, 0]
+        rpy (rad): its axes, as in a URDF, e.g. [0, 0, 1.5707963]
+    """
 
     link: str
     xyz: Vector3 = (0.0, 0.0, 0.0)
@@ -163,6 +228,14 @@ class Loop(Entry):
     The frames coincide but for what the joint lets free: a `prismatic` one slides along the axis, a
     `cylindrical` one turns about it besides, a `universal` one keeps frame a's axis and frame b's
     `axis_b` perpendicular.
+
+    Attributes:
+        name: of the loop, by which `friction` and `actuators` find it, e.g. rocker_pin
+        kind: what the joint lets free, e.g. spherical
+        axis (1): in frame a, and in frame b where they coincide, e.g. [0, 0, 1]
+        axis_b (1): of a `universal` one, in frame b, e.g. [0, 1, 0]
+        a: frame on one link, e.g. {link: coupler, xyz: [0.35, 0, 0]}
+        b: frame on the other link, e.g. {link: rocker, xyz: [0.25, 0, 0]}
     """
 
     name: str
@@ -185,14 +258,23 @@ class Loop(Entry):
 
 
 class LoopTolerance(Entry):
-    """By how much rounded files may miss what a loop needs: axes (rad), places (m); 0 for none."""
+    """By how much rounded files may miss what a loop needs; 0 for not at all.
+
+    Attributes:
+        angle (rad): by which axes may miss being parallel or perpendicular, e.g. 1.0e-5
+        length (m): by which frames may miss each other, e.g. 1.0e-6
+    """
 
     angle: NonNegative = 1.0e-5
     length: NonNegative = 1.0e-6
 
 
 class Redundancy(Entry):
-    """The length l (m) that weighs moments against forces where reactions are not unique."""
+    """How reactions are shared that a redundant mechanism leaves open: least |F|^2 + |M/l|^2.
+
+    Attributes:
+        length (m): l, which weighs moments against forces, e.g. 0.1
+    """
 
     length: Positive = 0.1
 
@@ -203,6 +285,14 @@ class Actuator(Entry):
     A joint with several drives needs `name`s for them. Where drives outnumber the freedoms that
     they move, `share`s w say who does how much: the sum of effort^2 / w is least, so that drives
     on one joint share its effort as w1 : w2.
+
+    Attributes:
+        joint: of the robot or of a loop that it drives, e.g. joint_2
+        name: of the drive; left out, its joint's, e.g. joint_2_left
+        share (1): w, of the work that redundant drives share, e.g. 2.0
+        transmission: gear and motor; left out, an ideal drive, e.g. {ratio: 100}
+        cylinder: a drive between two points, e.g. {name: boom, a: {link: base}, b: {link: boom}}
+        force: a drive at a point, e.g. {name: push, link: drawer, direction: [1, 0, 0]}
     """
 
     joint: str | None = None
@@ -229,13 +319,23 @@ class Actuator(Entry):
 
 
 class Stick(Entry):
-    """The default stick velocity of all sites (rad/s, m/s)."""
+    """When a joint stands still.
+
+    Attributes:
+        velocity (rad/s or m/s): at or below it a joint sticks; logs need more, e.g. 1.0e-3
+    """
 
     velocity: NonNegative = 1.0e-6
 
 
 class Sine(Entry):
-    """amplitude sin(angular_frequency t + phase)."""
+    """amplitude sin(angular_frequency t + phase).
+
+    Attributes:
+        amplitude (N m or N): of the effort, N m of a motor's torque, e.g. 5.0
+        angular_frequency (rad/s): 2 pi times the frequency, e.g. 1.0
+        phase (rad): at t = 0, e.g. 1.5707963
+    """
 
     amplitude: Number
     angular_frequency: Number
@@ -243,13 +343,21 @@ class Sine(Entry):
 
 
 class SineEffort(Entry):
-    """A drive's effort, or its motor's torque, as a sine of time."""
+    """A drive's effort, or its motor's torque, as a sine of time.
+
+    Attributes:
+        sine: its numbers, e.g. {amplitude: 5.0, angular_frequency: 1.0}
+    """
 
     sine: Sine
 
 
 class TableEffort(Entry):
-    """A drive's effort, or its motor's torque, from a CSV file with columns t and one per drive."""
+    """A drive's effort, or its motor's torque, from a CSV file with columns t and one per drive.
+
+    Attributes:
+        table: file beside the scene, e.g. torques.csv
+    """
 
     table: str
 
@@ -264,14 +372,26 @@ GivenEffort = Annotated[
 
 
 class Start(Entry):
-    """Initial angles (or lengths) and rates by joint; the rest 0."""
+    """Initial angles (or lengths) and rates by joint; the rest 0.
+
+    Attributes:
+        q (rad or m): by joint, e.g. {joint_1: 0.5}
+        v (rad/s or m/s): by joint, e.g. {joint_1: 1.0, joint_12: -1.0}
+    """
 
     q: dict[str, Number] = Field(default_factory=dict)
     v: dict[str, Number] = Field(default_factory=dict)
 
 
 class Simulation(Entry):
-    """What `pinfric simulate SCENE` runs: efforts of drives, or torques of their motors."""
+    """What `pinfric simulate SCENE` runs: efforts of drives, or torques of their motors.
+
+    Attributes:
+        start: where it starts, e.g. {q: {joint_1: 0.5}}
+        effort (N m or N): by drive, the rest 0, e.g. {joint_1: 2.0, joint_23: {table: torques.csv}}
+        motor_torque (N m): in its place, at the motors' shafts, e.g. {joint_2: 0.1}
+        t_end (s): when it ends, e.g. 1.0
+    """
 
     start: Start = Start()
     effort: dict[str, GivenEffort] = Field(default_factory=dict)
@@ -286,7 +406,20 @@ class Simulation(Entry):
 
 
 class SceneFile(Entry):
-    """A whole scene file."""
+    """A whole scene file.
+
+    Attributes:
+        pinfric: version of the format, e.g. 1
+        robot: which robot, e.g. {urdf: three_link.urdf}
+        friction: by joint, loop or cylinder; one not named has none, e.g. {elbow: {viscous: 3.0}}
+        loops: joints that close loops, e.g. [{name: rocker_pin, kind: spherical, a: {link:
+            coupler}, b: {link: rocker}}]
+        loop_tolerance: for files that round, e.g. {angle: 1.0e-5}
+        redundancy: for mechanisms with more closures than they need, e.g. {length: 0.1}
+        actuators: the drives; left out, one ideal drive per joint, e.g. [{joint: joint_1}]
+        stick: when a joint stands still, e.g. {velocity: 1.0e-6}
+        simulation: what `pinfric simulate` runs, e.g. {t_end: 1.0}
+    """
 
     pinfric: Annotated[Literal[1], BeforeValidator(strict_number)]
     robot: RobotEntry

@@ -39,7 +39,10 @@ Share = Annotated[Positive, Field(le=1)]
 #: A number is the same both ways, at rest as in motion.
 NoLoadTorque = Annotated[
     CoulombFriction | DirectedCoulombFriction | None,
-    BeforeValidator(number_or(coulomb_of, NonNegative, constant_friction)),
+    BeforeValidator(
+        number_or(coulomb_of, NonNegative, constant_friction),
+        json_schema_input_type=NonNegative | CoulombFriction | DirectedCoulombFriction | None,
+    ),
 ]
 #: By how much curves over load and over speed may miss each other where they meet.
 _APART = 0.02
@@ -49,6 +52,10 @@ class Temperature(Entry):
     """What the temperature does to the part of a loss that grows with the speed: a factor on d.
 
     temperature: {factor: 2.7, source: "CSD-20-100 curves: 0.71 at 0 C over 0.26 at 20 C"}
+
+    Attributes:
+        factor (1): on what grows with the speed, e.g. 2.7
+        source: where that comes from, e.g. maker's curves at 0 and 20 C
     """
 
     factor: Positive
@@ -66,6 +73,17 @@ class MakersEfficiency(Entry):
 
     `speed` counts `motor_viscous` as part of what is lost there. A curve over the speed is fitted
     by a loss c + d w^exponent; with both curves, the one over load holds at `speed`.
+
+    Attributes:
+        rated (1): efficiency at `load` and `speed`, e.g. 0.77
+        load (N m or N): at the output, where `rated` or `over_speed` holds, e.g. 52.0
+        speed (rad/s): of the motor, where `rated` or `over_load` holds, e.g. 209.4
+        over_load: efficiency at rising loads (N m or N), e.g. [[8, 0.52], [20, 0.70], [34, 0.78]]
+        over_speed: efficiency at rising speeds of the motor (rad/s), e.g. [[52.4, 0.76], [209.4,
+            0.64]]
+        exponent (1): with which the loss grows with the speed, at most 4, e.g. 0.667
+        temperature: a factor on the part that grows with the speed, e.g. {factor: 2.7, source:
+            curves at 0 and 20 C}
     """
 
     rated: Share | None = None
@@ -103,6 +121,10 @@ class BackDriving(Entry):
 
     With nothing at the input, F_b at the output leaves eta_b F_b for the |r| n_s that holds it:
     eta_b = |ratio| starting_torque/back_driving_torque.
+
+    Attributes:
+        starting_torque (N m): at the input, e.g. 0.029
+        back_driving_torque (N m or N): at the output, e.g. 3.06
     """
 
     starting_torque: Positive
@@ -110,12 +132,20 @@ class BackDriving(Entry):
 
 
 Efficiency = Annotated[
-    float | MakersEfficiency, BeforeValidator(number_or(MakersEfficiency.model_validate, Share))
+    float | MakersEfficiency,
+    BeforeValidator(
+        number_or(MakersEfficiency.model_validate, Share),
+        json_schema_input_type=Share | MakersEfficiency,
+    ),
 ]
-_back_efficiency = number_or(BackDriving.model_validate, Annotated[Number, Field(le=1)])
+_AtMostOne = Annotated[Number, Field(le=1)]
+_back_efficiency = number_or(BackDriving.model_validate, _AtMostOne)
 BackEfficiency = Annotated[
     float | BackDriving | Literal["same_loss"] | None,
-    BeforeValidator(lambda given: given if given == "same_loss" else _back_efficiency(given)),
+    BeforeValidator(
+        lambda given: given if given == "same_loss" else _back_efficiency(given),
+        json_schema_input_type=_AtMostOne | BackDriving | Literal["same_loss"] | None,
+    ),
 ]
 
 
@@ -131,6 +161,16 @@ class Transmission(Entry):
                        back_efficiency: {starting_torque: 0.037, back_driving_torque: 3.89},
                        no_load_torque: {static: 0.037, kinetic: 0.030},
                        motor_viscous: {coefficient: 0.0021, exponent: 0.667}}
+
+    Attributes:
+        ratio (1): motor turns per turn of the joint; rad/m of a joint that slides, e.g. 100.0
+        efficiency (1): of the load alone, or the maker's, e.g. {rated: 0.77, load: 52.0, speed:
+            209.4}
+        back_efficiency (1): where the load drives, at most 1 and below 0 of a self-locking gear; or
+            the torques that start it, or `same_loss`, e.g. 0.89
+        no_load_torque (N m): that the gear takes without load, e.g. 0.037
+        motor_viscous (N m at 1 rad/s): friction that grows with the motor's speed, e.g. 5.0e-5
+        rotor_inertia (kg m^2): of all that turns with the motor, e.g. 5.0e-5
     """
 
     ratio: Number

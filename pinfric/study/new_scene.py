@@ -28,6 +28,7 @@ from pinfric.model.robot import (
 from pinfric.model.scene import Scene
 from pinfric.model.urdf_document import UrdfDynamics
 from pinfric.study.check.joint_loads import JointLoad, joint_loads
+from pinfric.study.formats import json_schema
 from pinfric.study.trajectory.followers import Follower, find_followers
 from pinfric.study.trajectory.joint_columns import JointColumn, joint_columns
 
@@ -111,6 +112,8 @@ def new_waypoints(urdf: str | Path) -> str:
 def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     """Write NAME.yaml and NAME.waypoints.yaml for a URDF; never over a file that is there.
 
+    Beside them go the JSON schemas of both, which their first lines name to editors.
+
     Args:
         urdf: see `new_scene`; NAME is the file's without suffix.
         folder: where to; made if missing.
@@ -120,9 +123,9 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     """
     urdf = urdf_file(urdf)
     folder, name = Path(folder), urdf.stem.removesuffix(".urdf")  # of arm.urdf.xacro, too
-    contents = {f"{name}.yaml": new_scene(urdf, folder)}
+    contents = {f"{name}.yaml": _checked("scene", new_scene(urdf, folder))}
     try:
-        contents[f"{name}.waypoints.yaml"] = new_waypoints(urdf)
+        contents[f"{name}.waypoints.yaml"] = _checked("waypoints", new_waypoints(urdf))
     except RobotError:
         raise
     except PinfricError:
@@ -132,13 +135,20 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
             raise PinfricError(f"{folder / file}: is there already; name another folder (--out)")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for file, text in contents.items():
+        schemas = {f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
+                   for kind in ("scene", "waypoints")}  # fmt: skip
+        for file, text in {**schemas, **contents}.items():
             unfinished = folder / f".{file}.unfinished"
             unfinished.write_text(text, encoding="utf-8")
             os.replace(unfinished, folder / file)
     except OSError as problem:
         raise PinfricError(f"{folder}: cannot be written: {problem.strerror}") from None
     return [folder / file for file in contents]
+
+
+def _checked(kind: str, text: str) -> str:
+    """A file whose first line tells editors by which schema to check and complete it."""
+    return f"# yaml-language-server: $schema={kind}.schema.json\n{text}"
 
 
 def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> list[str]:

@@ -36,10 +36,18 @@ KINDS = ("peak torque", "speed-torque line", "motor speed", "effort", "input spe
 class DriveLimits(Entry):
     """The limits of one drive; what is left out is no limit.
 
-    peak_torque (N m), stall_torque (N m) with no_load_speed (rad/s), max_speed (rad/s),
-    continuous_torque (N m): at the motor's shaft; effort (N m or N): most that the gear may
-    deliver; input_speed (rad/s): of the gear; velocity, acceleration (rad/s, rad/s^2; m/s, m/s^2):
-    of the joint. `transmission` takes the place of the scene's; `motor`: a name for tables.
+    Attributes:
+        peak_torque (N m): at the motor's shaft, e.g. 1.0
+        stall_torque (N m): where the speed-torque line begins; needs `no_load_speed`, e.g. 2.4
+        no_load_speed (rad/s): of the motor, where that line ends, e.g. 400.0
+        max_speed (rad/s): of the motor, e.g. 450.0
+        effort (N m or N): most that the gear may deliver, e.g. 60.0
+        input_speed (rad/s): of the gear, e.g. 680.0
+        velocity (rad/s or m/s): of the joint, e.g. 2.0
+        acceleration (rad/s^2 or m/s^2): of the joint, e.g. 20.0
+        continuous_torque (N m): at the motor's shaft, over the cycle, where asked for, e.g. 0.45
+        transmission: in place of the scene's, e.g. {ratio: 100}
+        motor: a name for tables, e.g. left shoulder
     """
 
     peak_torque: Positive = math.inf
@@ -66,22 +74,38 @@ FIELDS = ("peak_torque", "stall_torque", "max_speed", "effort", "input_speed", "
           "acceleration")  # fmt: skip
 
 
+class NamedDrive(DriveLimits):
+    """A drive of the catalogue; limits beside its name take the place of its own.
+
+    Attributes:
+        drive: motor and gear as `pinfric size` names them, e.g. CubeMars AK80-64
+    """
+
+    drive: str | None = None
+
+
+#: Limits as a file has them, read by `_limits` once the catalogue is known.
+_Given = Annotated[Any, BeforeValidator(lambda x: x, json_schema_input_type=str | NamedDrive)]
+_Conditions = BeforeValidator(lambda x: x, json_schema_input_type=Conditions)
+
+
 class MotorsFile(Entry):
     """A file of motors: for each drive limits, or the name of a drive of the catalogue.
 
     Attributes:
-        catalog: file, or "default" for the bundled one. conditions: what differs from its own
-            (bus voltage, reserve on the peak torque).
-        drives: drive name -> `DriveLimits`; with a key `drive`, the name of a drive of the
-            catalogue as `pinfric size` names it, whose figures the others take the place of.
-        others: the same for all drives that are not named.
+        pinfric_motors: version of the format, e.g. 1
+        catalog: file, or `default` for the bundled one, e.g. default
+        conditions: what differs from those of the catalogue, e.g. {bus_voltage: 24.0}
+        drives: limits, or a drive of the catalogue, by the scene's drives, e.g. {panda_joint1:
+            {peak_torque: 1.0}, panda_joint2: {drive: CubeMars AK80-64, acceleration: 20.0}}
+        others: the same for all drives that are not named, e.g. {peak_torque: 0.5}
     """
 
     pinfric_motors: Annotated[Literal[1], BeforeValidator(strict_number)]
     catalog: str = "default"
-    conditions: dict[str, Any] = Field(default_factory=dict)
-    drives: dict[str, Any] = Field(default_factory=dict)
-    others: Any = None
+    conditions: Annotated[dict[str, Any], _Conditions] = Field(default_factory=dict)
+    drives: dict[str, _Given] = Field(default_factory=dict)
+    others: _Given = None
 
 
 #: What `retime` takes as limits.

@@ -43,7 +43,12 @@ class Distribution(Entry):
 
 
 class Normal(Distribution):
-    """Normal with a mean and a standard deviation; unbounded on both sides."""
+    """Normal with a mean and a standard deviation; unbounded on both sides.
+
+    Attributes:
+        mean (of the parameter): of the values, e.g. 0.0
+        std (of the parameter): standard deviation, e.g. 0.0175
+    """
 
     mean: Number
     std: Positive
@@ -61,7 +66,14 @@ class Normal(Distribution):
 
 
 class TruncatedNormal(Distribution):
-    """Normal with a mean and a standard deviation (before truncation), kept in [low, high]."""
+    """Normal with a mean and a standard deviation (before truncation), kept in [low, high].
+
+    Attributes:
+        mean (of the parameter): before it is cut, e.g. 2.0
+        std (of the parameter): standard deviation, before it is cut, e.g. 0.2
+        low (of the parameter): least value; `low` or `high` is needed, e.g. 1.0
+        high (of the parameter): greatest value, e.g. 3.0
+    """
 
     mean: Number
     std: Positive
@@ -105,7 +117,12 @@ class TruncatedNormal(Distribution):
 
 
 class Uniform(Distribution):
-    """Any value from low to high, all as likely."""
+    """Any value from low to high, all as likely.
+
+    Attributes:
+        low (of the parameter): least value, e.g. 0.9
+        high (of the parameter): greatest value, e.g. 1.1
+    """
 
     low: Number
     high: Number
@@ -129,6 +146,10 @@ class LogNormal(Distribution):
     """exp(normal): half of the values below `median`; `sigma` is the deviation of the logarithm.
 
     68 % of the values lie within a factor of exp(sigma) of the median: 0.7 is a factor of two.
+
+    Attributes:
+        median (of the parameter): half of the values are below it, e.g. 1.0
+        sigma (1): standard deviation of the logarithm, e.g. 0.34
     """
 
     median: Positive
@@ -147,7 +168,11 @@ class LogNormal(Distribution):
 
 
 class Choice(Distribution):
-    """One of a list of values, all as likely."""
+    """One of a list of values, all as likely.
+
+    Attributes:
+        values (of the parameter): all different, e.g. [0.0, 1.0, 2.0]
+    """
 
     values: Annotated[tuple[Number, ...], Field(min_length=1)]
 
@@ -188,7 +213,13 @@ class Column(Distribution):
 
 
 class Steps(Distribution):
-    """`count` values from low to high at equal distances, for grids."""
+    """`count` values from low to high at equal distances, for grids.
+
+    Attributes:
+        low (of the parameter): first value, e.g. 0.5
+        high (of the parameter): last value, e.g. 1.5
+        count (1): of the values, both ends counted, e.g. 11
+    """
 
     low: Number
     high: Number

@@ -41,7 +41,17 @@ _KINDS = ("normal", "truncated_normal", "uniform", "lognormal", "choice", "steps
 
 
 class Parameter(Entry):
-    """How one parameter varies: one distribution; `each`: a draw of its own for every match."""
+    """How one parameter varies: one distribution.
+
+    Attributes:
+        normal: with a mean and a standard deviation, e.g. {mean: 0.0, std: 0.0175}
+        truncated_normal: the same, kept in a range, e.g. {mean: 2.0, std: 0.2, low: 1.0}
+        uniform: between two values, e.g. {low: 0.9, high: 1.1}
+        lognormal: of a factor, e.g. {median: 1.0, sigma: 0.34}
+        choice: of some values, e.g. {values: [0.0, 1.0, 2.0]}
+        steps: at equal distances, for grids, e.g. {low: 0.5, high: 1.5, count: 11}
+        each: a draw of its own for every joint that a `*` stands for, e.g. true
+    """
 
     normal: Normal | None = None
     truncated_normal: TruncatedNormal | None = None
@@ -73,12 +83,17 @@ class Parameter(Entry):
 class MotorOnTrial(Entry):
     """A motor whose ratings every sample is held against.
 
-    Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N): `continuous_torque`
-    against the RMS, `peak_torque` against the conditions' `peak_factor` times the peak, `max_speed`
-    in rad/s.
-    `motor`: ratings from the catalogue, with the scene's transmission. `drive`: a motor with its
-    gear, by the name `pinfric size` prints, held against all its criteria; its transmission
-    replaces the scene's, and its mass is put into the model. Ratings given here take precedence.
+    Ratings at the motor's shaft (of an ideal drive: at the joint, N m or N). `motor`: ratings from
+    the catalogue, with the scene's transmission. `drive`: a motor with its gear, by the name
+    `pinfric size` prints, held against all its criteria; its transmission replaces the scene's, and
+    its mass is put into the model. Ratings given here take precedence.
+
+    Attributes:
+        motor: of the catalogue, by name, e.g. CubeMars AK80-64
+        drive: motor and gear of the catalogue, by name, e.g. CubeMars AK80-64
+        continuous_torque (N m): against the RMS, e.g. 0.37
+        peak_torque (N m): against `peak_factor` times the peak, e.g. 1.0
+        max_speed (rad/s): against the greatest speed, e.g. 400.0
     """
 
     motor: str | None = None
@@ -106,8 +121,20 @@ class SweepFile(Entry):
     `sampling`: random; sobol (Saltelli's design: samples is a power of two N, N (d + 2) cycles are
     computed for d parameters, and the shares of the variance come out); grid (every combination
     of choice and steps). `table`: a CSV file with a column per parameter, of which every sample
-    draws a whole row: what belongs together stays together. `conditions`: what differs from those
-    of the catalogue.
+    draws a whole row: what belongs together stays together.
+
+    Attributes:
+        pinfric_sweep: version of the format, e.g. 1
+        parameters: what varies, and how, e.g. {friction.*.mu: {lognormal: {median: 1.0, sigma:
+            0.34}}}
+        table: CSV file beside this one, e.g. posterior.csv
+        samples: how many cycles, e.g. 1000
+        sampling: at random, by Saltelli's design or all combinations, e.g. random
+        seed: decides all samples, e.g. 1
+        percentiles (%): of the figures shown, e.g. [5, 50, 95, 99]
+        catalog: file, or `default` for the bundled one, e.g. default
+        conditions: what differs from those of the catalogue, e.g. {peak_factor: 1.3}
+        motors: on trial, by drive, e.g. {panda_joint2: {continuous_torque: 0.37, peak_torque: 1.0}}
     """
 
     pinfric_sweep: Literal[1]

@@ -50,14 +50,22 @@ def _not_a_truth(value: Any) -> Any:
     return value
 
 
-Names = Annotated[tuple[str, ...], BeforeValidator(_as_names)]
+Names = Annotated[
+    tuple[str, ...], BeforeValidator(_as_names, json_schema_input_type=str | tuple[str, ...])
+]
 
 
 class WayPoint(Entry):
-    """One stop: where (rad, m), how long the way there takes, how long it stays (s), what it grips.
+    """One stop: where, how long the way there takes, how long it stays, what it grips.
 
-    `attach` and `detach` act on arrival, that is at the start of the hold. `via`: it is passed
-    without a stop, which only `pinfric retime` can do.
+    Attributes:
+        q (rad or m): one number per joint, e.g. [0.0, -0.5, 1.2]
+        duration (s): of the way there; left out, as fast as `speed` allows, e.g. 1.5
+        hold (s): how long it stays, e.g. 0.3
+        attach: payloads that it takes up on arrival, e.g. box
+        detach: payloads that it sets down on arrival, e.g. [box]
+        name: for the reader, e.g. above the table
+        via: passed without a stop, which only `pinfric retime` can do, e.g. true
     """
 
     q: tuple[Number, ...]
@@ -70,7 +78,19 @@ class WayPoint(Entry):
 
 
 class WayPointFile(Entry):
-    """A whole way-point file; `speed`: part of the velocity limits used, `sample_rate`: Hz."""
+    """A whole way-point file.
+
+    Attributes:
+        pinfric_trajectory: version of the format, e.g. 1
+        profile: of a move between two points, e.g. trapezoidal
+        sample_rate (Hz): of the samples that are computed, 0.001 to 1e6, e.g. 250
+        joints: whose positions stand in `q`, all of them; left out, in the URDF's order, e.g.
+            [shoulder, elbow, wrist]
+        speed (1): part of the joints' velocity limits that moves without duration use, e.g. 0.5
+        ramp (1): part of a trapezoidal move spent speeding up; 1/3 if left out, e.g. 0.25
+        points: the stops, the first one where the motion starts, e.g. [{q: [0, 0, 0], hold: 0.2},
+            {q: [0.5, -0.3, 1.0], duration: 1.0}]
+    """
 
     pinfric_trajectory: Annotated[Literal[1], BeforeValidator(_not_a_truth)]
     profile: Literal["quintic", "trapezoidal"] = "quintic"

@@ -50,8 +50,18 @@ _SPLIT = re.compile(r"[/.:\s\[\]()]+")
 class JointMapping(Entry):
     """Where a log has a joint: position = sign (scale raw + offset), offset in rad or m.
 
-    `unit` is that of the raw angle; effort = sign effort_scale raw, N m or N (for a current:
-    N m per A).
+    effort = sign effort_scale raw.
+
+    Attributes:
+        position: its column, e.g. J3
+        velocity: its column, which is only compared, e.g. dJ3
+        effort: its column, e.g. tau3
+        current: its column, in place of an effort, e.g. I3
+        scale (1): of the position, e.g. 0.01
+        effort_scale (1): N m or N per logged unit, of a current N m per A, e.g. 11.5
+        sign (1): -1 where the log counts the other way, e.g. -1
+        offset (rad or m): of the position, e.g. 1.5707963
+        unit: of the logged angle, e.g. deg
     """
 
     position: str
@@ -66,14 +76,26 @@ class JointMapping(Entry):
 
 
 class TimeMapping(Entry):
-    """Which column is time, and in what."""
+    """Which column is time, and in what.
+
+    Attributes:
+        column: its name, e.g. stamp
+        unit: of its numbers; left out, as their steps tell, e.g. us
+    """
 
     column: str
     unit: Literal["s", "ms", "us", "ns"] | None = None
 
 
 class ColumnsFile(Entry):
-    """A mapping file: time, and per joint a column's name or a `JointMapping`."""
+    """A mapping file: time, and per joint a column's name or more.
+
+    Attributes:
+        time: its column, e.g. {column: stamp, unit: us}
+        unit: of all logged angles, e.g. deg
+        joints: by joint, its position's column or more, e.g. {elbow: {position: J3, unit: deg,
+            sign: -1}, wrist: J4}
+    """
 
     time: str | TimeMapping | None = None
     unit: Literal["rad", "deg"] | None = None

@@ -1,0 +1,64 @@
+"""The files that users write, by name, and their JSON schemas, by which editors check them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+
+from pinfric.errors import PinfricError, choose_from
+from pinfric.model.entry import Entry
+from pinfric.model.schema import SceneFile
+from pinfric.study.retime.limits import MotorsFile
+from pinfric.study.sizing.catalog import CatalogFile
+from pinfric.study.sweep.file import SweepFile
+from pinfric.study.trajectory.log.columns import ColumnsFile
+from pinfric.study.trajectory.waypoints import WayPointFile
+
+FORMATS: dict[str, type[Entry]] = {
+    "scene": SceneFile,
+    "waypoints": WayPointFile,
+    "columns": ColumnsFile,
+    "sweep": SweepFile,
+    "motors": MotorsFile,
+    "catalog": CatalogFile,
+}
+
+
+class _InOrder(GenerateJsonSchema):
+    """Keys in the order in which classes have them."""
+
+    def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:
+        return value
+
+
+_BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum", "lt": "exclusiveMaximum"}
+
+
+def json_schema(name: str) -> dict[str, Any]:
+    """Return the JSON schema (2020-12) of a file's format, kinds that classes add among it.
+
+    Args:
+        name: of `FORMATS`.
+
+    Raises:
+        PinfricError: there is no such format.
+    """
+    if name not in FORMATS:
+        raise PinfricError(f"there is no format {name!r}; {choose_from(name, FORMATS)}")
+    made: dict[str, Any] = _in_its_words(FORMATS[name].model_json_schema(schema_generator=_InOrder))
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **made}
+
+
+def _in_its_words(schema: Any) -> Any:
+    """Bounds that pydantic leaves in its own words, and no titles that repeat the key."""
+    if isinstance(schema, list):
+        return [_in_its_words(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    plain = {
+        key: value
+        for key, value in schema.items()
+        if not (key == "title" and isinstance(value, str) and schema.get("type") != "object")
+    }
+    return {_BOUNDS.get(key, key): _in_its_words(value) for key, value in plain.items()}
