@@ -30,6 +30,7 @@ from pinfric.model.transmission import (
     driving_loss,
 )
 from pinfric.model.yamlfile import brief, read_yaml
+from pinfric.study.sizing.bearing import BearingRatings
 
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
@@ -42,11 +43,16 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Sourced(Entry):
-    """Where an entry's figures come from; `stand_ins`: figure -> whose it is, if another's."""
+    """Where an entry's figures come from; `stand_ins`: figure -> whose it is, if another's.
+
+    `price`: of one, in whatever currency the whole catalogue has. `dimensions`: in words.
+    """
 
     source: Text
     grade: Literal["R", "T"]
     note: str = ""
+    price: Positive | None = None
+    dimensions: str = ""
     stand_ins: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -107,9 +113,14 @@ class OutputFriction(Entry):
 
 
 class GearMotor(Sourced):
-    """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor."""
+    """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor.
+
+    Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves
+    with its force (kg, as `rotor_inertia`).
+    """
 
     ratio: Positive
+    output: Literal["rotary", "linear"] = "rotary"
     continuous_torque: Positive | None = None
     peak_torque: Positive | None = None
     nominal_voltage: Positive | None = None
@@ -120,6 +131,7 @@ class GearMotor(Sourced):
     mass: Positive | None = None
     friction: OutputFriction | None = None
     back_driving_torque: Positive | None = None
+    bearing: BearingRatings | None = None
 
     @model_validator(mode="after")
     def _figures_agree(self) -> GearMotor:
@@ -136,7 +148,8 @@ class Gear(Sourced):
     `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
     scene's transmission takes them (`transmission.MakersEfficiency`). `ratio` in motor turns per
     output turn (in rad/m where `output` is linear, efforts in N then), or a list of ratios with
-    the same figures. `nominal_life`: L50 in hours at rated torque and speed.
+    the same figures. `nominal_life`: L50 in hours at rated torque and speed. `bearing`: of its
+    output; of a screw, its nut. `stroke`: of a linear output, m.
     """
 
     ratio: Positive | tuple[Positive, ...]
@@ -162,6 +175,8 @@ class Gear(Sourced):
     starting_torque: NonNegative | None = None
     back_driving_torque: Positive | None = None
     stiffness: Positive | None = None
+    stroke: Positive | None = None
+    bearing: BearingRatings | None = None
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Gear:
@@ -221,13 +236,17 @@ class Gear(Sourced):
 
 
 class BearingEntry(Sourced):
-    """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter."""
+    """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter.
+
+    `ratings`: what it carries, for a joint that `conditions.bearings` gives it to.
+    """
 
     mu: Positive | None = None
     mu_range: tuple[NonNegative, NonNegative] | None = None
     radial: NonNegative = 0.0
     axial: NonNegative = 0.0
     moment: NonNegative = 0.0
+    ratings: BearingRatings | None = None
 
     def scene_entry(self, diameter: float) -> dict[str, Any]:
         """Return the `bearing` of a scene's joint for a bore or raceway of `diameter` (m)."""
@@ -247,7 +266,12 @@ class Conditions(Entry):
         ambient: deg C.
         peak_factor: reserve on the peak torque (20 to 30 % are usual).
         inertia_ratio: largest J_load/(ratio^2 (J_motor + J_gear input)).
-        life: L10 of the gears, hours (default: a strain wave gear at its rated torque and speed).
+        life: L10 of gears and bearings, hours (default: a strain wave gear at its rated torque and
+            speed).
+        shock: factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2 to
+            1.5 normal, 1.5 to 3 with shocks.
+        bearings: joint -> name of the catalogue's bearing that carries it, in place of the bearing
+            at the gear's output.
         back_driving: whether the load must be able to move the motor, must not, or may.
         max_winding: deg C, for motors whose maker prints no limit; None leaves it unchecked.
         thermal_time: s, in place of the winding's time constant where it is not known: overload
@@ -263,6 +287,8 @@ class Conditions(Entry):
     peak_factor: Annotated[Number, Field(ge=1)] = 1.2
     inertia_ratio: Positive = 10.0
     life: Positive = 10_000.0
+    shock: Annotated[Number, Field(ge=1)] = 1.2
+    bearings: dict[str, str] = Field(default_factory=dict)
     back_driving: Literal["any", "required", "forbidden"] = "any"
     max_winding: Number | None = None
     thermal_time: Positive = 20.0
@@ -426,7 +452,9 @@ def _doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
     for section in ("motors", "gears", "gearmotors"):
         for name, entry in getattr(catalog, section).items():
             where = f"{section}.{name}"
-            for text in (*_beyond_usual(section, entry), *_beyond_proportion(section, entry)):
+            linear = entry.output == "linear" if section == "gearmotors" else False
+            beyond = () if linear else _beyond_proportion(section, entry)
+            for text in (*_beyond_usual(section, entry), *beyond):
                 yield where, text
             if section != "gears":
                 yield from ((where, text) for text in _speeds_beyond_proportion(section, entry))
