@@ -31,6 +31,7 @@ from pinfric.model.transmission import (
 )
 from pinfric.model.yamlfile import brief, read_yaml
 from pinfric.study.sizing.bearing import BearingRatings
+from pinfric.study.sizing.units import unit_of
 
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
@@ -405,31 +406,31 @@ def _ascending(entry: Sourced, smaller: str, larger: str) -> None:
         raise ValueError(f"{smaller} {low:g} is more than {larger} {high:g}: swapped, or a unit?")
 
 
-#: Figure -> (least usual, greatest usual, unit, the unit one would have slipped into).
+#: Figure -> (least usual, greatest usual, the unit one would have slipped into).
 _USUAL = {
-    "continuous_torque": (1e-4, 2e3, "N m", "mN m"),
-    "peak_torque": (1e-4, 1e4, "N m", "mN m"),
-    "torque_constant": (1e-4, 20.0, "N m/A", "mN m/A"),
-    "resistance": (1e-3, 500.0, "ohm", "mohm"),
-    "mass": (1e-3, 200.0, "kg", "g"),
-    "max_speed": (0.1, 7e3, "rad/s", "rpm"),
-    "no_load_speed": (0.1, 7e3, "rad/s", "rpm"),
-    "rated_speed": (0.1, 7e3, "rad/s", "rpm"),
-    "max_input_speed": (1.0, 2e3, "rad/s", "rpm"),
-    "average_input_speed": (1.0, 1.5e3, "rad/s", "rpm"),
-    "rated_torque": (1e-3, 2e4, "N m", "mN m"),
-    "rotor_inertia": (1e-10, 0.05, "kg m^2", "kg cm^2 or g cm^2"),
-    "input_inertia": (1e-10, 0.05, "kg m^2", "kg cm^2"),
-    "stiffness": (10.0, 1e8, "N m/rad", "N m/arcmin"),
-    "nominal_life": (100.0, 1e6, "h", "s"),
-    "starting_torque": (1e-5, 20.0, "N m", "N cm"),
-    "no_load_running_torque": (1e-5, 50.0, "N m", "N cm"),
-    "ratio": (1.0, 2e3, "motor turns per output turn", "output turns per motor turn"),
+    "continuous_torque": (1e-4, 2e3, "mN m"),
+    "peak_torque": (1e-4, 1e4, "mN m"),
+    "torque_constant": (1e-4, 20.0, "mN m/A"),
+    "resistance": (1e-3, 500.0, "mohm"),
+    "mass": (1e-3, 200.0, "g"),
+    "max_speed": (0.1, 7e3, "rpm"),
+    "no_load_speed": (0.1, 7e3, "rpm"),
+    "rated_speed": (0.1, 7e3, "rpm"),
+    "max_input_speed": (1.0, 2e3, "rpm"),
+    "average_input_speed": (1.0, 1.5e3, "rpm"),
+    "rated_torque": (1e-3, 2e4, "mN m"),
+    "rotor_inertia": (1e-10, 0.05, "kg cm^2 or g cm^2"),
+    "input_inertia": (1e-10, 0.05, "kg cm^2"),
+    "stiffness": (10.0, 1e8, "N m/arcmin"),
+    "nominal_life": (100.0, 1e6, "s"),
+    "starting_torque": (1e-5, 20.0, "N cm"),
+    "no_load_running_torque": (1e-5, 50.0, "N cm"),
+    "ratio": (1.0, 2e3, "output turns per motor turn"),
 }
 #: The same for the input of a gear, which turns slower than the fastest motors.
 _USUAL_OF_GEARS = {
-    "rated_speed": (1.0, 1e3, "rad/s", "rpm"),
-    "no_load_speed": (1.0, 1e3, "rad/s", "rpm"),
+    "rated_speed": (1.0, 1e3, "rpm"),
+    "no_load_speed": (1.0, 1e3, "rpm"),
 }
 #: Radius of gyration sqrt(J/m) of a rotor over the whole mass, m, and rotor inertia per continuous
 #: torque, s^2: far beyond real motors on both sides (4e-3 m and 4e-5 s^2 are usual).
@@ -466,8 +467,9 @@ def _doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
 
 def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
     usual = _USUAL | (_USUAL_OF_GEARS if section == "gears" else {})
-    for key, (least, greatest, unit, slip) in usual.items():
+    for key, (least, greatest, slip) in usual.items():
         value = getattr(entry, key, None)
+        unit = "motor turns per output turn" if key == "ratio" else unit_of(key)
         if value is None or getattr(entry, "output", "") == "linear":
             continue
         for x in value if isinstance(value, tuple) else (value,):
