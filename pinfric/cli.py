@@ -234,8 +234,8 @@ def size(
     """Size the drives for a cycle that repeats.
 
     Without a catalogue: what each joint demands. With one: the lightest motor and gear that
-    meets it. --out writes sizing.json and report.html, with --fastest fastest.png. A duty of
-    several cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
+    meets it. --out writes sizing.json, report.html and bom.csv, with --fastest fastest.png. A duty
+    of several cycles: --cycle pick.csv:0.7 --cycle wait.csv:0.3, or counts.
     """
     given = [weighted(text) for text in cycle or ()]
     if (trajectory_name is None) != bool(given) or (fastest and given):
@@ -254,16 +254,46 @@ def size(
     summary = sizing_json(report, noticed)
     tables, pictures = _fastest(report, trajectory, summary) if fastest else ([], {})
     if out is not None:
+        from pinfric.show.report.bill import bill_of_materials
         from pinfric.show.sizing_page.page import sizing_page
 
-        page = sizing_page(report)
+        page, bill = sizing_page(report), bill_of_materials(report)
         write(out, {
+            **({"bom.csv": lambda path: path.write_text(bill, encoding="utf-8")} if bill else {}),
             "sizing.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
             "report.html": lambda path: path.write_text(page, encoding="utf-8"),
             **pictures,
         })  # fmt: skip
     show(summary if as_json else [*sizing_report(report), *tables])
     report.check()  # what does not fit is the last line, and the exit code (2)
+
+
+@app.command()
+def catalog(
+    table: Annotated[Path, typer.Argument(metavar="TABLE.csv", help="One motor or gear a row.")],
+    columns: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Which column is what, in which unit; else TABLE.columns.yaml."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="By default TABLE.yaml beside it.")
+    ] = None,
+) -> None:
+    """Make a catalogue for `size` of a table of motors, gears or gearmotors."""
+    from pinfric.model.brief import counted
+    from pinfric.model.files import check_writable
+    from pinfric.study.sizing.catalog import load_catalog
+    from pinfric.study.sizing.table import import_table, write_catalog
+
+    file = out or table.with_suffix(".yaml")
+    check_writable(file.parent, [file.name])
+    content = import_table(table, columns)
+    write_catalog(content, file, table.name)
+    load_catalog(file)  # questions units that are unlikely
+    ((section, entries),) = ((k, v) for k, v in content.items() if k != "pinfric_catalog")
+    say(f"wrote {file}: {counted(len(entries), section.removesuffix('s'))}")
 
 
 def _fastest(

@@ -295,7 +295,11 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
     assert all(keys <= joint.keys() for joint in joints)
     assert all(len(joint["holding"]) == 2 for joint in joints)
     assert joints[1]["rejected"][0]["why"]
-    assert {p.name for p in (tmp_path / "out").iterdir()} == {"sizing.json", "report.html"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "sizing.json",
+        "report.html",
+        "bom.csv",
+    }
 
 
 def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, capsys):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,15 +83,26 @@ def joint_wrenches(
         (T, nj, 6), N and N m, in each joint's child frame, linear first.
     """
     states = States.of(scene, q, v, a)
-    applied = applied_wrenches(scene, external, len(states.q))
-    twin, threads = scene.twin(), threads_for(len(states.q), threads)
-    out = np.empty((len(states.q), twin.n_joints, 6))
-    batch = Batch.of(twin, min(len(states.q), batch_size(threads)))
-    for part in slices(0, len(states.q), batch_size(threads)):
-        now = batch.first(part.stop - part.start)
-        now = Batch(now.q, now.v, now.a, out[part])
-        reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
-        relieve(twin, applied, part, now)
+    return state_wrenches(scene, states, applied_wrenches(scene, external, len(states.q)), threads)
+
+
+def state_wrenches(
+    scene: Scene, states: States, applied: Sequence[AppliedWrench] = (), threads: int | None = None
+) -> np.ndarray:
+    """Return (T, nj, 6) the wrench every joint transmits, with the payloads each state carries.
+
+    Args: see `joint_wrenches`; states: `States.of`.
+    """
+    threads = threads_for(len(states.q), threads)
+    out = np.empty((len(states.q), scene.twin().n_joints, 6))
+    for start, stop, carried in states.phases(scene):
+        twin = scene.twin(carried)
+        batch = Batch.of(twin, min(stop - start, batch_size(threads)))
+        for part in slices(start, stop, batch_size(threads)):
+            now = batch.first(part.stop - part.start)
+            now = Batch(now.q, now.v, now.a, out[part])
+            reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
+            relieve(twin, applied, part, now)
     return out
 
 
@@ -119,7 +130,7 @@ def reactions(
     pin.rneaInParallel(threads, twin.pool(threads), batch.q.T, batch.v.T, batch.a.T, flat.T)
 
 
-def relieve(twin: Twin, applied: list[AppliedWrench], part: slice, batch: Batch) -> None:
+def relieve(twin: Twin, applied: Sequence[AppliedWrench], part: slice, batch: Batch) -> None:
     """Subtract what acts from outside from the joints that carry it."""
     for wrench in applied:
         transmit(wrench.wrench[part], wrench.joint, *tree_tables(twin), batch.q, batch.wrench)

@@ -70,7 +70,10 @@ def _joint_json(joint: JointSizing) -> dict[str, Any]:
         "holding": None if d.holding is None else list(d.holding),
         "speed": d.speed, "speed_at_peak": d.speed_at_peak, "mean_speed": d.mean_speed,
         "mean_cubic": d.mean_cubic, "duty": d.duty, "hold_share": d.hold_share,
-        "power": asdict(d.power),
+        "power": asdict(d.power), "travel": d.travel,
+        "bearing": None if d.bearing is None else {
+            "radial": d.bearing.radial, "axial": d.bearing.axial, "moment": d.bearing.moment,
+        },
         "frictionless": {
             "peak": d.peak_frictionless, "rms": d.rms_frictionless,
             "holding": d.holding_frictionless, "power": asdict(d.power_frictionless),

@@ -59,7 +59,9 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
         curve(bars_x, bars_y, "interval at rest", _ORANGE, width=4, hoverinfo="skip"),
     ]  # fmt: skip
     shaft = "output" if taken.candidate.at_output else "motor"
-    layout = axes_layout(f"{shaft} speed, rad/s", f"{shaft} torque, N m")
+    effort, rate = taken.candidate.units
+    kind = "force" if effort == "N" else "torque"
+    layout = axes_layout(f"{shaft} speed, {rate}", f"{shaft} {kind}, {effort}")
     layout["xaxis"]["range"] = [-reach, reach]
     layout["yaxis"]["range"] = [-top, top]
     return {"data": data, "layout": layout}

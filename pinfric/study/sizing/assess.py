@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from pinfric.study.sizing.catalog import Catalog, Conditions
@@ -79,10 +79,10 @@ def assess(
         load_inertia: largest inertia about the joint, kg m^2 (kg); None: not known.
         hand: one of the hand axes, beyond the third joint.
     """
-    found = [
-        _assess(candidate, conditions, demand, cycle, load_inertia, hand)
-        for candidate in candidates(catalog, linear=demand.unit == "N")
-    ]
+    offered: Iterable[Candidate] = candidates(catalog, linear=demand.unit == "N")
+    if own := conditions.bearings.get(demand.name):
+        offered = (replace(c, bearing=catalog.bearings[own].ratings) for c in offered)
+    found = [_assess(c, conditions, demand, cycle, load_inertia, hand) for c in offered]
     return tuple(sorted(found, key=_rank))
 
 

@@ -30,6 +30,8 @@ from pinfric.model.transmission import (
     driving_loss,
 )
 from pinfric.model.yamlfile import brief, read_yaml
+from pinfric.study.sizing.bearing import BearingRatings
+from pinfric.study.sizing.units import unit_of
 
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
@@ -42,11 +44,16 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Sourced(Entry):
-    """Where an entry's figures come from; `stand_ins`: figure -> whose it is, if another's."""
+    """Where an entry's figures come from; `stand_ins`: figure -> whose it is, if another's.
+
+    `price`: of one, in whatever currency the whole catalogue has. `dimensions`: in words.
+    """
 
     source: Text
     grade: Literal["R", "T"]
     note: str = ""
+    price: Positive | None = None
+    dimensions: str = ""
     stand_ins: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -107,9 +114,14 @@ class OutputFriction(Entry):
 
 
 class GearMotor(Sourced):
-    """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor."""
+    """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor.
+
+    Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves
+    with its force (kg, as `rotor_inertia`).
+    """
 
     ratio: Positive
+    output: Literal["rotary", "linear"] = "rotary"
     continuous_torque: Positive | None = None
     peak_torque: Positive | None = None
     nominal_voltage: Positive | None = None
@@ -120,6 +132,7 @@ class GearMotor(Sourced):
     mass: Positive | None = None
     friction: OutputFriction | None = None
     back_driving_torque: Positive | None = None
+    bearing: BearingRatings | None = None
 
     @model_validator(mode="after")
     def _figures_agree(self) -> GearMotor:
@@ -136,7 +149,8 @@ class Gear(Sourced):
     `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
     scene's transmission takes them (`transmission.MakersEfficiency`). `ratio` in motor turns per
     output turn (in rad/m where `output` is linear, efforts in N then), or a list of ratios with
-    the same figures. `nominal_life`: L50 in hours at rated torque and speed.
+    the same figures. `nominal_life`: L50 in hours at rated torque and speed. `bearing`: of its
+    output; of a screw, its nut. `stroke`: of a linear output, m.
     """
 
     ratio: Positive | tuple[Positive, ...]
@@ -162,6 +176,8 @@ class Gear(Sourced):
     starting_torque: NonNegative | None = None
     back_driving_torque: Positive | None = None
     stiffness: Positive | None = None
+    stroke: Positive | None = None
+    bearing: BearingRatings | None = None
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Gear:
@@ -221,13 +237,17 @@ class Gear(Sourced):
 
 
 class BearingEntry(Sourced):
-    """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter."""
+    """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter.
+
+    `ratings`: what it carries, for a joint that `conditions.bearings` gives it to.
+    """
 
     mu: Positive | None = None
     mu_range: tuple[NonNegative, NonNegative] | None = None
     radial: NonNegative = 0.0
     axial: NonNegative = 0.0
     moment: NonNegative = 0.0
+    ratings: BearingRatings | None = None
 
     def scene_entry(self, diameter: float) -> dict[str, Any]:
         """Return the `bearing` of a scene's joint for a bore or raceway of `diameter` (m)."""
@@ -247,7 +267,12 @@ class Conditions(Entry):
         ambient: deg C.
         peak_factor: reserve on the peak torque (20 to 30 % are usual).
         inertia_ratio: largest J_load/(ratio^2 (J_motor + J_gear input)).
-        life: L10 of the gears, hours (default: a strain wave gear at its rated torque and speed).
+        life: L10 of gears and bearings, hours (default: a strain wave gear at its rated torque and
+            speed).
+        shock: factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2 to
+            1.5 normal, 1.5 to 3 with shocks.
+        bearings: joint -> name of the catalogue's bearing that carries it, in place of the bearing
+            at the gear's output.
         back_driving: whether the load must be able to move the motor, must not, or may.
         max_winding: deg C, for motors whose maker prints no limit; None leaves it unchecked.
         thermal_time: s, in place of the winding's time constant where it is not known: overload
@@ -263,6 +288,8 @@ class Conditions(Entry):
     peak_factor: Annotated[Number, Field(ge=1)] = 1.2
     inertia_ratio: Positive = 10.0
     life: Positive = 10_000.0
+    shock: Annotated[Number, Field(ge=1)] = 1.2
+    bearings: dict[str, str] = Field(default_factory=dict)
     back_driving: Literal["any", "required", "forbidden"] = "any"
     max_winding: Number | None = None
     thermal_time: Positive = 20.0
@@ -379,31 +406,31 @@ def _ascending(entry: Sourced, smaller: str, larger: str) -> None:
         raise ValueError(f"{smaller} {low:g} is more than {larger} {high:g}: swapped, or a unit?")
 
 
-#: Figure -> (least usual, greatest usual, unit, the unit one would have slipped into).
+#: Figure -> (least usual, greatest usual, the unit one would have slipped into).
 _USUAL = {
-    "continuous_torque": (1e-4, 2e3, "N m", "mN m"),
-    "peak_torque": (1e-4, 1e4, "N m", "mN m"),
-    "torque_constant": (1e-4, 20.0, "N m/A", "mN m/A"),
-    "resistance": (1e-3, 500.0, "ohm", "mohm"),
-    "mass": (1e-3, 200.0, "kg", "g"),
-    "max_speed": (0.1, 7e3, "rad/s", "rpm"),
-    "no_load_speed": (0.1, 7e3, "rad/s", "rpm"),
-    "rated_speed": (0.1, 7e3, "rad/s", "rpm"),
-    "max_input_speed": (1.0, 2e3, "rad/s", "rpm"),
-    "average_input_speed": (1.0, 1.5e3, "rad/s", "rpm"),
-    "rated_torque": (1e-3, 2e4, "N m", "mN m"),
-    "rotor_inertia": (1e-10, 0.05, "kg m^2", "kg cm^2 or g cm^2"),
-    "input_inertia": (1e-10, 0.05, "kg m^2", "kg cm^2"),
-    "stiffness": (10.0, 1e8, "N m/rad", "N m/arcmin"),
-    "nominal_life": (100.0, 1e6, "h", "s"),
-    "starting_torque": (1e-5, 20.0, "N m", "N cm"),
-    "no_load_running_torque": (1e-5, 50.0, "N m", "N cm"),
-    "ratio": (1.0, 2e3, "motor turns per output turn", "output turns per motor turn"),
+    "continuous_torque": (1e-4, 2e3, "mN m"),
+    "peak_torque": (1e-4, 1e4, "mN m"),
+    "torque_constant": (1e-4, 20.0, "mN m/A"),
+    "resistance": (1e-3, 500.0, "mohm"),
+    "mass": (1e-3, 200.0, "g"),
+    "max_speed": (0.1, 7e3, "rpm"),
+    "no_load_speed": (0.1, 7e3, "rpm"),
+    "rated_speed": (0.1, 7e3, "rpm"),
+    "max_input_speed": (1.0, 2e3, "rpm"),
+    "average_input_speed": (1.0, 1.5e3, "rpm"),
+    "rated_torque": (1e-3, 2e4, "mN m"),
+    "rotor_inertia": (1e-10, 0.05, "kg cm^2 or g cm^2"),
+    "input_inertia": (1e-10, 0.05, "kg cm^2"),
+    "stiffness": (10.0, 1e8, "N m/arcmin"),
+    "nominal_life": (100.0, 1e6, "s"),
+    "starting_torque": (1e-5, 20.0, "N cm"),
+    "no_load_running_torque": (1e-5, 50.0, "N cm"),
+    "ratio": (1.0, 2e3, "output turns per motor turn"),
 }
 #: The same for the input of a gear, which turns slower than the fastest motors.
 _USUAL_OF_GEARS = {
-    "rated_speed": (1.0, 1e3, "rad/s", "rpm"),
-    "no_load_speed": (1.0, 1e3, "rad/s", "rpm"),
+    "rated_speed": (1.0, 1e3, "rpm"),
+    "no_load_speed": (1.0, 1e3, "rpm"),
 }
 #: Radius of gyration sqrt(J/m) of a rotor over the whole mass, m, and rotor inertia per continuous
 #: torque, s^2: far beyond real motors on both sides (4e-3 m and 4e-5 s^2 are usual).
@@ -426,7 +453,9 @@ def _doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
     for section in ("motors", "gears", "gearmotors"):
         for name, entry in getattr(catalog, section).items():
             where = f"{section}.{name}"
-            for text in (*_beyond_usual(section, entry), *_beyond_proportion(section, entry)):
+            linear = entry.output == "linear" if section == "gearmotors" else False
+            beyond = () if linear else _beyond_proportion(section, entry)
+            for text in (*_beyond_usual(section, entry), *beyond):
                 yield where, text
             if section != "gears":
                 yield from ((where, text) for text in _speeds_beyond_proportion(section, entry))
@@ -438,8 +467,9 @@ def _doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
 
 def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
     usual = _USUAL | (_USUAL_OF_GEARS if section == "gears" else {})
-    for key, (least, greatest, unit, slip) in usual.items():
+    for key, (least, greatest, slip) in usual.items():
         value = getattr(entry, key, None)
+        unit = "motor turns per output turn" if key == "ratio" else unit_of(key)
         if value is None or getattr(entry, "output", "") == "linear":
             continue
         for x in value if isinstance(value, tuple) else (value,):

@@ -11,12 +11,21 @@ and says which figure it lacks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
 from pinfric.model.transmission import driven_efficiency
+from pinfric.study.sizing.bearing import (
+    BALL,
+    KINDS,
+    BearingLoad,
+    BearingRatings,
+    bearing_life,
+    equivalent_load,
+    static_load,
+)
 from pinfric.study.sizing.catalog import Conditions, Gear
 from pinfric.study.sizing.demand import DriveCycle, JointDemand, largest
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, Ratings, too_hot
@@ -140,9 +149,12 @@ def check(
         hand: the joint is one of the hand axes, beyond the third.
         conditions: what is demanded.
     """
+    units = dict(zip(("N m", "rad/s"), candidate.units, strict=True))  # N, m/s of a linear motor
+    of_motor = _motor_criteria(candidate, motor, conditions)
     return (
-        *_motor_criteria(candidate, motor, conditions),
+        *(replace(c, unit=units.get(c.unit, c.unit)) for c in of_motor),
         *_gear_criteria(candidate.gear, candidate.ratio, demand, conditions),
+        *_bearing_criteria(candidate, demand.bearing, conditions),
         _inertia_ratio(candidate, load_inertia, conditions),
         _resonance(candidate.gear, load_inertia, hand, conditions),
         _back_driving(candidate, conditions),
@@ -309,6 +321,10 @@ def _gear_criteria(
                 "rad/s", "ratio 1/T int |v| dt <= limit for average input speed",
                 HARMONIC, "limit for average input speed"),
         _life(gear, ratio, demand, conditions),
+        *([] if demand.travel is None else [
+            compare("stroke", demand.travel, gear.stroke, "m", "max q - min q <= stroke",
+                    "maker's figures", "stroke"),
+        ]),
     ]  # fmt: skip
 
 
@@ -318,11 +334,81 @@ def _life(gear: Gear, ratio: float, demand: JointDemand, conditions: Conditions)
     if None not in figures:
         available = gear_life(*figures, ratio * demand.mean_speed, demand.mean_cubic)[0]  # type: ignore[arg-type]
     formula = "L10 = L50/5, L50 = L_n (n_N/n_in,av)(T_N/T_av)^3"
+    return _lasting("gear life L10", conditions.life, available, "h", formula, HARMONIC_LIFE,
+                    "nominal life, rated speed or rated torque",
+                    "the joint never moves")  # fmt: skip
+
+
+def _bearing_criteria(
+    candidate: Candidate, load: BearingLoad | None, conditions: Conditions
+) -> list[Criterion]:
+    """Loads and life of what carries the joint, against its maker's ratings."""
+    ratings, what = candidate.bearing, "screw" if candidate.linear else "bearing"
+    if candidate.linear and (candidate.gear is None or "screw" not in candidate.gear.kind):
+        return []  # belts and linear motors have none
+    if ratings is None or load is None:
+        lacking = "the joint's wrench" if load is None else f"ratings of the {what}"
+        return [compare(f"{what} loads", None, None, "", "loads and life by its ratings",
+                        KINDS["ball screw" if candidate.linear else "crossed roller"].source,
+                        lacking)]  # fmt: skip
+    source = ratings.source or KINDS[ratings.kind].source
+    axial = compare(
+        f"{what} axial force", load.axial, ratings.max_axial, "N",
+        "max |F_a| <= permissible axial force", source, "permissible axial force",
+    )  # fmt: skip
+    safety = _static_safety(what, ratings, load, source)
+    if ratings.screw:
+        return [axial, safety, _bearing_life(what, candidate, ratings, load, conditions)]
+    return [
+        compare(f"{what} tilting moment", load.moment + ratings.offset * load.radial,
+                ratings.max_moment, "N m", "max M + R max F_r <= permissible tilting moment",
+                source, "permissible tilting moment"),
+        compare(f"{what} radial force", load.radial, ratings.max_radial, "N",
+                "max |F_r| <= permissible radial force", source, "permissible radial force"),
+        axial, safety, _bearing_life(what, candidate, ratings, load, conditions),
+    ]  # fmt: skip
+
+
+def _static_safety(
+    what: str, ratings: BearingRatings, load: BearingLoad, source: str
+) -> Criterion:  # fmt: skip
+    carried, available = static_load(ratings, load), None
+    if carried is not None and ratings.static_rating is not None:
+        available = ratings.static_rating / carried if carried > 0 else np.inf
+    formula = "f_s = C_0/P_0"
+    if ratings.rule is not None and not ratings.screw:
+        x, y = ratings.rule.static
+        formula += f", P_0 = {x:g} P_r + {y:g} F_a"
+    return _lasting(f"{what} static safety", ratings.static_safety, available, "", formula, source,
+                    "static load rating C_0 or pitch diameter", "nothing loads it")  # fmt: skip
+
+
+def _bearing_life(
+    what: str, candidate: Candidate, ratings: BearingRatings, load: BearingLoad,
+    conditions: Conditions,
+) -> Criterion:  # fmt: skip
+    kind, available = KINDS[ratings.kind], None
+    exponent = "3" if kind.exponent == BALL else "10/3"
+    equivalent = equivalent_load(ratings, load)
+    if equivalent is not None and ratings.dynamic_rating is not None:
+        speed = load.speed * (candidate.ratio if ratings.screw else 1.0)
+        available = bearing_life(ratings.dynamic_rating, conditions.shock * equivalent, speed,
+                                 kind.exponent)  # fmt: skip
+    note = "" if equivalent is None else f"P = {equivalent:.4g} N"
+    return _lasting(f"{what} life L10", conditions.life, available, "h",
+                    f"L10 = 10^6 revolutions (C/({conditions.shock:g} P))^({exponent})",
+                    ratings.source or kind.source, "dynamic load rating C or pitch diameter",
+                    "it never turns under load", note)  # fmt: skip
+
+
+def _lasting(
+    name: str, required: float, available: float | None, unit: str, formula: str, source: str,
+    missing: str, endless: str, note: str = "",
+) -> Criterion:  # fmt: skip
+    """`compare` for what may be endless: then it passes without a number, and says why."""
     if available is not None and np.isinf(available):
-        return Criterion("gear life L10", Status.PASSES, conditions.life, None, "h", 1.0, formula,
-                         HARMONIC_LIFE, "the joint never moves")  # fmt: skip
-    return compare("gear life L10", conditions.life, available, "h", formula, HARMONIC_LIFE,
-                   "nominal life, rated speed or rated torque")  # fmt: skip
+        return Criterion(name, Status.PASSES, required, None, unit, 1.0, formula, source, endless)
+    return compare(name, required, available, unit, formula, source, missing, note)
 
 
 def _inertia_ratio(
@@ -364,7 +450,7 @@ def _back_driving(candidate: Candidate, conditions: Conditions) -> Criterion:
     name, formula = "back-driving", "eta_b > 0: the load moves the motor from some effort on"
     source = "Harmonic Drive: back-driving torque must not be counted on to hold a load"
     effort = candidate.back_driving_torque
-    unit = "N" if candidate.gear is not None and candidate.gear.output == "linear" else "N m"
+    unit = "N" if candidate.linear else "N m"
     note = "" if effort is None else f"the load moves the motor from {effort:.3g} {unit} on"
     transmission = candidate.transmission
     known = transmission is not None and (not candidate.at_output or effort is not None)

@@ -11,7 +11,9 @@ from pinfric.dynamics.motor_torques import drive_stick_velocity
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.dynamics.reversals import reversals
 from pinfric.errors import StateError
+from pinfric.model.coordinates import one_number
 from pinfric.model.scene import Scene
+from pinfric.study.sizing.bearing import BearingLoad, bearing_load, joint_loads
 from pinfric.study.sizing.duty import Schedule, once
 from pinfric.study.summary import effort_unit, ends_by_magnitude, rms
 
@@ -54,6 +56,8 @@ class JointDemand:
         duty: part of the time in which the joint moves. hold_share: part spent in holds.
         power, power_frictionless: at the joint.
         peak_frictionless, rms_frictionless: of the effort without friction.
+        bearing: what the joint's bearing (a sliding joint's screw) carries; None: not known.
+        travel: of a sliding joint, max q - min q over the cycle, m; else None.
     """
 
     name: str
@@ -76,6 +80,8 @@ class JointDemand:
     power_frictionless: Power
     peak_frictionless: float
     rms_frictionless: float
+    bearing: BearingLoad | None = None
+    travel: float | None = None
 
 
 @dataclass(frozen=True)
@@ -215,7 +221,44 @@ def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> Joi
         power_frictionless=_power(t, bare * v, bare * v),
         peak_frictionless=largest(bare),
         rms_frictionless=rms(t, bare),
+        bearing=carried_load(result, actuator, cycle),
+        travel=_travel(result, actuator),
     )
+
+
+def driven_joint(scene: Scene, actuator: int) -> int | None:
+    """The model's index of a drive's joint; None for one direction of a joint with several."""
+    moved = scene.drives[actuator].velocity_index
+    joints = list(enumerate(scene.model.joints))[1:]
+    return next((i for i, joint in joints if joint.nv == 1 and joint.idx_v == moved), None)
+
+
+def carried_load(result: InverseResult, actuator: int, cycle: DriveCycle) -> BearingLoad | None:
+    """Return what the bearing of a drive's joint carries, of a sliding joint its screw.
+
+    None for a cylinder, one of a joint's several directions, and where the wrench is not known.
+
+    Args: as `joint_demand`.
+    """
+    if effort_unit(result.scene, actuator) == "N":
+        return screw_load(cycle)
+    joint = driven_joint(result.scene, actuator)
+    loads = None if joint is None else joint_loads(result, joint - 1)
+    return None if loads is None else bearing_load(cycle.stretched, cycle.velocity, *loads)
+
+
+def _travel(result: InverseResult, actuator: int) -> float | None:
+    joint = driven_joint(result.scene, actuator)
+    if joint is None or effort_unit(result.scene, actuator) != "N":
+        return None
+    return float(np.ptp(one_number(result.scene.model.joints[joint], result.states.q)))
+
+
+def screw_load(cycle: DriveCycle) -> BearingLoad:
+    """Return what a screw's nut carries: the joint's effort, the worst of its interval."""
+    worst = ends_by_magnitude(cycle.effort_lower, cycle.effort_upper)[0]
+    none = np.zeros_like(worst)
+    return bearing_load(cycle.stretched, cycle.velocity, none, worst, none)
 
 
 def average_output_effort(t: np.ndarray, effort: np.ndarray, velocity: np.ndarray) -> float:

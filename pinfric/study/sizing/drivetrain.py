@@ -24,6 +24,7 @@ import numpy as np
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.transmission import MakersEfficiency, Transmission, load_part
+from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import (
     REFERENCE_TEMPERATURE,
     Catalog,
@@ -154,12 +155,15 @@ class Candidate:
         name, motor, gear_name: as in the catalogue; gear_name is None for a gearmotor.
         ratio: motor turns per joint turn (rad/m at a sliding joint).
         ratings: of the rated shaft. at_output: that shaft is the gearmotor's output.
+        linear: its output slides.
         gear: its entry, None for a gearmotor.
         transmission: ratio and losses for the dynamics; None where figures are missing.
         missing: the figures missing for the motor's torque.
         mass: kg; None where a part's is not known.
         rotor_inertia: J_motor + J_gear input at the motor's shaft, kg m^2, or None.
         back_driving_torque: at the output, N m, or None.
+        bearing: what carries the joint: the gear's output bearing (a screw's nut), or the joint's
+            own; None where its ratings are not known.
         stand_ins: figures taken from other products.
         losses: how the transmission's losses follow from the entry, in words.
         sources: of motor and gear, with their grades.
@@ -171,15 +175,22 @@ class Candidate:
     ratio: float
     ratings: Ratings
     at_output: bool
+    linear: bool
     gear: Gear | None
     transmission: Transmission | None
     missing: tuple[str, ...]
     mass: float | None
     rotor_inertia: float | None
     back_driving_torque: float | None
+    bearing: BearingRatings | None
     stand_ins: tuple[str, ...]
     losses: str
     sources: tuple[str, ...]
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Of torque and speed at the rated shaft; N and m/s of a linear motor."""
+        return ("N", "m/s") if self.linear and self.at_output else ("N m", "rad/s")
 
 
 @dataclass(frozen=True)
@@ -249,15 +260,15 @@ def candidates(catalog: Catalog, linear: bool) -> Iterator[Candidate]:
 
     Args:
         catalog: what there is; any motor is taken to fit any gear.
-        linear: for a sliding joint: only gears with a linear output.
+        linear: for a sliding joint: only gears and gearmotors with a linear output.
     """
     for motor_name, motor in catalog.motors.items():
         for gear_name, gear in catalog.gears.items():
             if (gear.output == "linear") == linear:
                 for ratio in gear.ratios:
                     yield motor_with_gear(motor_name, motor, gear_name, gear, ratio)
-    if not linear:
-        for name, gearmotor in catalog.gearmotors.items():
+    for name, gearmotor in catalog.gearmotors.items():
+        if (gearmotor.output == "linear") == linear:
             yield _gearmotor(name, gearmotor)
 
 
@@ -284,12 +295,14 @@ def motor_with_gear(
         ratio=ratio,
         ratings=_motor_ratings(motor),
         at_output=False,
+        linear=gear.output == "linear",
         gear=gear,
         transmission=None if missing else transmission,
         missing=tuple(missing),
         mass=None if motor.mass is None or gear.mass is None else motor.mass + gear.mass,
         rotor_inertia=inertia,
         back_driving_torque=gear.back_driving_torque,
+        bearing=gear.bearing,
         stand_ins=tuple(f"{figure.replace('_', ' ')}: {whose}"
                         for entry in (motor, gear) for figure, whose in entry.stand_ins.items()),
         losses=losses,
@@ -472,12 +485,14 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
             max_speed=entry.max_speed, derived=derived,
         ),
         at_output=True,
+        linear=entry.output == "linear",
         gear=None,
         transmission=None if missing else Transmission.model_construct(**values),
         missing=missing,
         mass=entry.mass,
         rotor_inertia=entry.rotor_inertia,
         back_driving_torque=entry.back_driving_torque,
+        bearing=entry.bearing,
         stand_ins=tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items()),
         losses=losses,
         sources=(f"{name}: {entry.source} ({entry.grade})",),

@@ -35,8 +35,10 @@ from pinfric.study.sizing.demand import (
     JointDemand,
     average_output_effort,
     drive_cycle,
+    driven_joint,
     hold_samples,
     joint_demand,
+    screw_load,
 )
 from pinfric.study.sizing.drivetrain import MotorCycle, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
@@ -233,6 +235,7 @@ def size(
         catalog = load_catalog(catalog)
     wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)
     check_names(scene, wanted)
+    check_bearings(catalog, wanted)
     sizing = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None))
     report = sizing.run()
     if on_miss == "raise":
@@ -321,10 +324,10 @@ class _Sizing:
             self.hold = holds(self.scene, self.trajectory, result.states.v)
         cycle = drive_cycle(result, i, self.hold, self.duty)
         demand = joint_demand(result, i, cycle)
-        tree = _joint(self.scene, i) is not None and not self.scene.loops
+        tree = driven_joint(self.scene, i) is not None and not self.scene.loops
         inertia = float(inertias[i]) if tree else None
         ranked: tuple[Assessment, ...] = ()
-        if self.catalog is not None and _joint(self.scene, i) is not None:
+        if self.catalog is not None and driven_joint(self.scene, i) is not None:
             hand = depth(self.scene, i) > BASE_AXES
             ranked = assess(self.catalog, self.conditions, demand, cycle, inertia, hand)
         choice = ranked[0] if ranked and ranked[0].fits else None
@@ -336,7 +339,7 @@ class _Sizing:
         """Why there is nothing to choose from; empty without a catalogue."""
         if self.catalog is None:
             return ""
-        if _joint(self.scene, i) is None:
+        if driven_joint(self.scene, i) is None:
             return "motors and gears are for joints of one axis, not for cylinders and forces"
         if not self.catalog.motors and not self.catalog.gearmotors:
             return f"{self.catalog.source} has no motors"
@@ -376,8 +379,10 @@ def joint_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> JointDe
         cycle: `DriveCycle.without_friction`.
     """
     cubic = average_output_effort(cycle.stretched, cycle.effort_frictionless, cycle.velocity)
+    carried = screw_load(cycle) if demand.unit == "N" else demand.bearing
     return replace(demand, peak=demand.peak_frictionless, rms=demand.rms_frictionless,
-                   rms_least=demand.rms_frictionless, mean_cubic=cubic)  # fmt: skip
+                   rms_least=demand.rms_frictionless, mean_cubic=cubic,
+                   bearing=carried)  # fmt: skip
 
 
 def load_inertias(result: InverseResult) -> np.ndarray:
@@ -409,7 +414,7 @@ def with_masses(
     model = scene.model.copy()
     changed = False
     for i, drive in enumerate(scene.drives):
-        joint = _joint(scene, i)
+        joint = driven_joint(scene, i)
         if joint is None or model.parents[joint] == 0:
             continue
         if i not in taken:
@@ -446,16 +451,9 @@ def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> list[Actua
             if a.drive_name in gears else a for a in given]  # fmt: skip
 
 
-def _joint(scene: Scene, actuator: int) -> int | None:
-    """The model's index of a drive's joint; None for one direction of a joint with several."""
-    moved = scene.drives[actuator].velocity_index
-    joints = list(enumerate(scene.model.joints))[1:]
-    return next((i for i, joint in joints if joint.nv == 1 and joint.idx_v == moved), None)
-
-
 def _loads(scene: Scene, drive: int, actuator: int) -> bool:
     """Whether a drive's mass acts on another joint: the link that holds it hangs on that joint."""
-    held, joint = _joint(scene, drive), _joint(scene, actuator)
+    held, joint = driven_joint(scene, drive), driven_joint(scene, actuator)
     if drive == actuator or held is None:
         return False
     if scene.loops or joint is None:
@@ -468,7 +466,7 @@ def _loads(scene: Scene, drive: int, actuator: int) -> bool:
 
 def depth(scene: Scene, actuator: int) -> int:
     """Return how many joints lie between the ground and the joint's child, its own included."""
-    joint, count = _joint(scene, actuator), 0
+    joint, count = driven_joint(scene, actuator), 0
     while joint:
         joint, count = int(scene.model.parents[joint]), count + 1
     return count
@@ -483,9 +481,20 @@ def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
     return {i: assessment.candidate.name for i, assessment in taken.items()}
 
 
+def check_bearings(catalog: Catalog | None, conditions: Conditions) -> None:
+    """Refuse bearings for joints that the catalogue does not have, or not rated: `CatalogError`."""
+    known = {} if catalog is None else catalog.bearings
+    rated = [name for name, entry in known.items() if entry.ratings is not None]
+    for joint, name in conditions.bearings.items():
+        if name not in rated:
+            what = "has no `ratings`" if name in known else "is not in the catalogue"
+            raise CatalogError(f"conditions.bearings.{joint}: the bearing {name!r} {what}; "
+                               f"{choose_from(name, rated)}")  # fmt: skip
+
+
 def check_names(scene: Scene, conditions: Conditions) -> None:
     """Refuse conditions that name a drive that is not there: `CatalogError`."""
-    for key in ("mass_in_urdf", "collision_effort"):
+    for key in ("mass_in_urdf", "collision_effort", "bearings"):
         for name in getattr(conditions, key):
             if name not in scene.actuator_names:
                 raise CatalogError(f"conditions.{key}: there is no drive {name!r}; "

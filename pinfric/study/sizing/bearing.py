@@ -1,0 +1,223 @@
+"""Loads on the bearing that carries a joint, or on a screw's nut: mean, equivalent load, life.
+
+The bearing takes the whole wrench that the joint transmits but its part along the joint's freedom:
+radial force F_r, axial force F_a and tilting moment M about the joint's origin, which is taken to
+lie on the output flange, `offset` R before the rolling elements: M_b = M + R F_r, the worst way
+round. Friction about the axis changes none of them in an open chain. A screw's nut takes the
+joint's effort as its axial force, worst case over the effort's interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+from pydantic import model_validator
+
+from pinfric.dynamics.reactions import state_wrenches
+from pinfric.dynamics.result import InverseResult
+from pinfric.model.bearings import axes_along
+from pinfric.model.entry import Entry, NonNegative, Number, Positive
+
+BALL, ROLLER = 3.0, 10.0 / 3.0
+
+
+class Factors(Entry):
+    """P = X P_r + Y F_a, (X, Y) by F_a/P_r up to `limit` and above; P_0 = X_0 P_r + Y_0 F_a."""
+
+    limit: Number
+    below: tuple[NonNegative, NonNegative]
+    above: tuple[NonNegative, NonNegative]
+    static: tuple[NonNegative, NonNegative]
+
+
+class Kind(NamedTuple):
+    """How bearings of a kind are reckoned: exponent of loads and life, factors, where it says so.
+
+    `factors` None: the entry must say.
+    """
+
+    exponent: float
+    factors: Factors | None
+    source: str
+
+
+_ISO = "ISO 281 (life), ISO 76 (static)"
+KINDS = {
+    "crossed roller": Kind(
+        ROLLER, Factors(limit=1.5, below=(1.0, 0.45), above=(0.67, 0.67), static=(1.0, 0.44)),
+        "Harmonic Drive, output bearing: FHA-C manual; IKO crossed roller bearings: the same",
+    ),
+    "ball": Kind(BALL, None, _ISO),
+    "roller": Kind(ROLLER, None, _ISO),
+    "ball screw": Kind(
+        BALL, Factors(limit=0.0, below=(0.0, 1.0), above=(0.0, 1.0), static=(0.0, 1.0)),
+        "ISO 3408-5 (ball screws: as ISO 281)",
+    ),
+}  # fmt: skip
+
+
+class BearingRatings(Entry):
+    """What a maker lets a bearing, or a screw's nut, carry: N, N m, m.
+
+    `pitch_diameter`: of one bearing that takes the tilting moment itself; `spacing`: between the
+    two bearings of a pair that do it together, each of these ratings. `offset`: from the output
+    flange to the rolling elements. `static_safety`: C_0/P_0 asked for. `source`: of the ratings
+    where it is another than the entry's.
+    """
+
+    kind: Literal["crossed roller", "ball", "roller", "ball screw"]
+    dynamic_rating: Positive | None = None
+    static_rating: Positive | None = None
+    pitch_diameter: Positive | None = None
+    spacing: Positive | None = None
+    offset: NonNegative = 0.0
+    max_moment: Positive | None = None
+    max_radial: Positive | None = None
+    max_axial: Positive | None = None
+    static_safety: Positive = 1.5
+    factors: Factors | None = None
+    source: str = ""
+
+    @model_validator(mode="after")
+    def _can_be_reckoned(self) -> BearingRatings:
+        if self.pitch_diameter is not None and self.spacing is not None:
+            raise ValueError("`pitch_diameter` is of one bearing, `spacing` of a pair: give one")
+        rated = self.dynamic_rating is not None or self.static_rating is not None
+        if rated and self.rule is None:
+            raise ValueError(f"a {self.kind} with ratings needs `factors` (limit, below, above, "
+                             "static): its maker prints them")  # fmt: skip
+        return self
+
+    @property
+    def rule(self) -> Factors | None:
+        """The factors of the equivalent load: the entry's, else the kind's."""
+        return self.factors or KINDS[self.kind].factors
+
+    @property
+    def screw(self) -> bool:
+        """Whether it is a screw's nut, which turns `ratio` times as fast as the joint slides."""
+        return self.kind == "ball screw"
+
+    def radial_load(self, radial: float, moment: float) -> float | None:
+        """Return P_r = F_r + 2 M_b/d_p, or half of F_r + 2 M_b/spacing for a pair, N."""
+        span = self.pitch_diameter or self.spacing
+        if self.screw:
+            return 0.0
+        if span is None:
+            return None
+        return (0.5 if self.spacing else 1.0) * (radial + 2 * moment / span)
+
+
+@dataclass(frozen=True)
+class BearingLoad:
+    """What a cycle asks of a bearing, magnitudes.
+
+    Attributes:
+        radial, axial, moment: largest, N, N, N m (about the joint's origin).
+        means: exponent p -> (radial, axial, moment): (int |v x^p| dt/int |v| dt)^(1/p), what wears.
+        speed: mean |v|, rad/s; m/s of a screw.
+    """
+
+    radial: float
+    axial: float
+    moment: float
+    means: Mapping[float, tuple[float, float, float]] = field(default_factory=dict)
+    speed: float = 0.0
+
+
+def bearing_load(
+    t: np.ndarray, speed: np.ndarray, radial: np.ndarray, axial: np.ndarray, moment: np.ndarray
+) -> BearingLoad:
+    """Return peaks and means of a bearing's loads over a cycle.
+
+    x_av = (int |v| |x|^p dt/int |v| dt)^(1/p), p = 3 for balls, 10/3 for rollers.
+
+    Args:
+        t: (T,) s. speed: (T,) of the joint. radial, axial, moment: (T,) N, N, N m.
+
+    Source: Harmonic Drive, output bearing: average loads; ISO 281.
+    """
+    weight, span = np.abs(speed), float(t[-1] - t[0])
+    turned = float(np.trapezoid(weight, t))
+
+    def mean(x: np.ndarray, p: float) -> float:
+        top = float(np.abs(x).max())
+        if not (top > 0 and turned > 0):
+            return 0.0
+        part = np.trapezoid(weight * (np.abs(x) / top) ** p, t)  # at most 1: no overflow
+        return top * float(part / turned) ** (1 / p)
+
+    peaks = [float(np.abs(x).max()) for x in (radial, axial, moment)]
+    means = {p: (mean(radial, p), mean(axial, p), mean(moment, p)) for p in (BALL, ROLLER)}
+    return BearingLoad(peaks[0], peaks[1], peaks[2], means, turned / span)
+
+
+def joint_loads(
+    result: InverseResult, row: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return radial and axial force (N) and tilting moment (N m) of a joint's bearing, (T,) each.
+
+    None in a robot with loops where the joint's wrench was not computed.
+
+    Args:
+        result: of inverse dynamics. row: of a turning joint, in `joint_names`.
+    """
+    scene = result.scene
+    column = next((s for s, site in enumerate(scene.sites) if site.joint == row), None)
+    if result.wrench is not None and column is not None:
+        wrench = result.wrench[:, column]
+    elif scene.loops:
+        return None
+    else:
+        wrench = state_wrenches(scene, result.states, result.external)[:, row]
+    turn = axes_along(scene.twin().axis[row, 3:])
+    force, moment = wrench[:, :3] @ turn.T, wrench[:, 3:] @ turn.T
+    return np.hypot(*force.T[:2]), np.abs(force[:, 2]), np.hypot(*moment.T[:2])
+
+
+def equivalent_load(ratings: BearingRatings, load: BearingLoad) -> float | None:
+    """Return the dynamic equivalent load P of the mean loads, N; None where a figure is missing.
+
+    P = X P_r + Y F_a with P_r = F_r + 2 M_b/d_p, (X, Y) by F_a/P_r (`Factors`).
+
+    Source: Harmonic Drive, output bearing; IKO; ISO 281.
+    """
+    radial, axial, moment = load.means[KINDS[ratings.kind].exponent]
+    across = ratings.radial_load(radial, moment + ratings.offset * radial)
+    if across is None or ratings.rule is None:
+        return None
+    x, y = ratings.rule.below if axial <= ratings.rule.limit * across else ratings.rule.above
+    return x * across + y * axial
+
+
+def static_load(ratings: BearingRatings, load: BearingLoad) -> float | None:
+    """Return the static equivalent load P_0 = X_0 P_r + Y_0 F_a of the largest loads, N, or None.
+
+    Source: Harmonic Drive, output bearing: P_0 = F_r + 2 M/d_p + 0.44 F_a; ISO 76.
+    """
+    across = ratings.radial_load(load.radial, load.moment + ratings.offset * load.radial)
+    if across is None or ratings.rule is None:
+        return None
+    x, y = ratings.rule.static
+    return x * across + y * load.axial
+
+
+def bearing_life(dynamic_rating: float, load: float, speed: float, exponent: float) -> float:
+    """Return L10 = (C/P)^p x 10^6 revolutions, in hours; infinite where nothing turns or loads.
+
+    Swaying counts by its way: (90/phi) of a round trip of half angle phi is the same.
+
+    Args:
+        dynamic_rating: C, N. load: P, its factor for shocks included, N.
+        speed: mean |omega|, rad/s; pauses count in it.
+        exponent: 3 for balls, 10/3 for rollers.
+
+    Source: ISO 281.
+    """
+    if not (speed > 0 and load > 0):
+        return np.inf
+    with np.errstate(over="ignore"):
+        return float(np.float64(dynamic_rating / load) ** exponent * 1e6 * 2 * np.pi / speed / 3600)
