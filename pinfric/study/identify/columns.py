@@ -9,6 +9,7 @@ All columns and the effort pass the same low pass, so that it takes nothing away
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +31,9 @@ from pinfric.study.identify.laws import (
 )
 from pinfric.study.identify.recordings import Recording
 from pinfric.study.trajectory.log.noise import low_pass
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 FloatArray = NDArray[np.float64]
 
@@ -80,7 +84,8 @@ class Prepared:
         slides: (n, nj) which rows count.
         rigid: (n, nj, 10 nj).
         slots: (n, nj, len(SLOTS)); those of loads are 0.
-        effort: (T, nj) low-passed, payloads' part taken out; not thinned, not shifted.
+        effort: time -> (., nj) low-passed, payloads' part taken out. A cubic spline: between
+            samples, means of two would have less noise, and delays be drawn there.
         payload: (T, nj) what payloads take, N m or N.
     """
 
@@ -89,7 +94,7 @@ class Prepared:
     slides: NDArray[np.bool_]
     rigid: FloatArray
     slots: FloatArray
-    effort: FloatArray
+    effort: CubicSpline
     payload: FloatArray
 
 
@@ -100,6 +105,8 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
         scene: the robot as its URDF has it.
         recording: one log.
     """
+    from scipy.interpolate import CubicSpline
+
     motion, step, nj = recording.trajectory, recording.step, scene.model.nv
     bare = scene.with_(payloads={}, friction={})
     rigid_effort = inverse_dynamics(scene, motion).effort_frictionless
@@ -111,7 +118,7 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
     measured = np.where(known, recording.effort, rigid_effort) - payload
     kept = np.arange(0, motion.t.size, max(1, int(1.0 / (_PER_PERIOD * PASS * step))))
     slides = _sliding(recording, known)[kept]
-    effort = np.column_stack([_passed(column, step) for column in measured.T])
+    effort = CubicSpline(motion.t, np.column_stack([_passed(y, step) for y in measured.T]))
     slots = np.zeros((kept.size, nj, len(SLOTS)))
     for j in range(nj):
         v = motion.v[:, j]
@@ -204,7 +211,7 @@ def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay
         count, block = blocks(t)
         parts.append(Rows(
             one.rigid[one.slides[:, joint], joint], one.slots[one.slides[:, joint], joint],
-            np.interp(t[rows] + delay, t, one.effort[:, joint]), first + block[rows],
+            one.effort(t[rows] + delay)[:, joint], first + block[rows],
             np.full(rows.size, number), t[rows], one.recording.trajectory.v[rows, joint],
             effort[rows, joint],
         ))  # fmt: skip

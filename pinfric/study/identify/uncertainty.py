@@ -15,17 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.study.identify.estimate import Estimate
-from pinfric.study.identify.inertias import STRENGTH
 from pinfric.study.identify.laws import INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import places, residuals
+from pinfric.study.identify.normal import moves, places, residuals
 
 FloatArray = NDArray[np.float64]
 
 #: Logs from which a spread between them can be told.
 _FEWEST_LOGS = 2
-#: Standard deviation of a URDF's inertial parameters, relative to mass, mass x length, mass x
-#: length^2 of the link: drawn from CAD they are wrong by 10 to 40 %.
-_URDF_ERROR = 0.2
 
 
 @dataclass(frozen=True)
@@ -80,33 +76,11 @@ def uncertainty(found: Estimate) -> Uncertainty:
         found: the estimate.
     """
     problem, fit = found.problem, found.fit
-    laws = problem.slots(found.choice.laws)
-    place = places(laws)
+    place = places(problem.slots(found.choice.laws))
     place = place[fit.slots.ravel()[place] > 0.0]
-    p, n, blocks = fit.theta.size, place.size, problem.folds.size
-    hessian, scores = np.zeros((p + n, p + n)), np.zeros((blocks, p + n))
-    for j, (gram, weight) in enumerate(zip(problem.grams, problem.weights, strict=True)):
-        own = np.flatnonzero(place // len(SLOTS) == j)
-        to = np.concatenate((np.arange(p), p + own))
-        columns = np.concatenate((np.arange(p), p + place[own] % len(SLOTS)))
-        part = weight * gram.products[:, columns]
-        hessian[np.ix_(to, to)] += part[:, :, columns].sum(axis=0)
-        off = np.append(-fit.of_joint(j), 1.0)
-        scores[:, to] += part @ off
-    rows = sum(float(gram.count.sum()) for gram in problem.grams)
-    drawn = np.zeros((p, p + n))
-    if problem.prior.kept:
-        hessian, scores, drawn = hessian[p:, p:], scores[:, p:], drawn[:0, p:]
-    else:
-        hessian[:p, :p] += np.diag(rows * problem.prior.weight)
-        drawn[:, :p] = np.diag(rows * np.sqrt(problem.prior.weight) * STRENGTH * _URDF_ERROR)
-    scores = scores[(scores != 0.0).any(axis=1)]
-    scores = scores - scores.mean(axis=0)
-    count = len(scores)
-    scores = np.concatenate((scores * np.sqrt(count / (count - 1.0)), drawn))
-    size = np.sqrt(np.diag(hessian))
-    gains = np.linalg.solve(hessian / np.outer(size, size), (scores / size).T).T / size
-    within = (gains.T @ gains)[-n:, -n:] if n else np.zeros((0, 0))
+    moved, count = moves(problem.grams, problem.weights, problem.prior, fit, place)
+    moved = moved[:, moved.shape[1] - place.size :]
+    within = moved.T @ moved
     spread = between_logs(found)
     between = np.zeros_like(within)
     values = fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
