@@ -22,12 +22,12 @@ from pinfric.model.schema import Friction
 from pinfric.study.identify.laws import (
     BACKWARD,
     BEARING,
-    EXPONENTS,
     FORWARD,
     INERTIA,
     SIDES,
     SLOT,
     SLOTS,
+    SPEEDS,
 )
 from pinfric.study.identify.recordings import Recording
 from pinfric.study.trajectory.log.noise import low_pass
@@ -123,7 +123,7 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
     for j in range(nj):
         v = motion.v[:, j]
         columns = {INERTIA: motion.a[:, j], FORWARD: v > 0.0, BACKWARD: -1.0 * (v < 0.0)}
-        columns |= {f"speed^{p:g}": np.sign(v) * np.abs(v) ** p for p in EXPONENTS}
+        columns |= {name: np.sign(v) * np.abs(v) ** p for name, p in SPEEDS.items()}
         for name, column in columns.items():
             slots[:, j, SLOT[name]] = _passed(np.asarray(column, dtype=float), step)[kept]
     return Prepared(recording, kept, slides, _rigid_columns(scene, recording, kept), slots, effort,
@@ -171,11 +171,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Pre
     """
     recording = prepared.recording
     motion, step = recording.trajectory, recording.step
-    probe = scene.with_(friction={
-        name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
-        for name, entry in scene.friction.items() if entry.bearing is not None
-    })  # fmt: skip
-    found = inverse_dynamics(probe, motion)
+    found = inverse_dynamics(bearings_only(scene), motion)
     rigid, slots = found.effort_frictionless, prepared.slots.copy()
     for j, name in enumerate(scene.joint_names):
         sign = np.sign(motion.v[:, j])
@@ -191,6 +187,18 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Pre
         for slot, column in columns.items():
             slots[:, j, SLOT[slot]] = _passed(column, step)[prepared.kept]
     return replace(prepared, slots=slots), rigid
+
+
+def bearings_only(scene: Scene) -> Scene:
+    """Return the scene with next to no friction that reports its bearings' loads.
+
+    Args:
+        scene: with bearings.
+    """
+    return scene.with_(friction={
+        name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
+        for name, entry in scene.friction.items() if entry.bearing is not None
+    })  # fmt: skip
 
 
 def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay: float) -> Rows:

@@ -91,8 +91,8 @@ def log_delay(
     for _ in range(_ROUNDS):
         # what is known of delays counts as much as rows of unit variance that say it
         known = -delay, 1.0 / (_USUAL**2 * max(float(one.slides.sum()), 1.0)), _USUAL
-        now = Prior(*(np.append(own, last) for own, last in
-                      zip((prior.center, prior.weight, prior.deviation), known, strict=True)))  # fmt: skip
+        links = prior.center, prior.weight, prior.deviation
+        now = Prior(*(np.append(own, last) for own, last in zip(links, known, strict=True)))
         rows = [_with_slope(joint_rows([one], [rigid], j, delay), slopes[j][one.slides[:, j]])
                 for j in joints]  # fmt: skip
         if row_weights is None:

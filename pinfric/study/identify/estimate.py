@@ -16,17 +16,17 @@ from pinfric.model.scene import Scene
 from pinfric.study.identify.checks import check_efforts
 from pinfric.study.identify.choice import Choice, Problem, choose, held_out_parts
 from pinfric.study.identify.columns import Prepared, Rows, joint_rows, prepare, with_loads
+from pinfric.study.identify.delay import Delay, common_delay, log_delay
 from pinfric.study.identify.inertias import consistent_fit, urdf_prior, with_parameters
 from pinfric.study.identify.laws import (
     BACKWARD,
-    EXPONENTS,
     FORWARD,
     PLAIN,
     SLOT,
+    SPEEDS,
     Law,
     candidates,
 )
-from pinfric.study.identify.delay import Delay, common_delay, log_delay
 from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, weighted
 from pinfric.study.identify.recordings import Recording
 
@@ -168,8 +168,9 @@ def _delay(found: Estimate) -> Delay:
     slots = found.problem.slots(found.choice.laws)
     # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
     prior = urdf_prior(found.question.scene.model, kept=False)
+    logs = zip(found.prepared, found.rigid, strict=True)
     return common_delay([log_delay(one, rigid, slots, prior, found.delay.value)
-                         for one, rigid in zip(found.prepared, found.rigid, strict=True)])  # fmt: skip
+                         for one, rigid in logs])  # fmt: skip
 
 
 def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
@@ -207,6 +208,6 @@ def reloaded(found: Estimate, one: Prepared) -> tuple[Prepared, FloatArray]:
         sign = np.sign(v[:, j])
         inner[:, j] = (values[SLOT[FORWARD]] * (sign > 0.0)
                        - values[SLOT[BACKWARD]] * (sign < 0.0))  # fmt: skip
-        for p in EXPONENTS:
-            inner[:, j] += values[SLOT[f"speed^{p:g}"]] * sign * np.abs(v[:, j]) ** p
+        for name, p in SPEEDS.items():
+            inner[:, j] += values[SLOT[name]] * sign * np.abs(v[:, j]) ** p
     return with_loads(one, found.scene, inner)

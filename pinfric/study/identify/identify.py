@@ -23,7 +23,7 @@ from pinfric.study.identify.choice import nested_errors
 from pinfric.study.identify.columns import FEWEST_ROWS, joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
-from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOTS, Law
+from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
     JointEntries,
@@ -171,7 +171,8 @@ def identify(
         inertia: "consistent" corrects the links' inertias to ones that can exist, "keep" takes the
             URDF's.
         laws: joint -> its law, where it is not to be chosen.
-        payloads: log's name -> payload of the scene that it carries throughout.
+        payloads: log's name, or its path as in `logs` where several logs have that name -> payload
+            of the scene that it carries throughout.
         held_out: further logs, which are only predicted.
         options: what a person says about columns, units and cutoff.
         seed: of the posterior's draws.
@@ -209,8 +210,8 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
         scene=better, laws=dict(zip(names, found.choice.laws, strict=True)), parameters=every,
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
-        delay=found.delay.value, said=_said(found, rest, every, static), entries=entries, estimate=found,
-        uncertainty=known,
+        delay=found.delay.value, said=_said(found, rest, every, static), entries=entries,
+        estimate=found, uncertainty=known,
     )  # fmt: skip
 
 
@@ -270,13 +271,16 @@ def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
 def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
     """Draws of every coefficient above zero, in the scene's terms."""
     draws, r = known.draws(found.fit.slots, _DRAWS, seed), ratios(found.scene)
+    slots, ways = found.problem.slots(found.choice.laws), {SLOT[FORWARD], SLOT[BACKWARD]}
     result = {}
-    for place in known.place.tolist():
-        j, slot = divmod(place, len(SLOTS))
+    for at in known.place.tolist():
+        j, slot = divmod(at, len(SLOTS))
         law = found.choice.laws[j]
-        section, name, _ = scene_key(found.scene, j, law, slot)
-        values = scene_value(law, slot, draws[:, place], float(r[j]))
-        result[f"{section}.{found.scene.joint_names[j]}.{name}"] = np.asarray(values)
+        values = np.asarray(scene_value(law, slot, draws[:, at], float(r[j])))
+        # what moved one way only has this friction the other way, too
+        for own in ways if slot in ways and not ways <= set(slots[j]) else {slot}:
+            section, name, _ = scene_key(found.scene, j, law, own)
+            result[f"{section}.{found.scene.joint_names[j]}.{name}"] = values
     return result
 
 
@@ -321,8 +325,10 @@ def _said(
         said.append("the URDF's inertias were kept: what is wrong with them is in the friction")
     hopeless = [name for j, name in enumerate(names) if j in found.choice.hopeless]
     if hopeless:
-        said.append("no law predicts more than that the effort is zero (held-out error above 100 "
-                    f"%), so plain friction stays and says little: {', '.join(hopeless)}")  # fmt: skip
+        said.append(
+            "no law predicts more than that the effort is zero (held-out error above "
+            f"100 %), so plain friction stays and says little: {', '.join(hopeless)}"
+        )
     said += _missed(found)
     equal = [n for n, law in zip(names, found.choice.laws, strict=True)
              if law.load == "gear" and law.both_ways]  # fmt: skip
@@ -355,11 +361,14 @@ def _lags(found: Estimate) -> list[str]:
     """What a delay that is not determined means, and what each of several logs says of it."""
     delay, said = found.delay, []
     if not delay.determined:
-        said.append("the delay of the efforts is not determined (standard error "
-                    f"{1e3 * delay.standard_error:.1f} ms): taken as 0; faster motion would tell")  # fmt: skip
+        said.append(
+            "the delay of the efforts is not determined (standard error "
+            f"{1e3 * delay.standard_error:.1f} ms), taken as 0: faster motion would tell"
+        )
     if len(delay.logs) > 1:
+        logs = zip(found.prepared, delay.logs, strict=True)
         each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
-                for one, (value, error) in zip(found.prepared, delay.logs, strict=True)]  # fmt: skip
+                for one, (value, error) in logs]  # fmt: skip
         said.append(f"efforts' delay by each log alone, with standard error: {', '.join(each)}")
     return said
 
