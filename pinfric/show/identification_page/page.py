@@ -39,6 +39,7 @@ def identification_page(found: Identified) -> str:
         joints.append(_joint_view(found, j, name))
     page: str = environment.get_template("identification.html.j2").render(
         found=found,
+        delay=found.estimate.delay,
         scene=Path(found.scene.source).stem,
         logs=found.recordings,
         duration=sum(one.trajectory.duration for one in found.recordings),

@@ -33,6 +33,7 @@ def identify_json(found: Identified, warnings: Sequence[str] = ()) -> dict[str, 
                   "cutoff": dict(one.reading.cutoff), "dropped": one.reading.dropped}
                  for one in found.recordings],
         "delay": found.delay,
+        "delay_standard_error": found.estimate.delay.standard_error,
         "joints": [
             {"name": name, "law": str(law), "error": asdict(found.errors[name]),
              "held_out": errors[name], "rest": asdict(found.rest[name]),
@@ -71,7 +72,7 @@ def identify_report(found: Identified) -> list[RenderableType]:
         tables += [Text(), _unseen(found)]
     best = found.advice[0]
     least = min(best.factors, key=best.factors.__getitem__)
-    lines = [f"logged efforts lag by {1e3 * found.delay:.1f} ms", *found.said,
+    lines = [f"logged efforts' delay: {found.estimate.delay}", *found.said,
              f"30 s more would tell most so: {best.name.lower()} (standard error of {least}: "
              f"{best.factors[least]:.2f} of now)"]  # fmt: skip
     return [*tables, Text(), *(Text(line) for line in lines)]

@@ -61,10 +61,12 @@ class Choice:
     Attributes:
         laws: of each joint.
         errors: of each joint: law -> RMS on held-out rows, N m or N.
+        hopeless: joints of which no law predicts more than nothing would; they keep plain friction.
     """
 
     laws: tuple[Law, ...]
     errors: tuple[Mapping[Law, float], ...]
+    hopeless: frozenset[int] = frozenset()
 
 
 def held_out_parts(block: NDArray[np.int64], log: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -96,20 +98,20 @@ def choose(problem: Problem) -> Choice:
         laws = [law if law in own else PLAIN for own in problem.laws]
         for j, error in enumerate(judge.errors(laws, range(len(laws)))):
             tables[j].setdefault(laws[j], error)
-    chosen = [smallest_good({law: tables[j][law] for law in own}, judge.rows[j])
-              for j, own in enumerate(problem.laws)]  # fmt: skip
+    chosen = [judge.taken(j, tables[j]) for j in range(len(tables))]
     for _ in range(_ROUNDS):
         before = list(chosen)
         for j, own in enumerate(problem.laws):
             for law in own:
                 laws = [*chosen[:j], law, *chosen[j + 1 :]]
                 tables[j][law] = judge.errors(laws, [j])[0]
-            chosen[j] = smallest_good({law: tables[j][law] for law in own}, judge.rows[j])
+            chosen[j] = judge.taken(j, tables[j])
         if chosen == before:
             break
     errors = tuple({law: float(np.sqrt(e.sum() / max(judge.rows[j].sum(), 1.0)))
                     for law, e in table.items()} for j, table in enumerate(tables))  # fmt: skip
-    return Choice(tuple(chosen), errors)
+    hopeless = frozenset(j for j, table in enumerate(tables) if judge.hopeless(j, table))
+    return Choice(tuple(chosen), errors, hopeless)
 
 
 def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, FloatArray]:
@@ -160,6 +162,23 @@ class _Judge:
         return [np.array([block_errors(products, fit.of_joint(j))[0]
                           for products, fit in zip(self._grams[j], fits, strict=True)])
                 for j in joints]  # fmt: skip
+
+    def hopeless(self, joint: int, errors: Mapping[Law, FloatArray]) -> bool:
+        """Whether no law's prediction of a joint is nearer than that its effort is zero."""
+        effort = sum(float(products[0, -1, -1]) for products in self._grams[joint])
+        return effort < min(float(error.sum()) for error in errors.values())
+
+    def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
+        """Return the joint's law by the candidates' errors; a hopeless joint's is plain friction.
+
+        Args:
+            joint: its number.
+            errors: law -> (parts,) sum of squared errors.
+        """
+        own = self._problem.laws[joint]
+        if PLAIN in own and self.hopeless(joint, errors):
+            return PLAIN
+        return smallest_good({law: errors[law] for law in own}, self.rows[joint])
 
 
 def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:

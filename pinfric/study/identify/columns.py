@@ -9,6 +9,7 @@ All columns and the effort pass the same low pass, so that it takes nothing away
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -21,15 +22,18 @@ from pinfric.model.schema import Friction
 from pinfric.study.identify.laws import (
     BACKWARD,
     BEARING,
-    EXPONENTS,
     FORWARD,
     INERTIA,
     SIDES,
     SLOT,
     SLOTS,
+    SPEEDS,
 )
 from pinfric.study.identify.recordings import Recording
 from pinfric.study.trajectory.log.noise import low_pass
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 FloatArray = NDArray[np.float64]
 
@@ -80,7 +84,8 @@ class Prepared:
         slides: (n, nj) which rows count.
         rigid: (n, nj, 10 nj).
         slots: (n, nj, len(SLOTS)); those of loads are 0.
-        effort: (T, nj) low-passed, payloads' part taken out; not thinned, not shifted.
+        effort: time -> (., nj) low-passed, payloads' part taken out. A cubic spline: between
+            samples, means of two would have less noise, and delays be drawn there.
         payload: (T, nj) what payloads take, N m or N.
     """
 
@@ -89,7 +94,7 @@ class Prepared:
     slides: NDArray[np.bool_]
     rigid: FloatArray
     slots: FloatArray
-    effort: FloatArray
+    effort: CubicSpline
     payload: FloatArray
 
 
@@ -100,6 +105,8 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
         scene: the robot as its URDF has it.
         recording: one log.
     """
+    from scipy.interpolate import CubicSpline
+
     motion, step, nj = recording.trajectory, recording.step, scene.model.nv
     bare = scene.with_(payloads={}, friction={})
     rigid_effort = inverse_dynamics(scene, motion).effort_frictionless
@@ -111,12 +118,12 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
     measured = np.where(known, recording.effort, rigid_effort) - payload
     kept = np.arange(0, motion.t.size, max(1, int(1.0 / (_PER_PERIOD * PASS * step))))
     slides = _sliding(recording, known)[kept]
-    effort = np.column_stack([_passed(column, step) for column in measured.T])
+    effort = CubicSpline(motion.t, np.column_stack([_passed(y, step) for y in measured.T]))
     slots = np.zeros((kept.size, nj, len(SLOTS)))
     for j in range(nj):
         v = motion.v[:, j]
         columns = {INERTIA: motion.a[:, j], FORWARD: v > 0.0, BACKWARD: -1.0 * (v < 0.0)}
-        columns |= {f"speed^{p:g}": np.sign(v) * np.abs(v) ** p for p in EXPONENTS}
+        columns |= {name: np.sign(v) * np.abs(v) ** p for name, p in SPEEDS.items()}
         for name, column in columns.items():
             slots[:, j, SLOT[name]] = _passed(np.asarray(column, dtype=float), step)[kept]
     return Prepared(recording, kept, slides, _rigid_columns(scene, recording, kept), slots, effort,
@@ -164,11 +171,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Pre
     """
     recording = prepared.recording
     motion, step = recording.trajectory, recording.step
-    probe = scene.with_(friction={
-        name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
-        for name, entry in scene.friction.items() if entry.bearing is not None
-    })  # fmt: skip
-    found = inverse_dynamics(probe, motion)
+    found = inverse_dynamics(bearings_only(scene), motion)
     rigid, slots = found.effort_frictionless, prepared.slots.copy()
     for j, name in enumerate(scene.joint_names):
         sign = np.sign(motion.v[:, j])
@@ -184,6 +187,18 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Pre
         for slot, column in columns.items():
             slots[:, j, SLOT[slot]] = _passed(column, step)[prepared.kept]
     return replace(prepared, slots=slots), rigid
+
+
+def bearings_only(scene: Scene) -> Scene:
+    """Return the scene with next to no friction that reports its bearings' loads.
+
+    Args:
+        scene: with bearings.
+    """
+    return scene.with_(friction={
+        name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
+        for name, entry in scene.friction.items() if entry.bearing is not None
+    })  # fmt: skip
 
 
 def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay: float) -> Rows:
@@ -204,7 +219,7 @@ def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay
         count, block = blocks(t)
         parts.append(Rows(
             one.rigid[one.slides[:, joint], joint], one.slots[one.slides[:, joint], joint],
-            np.interp(t[rows] + delay, t, one.effort[:, joint]), first + block[rows],
+            one.effort(t[rows] + delay)[:, joint], first + block[rows],
             np.full(rows.size, number), t[rows], one.recording.trajectory.v[rows, joint],
             effort[rows, joint],
         ))  # fmt: skip

@@ -16,25 +16,22 @@ from pinfric.model.scene import Scene
 from pinfric.study.identify.checks import check_efforts
 from pinfric.study.identify.choice import Choice, Problem, choose, held_out_parts
 from pinfric.study.identify.columns import Prepared, Rows, joint_rows, prepare, with_loads
+from pinfric.study.identify.delay import Delay, common_delay, log_delay
 from pinfric.study.identify.inertias import consistent_fit, urdf_prior, with_parameters
 from pinfric.study.identify.laws import (
     BACKWARD,
-    EXPONENTS,
     FORWARD,
     PLAIN,
     SLOT,
+    SPEEDS,
     Law,
     candidates,
 )
-from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, block_errors, residuals
+from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, weighted
 from pinfric.study.identify.recordings import Recording
 
 FloatArray = NDArray[np.float64]
 
-#: Residuals beyond so many median absolute deviations count less (Huber).
-_HUBER = 2.5
-#: s: delays tried first, and the step of the second look.
-_DELAYS, _STEP = np.arange(-0.02, 0.0301, 0.005), 0.001
 #: A gear's loss shows where load varies by more than Coulomb friction; two losses where the load
 #: drives and is driven in at least this share of the rows.
 _LEAST_SHARE = 0.15
@@ -72,7 +69,7 @@ class Estimate:
         row_weights: (n,) of each joint's rows, those of outliers below 1.
         choice: laws and held-out errors.
         fit: with links that can exist.
-        delay: s by which logged efforts lag behind.
+        delay: by which logged efforts lag behind.
         scene: the question's, with the links' inertias found.
         rigid: of each log, (T, nj) effort without friction, N m or N.
         prepared: of each log.
@@ -84,7 +81,7 @@ class Estimate:
     row_weights: tuple[FloatArray, ...]
     choice: Choice
     fit: Fit
-    delay: float
+    delay: Delay
     scene: Scene
     rigid: tuple[FloatArray, ...]
     prepared: tuple[Prepared, ...]
@@ -113,12 +110,11 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
 def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
     """Plain friction on every joint, loads by the URDF's inertias."""
     scene = question.scene
-    nothing = [np.zeros_like(one.effort) for one in prepared]
-    loaded = [with_loads(one, scene, none) for one, none in zip(prepared, nothing, strict=True)]
+    loaded = [with_loads(one, scene, np.zeros_like(one.payload)) for one in prepared]
     plain = (PLAIN,) * scene.model.nv
     start = Estimate(question, (), Problem((), np.ones(0), urdf_prior(
         scene.model, question.keep_inertias), (), np.zeros(0, dtype=np.int64), question.motor),
-        (), Choice(plain, ()), Fit(np.zeros(0), np.zeros((0, 0))), 0.0, scene,
+        (), Choice(plain, ()), Fit(np.zeros(0), np.zeros((0, 0))), Delay(0.0, np.inf, ()), scene,
         tuple(rigid for _, rigid in loaded), tuple(one for one, _ in loaded))  # fmt: skip
     fitted = _fitted(start, [(PLAIN,)] * scene.model.nv)
     check_efforts(scene, fitted.rows, question.gains)
@@ -137,7 +133,7 @@ def _next_pass(before: Estimate) -> Estimate:
 def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
     """Return the estimate from the columns as they are, with laws chosen among those offered."""
     nj = before.scene.model.nv
-    rows = tuple(joint_rows(list(before.prepared), list(before.rigid), j, before.delay)
+    rows = tuple(joint_rows(list(before.prepared), list(before.rigid), j, before.delay.value)
                  for j in range(nj))  # fmt: skip
     every = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
     folds = held_out_parts(*every)
@@ -146,10 +142,10 @@ def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
     chosen, fit = before.choice.laws, before.fit
     for _ in range(2):
         if fit.slots.shape[0] == nj:
-            row_weights, weights = _weighted(rows, fit)
+            row_weights, weights = weighted(rows, fit)
             problem = replace(problem, weights=weights)
-        weighted = zip(rows, row_weights, strict=True)
-        problem = replace(problem, grams=tuple(Grams.of(r, w, folds.size) for r, w in weighted))
+        pairs = zip(rows, row_weights, strict=True)
+        problem = replace(problem, grams=tuple(Grams.of(r, w, folds.size) for r, w in pairs))
         normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
         fit = Reduced(normal, problem.prior).fit(problem.slots(chosen))
     first = all(tuple(own) == (PLAIN,) for own in laws)
@@ -167,59 +163,14 @@ def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
                    fit=fit, scene=scene)  # fmt: skip
 
 
-def _weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], FloatArray]:
-    """Return each row's weight, and each joint's: 1/variance of what it leaves."""
-    of_rows, of_joints = [], []
-    for j, one in enumerate(rows):
-        off = np.abs(residuals(one, fit, j))
-        if off.size == 0:
-            of_rows.append(off)
-            of_joints.append(0.0)
-            continue
-        most = _HUBER * 1.4826 * float(np.median(off)) + 1e-12
-        weight = np.minimum(1.0, most / np.maximum(off, 1e-12))
-        of_rows.append(weight)
-        of_joints.append(1.0 / max(float(np.mean(weight * off**2)), 1e-12))
-    return tuple(of_rows), np.array(of_joints)
-
-
-def _delay(found: Estimate) -> float:
-    """Return the delay of the efforts that leaves the least weighted sum of squares, s."""
-    problem = found.problem
-    slots, alone = problem.slots(found.choice.laws), np.ones(1, dtype=bool)
-
-    def rows(log: int, delay: float) -> list[Rows]:
-        return [joint_rows([found.prepared[log]], [found.rigid[log]], j, delay)
-                for j in range(len(found.rows))]  # fmt: skip
-
-    # each log with friction of its own: that it was warm shall not look like a delay
-    logs = range(len(found.prepared))
-    weights = [[w[r.log == log] for w, r in zip(found.row_weights, found.rows, strict=True)]
-               for log in logs]  # fmt: skip
-    still = [[Grams.of(replace(r, block=np.zeros_like(r.block)), w, 1)
-              for r, w in zip(rows(log, 0.0), weights[log], strict=True)]
-             for log in logs]  # fmt: skip
-
-    def misfit(delay: float) -> float:
-        total = 0.0
-        for log in logs:
-            grams = [gram.with_effort(r, w) for gram, r, w in
-                     zip(still[log], rows(log, delay), weights[log], strict=True)]  # fmt: skip
-            fit = Reduced(Normal.of(grams, alone, problem.weights), problem.prior).fit(slots)
-            errors = [block_errors(g.products, fit.of_joint(j))[0] for j, g in enumerate(grams)]
-            total += float(problem.weights @ errors)
-        return total
-
-    tried = {round(float(d), 6): misfit(float(d)) for d in _DELAYS}
-    for step in (2 * _STEP, _STEP):
-        best = min(tried, key=tried.__getitem__)
-        for d in (best - step, best + step):
-            tried.setdefault(round(d, 6), misfit(d))
-    best = min(tried, key=tried.__getitem__)
-    near = sorted(tried, key=lambda d: abs(d - best))[:3]
-    curve = np.polyfit(near, [tried[d] for d in near], 2)
-    lowest = -curve[1] / (2.0 * curve[0]) if curve[0] > 0.0 else best
-    return float(np.clip(lowest, min(near), max(near)))
+def _delay(found: Estimate) -> Delay:
+    """Return by how much the logged efforts lag, by the present laws and loads."""
+    slots = found.problem.slots(found.choice.laws)
+    # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
+    prior = urdf_prior(found.question.scene.model, kept=False)
+    logs = zip(found.prepared, found.rigid, strict=True)
+    return common_delay([log_delay(one, rigid, slots, prior, found.delay.value)
+                         for one, rigid in logs])  # fmt: skip
 
 
 def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
@@ -257,6 +208,6 @@ def reloaded(found: Estimate, one: Prepared) -> tuple[Prepared, FloatArray]:
         sign = np.sign(v[:, j])
         inner[:, j] = (values[SLOT[FORWARD]] * (sign > 0.0)
                        - values[SLOT[BACKWARD]] * (sign < 0.0))  # fmt: skip
-        for p in EXPONENTS:
-            inner[:, j] += values[SLOT[f"speed^{p:g}"]] * sign * np.abs(v[:, j]) ** p
+        for name, p in SPEEDS.items():
+            inner[:, j] += values[SLOT[name]] * sign * np.abs(v[:, j]) ** p
     return with_loads(one, found.scene, inner)

@@ -23,7 +23,7 @@ from pinfric.study.identify.choice import nested_errors
 from pinfric.study.identify.columns import FEWEST_ROWS, joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
-from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOTS, Law
+from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
     JointEntries,
@@ -80,7 +80,7 @@ class Identified(Shown):
         unseen: log -> joint -> error on logs that were held out as a whole.
         rest: joint -> what its holds show.
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.
-        delay: s by which logged efforts lag behind the motion.
+        delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
         said: what was read, repaired, left out, and what the logs cannot tell.
         entries: joint -> its entries in a scene file.
         estimate: rows and coefficients behind all this.
@@ -134,7 +134,7 @@ class Identified(Shown):
             "laws": listed(tuple(self.laws), [str(law) for law in self.laws.values()]),
             "errors": listed(tuple(self.errors), [f"{100 * e.error / e.rms:.2g} %"
                                                   for e in self.errors.values()]),
-            "delay": f"{1e3 * self.delay:.2g} ms",
+            "delay": str(self.estimate.delay),
             "not determined": listed(unknown),
             "more": ".parameters .posterior .scene .advice .summary() .plot() .save(folder)",
         })  # fmt: skip
@@ -171,7 +171,8 @@ def identify(
         inertia: "consistent" corrects the links' inertias to ones that can exist, "keep" takes the
             URDF's.
         laws: joint -> its law, where it is not to be chosen.
-        payloads: log's name -> payload of the scene that it carries throughout.
+        payloads: log's name, or its path as in `logs` where several logs have that name -> payload
+            of the scene that it carries throughout.
         held_out: further logs, which are only predicted.
         options: what a person says about columns, units and cutoff.
         seed: of the posterior's draws.
@@ -209,8 +210,8 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
         scene=better, laws=dict(zip(names, found.choice.laws, strict=True)), parameters=every,
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
-        delay=found.delay, said=_said(found, rest, every, static), entries=entries, estimate=found,
-        uncertainty=known,
+        delay=found.delay.value, said=_said(found, rest, every, static), entries=entries,
+        estimate=found, uncertainty=known,
     )  # fmt: skip
 
 
@@ -259,7 +260,7 @@ def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
     one, rigid = reloaded(found, prepare(found.question.scene, recording))
     result = {}
     for j, name in enumerate(found.scene.joint_names):
-        rows = joint_rows([one], [rigid], j, found.delay)
+        rows = joint_rows([one], [rigid], j, found.delay.value)
         if rows.effort.size:
             size, error = (float(np.sqrt(np.mean(x**2)))
                            for x in (rows.effort, residuals(rows, found.fit, j)))  # fmt: skip
@@ -270,13 +271,16 @@ def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
 def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
     """Draws of every coefficient above zero, in the scene's terms."""
     draws, r = known.draws(found.fit.slots, _DRAWS, seed), ratios(found.scene)
+    slots, ways = found.problem.slots(found.choice.laws), {SLOT[FORWARD], SLOT[BACKWARD]}
     result = {}
-    for place in known.place.tolist():
-        j, slot = divmod(place, len(SLOTS))
+    for at in known.place.tolist():
+        j, slot = divmod(at, len(SLOTS))
         law = found.choice.laws[j]
-        section, name, _ = scene_key(found.scene, j, law, slot)
-        values = scene_value(law, slot, draws[:, place], float(r[j]))
-        result[f"{section}.{found.scene.joint_names[j]}.{name}"] = np.asarray(values)
+        values = np.asarray(scene_value(law, slot, draws[:, at], float(r[j])))
+        # what moved one way only has this friction the other way, too
+        for own in ways if slot in ways and not ways <= set(slots[j]) else {slot}:
+            section, name, _ = scene_key(found.scene, j, law, own)
+            result[f"{section}.{found.scene.joint_names[j]}.{name}"] = values
     return result
 
 
@@ -292,6 +296,7 @@ def _said(
     if len(recordings) == 1:
         said.append("one log only: how much friction differs from day to day is not known; between "
                     "logs of a robot it was 1 to 10 %")  # fmt: skip
+    said += _lags(found)
     still = [name for name, rows in zip(names, found.rows, strict=True) if rows.effort.size == 0]
     if still:
         said.append(f"never slides, keeps what the scene says: {', '.join(still)}")
@@ -318,6 +323,12 @@ def _said(
                     f"it: {', '.join(plain)}")  # fmt: skip
     if found.question.keep_inertias:
         said.append("the URDF's inertias were kept: what is wrong with them is in the friction")
+    hopeless = [name for j, name in enumerate(names) if j in found.choice.hopeless]
+    if hopeless:
+        said.append(
+            "no law predicts more than that the effort is zero (held-out error above "
+            f"100 %), so plain friction stays and says little: {', '.join(hopeless)}"
+        )
     said += _missed(found)
     equal = [n for n, law in zip(names, found.choice.laws, strict=True)
              if law.load == "gear" and law.both_ways]  # fmt: skip
@@ -344,6 +355,22 @@ def _missed(found: Estimate) -> list[str]:
         return []
     return [f"off by more than a tenth even where it was fitted, so something is missing or turned "
             f"(signs, zeros, motors that move with another joint): {', '.join(names)}"]  # fmt: skip
+
+
+def _lags(found: Estimate) -> list[str]:
+    """What a delay that is not determined means, and what each of several logs says of it."""
+    delay, said = found.delay, []
+    if not delay.determined:
+        said.append(
+            "the delay of the efforts is not determined (standard error "
+            f"{1e3 * delay.standard_error:.1f} ms), taken as 0: faster motion would tell"
+        )
+    if len(delay.logs) > 1:
+        logs = zip(found.prepared, delay.logs, strict=True)
+        each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
+                for one, (value, error) in logs]  # fmt: skip
+        said.append(f"efforts' delay by each log alone, with standard error: {', '.join(each)}")
+    return said
 
 
 def _slow(found: Estimate, still: Sequence[str]) -> list[str]:

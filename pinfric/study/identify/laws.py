@@ -22,9 +22,10 @@ SIDES = ("motor", "joint")
 _WAYS = ("driving", "driven", "both")
 
 INERTIA, FORWARD, BACKWARD, BEARING = "inertia", "forward", "backward", "bearing"
+SPEEDS = {f"speed^{p:g}": p for p in EXPONENTS}
 #: The columns of one joint beside the rigid ones: what each coefficient multiplies.
 SLOTS = (
-    INERTIA, FORWARD, BACKWARD, *(f"speed^{p:g}" for p in EXPONENTS), BEARING,
+    INERTIA, FORWARD, BACKWARD, *SPEEDS, BEARING,
     *(f"gear {way}, {side} side" for side in SIDES for way in _WAYS),
 )  # fmt: skip
 SLOT = {name: i for i, name in enumerate(SLOTS)}
@@ -48,12 +49,16 @@ class Law:
     side: str = "joint"
     both_ways: bool = True
 
+    @property
+    def speed(self) -> str:
+        """The name of its speed's slot; empty: none."""
+        return "" if self.exponent is None else f"speed^{self.exponent:g}"
+
     @cached_property
     def slots(self) -> tuple[int, ...]:
         """Its coefficients' places in `SLOTS`."""
         names = [FORWARD, BACKWARD] if self.coulomb else []
-        if self.exponent is not None:
-            names.append(f"speed^{self.exponent:g}")
+        names += [self.speed] if self.speed else []
         if self.load == "bearing":
             names.append(BEARING)
         elif self.load == "gear":
@@ -63,8 +68,8 @@ class Law:
 
     def __str__(self) -> str:
         parts = ["Coulomb"] if self.coulomb else []
-        if self.exponent is not None:
-            parts.append("viscous" if self.exponent == 1.0 else f"speed^{self.exponent:g}")
+        if self.speed:
+            parts.append("viscous" if self.exponent == 1.0 else self.speed)
         if self.load == "gear":
             parts.append(f"gear {'(one loss)' if self.both_ways else '(two losses)'}, friction on "
                          f"the {self.side}'s side")  # fmt: skip

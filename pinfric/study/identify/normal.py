@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 
 #: Draws coefficients of columns scaled to one to zero, where a joint does not move.
 _RIDGE = 1e-8
+#: Residuals beyond so many median absolute deviations count less (Huber).
+_HUBER = 2.5
 #: Multiplications from which BLAS takes several threads. These wait for each other by spinning: on
 #: cores that others use, too, a product of this size then takes a hundred times as long.
 _ALONE = 2**18
@@ -34,10 +36,12 @@ class Prior:
     Attributes:
         center: (p,) those of the URDF.
         weight: (p,) lambda^2 / scale^2; infinite where they are kept.
+        deviation: (p,) standard deviation of the center.
     """
 
     center: FloatArray
     weight: FloatArray
+    deviation: FloatArray
 
     @property
     def kept(self) -> bool:
@@ -68,19 +72,6 @@ class Grams:
             products[b] = gram(columns[part], weight[part])
             count[b] = part.sum()
         return cls(products, count)
-
-    def with_effort(self, rows: Rows, weight: FloatArray) -> Grams:
-        """Return the products as one block with another effort, those of columns as they are.
-
-        Args:
-            rows: as before but for the effort.
-            weight: (n,) of the rows.
-        """
-        columns, effort = np.hstack((rows.rigid, rows.slots)), weight * rows.effort
-        products = self.products.sum(axis=0)
-        products[-1, :-1] = products[:-1, -1] = np.einsum("ni,n->i", columns, effort)
-        products[-1, -1] = float(np.sum(effort * rows.effort))
-        return Grams(products[None], self.count.sum()[None])
 
 
 @dataclass(frozen=True)
@@ -166,6 +157,77 @@ class Reduced:
         x = np.zeros(self.right.size)
         x[place] = non_negative(self.left[np.ix_(place, place)], self.right[place])
         return Fit(self.start - self.by_slots @ x, x.reshape(len(chosen), -1))
+
+
+def moves(
+    grams: Sequence[Grams],
+    weights: FloatArray,
+    prior: Prior,
+    fit: Fit,
+    place: NDArray[np.int64],
+    feedback: FloatArray | float = 0.0,
+) -> tuple[FloatArray, int]:
+    """Return how the estimate moves by what is uncertain: C = M^T M is its covariance.
+
+        M = S (H + F)^-T,    S: gradient of each block less their mean, and P deviation of the prior
+
+    H is the matrix of the normal equations, P the prior's part of it, F what they change by because
+    columns follow from the estimate.
+
+    Args:
+        grams: of each joint.
+        weights: (nj,) of each joint.
+        prior: of theta; kept parameters take no part.
+        fit: the estimate.
+        place: (n,) of the coefficients above zero among (nj K,).
+        feedback: (p + n, p + n) F.
+
+    Returns:
+        (blocks + p, p + n), or (blocks, n) where theta is kept; and how many blocks have rows.
+    """
+    p, n, blocks = fit.theta.size, place.size, grams[0].count.size
+    hessian, scores = np.zeros((p + n, p + n)) + feedback, np.zeros((blocks, p + n))
+    for j, (one, weight) in enumerate(zip(grams, weights, strict=True)):
+        own = np.flatnonzero(place // len(SLOTS) == j)
+        to = np.concatenate((np.arange(p), p + own))
+        columns = np.concatenate((np.arange(p), p + place[own] % len(SLOTS)))
+        part = weight * one.products[:, columns]
+        hessian[np.ix_(to, to)] += part[:, :, columns].sum(axis=0)
+        scores[:, to] += part @ np.append(-fit.of_joint(j), 1.0)
+    drawn = np.zeros((0, n))
+    if prior.kept:
+        hessian, scores = hessian[p:, p:], scores[:, p:]
+    else:
+        strength = sum(float(one.count.sum()) for one in grams) * prior.weight
+        hessian[:p, :p] += np.diag(strength)
+        drawn = np.eye(p, p + n) * (strength * prior.deviation)[:, None]
+    scores = scores[(scores != 0.0).any(axis=1)]
+    count = len(scores)
+    scores = (scores - scores.mean(axis=0)) * np.sqrt(count / max(count - 1.0, 1.0))
+    size = np.sqrt(np.diag(hessian))
+    every = np.concatenate((scores, drawn)) / size
+    return np.linalg.solve(hessian / np.outer(size, size), every.T).T / size, count
+
+
+def weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], FloatArray]:
+    """Return each row's weight (Huber), and each joint's: 1/variance of what it leaves.
+
+    Args:
+        rows: of each joint.
+        fit: what they leave residuals of.
+    """
+    of_rows, of_joints = [], []
+    for j, one in enumerate(rows):
+        off = np.abs(residuals(one, fit, j))
+        if off.size == 0:
+            of_rows.append(off)
+            of_joints.append(0.0)
+            continue
+        most = _HUBER * 1.4826 * float(np.median(off)) + 1e-12
+        weight = np.minimum(1.0, most / np.maximum(off, 1e-12))
+        of_rows.append(weight)
+        of_joints.append(1.0 / max(float(np.mean(weight * off**2)), 1e-12))
+    return tuple(of_rows), np.array(of_joints)
 
 
 def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:

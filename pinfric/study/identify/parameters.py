@@ -21,7 +21,16 @@ from numpy.typing import NDArray
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.estimate import Estimate
-from pinfric.study.identify.laws import BACKWARD, BEARING, FORWARD, INERTIA, SLOT, SLOTS, Law
+from pinfric.study.identify.laws import (
+    BACKWARD,
+    BEARING,
+    FORWARD,
+    INERTIA,
+    SLOT,
+    SLOTS,
+    SPEEDS,
+    Law,
+)
 from pinfric.study.identify.rest import BreakAway
 from pinfric.study.identify.uncertainty import Uncertainty
 from pinfric.study.summary import effort_unit
@@ -101,7 +110,7 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
         way = "positive" if (name == FORWARD) != bool(turned) else "negative"
         return section, f"{'no_load_torque' if motor else 'coulomb'}.{way}", (
             "N m" if motor else effort)  # fmt: skip
-    if name.startswith("speed^"):
+    if name in SPEEDS:
         speed = "rad/s" if motor or effort == "N m" else "m/s"
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
         unit = f"{'N m' if motor else effort}/({speed}){power}"
@@ -128,7 +137,7 @@ def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
     if name.startswith("gear"):
         return 1.0 - value if "driven" in name else 1.0 / (1.0 + value)
     if on_motor(law):
-        return value / ratio ** (1.0 + (law.exponent or 0.0) * name.startswith("speed^"))
+        return value / ratio ** (1.0 + (law.exponent or 0.0) * (name in SPEEDS))
     return value
 
 
@@ -224,7 +233,7 @@ def scene_entries(
                     broke = scene_value(law, SLOT[slot], static[j, slot].mean, float(r[j]))
                     rest = max(value[slot], float(broke))
                 dry[way] = {"static": _rounded(rest), "kinetic": value[slot]}
-        speed = value[f"speed^{law.exponent:g}"] if law.exponent is not None else 0.0
+        speed = value[law.speed] if law.speed else 0.0
         viscous: Any = speed if law.exponent == 1.0 else {"coefficient": speed,
                                                           "exponent": law.exponent}  # fmt: skip
         friction: dict[str, Any] = {}
@@ -268,7 +277,7 @@ def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:
     if law.exponent is None or law.exponent > _STEEP:
         return 0.0
     slowest = float(np.quantile(np.abs(rows.velocity), _SLOWEST))
-    return float(slots[SLOT[f"speed^{law.exponent:g}"]]) * slowest**law.exponent
+    return float(slots[SLOT[law.speed]]) * slowest**law.exponent
 
 
 def _rounded(value: float) -> float:

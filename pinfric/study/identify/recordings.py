@@ -88,7 +88,7 @@ def read_recordings(
         scene: the robot; its payloads may be carried.
         logs: paths, or arrays.
         gain: joint -> factor on its logged effort (N m per A, or a gear's ratio).
-        payloads: log's name -> the payload that it carries throughout.
+        payloads: log's name, or path as in `logs`, -> the payload that it carries throughout.
         options: what a person says about columns, units and cutoff.
 
     Raises:
@@ -105,17 +105,29 @@ def read_recordings(
     if not logs:
         raise IdentificationError("identification needs a log: a motion with measured efforts")
     found = [_read(scene, log, gain, options) for log in logs]
+    found = [replace(one, name=_label(found, logs, number)) for number, one in enumerate(found)]
     for one, other in combinations(found, 2):
         if np.array_equal(one.trajectory.q, other.trajectory.q) and np.array_equal(
                 one.effort, other.effort, equal_nan=True):  # fmt: skip
             raise IdentificationError(f"{one.name} and {other.name} are one log given twice: give "
                                       "it once, it tells nothing more")  # fmt: skip
-    labels = [recording.name for recording in found]
-    for label in payloads:
+    carried = {str(log): one.name for log, one in zip(logs, found, strict=True)
+               if not isinstance(log, Log)}  # fmt: skip
+    carries = {carried.get(label, label): payload for label, payload in payloads.items()}
+    labels = [one.name for one in found]
+    for label in carries:
         if label not in labels:
             raise IdentificationError(f"payload: there is no log {label!r}; "
                                       f"{choose_from(label, labels)}")  # fmt: skip
-    return tuple(_carrying(scene, recording, payloads.get(recording.name)) for recording in found)
+    return tuple(_carrying(scene, one, carries.get(one.name)) for one in found)
+
+
+def _label(found: Sequence[Recording], logs: Sequence[str | Path | Log], number: int) -> str:
+    """A log's name; where several have it, its path as it was given, or its number."""
+    name, log = found[number].name, logs[number]
+    if sum(one.name == name for one in found) == 1:
+        return name
+    return f"{name} ({number + 1})" if isinstance(log, Log) else str(log)
 
 
 def _read(

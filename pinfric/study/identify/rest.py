@@ -65,7 +65,7 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
         lower, upper = measured_interval(inverse_dynamics(scene, motion),
                                          "motor" if found.question.motor else "joint")  # fmt: skip
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        off = np.abs(one.effort + one.payload - middle)
+        off = np.abs(one.effort(motion.t) + one.payload - middle)
         for j in range(nj):
             at = held[:, j] & np.isfinite(off[:, j])
             if at.any():
@@ -120,7 +120,7 @@ def _peaks(
     effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
     if step * _PEAK_PASS < 0.45:
         effort = low_pass(effort, step, _PEAK_PASS)
-    effort = np.interp(t + found.delay, t, effort)
+    effort = np.interp(t + found.delay.value, t, effort)
     before, near, after = (int(np.ceil(span / step)) for span in (_BEFORE, _NEAR, _AFTER))
     for first, last in runs(recording.rests[:, joint]):
         if (last - first) * step < _HELD or last + after >= t.size:

@@ -14,18 +14,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.study.identify.columns import Prepared, bearings_only
 from pinfric.study.identify.estimate import Estimate
-from pinfric.study.identify.inertias import STRENGTH
-from pinfric.study.identify.laws import INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import places, residuals
+from pinfric.study.identify.inertias import with_parameters
+from pinfric.study.identify.laws import BACKWARD, BEARING, FORWARD, INERTIA, SLOT, SLOTS, SPEEDS
+from pinfric.study.identify.normal import moves, places, residuals
 
 FloatArray = NDArray[np.float64]
 
+#: Share of a standard deviation by which a link's parameter is changed to see what its load does.
+_STEP = 0.1
 #: Logs from which a spread between them can be told.
 _FEWEST_LOGS = 2
-#: Standard deviation of a URDF's inertial parameters, relative to mass, mass x length, mass x
-#: length^2 of the link: drawn from CAD they are wrong by 10 to 40 %.
-_URDF_ERROR = 0.2
 
 
 @dataclass(frozen=True)
@@ -71,42 +72,22 @@ class Uncertainty:
 def uncertainty(found: Estimate) -> Uncertainty:
     """Return the coefficients' covariance, within logs, by the URDF's errors, and between logs.
 
-        H^-1 (sum over blocks of s s^T + P S P) H^-1
+        (H + F)^-1 (sum over blocks of s s^T + P S P) (H + F)^-T
 
-    H is the matrix of the normal equations of inertial parameters and coefficients together, s a
-    block's part of the gradient, P the weight that draws links to the URDF, S the variance of that.
+    H is the matrix of the normal equations of inertial parameters and coefficients together, F what
+    they change by because columns of loads follow from the estimate, s a block's part of the
+    gradient, P the weight that draws links to the URDF, S the variance of that.
 
     Args:
         found: the estimate.
     """
     problem, fit = found.problem, found.fit
-    laws = problem.slots(found.choice.laws)
-    place = places(laws)
+    place = places(problem.slots(found.choice.laws))
     place = place[fit.slots.ravel()[place] > 0.0]
-    p, n, blocks = fit.theta.size, place.size, problem.folds.size
-    hessian, scores = np.zeros((p + n, p + n)), np.zeros((blocks, p + n))
-    for j, (gram, weight) in enumerate(zip(problem.grams, problem.weights, strict=True)):
-        own = np.flatnonzero(place // len(SLOTS) == j)
-        to = np.concatenate((np.arange(p), p + own))
-        columns = np.concatenate((np.arange(p), p + place[own] % len(SLOTS)))
-        part = weight * gram.products[:, columns]
-        hessian[np.ix_(to, to)] += part[:, :, columns].sum(axis=0)
-        off = np.append(-fit.of_joint(j), 1.0)
-        scores[:, to] += part @ off
-    rows = sum(float(gram.count.sum()) for gram in problem.grams)
-    drawn = np.zeros((p, p + n))
-    if problem.prior.kept:
-        hessian, scores, drawn = hessian[p:, p:], scores[:, p:], drawn[:0, p:]
-    else:
-        hessian[:p, :p] += np.diag(rows * problem.prior.weight)
-        drawn[:, :p] = np.diag(rows * np.sqrt(problem.prior.weight) * STRENGTH * _URDF_ERROR)
-    scores = scores[(scores != 0.0).any(axis=1)]
-    scores = scores - scores.mean(axis=0)
-    count = len(scores)
-    scores = np.concatenate((scores * np.sqrt(count / (count - 1.0)), drawn))
-    size = np.sqrt(np.diag(hessian))
-    gains = np.linalg.solve(hessian / np.outer(size, size), (scores / size).T).T / size
-    within = (gains.T @ gains)[-n:, -n:] if n else np.zeros((0, 0))
+    moved, count = moves(problem.grams, problem.weights, problem.prior, fit, place,
+                         _feedback(found, place))  # fmt: skip
+    moved = moved[:, moved.shape[1] - place.size :]
+    within = moved.T @ moved
     spread = between_logs(found)
     between = np.zeros_like(within)
     values = fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
@@ -114,6 +95,63 @@ def uncertainty(found: Estimate) -> Uncertainty:
         own = values * (place // len(SLOTS) == j)
         between += share**2 * np.outer(own, own)
     return Uncertainty(place, within + between, count - 1, spread)
+
+
+def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
+    """What loads' columns add to H, (p + n, p + n), since they follow from the estimate.
+
+    F = A^T W x dA/d(theta, coefficients), x: what multiplies the column
+    """
+    p = found.fit.theta.size
+    result = np.zeros((p + place.size, p + place.size))
+    for whole in place.tolist():
+        j, slot = divmod(whole, len(SLOTS))
+        slopes = _load_slopes(found, j, SLOTS[slot])
+        if slopes is None:
+            continue
+        own, rows = np.flatnonzero(place // len(SLOTS) == j), found.rows[j]
+        to = np.concatenate((np.arange(p), p + own))
+        columns = np.concatenate((np.arange(p), p + place[own] % len(SLOTS)))
+        weight = found.problem.weights[j] * found.row_weights[j] * found.fit.slots[j, slot]
+        every = np.hstack((rows.rigid, rows.slots))[:, columns] * weight[:, None]
+        result[np.ix_(to, to)] += every.T @ slopes[:, columns]
+    return result
+
+
+def _load_slopes(found: Estimate, joint: int, name: str) -> FloatArray | None:
+    """Derivatives (rows, p + K) of a load's column by theta and slots; None: it has no load."""
+    rows = found.rows[joint]
+    none = np.zeros_like(rows.slots)
+    if name == BEARING:
+        slopes = [_bearing_slopes(found, one, joint) for one in found.prepared]
+        return np.hstack((np.concatenate(slopes), none))
+    if not name.startswith("gear"):
+        return None
+    way = np.sign(rows.velocity * rows.load)
+    way *= (way < 0.0) if "driven" in name else (way > 0.0) if "driving" in name else 1.0
+    inner = [name.endswith("joint side") and (slot in (FORWARD, BACKWARD) or slot in SPEEDS)
+             for slot in SLOTS]  # fmt: skip
+    return np.hstack((rows.rigid, rows.slots * inner)) * way[:, None]
+
+
+def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:
+    """Derivatives (rows, p) of a bearing's column in one log by the links that it carries."""
+    scene, motion = found.scene, one.recording.trajectory
+    at = one.kept[one.slides[:, joint]]
+    q, v, a = (np.ascontiguousarray(x[at]) for x in (motion.q, motion.v, motion.a))
+    probe, theta = bearings_only(scene), found.fit.theta
+
+    def load(theta: FloatArray) -> FloatArray:
+        changed = probe.with_(model=with_parameters(scene.model, theta))
+        result = inverse_dynamics(changed, q, v, a, attached=motion.attached[at])
+        return result.normal_load[:, result.site_names.index(scene.joint_names[joint])]
+
+    slopes, here = np.zeros((at.size, theta.size)), load(theta)
+    carried = np.isin(np.arange(theta.size) // 10 + 1, scene.model.subtrees[joint + 1])
+    for k in np.flatnonzero(carried & (found.problem.prior.deviation > 0.0)):
+        step = _STEP * found.problem.prior.deviation[k]
+        slopes[:, k] = (load(theta + step * (np.arange(theta.size) == k)) - here) / step
+    return slopes * np.sign(v[:, [joint]])
 
 
 def between_logs(found: Estimate) -> FloatArray:

@@ -30,9 +30,11 @@ from pinfric.errors import IdentificationError
 from pinfric.show.identification_page.page import identification_page
 from pinfric.show.replay.frames import make_frames
 from pinfric.study.identify.advice import advice_text
+from pinfric.study.identify.files import posterior_text
 from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.identify.laws import Law
 from pinfric.study.identify.normal import residuals
+from pinfric.study.identify.recordings import read_recordings
 
 LOGS = Path(__file__).parents[4] / "shared" / "data"
 NAMES = truth().joint_names
@@ -251,6 +253,7 @@ def test_two_logs_say_how_much_friction_differs_between_them():
     # a third of joint 6's viscous friction was taken off in one of them, and it is most of it
     assert 0.05 < found.spread[NAMES[5]] < 0.25
     assert found.delay == pytest.approx(DELAY, abs=0.0015)
+    assert "efforts' delay by each log alone, with standard error: log " in "\n".join(found.said)
     viscous = parameter(found, "friction", 5, "viscous")
     assert viscous.standard_error > 0.8 * found.spread[NAMES[5]] * viscous.value
 
@@ -260,6 +263,10 @@ def test_a_log_that_never_is_fast_says_that_speeds_are_extrapolated():
     found = pf.identify(guess(0), slow, inertia="keep", laws=dict.fromkeys(NAMES, Law()))
     line = next(line for line in found.said if line.startswith("never fast"))
     assert NAMES[1] in line
+    # what is slow tells no delay either
+    assert found.delay == 0.0
+    assert found.estimate.delay.standard_error > 0.005
+    assert "the delay of the efforts is not determined" in "\n".join(found.said)
 
 
 def test_static_friction_shows_where_joints_break_away_slowly():
@@ -299,6 +306,35 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     assert coulomb["negative"] == coulomb["positive"]
     assert coulomb["positive"]["kinetic"] == pytest.approx(COULOMB[5][0], rel=0.05)
     assert all(np.isfinite(x) for one in found.advice for x in one.factors.values())
+    ways = [f"friction.{NAMES[5]}.coulomb.{way}" for way in ("positive", "negative")]
+    assert (found.posterior[ways[0]] == found.posterior[ways[1]]).all()
+    assert np.ptp(found.posterior[ways[0]]) > 0.0
+    assert ways[1] in posterior_text(found).splitlines()[0].split(",")
+
+
+def test_a_joint_of_which_nothing_is_predicted_keeps_plain_friction():
+    effort, motion = short().effort.copy(), excitation(0, 20.0, 100.0)
+    effort[:, 5] = np.sign(motion.v[:, 5]) * np.where(np.sin(2.0 * motion.t) > 0.0, 3.0, -3.0)
+    laws = dict.fromkeys(NAMES[:5], Law())
+    found = pf.identify(guess(0), replace(short(), effort=effort), laws=laws)
+    assert found.laws[NAMES[5]] == Law()
+    line = next(line for line in found.said if line.startswith("no law predicts"))
+    assert line.endswith(f": {NAMES[5]}")
+    assert min(found.estimate.choice.errors[5].values()) > found.errors[NAMES[5]].rms
+
+
+def test_a_payload_is_of_the_log_at_its_path(tmp_path):
+    box = {"link": "tool0", "mass": 1.0, "com": (0.0, 0.0, 0.1), "attached": False}
+    scene = guess(0).with_(payloads={"box": box})
+    paths = [tmp_path / day / "log.csv" for day in ("monday", "tuesday")]
+    for seed, path in enumerate(paths):
+        path.parent.mkdir()
+        csv_log(path, seed, 40.0)
+    read = read_recordings(scene, paths, {}, {str(paths[1]): "box"}, pf.ReadingOptions())
+    assert [one.trajectory.attached.any() for one in read] == [False, True]
+    assert [one.name for one in read] == [str(path) for path in paths]
+    with pytest.raises(IdentificationError, match="there is no log 'log"):
+        read_recordings(scene, paths, {}, {"log.csv": "box"}, pf.ReadingOptions())
 
 
 def test_held_out_errors_count_outliers_in_full():
