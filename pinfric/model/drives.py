@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.compiled import kernel
+from pinfric.model.compiled import inlined_kernel, kernel
 from pinfric.model.friction_terms import ViscousFriction
 from pinfric.model.laws import power_of
 from pinfric.model.transmission import Transmission, driven_loss, driving_loss
@@ -233,7 +233,7 @@ def gear_slips(
     return least, greatest
 
 
-@kernel
+@inlined_kernel
 def _gear_range(
     gears: Gears, d: int, direction: float, speed: float, static: bool, low: float, high: float
 ) -> tuple[float, float]:

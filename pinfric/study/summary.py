@@ -154,7 +154,15 @@ def rms(t: np.ndarray, x: np.ndarray) -> float:
     if len(t) == 1 or not largest > 0:  # also NaN
         return largest
     part = x / largest  # its square cannot overflow
-    return largest * float(np.sqrt(np.trapezoid(part * part, t) / (t[-1] - t[0])))
+    return largest * float(np.sqrt(integral(t, part * part) / (t[-1] - t[0])))
+
+
+def integral(t: np.ndarray, x: np.ndarray) -> float:
+    """Return int x dt by the trapezoidal rule: as NumPy's, which takes any axis and twice as long.
+
+    Args: as `rms`.
+    """
+    return float((t[1:] - t[:-1]) @ (x[1:] + x[:-1])) / 2
 
 
 def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
-from pinfric.dynamics.states import MotionLike
+from pinfric.dynamics.states import MotionLike, States
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.scene import Scene
@@ -386,25 +386,30 @@ def joint_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> JointDe
 
 
 def load_inertias(result: InverseResult) -> np.ndarray:
-    """Return (na,) the largest M_jj(q) over the motion: the inertia about each drive's joint.
-
-    Payloads count while they are carried; rotors (Pinocchio's armature) do not.
+    """Return (na,) the largest `joint_inertias` over a motion.
 
     Args:
         result: of inverse dynamics.
     """
-    scene = result.scene
-    largest = np.zeros(scene.model.nv)
-    for start, stop, carried in result.states.phases(scene):
+    return np.asarray(joint_inertias(result.scene, result.states).max(axis=0))
+
+
+def joint_inertias(scene: Scene, states: States) -> np.ndarray:
+    """Return (T, na) M_jj(q): the inertia about each drive's joint, kg m^2 (kg).
+
+    Payloads count while they are carried; rotors (Pinocchio's armature) do not.
+    """
+    found = np.empty((len(states.q), scene.model.nv))
+    for start, stop, carried in states.phases(scene):
         model = scene.loaded_model(carried)
         data = model.createData()
         armature = np.asarray(model.armature)
-        q_here = result.states.q[start:stop]
-        moved = np.ones(len(q_here), dtype=bool)
-        moved[1:] = (q_here[1:] != q_here[:-1]).any(axis=1)
-        for q in q_here[moved]:  # in holds the inertia stays
-            np.maximum(largest, pin.crba(model, data, q).diagonal() - armature, out=largest)
-    return largest[[drive.velocity_index for drive in scene.drives]]
+        for i in range(start, stop):
+            if i > start and (states.q[i] == states.q[i - 1]).all():  # a hold
+                found[i] = found[i - 1]
+            else:
+                found[i] = pin.crba(model, data, states.q[i]).diagonal() - armature
+    return found[:, [drive.velocity_index for drive in scene.drives]]
 
 
 def with_masses(

@@ -7,7 +7,9 @@ processes nor a lost worker changes a result.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,7 @@ from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
 from pinfric.study.sizing.size import holds, load_inertias
 from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.sweep.parameters import Target, apply
+from pinfric.study.sweep.superposition import Solved, Superposition
 from pinfric.study.trajectory.trajectory import Trajectory
 
 #: What a cycle takes of each drive.
@@ -103,6 +106,21 @@ class Study:
     targets: tuple[Target, ...]
     _inertias: list[np.ndarray] = field(default_factory=list, repr=False, compare=False)
 
+    @cached_property
+    def superposition(self) -> Superposition | None:
+        """The cycles that samples are sums of; None where they are not."""
+        try:
+            whole = bool(self.judges)
+            return Superposition.of(self.scene, self.trajectory, self.targets, whole)
+        except PinfricError:  # each sample says what is wrong
+            return None
+
+    @cached_property
+    def judges(self) -> dict[int, Judge]:
+        """Who judges the catalogue's drives on trial, by the drives' columns."""
+        gears = {i: drive.transmission for i, drive in enumerate(self.scene.drives)}
+        return {i: g.judge for i, g in gears.items() if isinstance(g, JudgedTransmission)}
+
     def load_inertias(self, result: InverseResult) -> np.ndarray:
         """Return (na,) the largest inertia about each joint over one sample's cycle, kg m^2 (kg).
 
@@ -114,6 +132,9 @@ class Study:
         if not self._inertias:  # nothing else changes it: the path's configurations stay
             self._inertias.append(load_inertias(result))
         return self._inertias[0]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
 
 @dataclass(frozen=True)
@@ -143,44 +164,59 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> Block:
     """
     k, na = len(rows), len(study.scene.drives)
     figures, unsolved = np.full((k, na, len(FIGURES)), np.nan), np.zeros(k, dtype=np.int64)
-    problems = []
-    for i, sample in enumerate(values):
+    problems = [""] * k
+    if study.superposition is not None:
+        _superposed_figures(study, study.superposition, values, figures)
+    for i in np.flatnonzero(np.isnan(figures).any(axis=(1, 2))):
         try:
-            figures[i], unsolved[i] = cycle_figures(study, sample)
-            problems.append("")
+            figures[i], unsolved[i] = cycle_figures(study, values[i])
         except PinfricError as problem:  # of this sample: the others go on
-            problems.append(str(problem))
+            problems[i] = str(problem)
             unsolved[i] = len(study.trajectory.t)
     return Block(rows, figures, unsolved, tuple(problems))
 
 
+def _superposed_figures(
+    study: Study, sums: Superposition, values: np.ndarray, figures: np.ndarray
+) -> None:
+    """Write the figures of the samples that are sums of stored cycles; NaN stays for others."""
+    figures[:, :, len(DEMANDS) :] = _NO_TRIAL
+    demands, verdicts = figures[:, :, : len(DEMANDS)], figures[:, :, len(DEMANDS) :]
+
+    def judge(i: int, cycle: Solved) -> None:
+        verdicts[i] = _verdicts(study, *cycle)
+
+    demands[:] = sums.figures(values, judge if study.judges else None)
+
+
 def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> tuple[np.ndarray, int]:
-    """Return one cycle's figures (na, number of `FIGURES`) and its instants without solution."""
+    """Return one cycle's figures (na, number of `FIGURES`) and its instants without solution.
+
+    By inverse dynamics of the scene and the trajectory with the sample's values in them.
+    """
     scene, trajectory = apply(study.scene, study.trajectory, study.targets, list(sample))
     # one thread: the processes share the cores already
     result = inverse_dynamics(scene, trajectory, threads=1)
-    figures = np.column_stack((reduce(result), _verdicts(study, result, trajectory)))
+    # loops couple the joints: none has an inertia of its own
+    known = study.judges and not scene.loops
+    verdicts = _verdicts(study, result, study.load_inertias(result) if known else None)
+    figures = np.column_stack((reduce(result), verdicts))
     return figures, int(np.isnan(result.effort_lower).any(axis=1).sum())
 
 
-def _verdicts(study: Study, result: InverseResult, trajectory: Trajectory) -> np.ndarray:
+def _verdicts(study: Study, result: InverseResult, inertias: np.ndarray | None) -> np.ndarray:
     """(na, number of `VERDICT`); NaN where a drive on trial has instants without solution."""
-    scene = result.scene
-    verdicts = np.tile(_NO_TRIAL, (len(scene.drives), 1))
-    holding, inertias = None, None
-    for i, drive in enumerate(scene.drives):
-        transmission = getattr(drive, "transmission", None)
-        if not isinstance(transmission, JudgedTransmission):
-            continue
-        if not np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
+    verdicts = np.tile(_NO_TRIAL, (len(result.scene.drives), 1))
+    if not study.judges:
+        return verdicts
+    # a path at another speed holds where it held
+    holding = holds(result.scene, study.trajectory, result.states.v)
+    for i, judge in study.judges.items():
+        if np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
+            inertia = None if inertias is None else float(inertias[i])
+            verdicts[i] = judge.verdict(result, i, holding, inertia)
+        else:
             verdicts[i] = np.nan
-            continue
-        if holding is None:
-            holding = holds(scene, trajectory, result.states.v)
-            # loops couple the joints: none has an inertia of its own
-            inertias = None if scene.loops else study.load_inertias(result)
-        inertia = None if inertias is None else float(inertias[i])
-        verdicts[i] = transmission.judge.verdict(result, i, holding, inertia)
     return verdicts
 
 

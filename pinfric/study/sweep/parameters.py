@@ -36,11 +36,11 @@ from pinfric.study.sweep.file import MOST_SAMPLES, SweepFile
 from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Numbers that a sweep sets; all else it multiplies.
-_SET = ("efficiency", "back_efficiency")
+SET = ("efficiency", "back_efficiency")
 _DIRECTIONS = ("positive", "negative")
 _TRANSMISSION_KEYS = (
     *(f"no_load_torque.{way}" for way in _DIRECTIONS), "no_load_torque", "motor_viscous",
-    "rotor_inertia", *reversed(_SET),
+    "rotor_inertia", *reversed(SET),
 )  # fmt: skip
 _PAYLOAD_KEYS = ("mass", "com.x", "com.y", "com.z")
 _ANGLES = ("roll", "pitch")
@@ -183,7 +183,7 @@ def _scaled(entry: Any, key: str, factor: float) -> Any:
     given = getattr(entry, first)
     if rest:
         changed = _scaled(given, rest, factor)
-    elif first in _SET:
+    elif first in SET:
         changed = factor
     else:
         changed = factor * given if isinstance(given, float) else given.scaled(factor)
@@ -207,7 +207,7 @@ def _impossible(section: str, key: str, kind: str, distribution: Distribution) -
         return ""
     if section == "payload" and key != "mass":
         return ""
-    if key in _SET:
+    if key in SET:
         high = distribution.support[1]
         if high > 1.0 or (key == "efficiency" and low <= 0.0):
             least = "above 0 and " if key == "efficiency" else ""
@@ -253,7 +253,7 @@ def apply(
         else:
             for name in target.names:
                 factors = losses.setdefault(name, {})
-                before = 1.0 if target.key in _SET else factors.get(target.key, 1.0)
+                before = 1.0 if target.key in SET else factors.get(target.key, 1.0)
                 factors[target.key] = before * value
     sections = {target.section for target in targets}
     change: dict[str, Any] = {}
@@ -295,9 +295,13 @@ def mounted(model: pin.Model, roll: float, pitch: float) -> pin.Model:
         roll, pitch: rad, about the world's x, then its y axis.
     """
     turned = model.copy()
-    R = pin.rpy.rpyToMatrix(roll, pitch, 0.0)
-    turned.gravity.linear = R.T @ model.gravity.linear
+    turned.gravity.linear = mounted_gravity(model, roll, pitch)
     return turned
+
+
+def mounted_gravity(model: pin.Model, roll: float, pitch: float) -> np.ndarray:
+    """Return (3,) gravity in the axes of the turned base, m/s^2; see `mounted`."""
+    return np.asarray(pin.rpy.rpyToMatrix(roll, pitch, 0.0).T @ model.gravity.linear)
 
 
 def _with_payload(payload: Payload, key: str, value: float) -> Payload:

@@ -1,0 +1,308 @@
+"""A sweep's cycles without inverse dynamics: sums of stored ones, with coefficients of the sample.
+
+The path stays. So of each body (the robot, a payload that varies) and each cause (gravity's three
+components, the motion) efforts and wrenches are computed once, tau_bc and w_bc; a sample's are
+
+    w = sum_bc k_b k_c w_bc,     k_c = (R^T g, s^2)
+
+with speed factor s and base R. A payload's inertial parameters are quadratic in its centre of mass:
+it is interpolated, exactly, between the same body at as many places as a quadratic has terms.
+Friction factors and motor-side losses multiply numbers of the laws and of the gears.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from itertools import combinations, pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.motor_torques import scene_gears
+from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.states import States, attached_columns
+from pinfric.dynamics.superposed import Cycle, Path, Varied, write_figures
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
+from pinfric.model.scene import Scene
+from pinfric.model.transmission import MakersEfficiency
+from pinfric.study.sizing.size import joint_inertias
+from pinfric.study.sweep.parameters import SET, Target, apply, mounted_gravity
+from pinfric.study.sweep.tables import gears_of_samples, laws_of_samples, proportional
+from pinfric.study.trajectory.trajectory import Trajectory
+
+#: Between the places of a payload's centre of mass (m).
+_STEP = 0.1
+#: Numbers stored, at most: 400 MB.
+_MOST = 5e7
+#: Efforts whose squares are numbers; others are the general path's.
+_LEAST_EFFORT, _LARGEST_EFFORT = 1e-150, 1e150
+
+
+class Solved(NamedTuple):
+    """One sample's cycle, and (na,) the largest inertia about each joint in it, kg m^2 (kg)."""
+
+    result: InverseResult
+    inertias: np.ndarray
+
+
+@dataclass(frozen=True)
+class Superposition:
+    """The stored cycles of a sweep, and what its values do to them.
+
+    Attributes:
+        scene, trajectory, targets: as `cycle.Study` has them.
+        bodies: the robot and each place of each payload that varies: scenes without all else.
+        path: what all samples share.
+        now: buffers; after `figures` of one sample they hold its cycle.
+    """
+
+    scene: Scene
+    trajectory: Trajectory
+    targets: tuple[Target, ...]
+    bodies: tuple[Scene, ...]
+    path: Path
+    now: Cycle
+
+    @classmethod
+    def of(
+        cls, scene: Scene, trajectory: Trajectory, targets: tuple[Target, ...], whole: bool
+    ) -> Superposition | None:
+        """Compute the stored cycles; None where a sample is no sum of them (see `_is_linear`).
+
+        Args:
+            scene, trajectory, targets: see the class.
+            whole: whether `result` will be asked for.
+        """
+        bodies = (_without(scene, _varied_payloads(targets)), *_places(scene, targets))
+        causes = _causes(scene, targets)
+        width = scene.model.nv + 6 * len(scene.sites)
+        if (not _is_linear(scene, targets)
+                or len(bodies) * len(causes) * len(trajectory.t) * width > _MOST):  # fmt: skip
+            return None
+        path = _path(scene, trajectory, bodies, causes)
+        return cls(scene, trajectory, targets, bodies, path, Cycle.of(path, whole))
+
+    def figures(
+        self, values: np.ndarray, each: Callable[[int, Solved], None] | None = None
+    ) -> np.ndarray:
+        """Return (n, na, 5) what each cycle takes of each drive (`superposed.write_figures`).
+
+        NaN where the general path has to say what is wrong with a cycle.
+
+        Args:
+            values: (n, number of targets).
+            each: called with each sample's number and its cycle, which the next one overwrites.
+        """
+        n = len(values)
+        found = np.empty((n, len(self.scene.drives), 5))
+        speed, bodies, causes = self._coefficients(values)
+        varied = Varied((bodies[:, :, None] * causes[:, None, :]).reshape(n, -1), speed,
+                        laws_of_samples(self.scene, self.targets, values),
+                        gears_of_samples(self.scene, self.targets, values))  # fmt: skip
+        for start, stop in [(0, n)] if each is None else pairwise(range(n + 1)):
+            with np.errstate(all="ignore"):
+                write_figures(self.path, varied, self.now, found, start, stop)
+            size = found[start:stop, :, :4]
+            fine = (size == 0.0) | ((size > _LEAST_EFFORT) & (size < _LARGEST_EFFORT))
+            plain = fine.all(axis=(1, 2)) & self._can_move(speed[start:stop])
+            found[start:stop][~plain] = np.nan
+            if each is not None and plain.all():
+                inertias = np.tensordot(bodies[start], self._inertias, 1).max(axis=0)
+                each(start, Solved(self._result(values[start], speed[start]), inertias))
+        return found
+
+    def _result(self, sample: np.ndarray, speed: float) -> InverseResult:
+        """The result of the cycle that is in the buffers, as far as the criteria of `size` ask."""
+        now, like, t = self.now, self._like, self.trajectory.t
+        # of the friction they ask nothing, of what is carried nothing where wrenches are known
+        known = like.wrench is not None and len(self.scene.sites) == len(self.scene.joint_names)
+        asked = ("transmission",) if known else ("transmission", "payload", "mounting")
+        some = [j for j, target in enumerate(self.targets) if target.section in asked]
+        scene, _ = apply(self.scene, self.trajectory, [self.targets[j] for j in some],
+                         sample[some].tolist())  # fmt: skip
+        found = {entry.name: getattr(now, entry.name)
+                 for entry in fields(like) if entry.name in Cycle._fields}  # fmt: skip
+        if not self.path.geared:
+            ends = now.effort_lower, now.effort_upper
+            found |= dict(zip(("motor_torque_lower", "motor_torque_upper"), ends, strict=True))
+        found["wrench"] = None if like.wrench is None else now.wrench
+        moved = replace(like.states, v=now.velocity, a=now.acceleration,
+                        t=t[0] + (t - t[0]) / speed)  # fmt: skip
+        return replace(like, scene=scene, states=moved, actuator_velocity=now.velocity,
+                       actuator_acceleration=now.acceleration, **found)  # fmt: skip
+
+    @cached_property
+    def _like(self) -> InverseResult:
+        """A result of the path, for what no sample changes."""
+        return inverse_dynamics(self.scene, self.trajectory, threads=1)
+
+    @cached_property
+    def _inertias(self) -> np.ndarray:
+        """(bodies, T, na) the inertia of each body about each joint."""
+        states = _states(self.scene, self.trajectory)
+        return np.stack([joint_inertias(body, _carrying(self.scene, body, states))
+                         for body in self.bodies])  # fmt: skip
+
+    def _coefficients(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(n,) speed factors; k_b (n, bodies) and k_c (n, causes) of each sample."""
+        n = len(values)
+        given = {(t.section, *t.names[:1], t.key): values[:, j] for j, t in enumerate(self.targets)}
+        speed = given.get(("speed", ""), np.ones(n))
+        bodies = [np.ones((n, 1))]
+        for name, keys in _varied_payloads(self.targets).items():
+            payload = self.scene.payloads[name]
+            mass = given.get(("payload", name, "mass"), np.full(n, payload.mass))
+            bodies.append((mass / payload.mass)[:, None] * _shares(np.array([
+                (given["payload", name, key] - payload.com["xyz".index(key[-1])]) / _STEP
+                for key in keys if key != "mass"
+            ]).reshape(-1, n)))  # fmt: skip
+        sections = {target.section for target in self.targets}
+        causes = [np.ones((n, 1))]
+        if "mounting" in sections:
+            angles = (given.get(("mounting", key), np.zeros(n)) for key in ("roll", "pitch"))
+            causes = [np.array([mounted_gravity(self.scene.model, *both)
+                                for both in zip(*angles, strict=True)])]  # fmt: skip
+        if sections & {"mounting", "speed"}:
+            causes.append((speed * speed)[:, None])
+        return speed, np.concatenate(bodies, axis=1), np.concatenate(causes, axis=1)
+
+    def _can_move(self, speed: np.ndarray) -> np.ndarray:
+        """(n,) whether `Trajectory` takes the motion at these speed factors, with a margin."""
+        t, s = self.trajectory.t, speed
+        latest = abs(t[0]) + (t[-1] - t[0]) / s
+        rates = (abs(x).max() for x in (self.trajectory.v, self.trajectory.a))
+        largest = np.max([latest, next(rates) * s, next(rates) * s * s], axis=0)
+        apart = np.diff(t).min(initial=np.inf) / s > 1e-12 * latest
+        return np.asarray(apart & (largest < LARGEST_OF_A_MOTION / 2))
+
+
+def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
+    """Whether every sample is a sum of stored cycles, and only a number out of range is refused.
+
+    Not with loops, drives off the joints or several on one (friction reacts on wrenches), where a
+    bearing refuses a moment, and for values that change a gear's loss or a term's shape.
+    """
+    varied = {(section, name): key for section, key, name in
+              ((t.section, t.key, name) for t in targets for name in t.names)}  # fmt: skip
+    gears = [drive.transmission for drive in scene.drives
+             if ("transmission", drive.name) in varied]  # fmt: skip
+    terms = [term for site in scene.sites for term in site.friction.terms
+             if ("friction", site.name) in varied]  # fmt: skip
+    return (
+        scene.linkage is None
+        and scene.mobility.one_drive_each
+        and not any(target.key in SET for target in targets)
+        and not any(gear is None or isinstance(gear.efficiency, MakersEfficiency) for gear in gears)
+        and all(map(proportional, terms))
+        and all(site.friction.bearing is None or site.friction.bearing.roll_lever() is None
+                for site in scene.sites)
+    )  # fmt: skip
+
+
+def _varied_payloads(targets: Sequence[Target]) -> dict[str, list[str]]:
+    """What varies of each payload: its keys, those of the centre of mass in the order x, y, z."""
+    found: dict[str, list[str]] = {}
+    for name, key in sorted({(t.names[0], t.key) for t in targets if t.section == "payload"}):
+        found.setdefault(name, []).append(key)
+    return found
+
+
+def _offsets(count: int) -> np.ndarray:
+    """(places, count) at which a quadratic in so many variables is given by its values."""
+    unit = np.eye(count)
+    pairs = [unit[i] + unit[j] for i, j in combinations(range(count), 2)]
+    return np.array([np.zeros(count), *unit, *-unit, *pairs])
+
+
+def _monomials(x: np.ndarray) -> np.ndarray:
+    """(n, places) the terms of a quadratic in the rows of x (count, n)."""
+    pairs = [x[i] * x[j] for i, j in combinations(range(len(x)), 2)]
+    return np.stack([np.ones(x.shape[1]), *x, *x * x, *pairs], axis=1)
+
+
+def _shares(x: np.ndarray) -> np.ndarray:
+    """(n, places) by which a quadratic at x (count, n) is the sum of its values at `_offsets`."""
+    inverse = np.round(2 * np.linalg.inv(_monomials(_offsets(len(x)).T))) / 2  # halves: exact
+    return np.einsum("nm,mp->np", _monomials(x), inverse)
+
+
+def _without(scene: Scene, left_out: Iterable[str]) -> Scene:
+    """The scene without some payloads, with ideal drives."""
+    payloads = {name: p for name, p in scene.payloads.items() if name not in left_out}
+    return scene.with_(payloads=payloads, actuators=None)
+
+
+def _places(scene: Scene, targets: Sequence[Target]) -> Iterator[Scene]:
+    """Each payload that varies alone, its centre of mass at each of the places it needs."""
+    massless = scene.model.copy()
+    massless.armature = np.zeros(scene.model.nv)
+    for joint in range(1, massless.njoints):
+        massless.inertias[joint] = pin.Inertia.Zero()
+    for name, keys in _varied_payloads(targets).items():
+        moves = ["xyz".index(key[-1]) for key in keys if key != "mass"]
+        for offset in _offsets(len(moves)):
+            com = np.array(scene.payloads[name].com)
+            com[moves] += _STEP * offset
+            placed = scene.payloads[name].model_copy(update={"com": tuple(com.tolist())})
+            yield scene.with_(model=massless, payloads={name: placed}, actuators=None)
+
+
+def _causes(scene: Scene, targets: Sequence[Target]) -> list[tuple[np.ndarray, bool]]:
+    """Gravity (3,), and whether the path is run, of each part that has a coefficient of its own."""
+    sections, gravity = {target.section for target in targets}, scene.model.gravity.linear
+    if "mounting" in sections:
+        return [*((axis, False) for axis in np.eye(3)), (np.zeros(3), True)]
+    if "speed" in sections:
+        return [(gravity, False), (np.zeros(3), True)]
+    return [(gravity, True)]
+
+
+def _path(
+    scene: Scene, trajectory: Trajectory, bodies: Sequence[Scene],
+    causes: Sequence[tuple[np.ndarray, bool]],
+) -> Path:  # fmt: skip
+    """Run each body by each cause."""
+    states = _states(scene, trajectory)
+    sites, efforts, wrenches = scene.site_tables, [], []
+    for body, (gravity, moves) in product(bodies, causes):
+        attached = _carrying(scene, body, states).attached
+        found = inverse_dynamics(body.with_(gravity=gravity), states.q, states.v * moves,
+                                 states.a * moves, attached=attached, threads=1)  # fmt: skip
+        efforts.append(found.effort_frictionless.reshape(-1))
+        wrenches.append(np.empty(0) if found.wrench is None else found.wrench.reshape(-1))
+    twin, moving = scene.twin(), sites.contacts.moves.any()
+    return Path(
+        v=np.ascontiguousarray(states.v), a=np.ascontiguousarray(states.a),
+        weight=_weights(trajectory.t),
+        effort=np.stack(efforts), wrench=np.stack(wrenches),
+        displacement=twin.displacements(sites.joint, states.q) if moving else np.empty((0, 0)),
+        joint=np.arange(len(scene.sites)), velocity_index=sites.velocity_index, ratio=sites.ratio,
+        contacts=sites.contacts, stick_velocity=scene_gears(scene).stick_velocity,
+        site_stick_velocity=sites.laws.stick_velocity,
+        geared=any(drive.transmission is not None for drive in scene.drives),
+    )  # fmt: skip
+
+
+def _states(scene: Scene, trajectory: Trajectory) -> States:
+    attached = attached_columns(scene, trajectory)
+    return States.of(scene, trajectory.q, trajectory.v, trajectory.a, trajectory.t, attached)
+
+
+def _carrying(scene: Scene, body: Scene, states: States) -> States:
+    """The states with the columns of a body's payloads."""
+    if states.attached is None:
+        return states
+    columns = [list(scene.payloads).index(name) for name in body.payloads]
+    return replace(states, attached=states.attached[:, columns])
+
+
+def _weights(t: np.ndarray) -> np.ndarray:
+    """(T,) of samples in a mean over time by the trapezoidal rule."""
+    if len(t) == 1:
+        return np.ones(1)
+    steps = np.diff(t, prepend=t[0], append=t[-1])
+    return np.asarray((steps[:-1] + steps[1:]) / (2 * (t[-1] - t[0])))
