@@ -218,7 +218,7 @@ class Solver:
         self._carried = None if attached is None else tuple(attached)
         self._ws = Workspace(self.scene, self._carried)
         self._motors: Workspace | None = None
-        self._at_once = self.scene.linkage is None and self.scene.mobility.one_drive_each
+        self._at_once = self.scene.one_drive_each
         if self._at_once:
             self._sample = x = make_sample(self._ws)
             self._q, self._v, self._a = x.q, x.v[0], x.a[0]

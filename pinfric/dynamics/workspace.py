@@ -65,7 +65,7 @@ from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
 from pinfric.model.compiled import KernelArgument, is_ready
 from pinfric.model.drives import gear_jam, may_lock
-from pinfric.model.loops import Linkage, stand_still
+from pinfric.model.loops import Linkage, no_linkage, stand_still
 from pinfric.model.scene import Scene
 
 #: So many self-locking gears at rest are let hold and slip in all ways (3^n searches at most, of
@@ -151,15 +151,15 @@ class Workspace:
         of = t.gear_coordinate.tolist()
         self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
         self._balls = np.unique(t.block[t.ball])
-        self._loop_coordinates = t.has_loop_coordinates
+        self._off_joints = t.off_joints
         self._kept: tuple[object, ...] | None = None
         self._guides = [
             (int(s), scene.sites[s].axis.tolist(), float(t.roll_lever[s])) for s in t.guides
         ]
         self.standing: Standing | None = None
         if self.closed:
-            assert scene.linkage is not None
-            self.standing = Standing(np.zeros(len(t.dry), dtype=bool), scene.linkage)
+            self.linkage = scene.linkage or no_linkage(scene.model)
+            self.standing = Standing(np.zeros(len(t.dry), dtype=bool), self.linkage)
         #: The configuration closed last, and what stands still in it.
         self._last: tuple[np.ndarray, Standing | None] = np.zeros(0), None
 
@@ -182,7 +182,7 @@ class Workspace:
 
     def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
-        if self._loop_coordinates:
+        if self._off_joints:
             v = np.ascontiguousarray(v)
             self.supplier.move(np.ascontiguousarray(q), v)
             measure_rates(self._machine, v)

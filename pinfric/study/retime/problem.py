@@ -20,7 +20,7 @@ from pinfric.study.retime.path import Path
 from pinfric.study.retime.profile import Profile, columns_to_velocities
 from pinfric.study.retime.scan import BREAKING, NEEDED, WORST, Scan, box_scan, fastest
 from pinfric.study.retime.tables import Grid, Tables, carried_names
-from pinfric.study.summary import effort_unit, ends_by_magnitude, rests
+from pinfric.study.summary import effort_unit, ends_by_magnitude, rests, sites_on
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 
 
@@ -231,7 +231,7 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], policy: Policy) 
         if policy.rest == "needed":
             least |= rests(result, d)
         if policy.reversal == "own sign":
-            least |= result.reversal[:, [s.velocity_index == d for s in scene.sites]].any(axis=1)
+            least |= result.reversal[:, sites_on(scene, d)].any(axis=1)
         for pair in (ends, efforts):
             nearer = ends_by_magnitude(*pair)[1]
             pair[0], pair[1] = (np.where(least, nearer, end) for end in pair)

@@ -24,6 +24,7 @@ from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.couples import delivery, taking_part
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.urdf import implausible_body
@@ -383,13 +384,15 @@ def joint_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> JointDe
 def load_inertias(result: InverseResult) -> np.ndarray:
     """Return (na,) the largest M_jj(q) over the motion: the inertia about each drive's joint.
 
-    Payloads count while they are carried; rotors (Pinocchio's armature) do not.
+    Payloads count while they are carried; rotors (Pinocchio's armature) do not. Of coupled drives
+    it is what moves with one while the others stand, (P M P^T)_jj.
 
     Args:
         result: of inverse dynamics.
     """
     scene = result.scene
-    largest = np.zeros(scene.model.nv)
+    own = [drive.velocity_index for drive in scene.drives]
+    P, largest = delivery(scene.drives, scene.model.nv), np.zeros(len(own))
     for start, stop, carried in result.states.phases(scene):
         model = scene.loaded_model(carried)
         data = model.createData()
@@ -398,8 +401,13 @@ def load_inertias(result: InverseResult) -> np.ndarray:
         moved = np.ones(len(q_here), dtype=bool)
         moved[1:] = (q_here[1:] != q_here[:-1]).any(axis=1)
         for q in q_here[moved]:  # in holds the inertia stays
-            np.maximum(largest, pin.crba(model, data, q).diagonal() - armature, out=largest)
-    return largest[[drive.velocity_index for drive in scene.drives]]
+            about = (pin.crba(model, data, q).diagonal() - armature)[own]
+            for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
+                v = np.zeros(model.nv)
+                v[own] = P[d]
+                about[d] = 2.0 * pin.computeKineticEnergy(model, data, q, v) - armature @ v**2
+            np.maximum(largest, about, out=largest)
+    return largest
 
 
 def with_masses(
