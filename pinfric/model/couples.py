@@ -76,6 +76,13 @@ def reaches(drives: Sequence[Drive], nv: int) -> np.ndarray:
     return own != 0.0
 
 
+def mixed(drives: Sequence[Drive], nv: int) -> np.ndarray:
+    """Return which drives (na,) feel other friction than that of their own joints, or not alone."""
+    felt = reaches(drives, nv)
+    return np.array([bool(drive.couples) or felt[:, drive.velocity_index].sum() > 1
+                     for drive in drives], dtype=bool)  # fmt: skip
+
+
 def deliver_interval(
     P: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
