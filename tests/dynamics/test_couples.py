@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_friction, random_states, random_tree
+from builders import gantry, random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.errors import SceneError
+from pinfric.errors import PinfricError, SceneError
 from pinfric.model.couples import rate_rows
+from pinfric.study.explain import explain
+from pinfric.study.sizing.size import load_inertias
+from pinfric.study.summary import rests, sites_on
 
 _LOSSY = {
     "ratio": -30.0, "efficiency": 0.8, "back_efficiency": 0.7, "rotor_inertia": 2e-4,
@@ -131,27 +136,11 @@ def test_at_rest_efforts_are_intervals_that_hold_and_break() -> None:
             assert pf.holds(scene, q[0], beyond).held is False
 
 
-def _gantry(turned: bool) -> pf.Scene:
-    """A carriage of 4 kg on two belts (CoreXY) in a vertical plane, or slides along the belts."""
-    model, angle = pin.Model(), np.pi / 4 if turned else 0.0
-    turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, angle, 0.0), np.zeros(3))
-    first = model.addJoint(0, pin.JointModelPX(), turn, "x")
-    model.appendBodyToJoint(first, pin.Inertia.Zero(), pin.SE3.Identity())
-    second = model.addJoint(first, pin.JointModelPZ(), pin.SE3.Identity(), "z")
-    body = pin.Inertia(4.0, np.zeros(3), 0.01 * np.eye(3))
-    model.appendBodyToJoint(second, body, pin.SE3.Identity())
-    root = np.sqrt(2.0) if turned else 1.0
-    gear = _LOSSY | {"no_load_torque": {"static": 0.3, "kinetic": 0.2}, "ratio": 40.0 * root}
-    # q_x + q_z and q_z - q_x are sqrt(2) times the ways along the turned axes
-    couples = [{}, {}] if turned else [{"z": -1.0}, {"x": 1.0}]
-    actuators = [{"joint": joint, "couples": other, "transmission": gear}
-                 for joint, other in zip("xz", couples, strict=True)]  # fmt: skip
-    return pf.Scene(model, actuators=actuators)
-
-
 def test_a_gantry_on_two_belts_is_the_one_turned_by_45_degrees() -> None:
     """Relabelled coordinates: holds, breaks away, slides and stops alike, gears lossy."""
-    belts, slides = _gantry(False), _gantry(True)
+    gear = _LOSSY | {"no_load_torque": {"static": 0.3, "kinetic": 0.2}, "ratio": 40.0}
+    made = gantry(False, gear), gantry(True, gear)
+    belts, slides = (pf.Scene(model, actuators=actuators) for model, actuators in made)
     to_turned = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
     for torque in ([-0.35, -0.35], [-0.9, -0.35], [0.2, -0.9], [-0.2, -0.1]):
         one, other = (pf.holds(s, np.zeros(2), motor_torque=np.array(torque))
@@ -241,10 +230,36 @@ def test_two_motors_that_both_move_both_joints_are_a_differential_wrist() -> Non
     scene = pf.Scene(_planar(), actuators=[
         {"joint": "j1", "couples": {"j2": 1.0}}, {"joint": "j2", "couples": {"j1": -1.0}}
     ])  # fmt: skip
-    tau = pf.inverse_dynamics(_planar_ideal(), [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
+    tau = pf.inverse_dynamics(pf.Scene(_planar()), [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
     found = pf.inverse_dynamics(scene, [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
     assert found == pytest.approx([(tau[0] + tau[1]) / 2, (tau[1] - tau[0]) / 2], rel=1e-12)
 
 
-def _planar_ideal() -> pf.Scene:
-    return pf.Scene(_planar())
+
+def test_every_command_sees_the_coupling(tmp_path: Path) -> None:
+    """Its key in a file; explain; the friction a drive feels; its inertia when others stand."""
+    model = _planar()
+    (tmp_path / "scene.yaml").write_text("""
+pinfric: 1
+robot: {urdf: "example-robot-data:ur_description/urdf/ur5_robot.urdf"}
+actuators: [{joint: wrist_2_joint}, {joint: wrist_3_joint, couples: {wrist_2_joint: 1.0}}]
+""")
+    assert pf.load_scene(tmp_path / "scene.yaml").drives[1].couples == ((4, 1.0),)
+    friction = {name: {"coulomb": {"static": 2.0, "kinetic": 1.0}} for name in ("j1", "j2")}
+    actuators = [{"joint": "j1"}, {"joint": "j2", "couples": {"j1": -0.5}}]
+    scene = pf.Scene(model, friction=friction, actuators=actuators)
+    q, v = np.array([[0.1, 0.2], [0.3, -0.4]]), np.array([[0.0, 1.0], [1.0, 0.5]])
+    result = pf.inverse_dynamics(scene, q, v, v)
+    assert [rests(result, d).tolist() for d in (0, 1)] == [[True, False], [False, False]]
+    assert [sites_on(scene, d) for d in (0, 1)] == [[0, 1], [1]]
+    largest = np.zeros(2)
+    for angles in q:  # inertias about the motors: C^-T M C^-1
+        M = np.triu(pin.crba(model, model.createData(), angles))
+        there = np.linalg.inv([[1.0, 0.0], [-0.5, 1.0]])
+        largest = np.maximum(largest, (there.T @ (M + np.triu(M, 1).T) @ there).diagonal())
+    assert load_inertias(result) == pytest.approx(largest, rel=1e-12)
+    told = next(e for e in explain(scene).effects if e.name == "couples")
+    assert (told.on, told.why) == (True, "actuators.j2.couples")
+    assert told.peak_change != 0.0
+    with pytest.raises(PinfricError, match="the drive 'j2' is coupled with another joint"):
+        pf.export(scene)

@@ -68,6 +68,7 @@ class Choice:
 
     def on_motors(self, there: NDArray[np.bool_]) -> Choice:
         """Return the choice with the friction of some drives (nj,) on their motors' sides."""
+
         def moved(law: Law, motor: bool) -> Law:
             return replace(law, side="motor") if motor else law
 
