@@ -488,7 +488,7 @@ class Workspace:
         lines = best[2:]
         m.take(start)
         self._couple()
-        wedged = self._wedged(start.at_rest)
+        wedged = self._wedged(start.at_rest)[:_MOST_WEDGED]
         choices = sorted(product((0, _OTHERWISE, _FALLS), repeat=len(wedged)),
                          key=lambda each: (each.count(_FALLS), sum(each)))  # fmt: skip
         for choice in choices[1:]:
@@ -523,25 +523,29 @@ class Workspace:
             return only_candidate(*rest.solve(self.problem, m, self.mechanism))
         return only_candidate(*solve(self.problem, m))
 
-    def ways_to_hold(self) -> Iterator[None]:
-        """Yield with each choice of loads that self-locking gears hold; then the first again."""
-        yield
+    def ways_to_hold(self) -> Iterator[bool]:
+        """Yield with each choice of loads that self-locking gears hold; then the first again.
+
+        What is yielded: whether these are all choices that there are.
+        """
         wedged, delivered = self._wedged(self.modes.stuck), self.work.delivered.copy()
+        every = len(wedged) <= _MOST_WEDGED
+        wedged = wedged[:_MOST_WEDGED]
+        yield every
         for choice in list(product((0, _OTHERWISE), repeat=len(wedged)))[1:]:
             self.work.delivered[:] = delivered
             for d, how in zip(wedged, choice, strict=True):
                 self._wedge(d, how)
             self._couple()
-            yield
+            yield every
         self.work.delivered[:] = delivered
         self._couple()
 
     def _wedged(self, rests: np.ndarray) -> list[int]:
         """The self-locking gears at rest (nc,) that motor and load push the same way, or may."""
         c_of, held = self.tables.gear_coordinate, self.work.held
-        found = [int(d) for d in self._locks if c_of[d] >= 0 and rests[c_of[d]]
-                 and np.isfinite(held[d]).any()]  # fmt: skip
-        return found[:_MOST_WEDGED]
+        return [int(d) for d in self._locks if c_of[d] >= 0 and rests[c_of[d]]
+                and np.isfinite(held[d]).any()]  # fmt: skip
 
     def _slipping(self, start: Modes) -> int:
         """How many coordinates slip that were at rest."""

@@ -230,10 +230,9 @@ def test_two_motors_that_both_move_both_joints_are_a_differential_wrist() -> Non
     scene = pf.Scene(_planar(), actuators=[
         {"joint": "j1", "couples": {"j2": 1.0}}, {"joint": "j2", "couples": {"j1": -1.0}}
     ])  # fmt: skip
-    tau = pf.inverse_dynamics(pf.Scene(_planar()), [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
-    found = pf.inverse_dynamics(scene, [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
+    tau, found = (pf.inverse_dynamics(s, [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
+                  for s in (pf.Scene(_planar()), scene))  # fmt: skip
     assert found == pytest.approx([(tau[0] + tau[1]) / 2, (tau[1] - tau[0]) / 2], rel=1e-12)
-
 
 
 def test_every_command_sees_the_coupling(tmp_path: Path) -> None:
