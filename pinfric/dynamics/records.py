@@ -137,6 +137,7 @@ class _Inertias(Sequence[np.ndarray]):
 def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
     """Tabulate a scene, with the masses of one payload, for the kernels."""
     model, nj = twin.model, twin.n_joints
+    unit_q, unit_count = unit_parts(model)
     carries = np.eye(nj, dtype=np.int8)
     for j in range(nj):  # parents come before their children
         if model.parents[j + 1] > 0:
@@ -153,7 +154,6 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
               for i in np.flatnonzero(layout.contact_site == s) if layout.rubs[s]]  # fmt: skip
     entry = np.array([e for e, _ in chosen], dtype=np.int64)
     contact = np.array([i for _, i in chosen], dtype=np.int64)
-    units = np.array(unit_parts(model), dtype=np.int64).reshape(-1, 2)
     kinds = [] if linkage is None else [loop.kind for loop in linkage.loops]
     direction_size = np.zeros(len(layout.coordinate_v))
     for c, action in enumerate(layout.coordinate_action):
@@ -166,8 +166,8 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         gravity=np.array(model.gravity.linear),
         **freedoms,
         armature=twin.armature,
-        unit_q=units[:, 0].copy(),
-        unit_count=units[:, 1].copy(),
+        unit_q=unit_q,
+        unit_count=unit_count,
         wrench_row=rows,
         contact_row=row_of[layout.joint[layout.entry_site[entry]]],
         contact_site=entry,
