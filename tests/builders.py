@@ -128,3 +128,21 @@ def plane_friction(static: float, kinetic: float, **more: object) -> dict:
         "mu": {"static": static, "kinetic": kinetic},
         **more,
     }
+
+
+def gantry(turned: bool, gear: dict) -> tuple[pin.Model, list[dict]]:
+    """A carriage of 4 kg on two belts (CoreXY) in a vertical plane, or slides along the belts.
+
+    The belts' ways q_x - q_z and q_z + q_x are sqrt(2) times those along axes turned by 45 degrees.
+    """
+    model, angle = pin.Model(), np.pi / 4 if turned else 0.0
+    turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, angle, 0.0), np.zeros(3))
+    first = model.addJoint(0, pin.JointModelPX(), turn, "x")
+    model.appendBodyToJoint(first, pin.Inertia.Zero(), pin.SE3.Identity())
+    second = model.addJoint(first, pin.JointModelPZ(), pin.SE3.Identity(), "z")
+    body = pin.Inertia(4.0, np.zeros(3), 0.01 * np.eye(3))
+    model.appendBodyToJoint(second, body, pin.SE3.Identity())
+    gear = gear | {"ratio": gear["ratio"] * (np.sqrt(2.0) if turned else 1.0)}
+    couples = [{}, {}] if turned else [{"z": -1.0}, {"x": 1.0}]
+    return model, [{"joint": joint, "couples": other, "transmission": gear}
+                   for joint, other in zip("xz", couples, strict=True)]  # fmt: skip

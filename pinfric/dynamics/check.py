@@ -103,15 +103,29 @@ def _residuals(
         law = max(law, off, abs(result.normal_load[i, s] - load))
     # the friction that gives each end of each effort, by the sign of its column
     phi_low, phi_high = result.friction_lower[i], result.friction_upper[i]
-    most = np.where(D >= 0, D * phi_high, D * phi_low).sum(axis=1)
-    least_d = np.where(D >= 0, D * phi_low, D * phi_high).sum(axis=1)
-    on = [drive.velocity_index for drive in result.scene.drives]
-    share = np.array([drive.share or 1.0 for drive in result.scene.drives])
-    part = share / [share[np.equal(on, v)].sum() for v in on]
+    drives = _drive_matrix(result, len(total))
+    u, (taken, left) = drives @ total, _ends(drives @ D, phi_low, phi_high)
+    most, fewest = _ends(D, phi_low, phi_high)
     equilibrium = max(
-        float(np.abs(part * (total - most)[on] - result.effort_lower[i]).max(initial=0)),
-        float(np.abs(part * (total - least_d)[on] - result.effort_upper[i]).max(initial=0)),
-        float(np.abs(part * total[on] - result.effort_frictionless[i]).max(initial=0)),
-        float(np.maximum(total - most, least_d - total)[undriven].max(initial=0)),
+        float(np.abs(u - taken - result.effort_lower[i]).max(initial=0)),
+        float(np.abs(u - left - result.effort_upper[i]).max(initial=0)),
+        float(np.abs(u - result.effort_frictionless[i]).max(initial=0)),
+        float(np.maximum(total - most, fewest - total)[undriven].max(initial=0)),
     )
     return np.array([equilibrium, law, wrench])
+
+
+def _ends(D: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Greatest and least D phi over phi from low to high, by the sign of each entry."""
+    return (np.where(D >= 0, D * high, D * low).sum(axis=1),
+            np.where(D >= 0, D * low, D * high).sum(axis=1))  # fmt: skip
+
+
+def _drive_matrix(result: InverseResult, nv: int) -> np.ndarray:
+    """(na, nv) that gives drives' efforts: of all u with S^T u = tau the least u^2 / share."""
+    drives = result.scene.drives
+    S, root = np.zeros((len(drives), nv)), np.sqrt([drive.share or 1.0 for drive in drives])
+    for d, drive in enumerate(drives):
+        S[d, drive.velocity_index] = 1.0
+        S[d, [v for v, _ in drive.couples]] = [factor for _, factor in drive.couples]
+    return np.asarray(root[:, None] * np.linalg.pinv((root[:, None] * S).T))

@@ -242,6 +242,8 @@ def _joint_efforts(scene: Scene, model: pin.Model, end: Solution) -> np.ndarray:
     for drive, effort in zip(scene.drives, end.effort, strict=True):
         if drive.velocity_index >= 0:
             total[drive.velocity_index] += effort
+        for v, factor in drive.couples:
+            total[v] += factor * effort
     for site, phi in zip(scene.sites, _split(scene, end.friction_coordinates), strict=True):
         if site.pair < 0:
             total[site.velocity_index] += site.ratio * phi[0]
@@ -287,6 +289,7 @@ def _frictionless(
         unit = np.zeros(model.nv)
         if drive.velocity_index >= 0:
             unit[drive.velocity_index] = 1.0
+            unit[[v for v, _ in drive.couples]] = [factor for _, factor in drive.couples]
         else:
             unit = _generalized(model, data, pairs[drive.name], pairs[drive.name].direction)
         columns.append(unit)

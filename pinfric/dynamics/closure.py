@@ -28,6 +28,7 @@ from pinfric.model.closure import (
     velocity_indices,
     velocity_names,
 )
+from pinfric.model.couples import drive_rates
 from pinfric.model.loops import CYLINDER, Linkage
 from pinfric.model.scene import Scene
 
@@ -132,13 +133,10 @@ def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarra
     tables = scene.site_tables
     sites = v[:, tables.velocity_index] * tables.ratio
     if scene.linkage is None:
-        return v[:, [drive.velocity_index for drive in scene.drives]], sites
+        return drive_rates(scene.drives, v, v[:, :0]), sites
     linkage = scene.linkage
     rate = loop_state(scene.twin(), linkage, q, v, np.zeros_like(v)).rate
-    drives = np.array([
-        v[:, d.velocity_index] if d.velocity_index >= 0 else rate[:, getattr(d, "column", 0)]
-        for d in scene.drives
-    ]).reshape(-1, len(v)).T  # fmt: skip
+    drives = drive_rates(scene.drives, v, rate)
     for s, site in enumerate(scene.sites):
         if site.pair >= 0:
             first = linkage.friction_column[site.pair]

@@ -27,6 +27,7 @@ class EffortTables(NamedTuple):
     drive_action: np.ndarray
     balanced: np.ndarray
     part: np.ndarray
+    delivery: np.ndarray
     cost: np.ndarray
     shifts: int
     joint: np.ndarray
@@ -235,6 +236,13 @@ def _write_efforts(
             for c in range(y.shape[0]):
                 total -= J[c, v] * y[c, k]
             effort[d, k] = t.part[d] * total
+    if t.delivery.size > 0:
+        taken = effort.copy()
+        for d in range(effort.shape[0]):
+            for k in range(effort.shape[1]):
+                effort[d, k] = 0.0
+                for e in range(effort.shape[0]):
+                    effort[d, k] += t.delivery[d, e] * taken[e, k]
 
 
 @kernel

@@ -130,16 +130,14 @@ def held(gears: Gears, d: int, arriving: float, static: bool, near: float) -> tu
 @kernel
 def add_armature(t: Tables, w: Work) -> int:
     """Add what rotors are to M, along lines that rise; return how many gears follow others."""
-    layout, M, S, locking = t.layout, w.M, w.S, 0
-    for d in range(layout.gears.ratio.size):
+    M, S, locking = w.M, w.S, 0
+    for d in range(t.layout.gears.ratio.size):
         if w.slope[d] <= 0.0:
             locking += 1
             continue
-        armature, i = w.reflected[d] / w.slope[d], layout.drive_v[d]
-        if i >= 0:
-            M[i, i] += armature
-        elif armature > 0.0:
-            for j in range(M.shape[0]):
+        armature = w.reflected[d] / w.slope[d]
+        for j in range(M.shape[0]):
+            if armature * S[d, j] != 0.0:
                 for k in range(M.shape[0]):
                     M[j, k] += armature * S[d, j] * S[d, k]
     return locking

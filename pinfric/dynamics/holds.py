@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -110,13 +110,18 @@ def holds(
 def _decide_all(
     ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
 ) -> Verdict:
-    """The first verdict of a way in which self-locking gears hold, else that of the first way."""
-    verdicts = []
-    for _ in ws.ways_to_hold():
+    """The first verdict of a way in which self-locking gears hold, else that of the first way.
+
+    That nothing holds is shown, and proved, where it is for every way.
+    """
+    verdicts, shown = [], True
+    for every in ws.ways_to_hold():
         verdicts.append(_decide(ws, q, effort, applied))
         if verdicts[-1].held:
             return verdicts[-1]
-    return verdicts[0]
+        shown = shown and every and verdicts[-1].held is False
+    return replace(verdicts[0], held=False if shown else None,
+                   proved=shown and all(verdict.proved for verdict in verdicts))  # fmt: skip
 
 
 def _decide(

@@ -28,6 +28,7 @@ from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.states import States
 from pinfric.dynamics.undriven import check_undriven
+from pinfric.model.couples import drive_rates
 from pinfric.model.scene import Scene
 
 #: What of each batch's answer stays.
@@ -158,15 +159,5 @@ def actuator_rates(
     scene: Scene, states: States, rates: PairRates, around: slice
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (n, na) velocity and acceleration of what each drive moves, of `around`."""
-    shape = around.stop - around.start, len(scene.drives)
-    velocity, acceleration = np.empty(shape), np.empty(shape)
-    for d, drive in enumerate(scene.drives):
-        column = getattr(drive, "column", -1)
-        if column >= 0:
-            velocity[:, d], acceleration[:, d] = (
-                rates.rate[:, column], rates.rate_derivative[:, column]
-            )  # fmt: skip
-        else:
-            velocity[:, d] = states.v[around, drive.velocity_index]
-            acceleration[:, d] = states.a[around, drive.velocity_index]
-    return velocity, acceleration
+    return (drive_rates(scene.drives, states.v[around], rates.rate),
+            drive_rates(scene.drives, states.a[around], rates.rate_derivative))  # fmt: skip

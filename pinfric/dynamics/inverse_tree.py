@@ -34,6 +34,7 @@ from pinfric.dynamics.threaded import efforts_in_parts, friction_in_parts, team
 from pinfric.dynamics.undriven import check_undriven, narrow_friction
 from pinfric.errors import StateError
 from pinfric.model.bearings import normal_loads
+from pinfric.model.couples import deliver_interval, drive_rates
 from pinfric.model.laws import friction_bounds
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
@@ -99,8 +100,9 @@ def solve_tree(
     _bound_efforts(scene, answer, threads)
     own, around = states.part(whole), states.around(whole)
     v, a = states.v[around], states.a[around]
-    if not scene.mobility.one_drive_each:
-        answer, v, a = _on_drives(scene, states, whole, answer), *_of_drives(scene, v, a)
+    if not scene.one_drive_each:
+        answer = _on_drives(scene, states, whole, answer)
+        v, a = (drive_rates(scene.drives, given, v[:, :0]) for given in (v, a))
     efforts = answer.effort_lower, answer.effort_upper
     check_finite(scene, efforts, whole.start)
     torques = motor_torques(scene, states, whole, efforts, v, a)
@@ -226,13 +228,9 @@ def _on_drives(scene: Scene, states: States, whole: slice, answer: _Answer) -> _
     check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
     narrow_friction(scene, answer.effort_frictionless, answer.friction_lower, answer.friction_upper)
     efforts = [array[:, layout.drive_v] * layout.part for array in answer[:3]]
+    if layout.delivery.size:  # joints' frictions are independent: so are the ends of their efforts
+        efforts = [*deliver_interval(layout.delivery, *efforts[:2]), efforts[2] @ layout.delivery.T]
     return _Answer._make([*efforts, *answer[3:]])
-
-
-def _of_drives(scene: Scene, *rates: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(n, na) of each drive what is given (n, nv) of each velocity."""
-    drive_v = [drive.velocity_index for drive in scene.drives]
-    return tuple(array[:, drive_v] for array in rates)
 
 
 def check_finite(scene: Scene, ends: tuple[np.ndarray, np.ndarray], first: int) -> None:

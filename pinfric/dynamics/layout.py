@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.dynamics.motor_torques import scene_gears
+from pinfric.model.couples import delivery, rate_rows
 from pinfric.model.drives import Gears, gear_table, loses
 from pinfric.model.laws import Laws
 from pinfric.model.scene import Scene
@@ -28,7 +29,9 @@ class Layout(NamedTuple):
         sharing: number of joints, the loops' too: what reactions that are not unique are shared by.
         drive_v, drive_action: (na,) velocity of each drive, its action; -1 where it has none.
         balanced: (nr,) velocities that no joint drive moves: only actions balance them.
+        drive_row: (na, nv) its rate per unit velocity; 0 off the joints.
         part: (na,) of its joint's effort that each joint drive delivers; 1 off the joints.
+        delivery: (na, na) what of it each does where drives are coupled, else (0, 0): `couples`.
         cost: (na,) 1 / share of redundant drives, else 0.
         shifts: number of ways to shift work between drives that are not on one joint.
         freedoms: degrees of freedom that the loops leave.
@@ -41,7 +44,8 @@ class Layout(NamedTuple):
         entry_ratio: (ne,) site velocity per coordinate velocity; 1 but for mimic joints.
         entry_v, entry_action: (ne,) the same of an entry's coordinate.
         coordinate_v, coordinate_action: (nc,) the velocity of a tree's, the action of a loop's, of
-            a cylinder's or of another drive off the joints; else -1.
+            a cylinder's or of another drive off the joints; -1, both of a coupled gear's.
+        coordinate_row: (nc, nv) its rate per unit velocity; 0 along an action.
         viscous: (nc,) N m s/rad or N s/m.
         dry: (nc,) bool, whether anything on it can stick.
         stick_velocity: (nc,) at or below this speed it is at rest (rad/s or m/s).
@@ -64,7 +68,9 @@ class Layout(NamedTuple):
     drive_v: np.ndarray
     drive_action: np.ndarray
     balanced: np.ndarray
+    drive_row: np.ndarray
     part: np.ndarray
+    delivery: np.ndarray
     cost: np.ndarray
     shifts: int
     freedoms: int
@@ -83,6 +89,7 @@ class Layout(NamedTuple):
     entry_action: np.ndarray
     coordinate_v: np.ndarray
     coordinate_action: np.ndarray
+    coordinate_row: np.ndarray
     viscous: np.ndarray
     dry: np.ndarray
     stick_velocity: np.ndarray
@@ -110,9 +117,9 @@ class Layout(NamedTuple):
         return np.asarray(self.entry_coordinate[self.first_entry])
 
     @property
-    def has_loop_coordinates(self) -> bool:
-        """Whether friction acts at a joint that closes a loop, or along a cylinder."""
-        return bool((self.coordinate_action >= 0).any())
+    def off_joints(self) -> bool:
+        """Whether friction acts where a loop closes, along a cylinder, or in a coupled gear."""
+        return bool((self.coordinate_v < 0).any())
 
 
 def make_layout(scene: Scene, motors: bool = False) -> Layout:
@@ -141,7 +148,9 @@ def make_layout(scene: Scene, motors: bool = False) -> Layout:
         drive_v=drive_v,
         drive_action=drive_action,
         balanced=np.setdiff1d(np.arange(scene.model.nv), drive_v[drive_v >= 0]).astype(np.int64),
+        drive_row=rate_rows(scene.drives, scene.model.nv),
         part=part,
+        delivery=delivery(scene.drives, scene.model.nv),
         cost=cost,
         shifts=shifts,
         freedoms=scene.mobility.freedoms,
@@ -174,7 +183,11 @@ def make_inverse_layout(scene: Scene) -> Layout:
     count = len(undriven)
     if not count:
         return layout
+    P = layout.delivery
+    if P.size:
+        P = np.block([[P, np.zeros((len(P), count))], [np.zeros((count, len(P))), np.eye(count)]])
     return layout._replace(
+        delivery=P,
         drive_v=np.concatenate([layout.drive_v, undriven]),
         drive_action=np.concatenate([layout.drive_action, np.full(count, -1)]),
         balanced=np.setdiff1d(layout.balanced, undriven),
@@ -202,7 +215,7 @@ def _shares(scene: Scene, drive_v: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
 def _coordinates(scene: Scene, motors: bool) -> dict[str, Any]:
     """Entries of all sites and gears, and the coordinates they act on."""
     laws, linkage = scene.site_tables.laws, scene.linkage
-    keys: list[tuple[int, int]] = []  # (velocity, action) of each coordinate
+    keys: list[tuple[int, int]] = []  # (velocity, action) of each coordinate, or (-1, -2 - drive)
     entries: list[tuple[int, int, float]] = []  # (site, coordinate, ratio)
     first, count = [], []
     for s, site in enumerate(scene.sites):
@@ -226,6 +239,11 @@ def _coordinates(scene: Scene, motors: bool) -> dict[str, Any]:
         block[c] = min(block[c], entries[first[s]][1])
         if laws.dry[s]:
             dry[c], stick[c] = True, min(stick[c], laws.stick_velocity[s] / abs(ratio))
+    rows, S = np.zeros((nc, scene.model.nv)), rate_rows(scene.drives, scene.model.nv)
+    for c, (v, action) in enumerate(keys):
+        rows[c] = S[-2 - action] if action < -1 else 0.0
+        if v >= 0:
+            rows[c, v] = 1.0
     for c, slowest in zip(geared["gear_coordinate"], geared["gears"].stick_velocity, strict=True):
         if c >= 0:
             dry[c], stick[c] = True, min(stick[c], slowest)
@@ -238,7 +256,8 @@ def _coordinates(scene: Scene, motors: bool) -> dict[str, Any]:
         "entry_v": np.array([keys[c][0] for _, c, _ in entries], dtype=np.int64),
         "entry_action": np.array([keys[c][1] for _, c, _ in entries], dtype=np.int64),
         "coordinate_v": np.array([v for v, _ in keys], dtype=np.int64),
-        "coordinate_action": np.array([action for _, action in keys], dtype=np.int64),
+        "coordinate_action": np.array([max(action, -1) for _, action in keys], dtype=np.int64),
+        "coordinate_row": rows,
         "viscous": viscous, "dry": dry, "stick_velocity": stick, "block": block, "ball": ball,
     }  # fmt: skip
 
@@ -250,7 +269,7 @@ def _gear_coordinates(
 
     Args:
         scene: with the drives.
-        keys: (velocity, action) of the sites' coordinates; those of gears alone are added.
+        keys: of the sites' coordinates; those of gears alone are added.
         entries: of the sites.
         motors: whether motors drive.
     """
@@ -259,6 +278,8 @@ def _gear_coordinates(
     entry, coordinate = np.full((2, len(drives)), -1, dtype=np.int64)
     for d in np.flatnonzero(loses(gears)):
         key = int(drives[d].velocity_index), int(getattr(drives[d], "column", -1))
+        if drives[d].couples:
+            key = -1, -2 - int(d)
         if key[1] >= 0 and scene.linkage is not None:  # friction acts along the same line
             column = scene.linkage.friction_column[scene.linkage.column_pair[key[1]]]
             key = key if column < 0 else (-1, int(column))

@@ -146,7 +146,9 @@ def measure_rates(machine: Machine, v: np.ndarray) -> None:
     _relate_frames(t, machine.supply, w)
     for c in range(w.coordinate_rate.size):
         action = layout.coordinate_action[c]
-        w.coordinate_rate[c] = v[layout.coordinate_v[c]] if action < 0 else w.rate[0, action]
+        w.coordinate_rate[c] = w.rate[0, action] if action >= 0 else 0.0
+        for i in range(v.size if action < 0 else 0):
+            w.coordinate_rate[c] += w.D[c, i] * v[i]
 
 
 @kernel
@@ -187,17 +189,15 @@ def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
     """Write D, S and the relative velocity of every coordinate."""
     layout = t.layout
     D, S, J, rate = w.D, w.S, w.J, w.coordinate_rate
-    velocity, action = layout.coordinate_v, layout.coordinate_action
-    for c in range(velocity.size):
-        if action[c] < 0:
-            rate[c] = v[velocity[c]]
-            continue
+    action = layout.coordinate_action
+    for c in range(action.size):
         rate[c] = 0.0
         for i in range(v.size):
-            D[c, i] = J[0, action[c], i]
+            if action[c] >= 0:
+                D[c, i] = J[0, action[c], i]
             rate[c] += D[c, i] * v[i]
-    for d in range(layout.drive_v.size):
-        if layout.drive_v[d] < 0:
+    for d in range(layout.drive_action.size):
+        if layout.drive_action[d] >= 0:
             for i in range(v.size):
                 S[d, i] = J[0, layout.drive_action[d], i]
 
@@ -709,7 +709,7 @@ def couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, s
     M, h, nv, nl = w.M, k.h, v.size, t.multipliers
     given, terms, push = w.given, w.size, w.push
     write_lines(t, w, v, effort, step)
-    _write_given(t, w, effort)
+    _write_given(w, effort)
     _write_mass_matrix(t, w)
     w.locking[0] = add_armature(t, w)
     if step > 0.0:
@@ -767,20 +767,17 @@ def assemble(
 
 
 @kernel
-def _write_given(t: Tables, w: Work, effort: np.ndarray) -> None:
+def _write_given(w: Work, effort: np.ndarray) -> None:
     """Write S u, the generalized effort of the drives, along the lines of their gears that rise."""
-    layout, given = t.layout, w.given
+    given = w.given
     for i in range(given.size):
         given[i] = w.a_closure[i] = 0.0
     for d in range(effort.size):
         if w.slope[d] <= 0.0:
             continue
         on_line = (effort[d] - w.offset[d]) / w.slope[d]
-        if layout.drive_v[d] >= 0:
-            given[layout.drive_v[d]] += on_line
-        else:
-            for i in range(given.size):
-                given[i] += w.S[d, i] * on_line
+        for i in range(given.size):
+            given[i] += w.S[d, i] * on_line
 
 
 @kernel
@@ -895,7 +892,7 @@ def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
         x[w.coordinate[e]] += gain[e] * w.entry_load[e]
     for _ in range(FEW_PASSES):
         write_lines(t, w, v, effort, 0.0)
-        _write_given(t, w, effort)
+        _write_given(w, effort)
         _write_mass_matrix(t, w)
         if add_armature(t, w) > 0:
             return

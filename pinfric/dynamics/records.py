@@ -20,7 +20,7 @@ from pinfric.dynamics.states import unit_parts
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import empty_problem
 from pinfric.model.closure import actions_of
-from pinfric.model.loops import Linkage, make_linkage
+from pinfric.model.loops import Linkage, no_linkage
 from pinfric.model.twin import Twin
 
 _WORLD = pin.Convention.WORLD
@@ -137,13 +137,14 @@ class _Inertias(Sequence[np.ndarray]):
 def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
     """Tabulate a scene, with the masses of one payload, for the kernels."""
     model, nj = twin.model, twin.n_joints
+    unit_q, unit_count = unit_parts(model)
     carries = np.eye(nj, dtype=np.int8)
     for j in range(nj):  # parents come before their children
         if model.parents[j + 1] > 0:
             carries[:, j] |= carries[:, model.parents[j + 1] - 1]
     mass = carries @ np.array([y.mass for y in model.inertias[1:]]).reshape(nj)
     freedoms = _freedoms(twin)
-    actions = actions_of(twin, linkage or make_linkage(twin.model, (), (), {}, ""))
+    actions = actions_of(twin, linkage or no_linkage(twin.model))
     closed = linkage is not None and linkage.multipliers > 0
     # where multipliers are shared all joints are wanted, and first
     rows = np.union1d(np.arange(layout.sharing) if closed else [], layout.joint).astype(np.int64)
@@ -153,7 +154,6 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
               for i in np.flatnonzero(layout.contact_site == s) if layout.rubs[s]]  # fmt: skip
     entry = np.array([e for e, _ in chosen], dtype=np.int64)
     contact = np.array([i for _, i in chosen], dtype=np.int64)
-    units = np.array(unit_parts(model), dtype=np.int64).reshape(-1, 2)
     kinds = [] if linkage is None else [loop.kind for loop in linkage.loops]
     direction_size = np.zeros(len(layout.coordinate_v))
     for c, action in enumerate(layout.coordinate_action):
@@ -166,8 +166,8 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         gravity=np.array(model.gravity.linear),
         **freedoms,
         armature=twin.armature,
-        unit_q=units[:, 0].copy(),
-        unit_count=units[:, 1].copy(),
+        unit_q=unit_q,
+        unit_count=unit_count,
         wrench_row=rows,
         contact_row=row_of[layout.joint[layout.entry_site[entry]]],
         contact_site=entry,
@@ -179,7 +179,7 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
         planar=np.array([kind == "planar_pin" for kind in kinds], dtype=bool),
         direction_size=direction_size,
         multipliers=layout.solved - layout.off_joint,
-        dependent=layout.solved > layout.off_joint or layout.has_loop_coordinates,
+        dependent=layout.solved > layout.off_joint or layout.off_joints,
     )
 
 
@@ -212,10 +212,6 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         tables.actions.pair_kind,
     )
     pairs = len(kind)
-    D, S = np.zeros((nc, nv)), np.zeros((na, nv))
-    on_tree, driven = np.flatnonzero(layout.coordinate_v >= 0), np.flatnonzero(layout.drive_v >= 0)
-    D[on_tree, layout.coordinate_v[on_tree]] = 1.0
-    S[driven, layout.drive_v[driven]] = 1.0
     out = np.zeros(nv + na + 8 * ns)
     a, effort, phi, load, wrench = np.split(out, np.cumsum([nv, na, ns, ns]))
     problem = empty_problem(
@@ -229,7 +225,8 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         momentum=np.empty((len(tables.freedom_joint), 6)), X=np.empty((1, nj + pairs, 6, nx)),
         J=np.empty((1, nx, nv)), gap=np.empty((1, nx)), rate=np.empty((1, nx)),
         rate_derivative=np.empty((1, nx)), tilt=np.empty((1, pairs)), terms=np.empty((1, pairs, 2)),
-        D=D, S=S, Z=np.eye(nv), M=np.empty((nv, nv)), factor=np.zeros((nv, nc)),
+        D=layout.coordinate_row.copy(), S=layout.drive_row.copy(), Z=np.eye(nv),
+        M=np.empty((nv, nv)), factor=np.zeros((nv, nc)),
         a_map=np.zeros((nv, 1 + nc)), multiplier_map=np.zeros((nl, 1 + nc)),
         wrench_map=np.zeros((rows, 6, 1 + nc)), coordinate_rate=np.zeros(nc),
         idle=np.zeros(nc, dtype=bool),

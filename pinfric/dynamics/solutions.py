@@ -169,7 +169,10 @@ def _of_open_chain(result: InverseResult, sample: int) -> Solution:
     sites, layout = result.scene.site_tables, make_layout(result.scene)
     total = np.zeros(result.scene.model.nv)
     np.add.at(total, sites.velocity_index, sites.ratio * friction)
-    effort = result.effort_frictionless[sample] - layout.part * total[layout.drive_v]
+    taken = layout.part * total[layout.drive_v]
+    if layout.delivery.size:
+        taken = layout.delivery @ taken
+    effort = result.effort_frictionless[sample] - taken
     ns = len(friction)
     wrench = np.full((ns, 6), np.nan) if result.wrench is None else result.wrench[sample]
     return Solution(effort, friction, friction, result.normal_load[sample], wrench,

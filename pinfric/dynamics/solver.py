@@ -169,12 +169,12 @@ def make_sample(ws: Workspace) -> Sample:
     """Make the buffers of one sample of an open chain, on the Pinocchio data of a workspace."""
     scene, layout, supply, tables = ws.scene, ws.tables, ws.supplier.supply, ws.scene.site_tables
     ns, na = len(scene.sites), len(scene.drives)
-    units = np.array(unit_parts(scene.model), dtype=np.int64).reshape(-1, 2)
+    unit_q, unit_count = unit_parts(scene.model)
     effort, motor, friction = np.zeros((3, 1, na)), np.zeros((2, 1, na)), np.zeros((3, 1, ns))
     geared = any(drive.transmission for drive in scene.drives)
     return Sample(
         q=np.zeros(ws.nq), v=np.zeros((1, ws.nv)), a=np.zeros((1, ws.nv)),
-        unit_q=units[:, 0].copy(), unit_count=units[:, 1].copy(),
+        unit_q=unit_q, unit_count=unit_count,
         force=supply.force, h=supply.h, joint=layout.joint, place=np.arange(ns),
         velocity_index=tables.velocity_index, ratio=tables.ratio,
         displacement_q=layout.displacement_q, displacement_ratio=layout.displacement_ratio,
@@ -218,7 +218,7 @@ class Solver:
         self._carried = None if attached is None else tuple(attached)
         self._ws = Workspace(self.scene, self._carried)
         self._motors: Workspace | None = None
-        self._at_once = self.scene.linkage is None and self.scene.mobility.one_drive_each
+        self._at_once = self.scene.one_drive_each
         if self._at_once:
             self._sample = x = make_sample(self._ws)
             self._q, self._v, self._a = x.q, x.v[0], x.a[0]

@@ -159,15 +159,16 @@ _UNIT_PARTS = {
 }
 
 
-def unit_parts(model: pin.Model) -> list[tuple[int, int]]:
-    """Return where in q (cos, sin) pairs and quaternions begin, and how long they are."""
+def unit_parts(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
+    """Return where in q (cos, sin) pairs and quaternions begin, and how long they are; (nu,)."""
     found = []
     for joint in model.joints[1:]:
         continuous = (0, 2 if (joint.nq, joint.nv) == (2, 1) else 0)
         first, size = _UNIT_PARTS.get(joint.shortname(), continuous)
         if size:
             found.append((joint.idx_q + first, size))
-    return found
+    begins, sizes = np.ascontiguousarray(np.array(found, dtype=np.int64).reshape(-1, 2).T)
+    return begins, sizes
 
 
 def _on_manifold(model: pin.Model, q: np.ndarray) -> np.ndarray:
@@ -176,7 +177,7 @@ def _on_manifold(model: pin.Model, q: np.ndarray) -> np.ndarray:
         return q
     normal = q.copy()
     largest = 0.0
-    for first, size in unit_parts(model):
+    for first, size in zip(*unit_parts(model), strict=True):
         part = slice(first, first + size)
         norm = np.linalg.norm(q[:, part], axis=1, keepdims=True)
         if (norm < 1e-6).any():

@@ -65,7 +65,7 @@ from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
 from pinfric.model.compiled import KernelArgument, is_ready
 from pinfric.model.drives import gear_jam, may_lock
-from pinfric.model.loops import Linkage, stand_still
+from pinfric.model.loops import Linkage, no_linkage, stand_still
 from pinfric.model.scene import Scene
 
 #: So many self-locking gears at rest are let hold and slip in all ways (3^n searches at most, of
@@ -151,15 +151,15 @@ class Workspace:
         of = t.gear_coordinate.tolist()
         self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
         self._balls = np.unique(t.block[t.ball])
-        self._loop_coordinates = t.has_loop_coordinates
+        self._off_joints = t.off_joints
         self._kept: tuple[object, ...] | None = None
         self._guides = [
             (int(s), scene.sites[s].axis.tolist(), float(t.roll_lever[s])) for s in t.guides
         ]
         self.standing: Standing | None = None
         if self.closed:
-            assert scene.linkage is not None
-            self.standing = Standing(np.zeros(len(t.dry), dtype=bool), scene.linkage)
+            self.linkage = scene.linkage or no_linkage(scene.model)
+            self.standing = Standing(np.zeros(len(t.dry), dtype=bool), self.linkage)
         #: The configuration closed last, and what stands still in it.
         self._last: tuple[np.ndarray, Standing | None] = np.zeros(0), None
 
@@ -182,7 +182,7 @@ class Workspace:
 
     def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
-        if self._loop_coordinates:
+        if self._off_joints:
             v = np.ascontiguousarray(v)
             self.supplier.move(np.ascontiguousarray(q), v)
             measure_rates(self._machine, v)
@@ -488,7 +488,7 @@ class Workspace:
         lines = best[2:]
         m.take(start)
         self._couple()
-        wedged = self._wedged(start.at_rest)
+        wedged = self._wedged(start.at_rest)[:_MOST_WEDGED]
         choices = sorted(product((0, _OTHERWISE, _FALLS), repeat=len(wedged)),
                          key=lambda each: (each.count(_FALLS), sum(each)))  # fmt: skip
         for choice in choices[1:]:
@@ -523,25 +523,29 @@ class Workspace:
             return only_candidate(*rest.solve(self.problem, m, self.mechanism))
         return only_candidate(*solve(self.problem, m))
 
-    def ways_to_hold(self) -> Iterator[None]:
-        """Yield with each choice of loads that self-locking gears hold; then the first again."""
-        yield
+    def ways_to_hold(self) -> Iterator[bool]:
+        """Yield with each choice of loads that self-locking gears hold; then the first again.
+
+        What is yielded: whether these are all choices that there are.
+        """
         wedged, delivered = self._wedged(self.modes.stuck), self.work.delivered.copy()
+        every = len(wedged) <= _MOST_WEDGED
+        wedged = wedged[:_MOST_WEDGED]
+        yield every
         for choice in list(product((0, _OTHERWISE), repeat=len(wedged)))[1:]:
             self.work.delivered[:] = delivered
             for d, how in zip(wedged, choice, strict=True):
                 self._wedge(d, how)
             self._couple()
-            yield
+            yield every
         self.work.delivered[:] = delivered
         self._couple()
 
     def _wedged(self, rests: np.ndarray) -> list[int]:
         """The self-locking gears at rest (nc,) that motor and load push the same way, or may."""
         c_of, held = self.tables.gear_coordinate, self.work.held
-        found = [int(d) for d in self._locks if c_of[d] >= 0 and rests[c_of[d]]
-                 and np.isfinite(held[d]).any()]  # fmt: skip
-        return found[:_MOST_WEDGED]
+        return [int(d) for d in self._locks if c_of[d] >= 0 and rests[c_of[d]]
+                and np.isfinite(held[d]).any()]  # fmt: skip
 
     def _slipping(self, start: Modes) -> int:
         """How many coordinates slip that were at rest."""

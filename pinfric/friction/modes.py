@@ -139,6 +139,26 @@ def search(
     return status
 
 
+@dataclass
+class Patience:
+    """Whether all that is wrong may change at once: while that reduces its number now and then.
+
+    Attributes:
+        fewest: that were wrong so far. left: how often more may be from now on.
+    """
+
+    fewest: int
+    left: int = 10
+
+    def lasts(self, wrong: int) -> bool:
+        """Count a pass in which so many are wrong; False: only one of them may change."""
+        if wrong < self.fewest:
+            self.fewest, self.left = wrong, 10
+            return True
+        self.left -= 1
+        return self.left >= 0
+
+
 def pivot(problem: Problem, modes: Modes, forced: Mapping[int, float] | None = None) -> Found:
     """Find consistent modes from those given, by block pivoting with Murty's rule as a safeguard.
 
@@ -149,8 +169,7 @@ def pivot(problem: Problem, modes: Modes, forced: Mapping[int, float] | None = N
     Args:
         problem, modes, forced: see `search`; here the modes given are where the search starts.
     """
-    fixed = set(forced or {})
-    fewest, patience = len(modes.stuck) + 1, 10
+    fixed, all_at_once = set(forced or {}), Patience(len(modes.stuck) + 1)
     for _ in range(50 + 20 * len(modes.stuck)):
         solutions, obeying = solve(problem, modes)
         if solutions < 0:
@@ -162,13 +181,7 @@ def pivot(problem: Problem, modes: Modes, forced: Mapping[int, float] | None = N
         wrong = [int(c) for c in np.flatnonzero(modes.verdict) if c not in fixed]
         if not wrong:
             return Found.NONE  # what must slip would not
-        if len(wrong) < fewest:
-            fewest, patience = len(wrong), 10
-        elif patience > 0:
-            patience -= 1
-        else:
-            wrong = wrong[-1:]
-        for c in wrong:
+        for c in wrong if all_at_once.lasts(len(wrong)) else wrong[-1:]:
             sticks = modes.verdict[c] == SHOULD_STICK
             modes.stuck[c] = sticks
             modes.direction[c] = 0.0 if sticks else float(modes.verdict[c])

@@ -29,7 +29,7 @@ from pinfric.friction.anderson import anderson
 from pinfric.friction.consistency import ROUNDING, SHOULD_STICK, evaluate, judge, stick_limits
 from pinfric.friction.given_modes import slip_law
 from pinfric.friction.holding import decide
-from pinfric.friction.modes import Found, Modes, only_candidate
+from pinfric.friction.modes import Found, Modes, Patience, only_candidate
 from pinfric.friction.problem import Problem, bounded
 from pinfric.friction.sharing import RANK, secular_root, share, share_one
 
@@ -460,8 +460,7 @@ def follow(
         problem, modes, mechanism: see `search`; the modes given are where it starts.
         fixed: coordinates whose modes stay.
     """
-    fixed = fixed or set()
-    fewest, patience = len(modes.stuck) + 1, 10
+    fixed, all_at_once = fixed or set(), Patience(len(modes.stuck) + 1)
     for _ in range(_CHANGES + 4 * len(modes.stuck)):
         solutions, obeying = solve(problem, modes, mechanism)
         if solutions <= 0:
@@ -473,11 +472,7 @@ def follow(
         wrong = [int(c) for c in np.flatnonzero(modes.verdict) if c not in fixed]
         if not wrong:
             return Found.NONE  # what must slip would not
-        if len(wrong) < fewest:
-            fewest, patience = len(wrong), 10
-        elif patience > 0:
-            patience -= 1
-        else:
+        if not all_at_once.lasts(len(wrong)):
             last = mechanism.block[wrong[-1]]
             wrong = [c for c in wrong if mechanism.block[c] == last]
         alone = [c for c in wrong if mechanism.idle[c] and len(wrong) == 1 and not modes.stuck[c]]

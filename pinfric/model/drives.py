@@ -37,12 +37,14 @@ class Drive:
         velocity_index: the column of v it moves.
         transmission: None for an ideal drive of ratio 1 (motor torque = effort).
         share: w of the sum of effort^2 / w that redundant drives make least; None: not said.
+        couples: (column of v, factor) of other joints that turn it, too (`couples`).
     """
 
     name: str
     velocity_index: int
     transmission: Transmission | None = None
     share: float | None = None
+    couples: tuple[tuple[int, float], ...] = ()
 
 
 class Gears(NamedTuple):

@@ -3,7 +3,7 @@
 A scene becomes an explicit list of effects, and the dynamics evaluate what is on: without friction
 one plain RNEA batch, with constant friction no wrenches, with bearings the twin, with loops or
 drives off the joints the iteration. `with_effects` takes effects out of a scene, for study; loops
-stay, for without them a mechanism is another one, and so does coupling.
+stay, for without them a mechanism is another one, and so do couples and coupling.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pinfric.errors import SceneError, choose_from
 from pinfric.model.friction_terms import FrictionTerm
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Transmission, added_terms
+from pinfric.model.transmission import driven_loss, driving_loss
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def switchable() -> tuple[str, ...]:
 #: Those that change motors' torques, and no effort at a joint.
 MOTOR_SIDE = ("transmission", "gear")
 #: Those that cannot: they follow from how the mechanism is built.
-STRUCTURAL = ("loops", "coupling")
+STRUCTURAL = ("loops", "couples", "coupling")
 
 
 def effects(scene: Scene) -> tuple[Effect, ...]:
@@ -111,6 +112,8 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
     found.append(_effect("gear", "actuators.{}.transmission.efficiency", lossy))
     found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
     found.append(_effect("loops", "loops.{}", [loop.name for loop in scene.loops]))
+    coupled = [drive.name for drive in scene.drives if drive.couples]
+    found.append(_effect("couples", "actuators.{}.couples", coupled))
     found.append(_coupling(scene))
     return tuple(found)
 
@@ -178,7 +181,7 @@ def _acts(friction: Friction) -> bool:
 def _unloaded(actuator: Actuator) -> Actuator:
     """Without what grows with the load: `efficiency` and `back_efficiency`."""
     gear = actuator.transmission
-    if gear is None or (gear.efficiency == 1.0 and gear.back_efficiency in (None, 1.0)):
+    if gear is None or not any(any(f(gear).slopes) for f in (driving_loss, driven_loss)):
         return actuator
     unloaded = gear.model_copy(update={"efficiency": 1.0, "back_efficiency": None})
     return actuator.model_copy(update={"transmission": unloaded})
@@ -186,7 +189,14 @@ def _unloaded(actuator: Actuator) -> Actuator:
 
 def _lossless(actuator: Actuator) -> Actuator:
     """The ratio stays: without it motor torques could not be compared."""
-    if actuator.transmission is None:
+    gear = actuator.transmission
+    if gear is None or (_unloaded(actuator) == actuator and not (
+            gear.no_load_torque or gear.motor_viscous or gear.rotor_inertia)):  # fmt: skip
         return actuator
-    ratio = Transmission(ratio=actuator.transmission.ratio)
-    return actuator.model_copy(update={"transmission": ratio})
+    return actuator.model_copy(update={"transmission": Transmission(ratio=gear.ratio)})
+
+
+def uncoupled(scene: Scene) -> Scene:
+    """Return the scene with drives that move their own joints only; what they deliver is else."""
+    actuators = [a.model_copy(update={"couples": {}}) for a in scene.actuators or ()]
+    return scene.with_(actuators=actuators)

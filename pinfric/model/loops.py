@@ -195,6 +195,11 @@ def make_linkage(
     )
 
 
+def no_linkage(model: pin.Model) -> Linkage:
+    """Return the tables of an open chain: no loop, and no drive off its joints."""
+    return make_linkage(model, (), (), {}, "")
+
+
 def _friction_columns(
     loops: Sequence[Loop], drives: Sequence[OffJointDrive], friction: Mapping[str, Friction],
     pairs: list[dict[str, Any]], columns: list[tuple[int, np.ndarray]], source: str,
@@ -265,6 +270,9 @@ def _drives(
             if actuator.joint not in loop_rows:
                 continue
             row = loop_rows[actuator.joint]
+            if actuator.couples:
+                raise SceneError(f"{where}: couples: loop {actuator.joint!r} closes here; only "
+                                 "drives on joints of the tree can be coupled")  # fmt: skip
             if loops[row].kind not in _ONE_WAY:
                 raise SceneError(f"{where}: loop {actuator.joint!r} is {loops[row].kind}: it has "
                                  "no single axis to drive")  # fmt: skip
@@ -280,7 +288,7 @@ def _drives(
             pairs.append(_force_pair(model, actuator.force, where))
             columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
         drives.append(OffJointDrive(actuator.drive_name, -1, actuator.transmission, actuator.share,
-                                    len(drives), kind))  # fmt: skip
+                                    column=len(drives), unit=kind))  # fmt: skip
     return drives, columns
 
 

@@ -39,11 +39,6 @@ class Mobility:
     undriven: tuple[int, ...]
     redundant: tuple[int, ...]
 
-    @property
-    def one_drive_each(self) -> bool:
-        """Whether every freedom has exactly one drive."""
-        return not self.undriven and not self.redundant
-
     def counts(self, drives: int) -> str:
         """Say how many drives there are for how many freedoms."""
         return f"{drives} for {self.freedoms} degree{'' if self.freedoms == 1 else 's'} of freedom"

@@ -18,7 +18,8 @@ from pinfric.model.alignment import align_axes, shift_frames
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, contacts
 from pinfric.model.brief import scene_screen
-from pinfric.model.closure import close, velocity_indices
+from pinfric.model.closure import close, velocity_indices, velocity_names
+from pinfric.model.couples import check_couples, taking_part
 from pinfric.model.drives import Drive
 from pinfric.model.entry import parse
 from pinfric.model.laws import FrictionLaw, Laws, friction_law, law_table
@@ -163,8 +164,12 @@ class Scene:
     def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
         if self.linkage is None:
             return mobility_of_tree(self.model.nv, self.drives)
-        return mobility_of_linkage(self.twin(), self.linkage, self.drives,
-                                   self.start_configuration, self.source, doubts)  # fmt: skip
+        found = mobility_of_linkage(self.twin(), self.linkage, self.drives,
+                                    self.start_configuration, self.source, doubts)  # fmt: skip
+        for d in set(taking_part(self.drives)).intersection(found.redundant):
+            raise SceneError(f"{self.source}: actuators: {self.drives[d].name!r} is coupled, and "
+                             f"redundant: {found.counts(len(self.drives))}")  # fmt: skip
+        return found
 
     def _align(self) -> dict[str, str]:
         """Make a mechanism of what a file rounded; say so, and return what stays in doubt."""
@@ -367,9 +372,18 @@ class Scene:
                 raise SceneError(f"{self.source}: actuators: the name {name!r} is taken by a joint "
                                  "or a loop that this drive does not move")  # fmt: skip
             listed[name] = off_joint.get(name) or self._drive(actuator)
-        if self.linkage is not None:
-            return tuple(listed.values())
-        return tuple(sorted(listed.values(), key=lambda drive: drive.velocity_index))
+        found = list(listed.values())
+        check_couples(found, velocity_names(self.model), self.source)
+        if self.linkage is None:
+            found.sort(key=lambda drive: drive.velocity_index)
+        return tuple(found)
+
+    @property
+    def one_drive_each(self) -> bool:
+        """Whether every freedom has exactly one drive, which moves nothing else."""
+        mobility = self.mobility
+        open_ = self.linkage is None and not mobility.undriven and not mobility.redundant
+        return open_ and not taking_part(self.drives)
 
     def loaded_model(self, attached: Iterable[str] | None = None) -> pin.Model:
         """Return a model with the named payloads; None takes those attached by default."""
@@ -495,16 +509,21 @@ class Scene:
     def _drive(self, actuator: Actuator) -> Drive:
         name = actuator.joint
         assert name is not None  # those off the joints are in the linkage
-        driven = [d for joint in range(1, self.model.njoints) for d in self._ideal(joint)]
-        for drive in driven:
-            if drive.name == name:
-                return Drive(actuator.drive_name, drive.velocity_index, actuator.transmission,
-                             actuator.share)  # fmt: skip
-        names = [d.name for d in driven]
+        couples = tuple((self._velocity(other, f"{actuator.drive_name}.couples"), factor)
+                        for other, factor in actuator.couples.items())  # fmt: skip
+        return Drive(actuator.drive_name, self._velocity(name, ""), actuator.transmission,
+                     actuator.share, couples)  # fmt: skip
+
+    def _velocity(self, name: str, where: str) -> int:
+        """The column of v of what an actuator names."""
+        joints = range(1, self.model.njoints)
+        driven = {d.name: d.velocity_index for joint in joints for d in self._ideal(joint)}
+        if name in driven:
+            return driven[name]
         follows = (
             " is a mimic joint, driven through its leader;" if name in self.joint_names else ""
         )
         raise SceneError(
-            f"{self.source}: actuators: joint {name!r}{follows or ' is not there;'} "
-            f"{choose_from(name, names)}"
+            f"{self.source}: actuators: {where}{': ' * bool(where)}joint {name!r}"
+            f"{follows or ' is not there;'} {choose_from(name, driven)}"
         )

@@ -286,10 +286,20 @@ class Actuator(Entry):
     they move, `share`s w say who does how much: the sum of effort^2 / w is least, so that drives
     on one joint share its effort as w1 : w2.
 
+    `couples` names other joints that turn this drive, too, and how far per turn of theirs:
+
+        {joint: wrist_3_joint, couples: {wrist_2_joint: 1.0}, transmission: {ratio: 32}}
+
+    turns its motor by 32 (q_wrist_3 + 1.0 q_wrist_2). A factor is positive where the motor must
+    turn forward while the other joint moves forward and its own stands; a controller's figure in
+    motor turns per turn of the other joint is factor x ratio (per m of a joint that slides). The
+    drive's effort t acts on its own joint, and factor x t on the other.
+
     Attributes:
         joint: of the robot or of a loop that it drives, e.g. joint_2
         name: of the drive; left out, its joint's, e.g. joint_2_left
         share (1): w, of the work that redundant drives share, e.g. 2.0
+        couples: other joints that turn this drive, with their factors, e.g. {joint_2: 1.0}
         transmission: gear and motor; left out, an ideal drive, e.g. {ratio: 100}
         cylinder: a drive between two points, e.g. {name: boom, a: {link: base}, b: {link: boom}}
         force: a drive at a point, e.g. {name: push, link: drawer, direction: [1, 0, 0]}
@@ -298,6 +308,7 @@ class Actuator(Entry):
     joint: str | None = None
     name: str | None = None
     share: Positive | None = None
+    couples: dict[str, Number] = Field(default_factory=dict)
     transmission: Transmission | None = None
     cylinder: Cylinder | None = None
     force: PointForce | None = None
@@ -309,6 +320,13 @@ class Actuator(Entry):
             raise ValueError(f"an actuator is one of joint, cylinder, force; found {kinds}")
         if self.name is not None and self.joint is None:
             raise ValueError(f"`name` stands inside `{kinds[0]}`")
+        if self.couples and self.joint is None:
+            raise ValueError(f"`couples` is of drives on joints, not of a {kinds[0]}")
+        for name, factor in self.couples.items():
+            if name == self.joint:
+                raise ValueError(f"`couples` names its own joint {name!r}; leave it out")
+            if factor == 0.0:
+                raise ValueError(f"`couples.{name}` 0 couples nothing; leave it out")
         return self
 
     @property

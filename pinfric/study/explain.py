@@ -9,7 +9,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
-from pinfric.model.effects import MOTOR_SIDE, STRUCTURAL, Effect, effects, with_effects
+from pinfric.model.effects import MOTOR_SIDE, Effect, effects, uncoupled, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.random_states import random_states
 from pinfric.study.summary import ends_by_magnitude
@@ -116,7 +116,7 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
             rows.append(Explained(effect.name, effect.on, effect.why, _NAN, _NAN, _NAN, "", False))
             continue
         motor_side = effect.name in MOTOR_SIDE
-        if effect.name in STRUCTURAL:
+        if effect.name == "coupling":
             assert trajectory is not None  # where something couples there is one
             change = _coupling_change(scene, trajectory)
         else:
@@ -147,8 +147,10 @@ def _gear_losses(scene: Scene, motion: _Motion, whole: InverseResult) -> tuple[G
 
 def _without(scene: Scene, effect: Effect) -> Scene:
     """The scene without an effect; without coupling: loads as if there were no friction."""
-    if effect.name in STRUCTURAL:
+    if effect.name == "coupling":
         return hardly_rubbing(scene)
+    if effect.name == "couples":
+        return uncoupled(scene)
     return with_effects(scene, without=[effect.name])
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
+from pinfric.model.couples import reaches
 from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
@@ -172,14 +173,15 @@ def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray,
 
 
 def sites_on(scene: Scene, actuator: int) -> list[int]:
-    """Return the columns of the sites that move with a drive: its joint's, its followers'.
+    """Return the columns of the sites whose friction a drive feels: its joint's, its followers'.
 
-    With loops, cylinders or forces every site's friction reaches every drive: all of them.
+    Of coupled drives those of the others' joints, too. With loops, cylinders or forces every site's
+    friction reaches every drive: all of them.
     """
-    column = scene.drives[actuator].velocity_index
     if scene.linkage is not None:
         return list(range(len(scene.sites)))
-    return [s for s, site in enumerate(scene.sites) if site.velocity_index == column]
+    felt = reaches(scene.drives, scene.model.nv)[actuator]
+    return [s for s, site in enumerate(scene.sites) if felt[site.velocity_index]]
 
 
 def rests(result: InverseResult, actuator: int) -> np.ndarray:

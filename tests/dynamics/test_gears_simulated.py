@@ -14,7 +14,9 @@ from dynamics.test_gear_judges import DEMO, PUBLISHED
 from dynamics.test_gears import LOSSY, WORM, geared_arm, hoist
 
 import pinfric as pf
+from pinfric.dynamics import holds as holds_module
 from pinfric.errors import SimulationError, StateError
+from pinfric.friction.holding import Verdict
 from pinfric.show.report.motion import motion_json
 
 RATIO = -50.0
@@ -253,3 +255,18 @@ def test_a_scene_says_what_drives_its_simulation():
         pf.simulate(scene, [0.0], [0.0], t_end=1.0, motor_torque=[1.0, 2.0])
     with pytest.raises(StateError, match="neither"):
         pf.holds(scene, [0.0])
+
+
+def test_what_one_way_to_hold_leaves_open_is_not_refuted(monkeypatch):
+    """A worm holds little load or much: `held` is False where both are shown not to hold."""
+    nothing = Verdict(False, np.inf, np.zeros(1), True, 0)
+    doubt = Verdict(None, np.inf, np.zeros(1), False, 0)
+    bound = Verdict(False, np.inf, np.zeros(1), False, 0)
+    scene = screw(0.4, -0.1, {})
+    high = pf.inverse_dynamics(scene, [[0.2]], [[0.0]], [[0.0]]).motor_torque_upper[0, 0]
+    for second, held, proved in ((nothing, False, True), (doubt, None, False),
+                                 (bound, False, False)):  # fmt: skip
+        left = [nothing, second]
+        monkeypatch.setattr(holds_module, "_decide", lambda *_, left=left: left.pop(0))
+        found = pf.holds(scene, [0.2], motor_torque=[1.1 * high])
+        assert (found.held, found.proved, left) == (held, proved, [])

@@ -54,9 +54,11 @@ def test_a_scene_with_everything_has_every_effect_and_says_why():
     assert {e.name: e.why for e in off}["viscous"] == "no friction.<name>.viscous"
 
 
-def test_gears_without_losses_are_not_denied():
-    ideal = [{"joint": f"joint_{j}", "transmission": {"ratio": 50.0}} for j in range(1, 5)]
+@pytest.mark.parametrize("gear", [{}, {"efficiency": 1.0, "back_efficiency": "same_loss"}])
+def test_gears_without_losses_are_not_denied(gear):
+    ideal = [{"joint": f"joint_{j}", "transmission": {"ratio": 50.0} | gear} for j in range(1, 5)]
     found = effects(pf.Scene(model=whole_scene().model, actuators=ideal))
+    assert not any(effect.on for effect in found)
     gears = next(effect for effect in found if effect.name == "transmission")
     assert not gears.on
     assert gears.why == "actuators.<name>.transmission have ratios only, no losses"

@@ -44,7 +44,8 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
     """Return the joints of a scene that is an open chain driven at its joints.
 
     Raises:
-        PinfricError: loops, drives off the joints, or joints of several degrees of freedom; named.
+        PinfricError: loops, drives off the joints or coupled, or joints of several degrees of
+            freedom; named.
     """
     off_joint = [given for a in scene.actuators or () if (given := a.cylinder or a.force)]
     for what, named in (("the loop", scene.loops), ("the drive off the joints", off_joint)):
@@ -54,6 +55,12 @@ def check_plain_tree(scene: Scene) -> tuple[JointColumn, ...]:
                 f"{scene.source}: {what} {named[0].name!r}{more}: other engines hold loops and "
                 "cylinders as soft constraints, for which no error can be stated; only open "
                 "chains with drives at their joints are exported"
+            )
+    for drive in scene.drives:
+        if drive.couples:
+            raise PinfricError(
+                f"{scene.source}: the drive {drive.name!r} is coupled with another joint, and the "
+                "constants of these formats act on one joint each; leave its `couples` out"
             )
     return joint_columns(scene.loaded_model(), scene.source)
 

@@ -68,6 +68,18 @@ class Choice:
     errors: tuple[Mapping[Law, float], ...]
     hopeless: frozenset[int] = frozenset()
 
+    def on_motors(self, there: NDArray[np.bool_]) -> Choice:
+        """Return the choice with the friction of some drives (nj,) on their motors' sides."""
+
+        def moved(law: Law, motor: bool) -> Law:
+            return replace(law, side="motor") if motor else law
+
+        return Choice(
+            tuple(moved(law, bool(m)) for law, m in zip(self.laws, there, strict=True)),
+            tuple({moved(law, bool(m)): error for law, error in errors.items()}
+                  for errors, m in zip(self.errors, there, strict=True)),
+        )  # fmt: skip
+
 
 def held_out_parts(block: NDArray[np.int64], log: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return with which part each block is held out: whole logs, or neighbouring blocks.

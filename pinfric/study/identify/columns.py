@@ -16,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.model.couples import delivery
 from pinfric.model.friction_terms import LoadFriction
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Friction
@@ -121,8 +122,8 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
     effort = CubicSpline(motion.t, np.column_stack([_passed(y, step) for y in measured.T]))
     slots = np.zeros((kept.size, nj, len(SLOTS)))
     for j in range(nj):
-        v = motion.v[:, j]
-        columns = {INERTIA: motion.a[:, j], FORWARD: v > 0.0, BACKWARD: -1.0 * (v < 0.0)}
+        v, a = recording.velocity[:, j], recording.acceleration[:, j]
+        columns = {INERTIA: a, FORWARD: v > 0.0, BACKWARD: -1.0 * (v < 0.0)}
         columns |= {name: np.sign(v) * np.abs(v) ** p for name, p in SPEEDS.items()}
         for name, column in columns.items():
             slots[:, j, SLOT[name]] = _passed(np.asarray(column, dtype=float), step)[kept]
@@ -131,13 +132,18 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
 
 
 def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) -> FloatArray:
-    """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj)."""
+    """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj).
+
+    Of coupled drives, what they deliver: P times it.
+    """
     model, motion = scene.model, recording.trajectory
-    data, nj = model.createData(), model.nv
+    data, nj, P = model.createData(), model.nv, delivery(scene.drives, model.nv)
     every = np.empty((motion.t.size, nj, 10 * nj))
     for i in range(motion.t.size):
         every[i] = pin.computeJointTorqueRegressor(model, data, motion.q[i], motion.v[i],
                                                    motion.a[i])  # fmt: skip
+        if P.size:
+            every[i] = P @ every[i]
     thin = np.zeros((kept.size, nj, 10 * nj))
     for j in range(nj):
         for p in np.flatnonzero(every[:, j].any(axis=0)):
@@ -151,7 +157,7 @@ def _passed(column: FloatArray, step: float) -> FloatArray:
 
 def _sliding(recording: Recording, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(T, nj) where a joint slides and its effort is known, turning points left out."""
-    step, v = recording.step, recording.trajectory.v
+    step, v = recording.step, recording.velocity
     slides = (np.abs(v) > recording.slowest) & known
     reach = int(np.ceil(_BESIDE / (PASS * step)))
     count = np.cumsum(np.pad(~slides, ((reach + 1, reach), (0, 0)), mode="edge"), axis=0)
@@ -174,7 +180,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Pre
     found = inverse_dynamics(bearings_only(scene), motion)
     rigid, slots = found.effort_frictionless, prepared.slots.copy()
     for j, name in enumerate(scene.joint_names):
-        sign = np.sign(motion.v[:, j])
+        sign = np.sign(recording.velocity[:, j])
         columns = {}
         if name in found.site_names:
             columns[BEARING] = sign * found.normal_load[:, found.site_names.index(name)]
@@ -220,7 +226,7 @@ def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay
         parts.append(Rows(
             one.rigid[one.slides[:, joint], joint], one.slots[one.slides[:, joint], joint],
             one.effort(t[rows] + delay)[:, joint], first + block[rows],
-            np.full(rows.size, number), t[rows], one.recording.trajectory.v[rows, joint],
+            np.full(rows.size, number), t[rows], one.recording.velocity[rows, joint],
             effort[rows, joint],
         ))  # fmt: skip
         first += count

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
 from pinfric.study.identify.checks import check_efforts
 from pinfric.study.identify.choice import Choice, Problem, choose, held_out_parts
@@ -150,6 +151,7 @@ def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
         fit = Reduced(normal, problem.prior).fit(problem.slots(chosen))
     first = all(tuple(own) == (PLAIN,) for own in laws)
     choice = Choice(chosen, ({},) * nj) if first else choose(problem)
+    choice = choice.on_motors(mixed(before.scene.drives, nj))
     slots = problem.slots(choice.laws)
     fit = consistent_fit(normal, problem.prior, Reduced(normal, problem.prior).fit(slots), slots)
     for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
@@ -187,7 +189,10 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     entry = scene.friction.get(name)
     both = _scale_is_known(found) and min(drives, 1.0 - drives) > _LEAST_SHARE
     bearing = entry is not None and entry.bearing is not None
-    return candidates(bearing, found.question.motor and varied, both)
+    laws = candidates(bearing, found.question.motor and varied, both)
+    if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
+        laws = tuple(law for law in laws if not law.load or law.side == "motor" != law.load)
+    return laws
 
 
 def _scale_is_known(found: Estimate) -> bool:
@@ -202,7 +207,7 @@ def _scale_is_known(found: Estimate) -> bool:
 
 def reloaded(found: Estimate, one: Prepared) -> tuple[Prepared, FloatArray]:
     """Return one log's columns with loads by the present estimate, and its rigid effort (T, nj)."""
-    v = one.recording.trajectory.v
+    v = one.recording.velocity
     inner = np.zeros_like(v)
     for j, values in enumerate(found.fit.slots):
         sign = np.sign(v[:, j])

@@ -18,7 +18,7 @@ from pinfric.model.urdf import mesh_file
 from pinfric.model.urdf_file import read_xml
 from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.laws import PLAIN
-from pinfric.study.identify.parameters import Parameter, on_motor
+from pinfric.study.identify.parameters import Parameter, couples, on_motor
 from pinfric.study.new_scene import locator, scalar, yaml_number
 
 if TYPE_CHECKING:
@@ -140,6 +140,8 @@ def _actuators(found: Identified) -> list[dict[str, Any]]:
     section = []
     for drive in found.scene.drives:
         entry: dict[str, Any] = {"joint": drive.name}
+        if drive.couples:
+            entry["couples"] = couples(found.scene, drive)
         given = found.entries[drive.name].transmission if drive.name in found.entries else {}
         if given:
             entry["transmission"] = given

@@ -15,6 +15,7 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.couples import taking_part
 from pinfric.model.files import write_folder
 from pinfric.model.scene import Scene
 from pinfric.study.identify.advice import Advice, advise
@@ -238,6 +239,10 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
                                    ("inertia", inertia, ("consistent", "keep"))):  # fmt: skip
         if value not in allowed:
             raise IdentificationError(f"--{option} {value}: {choose_from(value, allowed)}")
+    if effort_at == "joint" and (coupled := taking_part(scene.drives)):
+        raise IdentificationError(f"--effort-at joint: sensors at joints do not measure what the "
+                                  f"drive {scene.drives[coupled[0]].name!r} delivers, which is "
+                                  "coupled; leave the `couples` out")  # fmt: skip
     for name in laws:
         if name not in scene.joint_names:
             raise IdentificationError(f"laws: there is no joint {name!r}; "

@@ -39,7 +39,7 @@ class Law:
         coulomb: whether there is constant friction, forward and backward apart.
         exponent: of the speed; None: no such term.
         load: "", "bearing" or "gear".
-        side: of a gear's friction, "motor" or "joint".
+        side: of a gear's friction, and of a coupled drive's, "motor" or "joint".
         both_ways: a gear that loses as much driven as driving (eta_b = 2 - 1/eta).
     """
 

@@ -6,7 +6,7 @@
     g+, g-   transmission.J.efficiency = 1/(1 + g+), back_efficiency = 1 - g-
     J        transmission.J.rotor_inertia = J/r^2
 
-With a gear and friction on the motor's side the second form holds, else the first.
+With friction on the motor's side the second form holds, else the first.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.estimate import Estimate
@@ -95,9 +96,14 @@ def ratios(scene: Scene) -> FloatArray:
                      for drive in scene.drives])  # fmt: skip
 
 
+def couples(scene: Scene, drive: Drive) -> dict[str, float]:
+    """Return what a drive's `couples` say: other joint -> factor."""
+    return {scene.joint_names[v]: factor for v, factor in drive.couples}
+
+
 def on_motor(law: Law) -> bool:
-    """Whether a joint's own friction sits before its gear, on the motor's shaft."""
-    return law.load == "gear" and law.side == "motor"
+    """Whether a drive's friction sits before its gear, on the motor's shaft."""
+    return law.side == "motor"
 
 
 def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, str]:
@@ -200,7 +206,8 @@ def identified_scene(found: Estimate, entries: Mapping[str, JointEntries]) -> Sc
         if entry.friction:
             friction[name] = entry.friction
         gear: Any = drive.transmission
-        actuators.append({"joint": name, "transmission": entry.transmission or gear})
+        actuators.append({"joint": name, "transmission": entry.transmission or gear,
+                          "couples": couples(scene, drive)})  # fmt: skip
     return scene.with_(friction=friction, actuators=actuators)
 
 

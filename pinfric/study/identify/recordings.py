@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import IdentificationError, choose_from
+from pinfric.model.couples import drive_rates, rate_rows
 from pinfric.model.scene import Scene
 from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.noise import noise_gain
@@ -35,6 +36,7 @@ class Recording:
         name: the log's.
         trajectory: the motion.
         step: s between samples.
+        velocity, acceleration: (T, nv) of the drives: the joints', but for coupled ones.
         effort: (T, nv) measured, N m or N at the joint; NaN where there is none.
         slowest: (nv,) speed below which noise or presliding decides, rad/s or m/s.
     """
@@ -42,6 +44,8 @@ class Recording:
     name: str
     trajectory: Trajectory
     step: float
+    velocity: FloatArray
+    acceleration: FloatArray
     effort: FloatArray
     slowest: FloatArray
 
@@ -53,8 +57,17 @@ class Recording:
 
     @property
     def rests(self) -> NDArray[np.bool_]:
-        """(T, nv) where a joint is held."""
-        return (self.trajectory.v == 0.0) & (self.trajectory.a == 0.0)
+        """(T, nv) where a drive is held."""
+        return (self.velocity == 0.0) & (self.acceleration == 0.0)
+
+    @classmethod
+    def of(
+        cls, scene: Scene, name: str, trajectory: Trajectory, step: float, effort: FloatArray,
+        slowest: FloatArray,
+    ) -> Recording:  # fmt: skip
+        """Return a recording with the motion of the scene's drives; arguments are its fields."""
+        v, a = (drive_rates(scene.drives, x, x[:, :0]) for x in (trajectory.v, trajectory.a))
+        return cls(name, trajectory, step, v, a, effort, slowest)
 
 
 def check_scene(scene: Scene) -> None:
@@ -150,9 +163,9 @@ def _read(
     effort = np.column_stack([gain.get(joint, 1.0) * reading.effort[joint]
                               for joint in scene.joint_names])  # fmt: skip
     step = float(np.median(np.diff(t)))
-    slowest = [max(STILL, 3.0 * _velocity_noise(reading, joint, step))
-               for joint in scene.joint_names]  # fmt: skip
-    return Recording(name, trajectory, step, effort, np.array(slowest))
+    noise = np.array([_velocity_noise(reading, joint, step) for joint in scene.joint_names])
+    slowest = np.maximum(STILL, 3.0 * np.abs(rate_rows(scene.drives, noise.size)) @ noise)
+    return Recording.of(scene, name, trajectory, step, effort, slowest)
 
 
 def _velocity_noise(reading: Reading, joint: str, step: float) -> float:

@@ -116,7 +116,7 @@ def _peaks(
 ) -> Iterator[tuple[str, float]]:
     """Direction and largest friction of each departure that was slow enough."""
     recording = one.recording
-    t, step, v = recording.trajectory.t, recording.step, recording.trajectory.v[:, joint]
+    t, step, v = recording.trajectory.t, recording.step, recording.velocity[:, joint]
     effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
     if step * _PEAK_PASS < 0.45:
         effort = low_pass(effort, step, _PEAK_PASS)

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from pinfric.errors import CatalogError, RetimeError, SceneError, choose_from
+from pinfric.model.drives import Drive
 from pinfric.model.entry import Entry, Positive, parse, strict_number
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
@@ -283,15 +284,16 @@ def _read(path: Path) -> MotorsFile:
     return file
 
 
-def joint_speeds(scene: Scene, limits: Sequence[DriveLimits]) -> np.ndarray:
-    """Return (na,) the greatest |v| of each drive's joint: URDF, limits, motor and gear."""
-    stated = [stated_limit(float(scene.model.velocityLimit[d.velocity_index]))
-              if d.velocity_index >= 0 else math.inf for d in scene.drives]  # fmt: skip
-    ratio = [1.0 if d.transmission is None else abs(d.transmission.ratio) for d in scene.drives]
-    rows = zip(stated, ratio, limits, strict=True)
-    return np.array([
-        min(speed, x.velocity, min(x.max_speed, x.input_speed) / r) for speed, r, x in rows
-    ])  # fmt: skip
+def joint_speeds(scene: Scene) -> np.ndarray:
+    """Return (nv,) the greatest speeds of the joints that the URDF states (rad/s or m/s)."""
+    return np.array([stated_limit(float(speed)) for speed in scene.model.velocityLimit])
+
+
+def drive_speeds(drives: Sequence[Drive], limits: Sequence[DriveLimits]) -> np.ndarray:
+    """Return (na,) the greatest speeds behind the gears: limits, motor and gear (rad/s or m/s)."""
+    ratio = [1.0 if d.transmission is None else abs(d.transmission.ratio) for d in drives]
+    return np.array([min(x.velocity, min(x.max_speed, x.input_speed) / r)
+                     for r, x in zip(ratio, limits, strict=True)])  # fmt: skip
 
 
 def replaced(limits: Sequence[DriveLimits], i: int, new: DriveLimits) -> tuple[DriveLimits, ...]:

@@ -13,14 +13,15 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.motor_torques import drive_stick_velocity
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import RetimeError
+from pinfric.model.couples import rate_rows
 from pinfric.model.drives import gear_table
 from pinfric.model.scene import Scene
-from pinfric.study.retime.limits import KINDS, DriveLimits, joint_speeds
+from pinfric.study.retime.limits import KINDS, DriveLimits, drive_speeds, joint_speeds
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.profile import Profile, columns_to_velocities
 from pinfric.study.retime.scan import BREAKING, NEEDED, WORST, Scan, box_scan, fastest
 from pinfric.study.retime.tables import Grid, Tables, carried_names
-from pinfric.study.summary import effort_unit, ends_by_magnitude, rests
+from pinfric.study.summary import effort_unit, ends_by_magnitude, rests, sites_on
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 
 
@@ -84,16 +85,19 @@ class Problem:
     def scan(self) -> Scan:
         """Return what `scan.fastest` reads."""
         grid, limits, drives = self.grid, self.limits, self.scene.drives
-        speed = joint_speeds(self.scene, limits)
+        S = rate_rows(drives, self.scene.model.nv)
+        rate, curvature = grid.rate @ S.T, grid.curvature @ S.T
         with np.errstate(divide="ignore"):
-            top = ((speed / np.abs(grid.rate)) ** 2).min(axis=1)
+            top = ((drive_speeds(drives, limits) / np.abs(rate)) ** 2).min(axis=1)
+            own = ((joint_speeds(self.scene) / np.abs(grid.rate)) ** 2).min(axis=1)
+        top = np.minimum(top, own)
         stick = [drive_stick_velocity(self.scene, drive) for drive in drives]
         names = "peak_torque", "stall_torque", "no_load_speed", "effort", "acceleration"
         columns = {name: np.array([getattr(x, name) for x in limits]) for name in names}
         return Scan(
             step=grid.step, start=grid.start, end=grid.end, stop=grid.stop,
-            effort=self.tables.effort, gram=self.tables.gram, rate=grid.rate,
-            curvature=grid.curvature, top=np.minimum(top, 1e15), way=grid.way, mode=self.mode,
+            effort=self.tables.effort, gram=self.tables.gram, rate=rate,
+            curvature=curvature, top=np.minimum(top, 1e15), way=grid.way, mode=self.mode,
             constant=self.constant, laws=self.scene.site_tables.laws,
             gears=gear_table([drive.transmission for drive in drives], stick),
             peak=columns["peak_torque"], stall=columns["stall_torque"],
@@ -223,7 +227,7 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], policy: Policy) 
     """
     scene, v = result.scene, result.actuator_velocity
     use = np.zeros((*v.shape, len(KINDS)))
-    speeds = joint_speeds(scene, [DriveLimits() for _ in limits])
+    joints = np.abs(result.states.v) / joint_speeds(scene)
     for d, (drive, x) in enumerate(zip(scene.drives, limits, strict=True)):
         ends = [result.motor_torque_lower[:, d], result.motor_torque_upper[:, d]]
         efforts = [result.effort_lower[:, d], result.effort_upper[:, d]]
@@ -231,7 +235,7 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], policy: Policy) 
         if policy.rest == "needed":
             least |= rests(result, d)
         if policy.reversal == "own sign":
-            least |= result.reversal[:, [s.velocity_index == d for s in scene.sites]].any(axis=1)
+            least |= result.reversal[:, sites_on(scene, d)].any(axis=1)
         for pair in (ends, efforts):
             nearer = ends_by_magnitude(*pair)[1]
             pair[0], pair[1] = (np.where(least, nearer, end) for end in pair)
@@ -243,6 +247,8 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], policy: Policy) 
         use[:, d, 2] = np.abs(omega) / x.max_speed
         use[:, d, 3] = np.maximum(*map(np.abs, efforts)) / x.effort
         use[:, d, 4] = np.abs(omega) / x.input_speed
-        use[:, d, 5] = np.abs(v[:, d]) / min(x.velocity, speeds[d])
+        use[:, d, 5] = np.abs(v[:, d]) / x.velocity
+        if (own := drive.velocity_index) >= 0:
+            use[:, d, 5] = np.maximum(use[:, d, 5], joints[:, own])
         use[:, d, 6] = np.abs(result.actuator_acceleration[:, d]) / x.acceleration
     return use

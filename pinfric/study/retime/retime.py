@@ -17,6 +17,7 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import RetimeError
 from pinfric.model.brief import Shown, file_name, listed, screen
+from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
 from pinfric.study.retime.limits import (
     KINDS,
@@ -32,7 +33,13 @@ from pinfric.study.retime.path import Path, check_limits, load_path
 from pinfric.study.retime.problem import Policy, Problem, modes, usage
 from pinfric.study.retime.profile import Profile, Samples, columns_to_velocities, sample
 from pinfric.study.retime.scan import box_scan, limit_curve
-from pinfric.study.retime.tables import distinct, make_grid, make_tables, natural_points
+from pinfric.study.retime.tables import (
+    distinct,
+    make_grid,
+    make_tables,
+    natural_points,
+    rates_of,
+)
 from pinfric.study.retime.thermal import Cycle, within_continuous
 from pinfric.study.summary import ends_by_magnitude, rests
 from pinfric.study.summary import rms as root_mean_square
@@ -252,6 +259,12 @@ def _check_scene(scene: Scene) -> None:
     if driven != list(range(scene.model.nv)):
         raise RetimeError(f"{scene.source}: retime needs one drive on each of {scene.model.nv} "
                           f"degrees of freedom, found {len(driven)}")  # fmt: skip
+    there = mixed(scene.drives, scene.model.nv)
+    for site in scene.sites:
+        if there[site.velocity_index]:
+            raise RetimeError(f"{scene.source}: friction.{site.name}: retime knows friction of "
+                              "coupled drives on their motors' sides only: move it to the "
+                              "transmission (no_load_torque, motor_viscous)")  # fmt: skip
 
 
 class _Retiming:
@@ -263,7 +276,7 @@ class _Retiming:
     ) -> None:  # fmt: skip
         self.scene, self.path, self.columns = scene, path, columns
         self.limits, self.policy = limits, policy
-        self.natural = [natural_points(piece) for piece in path.pieces]
+        self.natural = [natural_points(piece, rates_of(scene, columns)) for piece in path.pieces]
         #: (piece, from s, to s): intervals of constant u; and zones about reversals.
         self.constant: list[tuple[int, float, float]] = []
         self.zones: list[tuple[int, int, float, float]] = []
@@ -293,7 +306,7 @@ class _Retiming:
 
     def problem(self, points: list[np.ndarray]) -> Problem:
         """The problem on a grid."""
-        grid = make_grid(self.path, self.columns, points)
+        grid = make_grid(self.scene, self.path, self.columns, points)
         middle, piece = 0.5 * (grid.s[grid.start] + grid.s[grid.end]), grid.piece[grid.start]
         constant = np.zeros(len(middle), dtype=bool)
         for p, first, last in self.constant:
@@ -305,7 +318,8 @@ class _Retiming:
     def check_stops(self) -> None:
         """Refuse stops at which a drive cannot hold, with what it carries before and after."""
         n = len(self.path.pieces)
-        grid = make_grid(self.path, self.columns, [piece.x[[0, -1]] for piece in self.path.pieces])
+        ends = [piece.x[[0, -1]] for piece in self.path.pieces]
+        grid = make_grid(self.scene, self.path, self.columns, ends)
         probe = Problem(self.scene, self.path, self.columns, self.limits, self.policy, grid,
                         make_tables(self.scene, self.path, self.columns, grid),
                         modes(grid, self.policy, ()), np.zeros(n, dtype=bool))  # fmt: skip

@@ -20,6 +20,7 @@ import pinocchio as pin
 from scipy.interpolate import PPoly
 
 from pinfric.dynamics.reactions import Batch, batch_size, generalized_effort, reactions, slices
+from pinfric.model.couples import delivery, rate_rows
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
 from pinfric.study.retime.path import Path, reversals
@@ -43,7 +44,7 @@ class Grid:
         q: (m, nj) positions. rate, curvature: (m, nv) q' and q''.
         start, end: (n,) rows of the ends of each interval.
         stop: (n + 1,) bool, whether the robot stands still at each point.
-        way: (n, nv) sign of q' in each interval.
+        way: (n, na) sign of each drive's rate in each interval.
     """
 
     s: np.ndarray
@@ -67,7 +68,7 @@ class Tables:
     """Efforts and loads at every row as functions of (x, u).
 
     Attributes:
-        effort: (m, nv, 3) frictionless effort g + b x + a u (N m or N).
+        effort: (m, na, 3) frictionless effort g + b x + a u of each drive (N m or N).
         gram: (m, nt, 6) of each norm of a load: products gg, bb, aa, gb, ga, ba of its vectors.
     """
 
@@ -75,9 +76,20 @@ class Tables:
     gram: np.ndarray
 
 
-def natural_points(piece: PPoly) -> np.ndarray:
-    """Return the knots of a piece and the places where a joint reverses: points of every grid."""
-    found = [np.asarray(piece.x), reversals(piece)]
+def rates_of(scene: Scene, columns: tuple[JointColumn, ...]) -> np.ndarray:
+    """Return (na, nj) how fast each drive goes per unit speed of each joint's column."""
+    return rate_rows(scene.drives, scene.model.nv)[:, [column.index_v for column in columns]]
+
+
+def natural_points(piece: PPoly, drives: np.ndarray) -> np.ndarray:
+    """Return the knots of a piece and the places where a joint or a drive reverses: of every grid.
+
+    Args:
+        piece: of a path.
+        drives: (na, nj) `rates_of`.
+    """
+    rates = np.unique(np.concatenate([np.eye(drives.shape[1]), drives]), axis=0)
+    found = [np.asarray(piece.x), reversals(PPoly(piece.c @ rates.T, piece.x))]
     return distinct(np.concatenate(found), piece.x[-1] - piece.x[0], piece.x)
 
 
@@ -92,15 +104,18 @@ def distinct(s: np.ndarray, length: float, kept: np.ndarray) -> np.ndarray:
     return np.asarray(order[~drop])
 
 
-def make_grid(path: Path, columns: tuple[JointColumn, ...], points: list[np.ndarray]) -> Grid:
+def make_grid(
+    scene: Scene, path: Path, columns: tuple[JointColumn, ...], points: list[np.ndarray]
+) -> Grid:
     """Return the rows at the given points of each piece, its two ends among them.
 
     Args:
+        scene: with a drive for every velocity.
         path: the pieces.
         columns: (nj,) of the joints.
         points: for each piece increasing places s.
     """
-    velocity = [column.index_v for column in columns]
+    velocity, drives = [column.index_v for column in columns], rates_of(scene, columns)
     rows, start, end, stop, way, count = [], [], [], [], [], 0
     for p, (piece, s) in enumerate(zip(path.pieces, points, strict=True)):
         first, second = piece.derivative(), piece.derivative(2)
@@ -113,17 +128,15 @@ def make_grid(path: Path, columns: tuple[JointColumn, ...], points: list[np.ndar
         start.append(count + own[:-1])
         end.append(count + own[1:] - np.isin(np.arange(1, len(s)), double))
         stop.append(np.arange(len(s) - 1) == 0)
-        way.append(np.sign(first(0.5 * (s[:-1] + s[1:]))))
+        way.append(np.sign(first(0.5 * (s[:-1] + s[1:])) @ drives.T))
         rows.append((places, np.full(len(places), p), piece(places), first(places),
                      second(places)))  # fmt: skip
         count += len(places)
     s, of, q, q1, q2 = (np.concatenate(column) for column in zip(*rows, strict=True))
     rate, curvature = np.zeros((2, count, max(velocity) + 1))
     rate[:, velocity], curvature[:, velocity] = q1, q2
-    ways = np.zeros((sum(map(len, way)), rate.shape[1]))
-    ways[:, velocity] = np.concatenate(way)
     return Grid(s, of, q, rate, curvature, np.concatenate(start), np.concatenate(end),
-                np.concatenate([*stop, [True]]), ways)  # fmt: skip
+                np.concatenate([*stop, [True]]), np.concatenate(way))  # fmt: skip
 
 
 def carried_names(scene: Scene, path: Path, piece: int) -> tuple[str, ...] | None:
@@ -160,6 +173,8 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
             g = found[0][0]
             wrenches = g, found[1][0] - g, found[2][0] - g
             tables.gram[rows] = _gram(scene, twin, q[rows], wrenches)
+    if (P := delivery(scene.drives, scene.model.nv)).size:
+        tables.effort[:] = np.einsum("de,mek->mdk", P, tables.effort)
     return tables
 
 

@@ -24,6 +24,7 @@ from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike, States
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.couples import delivery, taking_part
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.urdf import implausible_body
@@ -397,9 +398,11 @@ def load_inertias(result: InverseResult) -> np.ndarray:
 def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     """Return (T, na) M_jj(q): the inertia about each drive's joint, kg m^2 (kg).
 
-    Payloads count while they are carried; rotors (Pinocchio's armature) do not.
+    Payloads count while they are carried; rotors (Pinocchio's armature) do not. Of coupled drives
+    it is what moves with one while the others stand, (P M P^T)_jj.
     """
-    found = np.empty((len(states.q), scene.model.nv))
+    own = [drive.velocity_index for drive in scene.drives]
+    P, found = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
     for start, stop, carried in states.phases(scene):
         model = scene.loaded_model(carried)
         data = model.createData()
@@ -407,9 +410,14 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
         for i in range(start, stop):
             if i > start and (states.q[i] == states.q[i - 1]).all():  # a hold
                 found[i] = found[i - 1]
-            else:
-                found[i] = pin.crba(model, data, states.q[i]).diagonal() - armature
-    return found[:, [drive.velocity_index for drive in scene.drives]]
+                continue
+            found[i] = (pin.crba(model, data, states.q[i]).diagonal() - armature)[own]
+            for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
+                v = np.zeros(model.nv)
+                v[own] = P[d]
+                energy = pin.computeKineticEnergy(model, data, states.q[i], v)
+                found[i, d] = 2.0 * energy - armature @ v**2
+    return found
 
 
 def with_masses(

@@ -194,7 +194,7 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
              if ("friction", site.name) in varied]  # fmt: skip
     return (
         scene.linkage is None
-        and scene.mobility.one_drive_each
+        and scene.one_drive_each
         and not any(target.key in SET for target in targets)
         and not any(gear is None or isinstance(gear.efficiency, MakersEfficiency) for gear in gears)
         and all(map(proportional, terms))

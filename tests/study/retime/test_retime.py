@@ -189,7 +189,8 @@ def test_far_points_that_miss_the_way_are_set_nearer():
 
 def test_no_other_profile_is_faster():
     """SLSQP on the squares of the speeds, judged by `inverse_dynamics`, on the same coarse grid."""
-    scene, s = planar(), np.union1d(np.linspace(0.0, 3.0, 10), natural_points(WAVE.pieces[0]))
+    scene, natural = planar(), natural_points(WAVE.pieces[0], np.eye(2))
+    s = np.union1d(np.linspace(0.0, 3.0, 10), natural)
     run = _Retiming(scene, WAVE, joint_columns(scene.model),
                     read_limits(scene, MOTORS), Policy("own sign"))  # fmt: skip
     run.constant = [(0, 0.0, 3.0)]

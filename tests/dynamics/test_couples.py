@@ -1,0 +1,264 @@
+"""Coupled drives: a motor that other joints turn, too (wrists), against closed forms and judges."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import gantry, random_friction, random_states, random_tree
+
+import pinfric as pf
+from pinfric.errors import PinfricError, SceneError
+from pinfric.model.couples import rate_rows
+from pinfric.study.explain import explain
+from pinfric.study.sizing.size import load_inertias
+from pinfric.study.summary import rests, sites_on
+
+_LOSSY = {
+    "ratio": -30.0, "efficiency": 0.8, "back_efficiency": 0.7, "rotor_inertia": 2e-4,
+    "no_load_torque": {"positive": {"static": 0.013, "kinetic": 0.01},
+                       "negative": {"static": 0.02, "kinetic": 0.02}},
+    "motor_viscous": {"coefficient": 0.003, "exponent": 0.7},
+}  # fmt: skip
+
+
+def _arm(seed: int, friction: bool = True, **gear: object) -> pf.Scene:
+    """Five joints: the second drive moves with the first joint, the fourth with two others."""
+    model, rng = random_tree(seed, 5), np.random.default_rng(seed)
+    names, couples = list(model.names)[1:], {}
+    couples[names[1]] = {names[0]: float(rng.normal())}
+    couples[names[3]] = {names[2]: float(rng.normal()), names[1]: 0.7}
+    entries = random_friction(model, seed) if friction else {}
+    for entry in entries.values():
+        entry["mu"] = {key: 0.1 * value for key, value in entry["mu"].items()}
+    actuators = [
+        {"joint": name, "couples": couples.get(name, {}),
+         "transmission": _LOSSY | gear | {"ratio": 30.0 * rng.choice([-1.0, 1.0])}}
+        for name in names
+    ]  # fmt: skip
+    return pf.Scene(model, friction=entries, actuators=actuators)
+
+
+def _planar(lengths: tuple[float, float] = (0.4, 0.3)) -> pin.Model:
+    """Two parallel axes in a vertical plane, point masses 3 and 2 kg at the links' ends."""
+    model = pin.Model()
+    for parent, (length, mass) in enumerate(zip((0.0, lengths[0]), (3.0, 2.0), strict=True)):
+        place = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
+        added = model.addJoint(parent, pin.JointModelRZ(), place, f"j{parent + 1}")
+        body = pin.Inertia(mass, np.array([lengths[parent], 0.0, 0.0]), np.zeros((3, 3)))
+        model.appendBodyToJoint(added, body, pin.SE3.Identity())
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    return model
+
+
+def test_lagrange_of_a_planar_wrist_by_hand() -> None:
+    """Motors turn by n1 q1 and n2 (q2 + c q1); Lagrange's equations with both rotors."""
+    n1, n2, c, rotor, drag = 50.0, -80.0, -1.2, 1e-4, 0.002
+    gear = {"rotor_inertia": rotor, "motor_viscous": drag}
+    scene = pf.Scene(_planar(), actuators=[
+        {"joint": "j1", "transmission": gear | {"ratio": n1}},
+        {"joint": "j2", "transmission": gear | {"ratio": n2}, "couples": {"j1": c}},
+    ])  # fmt: skip
+    q, v, a = (np.array(x) for x in ([0.4, -0.9], [1.1, 0.7], [-2.0, 3.0]))
+    l1, l2, m1, m2, g = 0.4, 0.3, 3.0, 2.0, 9.81
+    cos, sin, tip = l1 * l2 * m2 * np.cos(q[1]), l1 * l2 * m2 * np.sin(q[1]), m2 * l2**2
+    weight2 = m2 * g * l2 * np.cos(q[0] + q[1])
+    tau2 = (tip + cos) * a[0] + tip * a[1] + sin * v[0] ** 2 + weight2
+    tau1 = (((m1 + m2) * l1**2 + tip + 2 * cos) * a[0] + (tip + cos) * a[1]
+            - sin * v[1] * (2 * v[0] + v[1]) + weight2
+            + (m1 + m2) * g * l1 * np.cos(q[0]))  # fmt: skip
+    rates, bends = np.array([v[0], v[1] + c * v[0]]), np.array([a[0], a[1] + c * a[0]])
+    effort = np.array([tau1 - c * tau2, tau2])
+    ratio = np.array([n1, n2])
+    torque = effort / ratio + ratio * (rotor * bends + drag * rates)
+    result = pf.inverse_dynamics(scene, q, v, a)
+    assert result.effort_lower[0] == pytest.approx(effort, rel=1e-12)
+    assert result.motor_torque_lower[0] == pytest.approx(torque, rel=1e-12)
+    assert result.actuator_velocity[0] == pytest.approx(rates, rel=1e-14)
+    found = pf.forward_dynamics(scene, q, v, motor_torque=torque)
+    assert found.a == pytest.approx(a, rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_rotors_are_an_armature_matrix_of_pinocchio(seed: int) -> None:
+    """(M + S^T I S) a + h = S^T (r T - drag), I = r^2 J, of gears without losses."""
+    scene = _arm(seed, friction=False, efficiency=1.0, back_efficiency=None, no_load_torque=0.0)
+    model, rng = scene.model, np.random.default_rng(seed)
+    q, v, _ = (x[0] for x in random_states(model, seed, 1))
+    torque, S = rng.normal(size=5), rate_rows(scene.drives, 5)
+    r = np.array([drive.transmission.ratio for drive in scene.drives])
+    data, none = model.createData(), np.zeros(5)
+    h = pin.rnea(model, data, q, v, none).copy()
+    weight = pin.rnea(model, data, q, none, none).copy()
+    M = np.array([pin.rnea(model, data, q, none, one) - weight for one in np.eye(5)])
+    M += S.T @ np.diag(r**2 * 2e-4) @ S
+    speed = r * (S @ v)
+    drag = r * 0.003 * np.sign(speed) * np.abs(speed) ** 0.7
+    a = np.linalg.solve(M, S.T @ (r * torque - drag) - h)
+    found = pf.forward_dynamics(scene, q, v, motor_torque=torque)
+    assert found.a == pytest.approx(a, rel=1e-9, abs=1e-10)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_forward_after_inverse_with_everything_on(seed: int) -> None:
+    """Bearings, coulomb, lossy gears: forward dynamics, solvers and residuals agree."""
+    scene = _arm(seed)
+    q, v, a = random_states(scene.model, seed, 4)
+    result, solver = pf.inverse_dynamics(scene, q, v, a), scene.solver()
+    assert result.check().equilibrium < 1e-11
+    for i in range(4):
+        torque = result.motor_torque_lower[i]
+        found = pf.forward_dynamics(scene, q[i], v[i], motor_torque=torque)
+        assert found.a == pytest.approx(a[i], abs=1e-10)
+        assert found.effort == pytest.approx(result.effort_lower[i], abs=1e-10)
+        by_effort = pf.forward_dynamics(scene, q[i], v[i], result.effort_upper[i])
+        assert by_effort.a == pytest.approx(a[i], abs=1e-10)
+        again = solver.inverse(q[i], v[i], a[i]).motor_torque_lower
+        assert again == pytest.approx(torque, abs=1e-12)
+
+
+def test_at_rest_efforts_are_intervals_that_hold_and_break() -> None:
+    """All combinations of the joints' frictions: the judge's ends, and holds agrees with both."""
+    scene = _arm(1, efficiency=1.0, back_efficiency=None, no_load_torque=0.0)
+    q = random_states(scene.model, 1, 1)[0]
+    none = np.zeros((1, 5))
+    result = pf.inverse_dynamics(scene, q, none, none)
+    assert result.check().equilibrium < 1e-11
+    assert (result.effort_upper - result.effort_lower > 0.1).all()
+    middle = result.effort_frictionless[0]
+    assert pf.holds(scene, q[0], middle).held
+    for d in range(5):
+        for end, side in ((result.effort_lower, -1.0), (result.effort_upper, 1.0)):
+            beyond = middle.copy()
+            beyond[d] = end[0, d] + side * 1e-3
+            assert pf.holds(scene, q[0], beyond).held is False
+
+
+def test_a_gantry_on_two_belts_is_the_one_turned_by_45_degrees() -> None:
+    """Relabelled coordinates: holds, breaks away, slides and stops alike, gears lossy."""
+    gear = _LOSSY | {"no_load_torque": {"static": 0.3, "kinetic": 0.2}, "ratio": 40.0}
+    made = gantry(False, gear), gantry(True, gear)
+    belts, slides = (pf.Scene(model, actuators=actuators) for model, actuators in made)
+    to_turned = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
+    for torque in ([-0.35, -0.35], [-0.9, -0.35], [0.2, -0.9], [-0.2, -0.1]):
+        one, other = (pf.holds(s, np.zeros(2), motor_torque=np.array(torque))
+                      for s in (belts, slides))  # fmt: skip
+        assert (one.held, one.proved) == (other.held, other.proved)
+
+    def torque(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.array([-0.35 + 0.6 * np.sin(5.0 * t), -0.4 - 0.5 * np.sin(3.0 * t)])
+
+    one, other = (pf.simulate(s, np.zeros(2), np.zeros(2), t_end=1.5, motor_torque=torque)
+                  for s in (belts, slides))  # fmt: skip
+    changes = [[(e.time, e.kind) for e in m.events] for m in (one, other)]
+    assert len(changes[0]) == len(changes[1]) >= 3
+    assert [t for t, _ in changes[0]] == pytest.approx([t for t, _ in changes[1]], abs=1e-6)
+    assert other.q[-1] == pytest.approx(to_turned @ one.q[-1], abs=1e-6)
+    energy = one.energy()
+    assert abs(energy.residual) < 1e-5 * abs(energy.work)
+    assert energy.gear_loss == pytest.approx(other.energy().gear_loss, rel=1e-4)
+
+
+def test_joints_and_gears_stick_and_slip_together() -> None:
+    """Two joints' friction and two gears' on two freedoms: work goes where it should."""
+    friction = {name: {"coulomb": {"static": most, "kinetic": 2.0}}
+                for name, most in (("j1", 3.0), ("j2", 2.0))}  # fmt: skip
+    gear = {"ratio": 20.0, "no_load_torque": {"static": 0.09, "kinetic": 0.05}} | {
+        "efficiency": 0.9, "back_efficiency": 0.8, "rotor_inertia": 1e-3}  # fmt: skip
+    scene = pf.Scene(_planar(), friction=friction, actuators=[
+        {"joint": "j1", "transmission": gear},
+        {"joint": "j2", "transmission": gear, "couples": {"j1": 1.0}},
+    ])  # fmt: skip
+
+    def torque(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.array([1.5 + np.sin(4.0 * t), 0.5 * np.sin(7.0 * t)])
+
+    motion = pf.simulate(scene, np.zeros(2), np.zeros(2), t_end=1.0, motor_torque=torque)
+    stepped = pf.simulate(scene, np.zeros(2), np.zeros(2), t_end=1.0, motor_torque=torque,
+                          method="timestepping", dt=1e-3)  # fmt: skip
+    energy = motion.energy()
+    assert len(motion.events) >= 3
+    assert abs(energy.residual) < 1e-5 * abs(energy.work)
+    assert (np.append(energy.friction_loss, energy.gear_loss) > 0.0).all()
+    assert stepped.q[-1] == pytest.approx(motion.q[-1], abs=0.02)
+
+
+def test_beside_a_loop_the_couples_reach_the_efforts() -> None:
+    """A force holds one joint, two more are coupled: the residuals judge every end."""
+    model = random_tree(4, 3, sliding=0.0)
+    model.addBodyFrame("tip", 3, pin.SE3.Identity(), 0)
+    names = list(model.names)[1:]
+    friction = {name: {"bearing": {"kind": "pin", "radius": 0.02},
+                       "mu": {"static": 0.12, "kinetic": 0.1}} for name in names}  # fmt: skip
+    actuators = [
+        {"joint": names[1], "transmission": _LOSSY},
+        {"joint": names[2], "couples": {names[1]: 0.8}, "transmission": _LOSSY},
+        {"force": {"name": "pull", "link": "tip", "xyz": [0.3, 0.2, 0.1],
+                   "direction": [0.0, 0.6, 0.8]}, "transmission": _LOSSY | {"ratio": 100.0}},
+    ]  # fmt: skip
+    scene = pf.Scene(model, friction=friction, actuators=actuators)
+    q, v, a = random_states(model, 4, 4)
+    v[3] = a[3] = 0.0
+    result = pf.inverse_dynamics(scene, q, v, a)
+    assert result.check().equilibrium < 1e-9
+    for i in range(3):
+        found = pf.forward_dynamics(scene, q[i], v[i], motor_torque=result.motor_torque_lower[i])
+        assert found.a == pytest.approx(a[i], abs=1e-8)
+
+
+@pytest.mark.parametrize(("couples", "message"), [
+    ([{}, {"j9": 1.0}], "actuators: j2.couples: joint 'j9' is not there; "),
+    ([{}, {"j2": 1.0}], "`couples` names its own joint 'j2'"),
+    ([{}, {"j1": 0.0}], "`couples.j1` 0 couples nothing"),
+    ([{}, {"j1": float("inf")}], "couples.j1"),
+    ([{"j2": 2.0}, {"j1": 0.5}], "the couples of j1, j2 are singular"),
+    ([None, {"j1": 0.5}], "'j2' couples joint 'j1', which has no drives"),
+])  # fmt: skip
+def test_couples_that_cannot_be_are_refused(couples: list, message: str) -> None:
+    actuators = [{"joint": f"j{i + 1}", "couples": entry}
+                 for i, entry in enumerate(couples) if entry is not None]  # fmt: skip
+    with pytest.raises(SceneError) as problem:
+        pf.Scene(_planar(), actuators=actuators)
+    assert message in str(problem.value)
+    assert "\n" not in str(problem.value)
+
+
+def test_two_motors_that_both_move_both_joints_are_a_differential_wrist() -> None:
+    """Couples both ways are no contradiction while the motors' speeds determine the joints'."""
+    scene = pf.Scene(_planar(), actuators=[
+        {"joint": "j1", "couples": {"j2": 1.0}}, {"joint": "j2", "couples": {"j1": -1.0}}
+    ])  # fmt: skip
+    tau, found = (pf.inverse_dynamics(s, [0.3, 0.2], [0.5, 1.0], [2.0, 1.0]).effort_lower[0]
+                  for s in (pf.Scene(_planar()), scene))  # fmt: skip
+    assert found == pytest.approx([(tau[0] + tau[1]) / 2, (tau[1] - tau[0]) / 2], rel=1e-12)
+
+
+def test_every_command_sees_the_coupling(tmp_path: Path) -> None:
+    """Its key in a file; explain; the friction a drive feels; its inertia when others stand."""
+    model = _planar()
+    (tmp_path / "scene.yaml").write_text("""
+pinfric: 1
+robot: {urdf: "example-robot-data:ur_description/urdf/ur5_robot.urdf"}
+actuators: [{joint: wrist_2_joint}, {joint: wrist_3_joint, couples: {wrist_2_joint: 1.0}}]
+""")
+    assert pf.load_scene(tmp_path / "scene.yaml").drives[1].couples == ((4, 1.0),)
+    friction = {name: {"coulomb": {"static": 2.0, "kinetic": 1.0}} for name in ("j1", "j2")}
+    actuators = [{"joint": "j1"}, {"joint": "j2", "couples": {"j1": -0.5}}]
+    scene = pf.Scene(model, friction=friction, actuators=actuators)
+    q, v = np.array([[0.1, 0.2], [0.3, -0.4]]), np.array([[0.0, 1.0], [1.0, 0.5]])
+    result = pf.inverse_dynamics(scene, q, v, v)
+    assert [rests(result, d).tolist() for d in (0, 1)] == [[True, False], [False, False]]
+    assert [sites_on(scene, d) for d in (0, 1)] == [[0, 1], [1]]
+    largest = np.zeros(2)
+    for angles in q:  # inertias about the motors: C^-T M C^-1
+        M = np.triu(pin.crba(model, model.createData(), angles))
+        there = np.linalg.inv([[1.0, 0.0], [-0.5, 1.0]])
+        largest = np.maximum(largest, (there.T @ (M + np.triu(M, 1).T) @ there).diagonal())
+    assert load_inertias(result) == pytest.approx(largest, rel=1e-12)
+    told = next(e for e in explain(scene).effects if e.name == "couples")
+    assert (told.on, told.why) == (True, "actuators.j2.couples")
+    assert told.peak_change != 0.0
+    with pytest.raises(PinfricError, match="the drive 'j2' is coupled with another joint"):
+        pf.export(scene)
