@@ -31,8 +31,6 @@ class Path(NamedTuple):
     Attributes:
         v, a: (T, nv) at a speed factor of 1, rad/s or m/s, and per second.
         weight: (T,) of each sample in a mean over time; their sum is 1.
-        effort: (nb, T nv) tau_b, one drive per degree of freedom.
-        wrench: (nb, T, 6 ns) w_b at the sites; no columns where nothing looks at wrenches.
         displacement: (T, ns) see `normal_loads`; empty where nothing looks at it.
         joint, velocity_index, ratio: (ns,) row of the site's wrench, and what it moves with.
         contacts: of the sites.
@@ -43,8 +41,6 @@ class Path(NamedTuple):
     v: np.ndarray
     a: np.ndarray
     weight: np.ndarray
-    effort: np.ndarray
-    wrench: np.ndarray
     displacement: np.ndarray
     joint: np.ndarray
     velocity_index: np.ndarray
@@ -53,6 +49,18 @@ class Path(NamedTuple):
     stick_velocity: np.ndarray
     site_stick_velocity: np.ndarray
     geared: bool
+
+
+class Basis(NamedTuple):
+    """The stored cycles.
+
+    Attributes:
+        effort: (nb, T nv) tau_b, one drive per degree of freedom.
+        wrench: (nb, T 6 ns) w_b at the sites; no columns where nothing looks at wrenches.
+    """
+
+    effort: np.ndarray
+    wrench: np.ndarray
 
 
 class Varied(NamedTuple):
@@ -113,11 +121,13 @@ class Cycle(NamedTuple):
 
 @kernel
 def write_figures(
-    path: Path, varied: Varied, now: Cycle, figures: np.ndarray, start: int, stop: int
-) -> None:
+    effort: np.ndarray, wrench: np.ndarray, path: Path, varied: Varied, now: Cycle,
+    figures: np.ndarray, start: int, stop: int,
+) -> None:  # fmt: skip
     """Write what each cycle takes of each drive: figures of the worst end of its efforts.
 
     Args:
+        effort, wrench: `Basis`.
         path, varied: what the cycles share, and what not.
         now: buffers, which hold the last cycle afterwards.
         figures: (n, na, 5) peak, RMS, both at the motor's shaft, largest speed; overwritten.
@@ -125,8 +135,8 @@ def write_figures(
     """
     for c in range(start, stop):
         _move(path, varied.speed[c], now)
-        _superpose(path.effort, varied.coefficient[c], 0, now.effort_frictionless.reshape(-1))
-        _write_loads(path, varied.coefficient[c], now)
+        _superpose(effort, varied.coefficient[c], 0, now.effort_frictionless.reshape(-1))
+        _write_loads(wrench, path, varied.coefficient[c], now)
         friction_bounds(now.site_velocity, now.normal_load, _laws_of(varied.laws, c), now.reversal,
                         now.friction_lower, now.friction_upper, now.sticking)  # fmt: skip
         efforts = now.effort_lower, now.effort_upper
@@ -170,15 +180,15 @@ def _superpose(basis: np.ndarray, coefficient: np.ndarray, start: int, out: np.n
 
 
 @kernel
-def _write_loads(path: Path, coefficient: np.ndarray, now: Cycle) -> None:
+def _write_loads(wrench: np.ndarray, path: Path, coefficient: np.ndarray, now: Cycle) -> None:
     """Write the normal loads of the summed wrenches, block by block."""
     samples, width = path.v.shape[0], 6 * path.joint.size
     for start in range(0, samples, now.wrench.shape[0]):
         stop = min(start + now.wrench.shape[0], samples)
-        wrench = now.wrench[: stop - start]
-        if path.wrench.shape[1] > 0:
-            _superpose(path.wrench, coefficient, start * width, wrench.reshape(-1))
-        normal_loads(wrench, path.joint, path.contacts, path.displacement[start:stop],
+        here = now.wrench[: stop - start]
+        if wrench.shape[1] > 0:
+            _superpose(wrench, coefficient, start * width, here.reshape(-1))
+        normal_loads(here, path.joint, path.contacts, path.displacement[start:stop],
                      now.normal_load[start:stop])  # fmt: skip
 
 

@@ -1,13 +1,21 @@
-"""Sweeps on 1, 2, 4 processes, and 10,000 panda cycles: run with `pytest -n0 -s`."""
+"""Sweeps against inverse dynamics, on 1, 2, 4 processes, and of 10,000 panda cycles.
+
+python -m pytest -n0 -s tests/benchmarks/test_sweep.py
+"""
 
 import os
 import resource
 from time import perf_counter
 
+import measure
 import numpy as np
 import pytest
 
 import pinfric as pf
+from pinfric.study.sweep.cycle import Study, compute, cycle_figures
+from pinfric.study.sweep.file import load_sweep
+from pinfric.study.sweep.motors import motors_on_trial
+from pinfric.study.sweep.parameters import draw, resolve
 
 SWEEP = {
     "pinfric_sweep": 1,
@@ -35,6 +43,34 @@ def panda():
     )  # fmt: skip
 
 
+DRIVE = "Kollmorgen TBM-6025-A + Harmonic Drive CSG-20-100"
+
+
+@pytest.mark.parametrize(("drives", "faster"), [(0, 8.0), (1, 4.0), (7, 2.0)])
+def test_sums_of_cycles_are_faster_than_inverse_dynamics(panda, drives, faster):
+    scene, motion = panda
+    on_trial = {name: {"drive": DRIVE} for name in scene.actuator_names[:drives]}
+    entries, source = load_sweep({**SWEEP, "samples": 400, "motors": on_trial})
+    targets = resolve(scene, entries, source)
+    equipped, _ = motors_on_trial(scene, entries, source)
+    study, values = Study(equipped, motion, targets), draw(targets, entries)
+
+    def general():
+        return np.array([cycle_figures(study, sample)[0] for sample in values[:10]])
+
+    def sums():
+        return compute(study, np.arange(400), values).figures
+
+    seconds = measure.median_seconds({"general": general, "sums": sums}, rounds=5)
+    each, summed = seconds["general"] / 10, seconds["sums"] / 400
+    print(f"\n{drives} catalogue drives on trial: {1e3 * each:.2f} ms a cycle by inverse dynamics, "
+          f"{1e3 * summed:.3f} ms as a sum, {each / summed:.1f} times as fast; "
+          f"{measure.machine()}")  # fmt: skip
+    found = general()
+    assert (np.abs(sums()[:10] - found) <= 1e-12 * np.abs(found).max(axis=(0, 1))).all()
+    assert each > faster * summed
+
+
 def timed(panda, samples, processes, **more):
     """The result, its whole time, and the cycles per second from the first batch on."""
     times = []
@@ -50,7 +86,7 @@ def timed(panda, samples, processes, **more):
 def test_more_processes_are_faster(panda):
     rates, results = {}, {}
     for processes in (1, 2, 4):
-        results[processes], whole, rates[processes] = timed(panda, 3000, processes)
+        results[processes], whole, rates[processes] = timed(panda, 12_000, processes)
         print(f"\n{processes} processes: {rates[processes]:.0f} cycles/s, speed-up "
               f"{rates[processes] / rates[1]:.2f}; {whole:.1f} s with start")  # fmt: skip
     for processes in (2, 4):

@@ -25,7 +25,7 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.motor_torques import scene_gears
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import States, attached_columns
-from pinfric.dynamics.superposed import Cycle, Path, Varied, write_figures
+from pinfric.dynamics.superposed import Basis, Cycle, Path, Varied, write_figures
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
 from pinfric.model.transmission import MakersEfficiency
@@ -56,6 +56,7 @@ class Superposition:
     Attributes:
         scene, trajectory, targets: as `cycle.Study` has them.
         bodies: the robot and each place of each payload that varies: scenes without all else.
+        basis: each body run by each cause.
         path: what all samples share.
         now: buffers; after `figures` of one sample they hold its cycle.
     """
@@ -64,6 +65,7 @@ class Superposition:
     trajectory: Trajectory
     targets: tuple[Target, ...]
     bodies: tuple[Scene, ...]
+    basis: Basis
     path: Path
     now: Cycle
 
@@ -83,8 +85,10 @@ class Superposition:
         if (not _is_linear(scene, targets)
                 or len(bodies) * len(causes) * len(trajectory.t) * width > _MOST):  # fmt: skip
             return None
-        path = _path(scene, trajectory, bodies, causes)
-        return cls(scene, trajectory, targets, bodies, path, Cycle.of(path, whole))
+        states = _states(scene, trajectory)
+        path = _path(scene, states)
+        basis = _basis(scene, states, bodies, causes)
+        return cls(scene, trajectory, targets, bodies, basis, path, Cycle.of(path, whole))
 
     def figures(
         self, values: np.ndarray, each: Callable[[int, Solved], None] | None = None
@@ -105,7 +109,7 @@ class Superposition:
                         gears_of_samples(self.scene, self.targets, values))  # fmt: skip
         for start, stop in [(0, n)] if each is None else pairwise(range(n + 1)):
             with np.errstate(all="ignore"):
-                write_figures(self.path, varied, self.now, found, start, stop)
+                write_figures(*self.basis, self.path, varied, self.now, found, start, stop)
             size = found[start:stop, :, :4]
             fine = (size == 0.0) | ((size > _LEAST_EFFORT) & (size < _LARGEST_EFFORT))
             plain = fine.all(axis=(1, 2)) & self._can_move(speed[start:stop])
@@ -261,25 +265,28 @@ def _causes(scene: Scene, targets: Sequence[Target]) -> list[tuple[np.ndarray, b
     return [(gravity, True)]
 
 
-def _path(
-    scene: Scene, trajectory: Trajectory, bodies: Sequence[Scene],
+def _basis(
+    scene: Scene, states: States, bodies: Sequence[Scene],
     causes: Sequence[tuple[np.ndarray, bool]],
-) -> Path:  # fmt: skip
+) -> Basis:  # fmt: skip
     """Run each body by each cause."""
-    states = _states(scene, trajectory)
-    sites, efforts, wrenches = scene.site_tables, [], []
+    efforts, wrenches = [], []
     for body, (gravity, moves) in product(bodies, causes):
         attached = _carrying(scene, body, states).attached
         found = inverse_dynamics(body.with_(gravity=gravity), states.q, states.v * moves,
                                  states.a * moves, attached=attached, threads=1)  # fmt: skip
         efforts.append(found.effort_frictionless.reshape(-1))
         wrenches.append(np.empty(0) if found.wrench is None else found.wrench.reshape(-1))
-    twin, moving = scene.twin(), sites.contacts.moves.any()
+    return Basis(np.stack(efforts), np.stack(wrenches))
+
+
+def _path(scene: Scene, states: States) -> Path:
+    """What all samples share; the columns of v are the drives', one for each."""
+    assert states.t is not None  # a trajectory has them
+    sites, moving = scene.site_tables, scene.site_tables.contacts.moves.any()
+    positions = scene.twin().displacements(sites.joint, states.q) if moving else np.empty((0, 0))
     return Path(
-        v=np.ascontiguousarray(states.v), a=np.ascontiguousarray(states.a),
-        weight=_weights(trajectory.t),
-        effort=np.stack(efforts), wrench=np.stack(wrenches),
-        displacement=twin.displacements(sites.joint, states.q) if moving else np.empty((0, 0)),
+        v=states.v, a=states.a, weight=_weights(states.t), displacement=positions,
         joint=np.arange(len(scene.sites)), velocity_index=sites.velocity_index, ratio=sites.ratio,
         contacts=sites.contacts, stick_velocity=scene_gears(scene).stick_velocity,
         site_stick_velocity=sites.laws.stick_velocity,

@@ -46,7 +46,7 @@ def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray)
         return np.add.reduceat(strength, first, axis=1) if len(first) else strength
 
     mu, forces = factor[:, :, 0], factor[:, :, 1:]
-    return table._replace(
+    found = table._replace(
         mu_static=summed(mu * table.mu_static),
         mu_kinetic=summed(mu * table.mu_kinetic),
         coulomb_static=summed(forces * table.coulomb_static),
@@ -58,6 +58,7 @@ def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray)
         mu=mu[:, of_row] * table.mu,
         coulomb=forces[:, of_row] * table.coulomb,
     )
+    return Laws(*map(np.ascontiguousarray, found))  # another layout is another kernel
 
 
 def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray) -> Gears:
