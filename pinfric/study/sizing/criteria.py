@@ -348,7 +348,7 @@ def _bearing_criteria(
         return [compare(f"{what} loads", None, None, "", "loads and life by its ratings",
                         KINDS["ball screw" if candidate.linear else "crossed roller"].source,
                         f"ratings of the {what}")]  # fmt: skip
-    source = ratings.source or KINDS[ratings.kind].source
+    source = _rule(ratings)
     unknown = "" if load else "the joint's wrench"
     axial = compare(
         f"{what} axial force", load and load.axial, ratings.max_axial, "N",
@@ -367,6 +367,12 @@ def _bearing_criteria(
                 unknown or "permissible radial force"),
         axial, safety, life,
     ]  # fmt: skip
+
+
+def _rule(ratings: BearingRatings) -> str:
+    """Where the rule is from, and the ratings, where they are from elsewhere."""
+    rule = KINDS[ratings.kind].source
+    return f"{rule}; ratings: {ratings.source}" if ratings.source else rule
 
 
 def _static_safety(
@@ -397,7 +403,7 @@ def _bearing_life(
     note = "" if equivalent is None else f"P = {equivalent:.4g} N"
     return _lasting(f"{what} life L10", conditions.life, available, "h",
                     f"L10 = 10^6 revolutions (C/({conditions.shock:g} P))^({exponent})",
-                    ratings.source or kind.source, "dynamic load rating C or pitch diameter",
+                    _rule(ratings), "dynamic load rating C or pitch diameter",
                     "it never turns under load", note)  # fmt: skip
 
 

@@ -42,6 +42,7 @@ from pinfric.study.sizing.demand import (
 )
 from pinfric.study.sizing.drivetrain import MotorCycle, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
+from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Passes over all joints before an alternating choice is given up; a serial chain needs two.
@@ -236,7 +237,8 @@ def size(
     wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)
     check_names(scene, wanted)
     for joint in wanted.bearings:
-        own_bearing(catalog or Catalog("no catalogue"), wanted, joint)
+        linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
+        own_bearing(catalog or Catalog("no catalogue"), wanted, joint, linear)
     sizing = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None))
     report = sizing.run()
     if on_miss == "raise":

@@ -188,8 +188,8 @@ def _trial(
         assert catalog is not None
         if not isinstance(drive, Drive) or not depth(scene, actuator):
             raise SweepError("takes no motor with a gear; give the ratings, or `motor`")
-        bearing = own_bearing(catalog, conditions, name)
         linear = effort_unit(scene, actuator) == "N"
+        bearing = own_bearing(catalog, conditions, name, linear)
         candidate = _candidate(catalog, entry.drive, linear, bearing)
         if candidate.transmission is None:
             raise SweepError(f"{entry.drive}: not known: {', '.join(candidate.missing)}")
