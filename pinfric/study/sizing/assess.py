@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
+from pinfric.errors import CatalogError, choose_from
+from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions
 from pinfric.study.sizing.criteria import Criterion, Status, check
 from pinfric.study.sizing.demand import DriveCycle, JointDemand
@@ -79,11 +81,38 @@ def assess(
         load_inertia: largest inertia about the joint, kg m^2 (kg); None: not known.
         hand: one of the hand axes, beyond the third joint.
     """
-    offered: Iterable[Candidate] = candidates(catalog, linear=demand.unit == "N")
-    if own := conditions.bearings.get(demand.name):
-        offered = (replace(c, bearing=catalog.bearings[own].ratings) for c in offered)
-    found = [_assess(c, conditions, demand, cycle, load_inertia, hand) for c in offered]
+    linear = demand.unit == "N"
+    own = own_bearing(catalog, conditions, demand.name, linear)
+    found = [
+        _assess(candidate, conditions, demand, cycle, load_inertia, hand)
+        for candidate in candidates(catalog, linear, own)
+    ]
     return tuple(sorted(found, key=_rank))
+
+
+def own_bearing(
+    catalog: Catalog, conditions: Conditions, joint: str, linear: bool
+) -> BearingRatings | None:
+    """Return the ratings of the bearing that the conditions give to a joint, or None.
+
+    Raises:
+        CatalogError: the catalogue does not have it, or not its ratings; the joint slides.
+    """
+    name = conditions.bearings.get(joint)
+    if name is None:
+        return None
+    if linear:
+        raise CatalogError(
+            f"conditions.bearings.{joint}: sliding joints' guides are not checked; a screw's "
+            "ratings stand in its gear's `bearing`"
+        )
+    entry = catalog.bearings.get(name)
+    if entry is not None and entry.ratings is not None:
+        return entry.ratings.model_copy(update={"source": entry.ratings.source or entry.source})
+    rated = [known for known, other in catalog.bearings.items() if other.ratings is not None]
+    what = "has no `ratings`" if name in catalog.bearings else "is not in the catalogue"
+    raise CatalogError(f"conditions.bearings.{joint}: the bearing {name!r} {what}; "
+                       f"{choose_from(name, rated)}")  # fmt: skip
 
 
 def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, final
 
 import numpy as np
 from pydantic import model_validator
@@ -111,6 +111,7 @@ class BearingRatings(Entry):
         return (0.5 if self.spacing else 1.0) * (radial + 2 * moment / span)
 
 
+@final
 @dataclass(frozen=True)
 class BearingLoad:
     """What a cycle asks of a bearing, magnitudes.

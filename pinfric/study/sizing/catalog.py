@@ -184,6 +184,9 @@ class Gear(Sourced):
         _ascending(self, "rated_torque", "repeated_peak_torque")
         _ascending(self, "repeated_peak_torque", "momentary_peak_torque")
         _ascending(self, "average_input_speed", "max_input_speed")
+        if self.bearing is not None and self.bearing.screw != (self.output == "linear"):
+            raise ValueError(f"bearing: {self.bearing.kind} at a {self.output} output; linear ones "
+                             "take `ball screw`, and only they")  # fmt: skip
         if not self.ratios:
             raise ValueError("ratio: an empty list; give at least one")
         for ratio in self.ratios:

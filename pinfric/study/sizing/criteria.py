@@ -321,10 +321,8 @@ def _gear_criteria(
                 "rad/s", "ratio 1/T int |v| dt <= limit for average input speed",
                 HARMONIC, "limit for average input speed"),
         _life(gear, ratio, demand, conditions),
-        *([] if demand.travel is None else [
-            compare("stroke", demand.travel, gear.stroke, "m", "max q - min q <= stroke",
-                    "maker's figures", "stroke"),
-        ]),
+        *([compare("stroke", demand.travel, gear.stroke, "m", "max q - min q <= stroke",
+                   "maker's figures", "stroke")] if gear.output == "linear" else []),
     ]  # fmt: skip
 
 
@@ -346,33 +344,41 @@ def _bearing_criteria(
     ratings, what = candidate.bearing, "screw" if candidate.linear else "bearing"
     if candidate.linear and (candidate.gear is None or "screw" not in candidate.gear.kind):
         return []  # belts and linear motors have none
-    if ratings is None or load is None:
-        lacking = "the joint's wrench" if load is None else f"ratings of the {what}"
+    if ratings is None:
         return [compare(f"{what} loads", None, None, "", "loads and life by its ratings",
                         KINDS["ball screw" if candidate.linear else "crossed roller"].source,
-                        lacking)]  # fmt: skip
-    source = ratings.source or KINDS[ratings.kind].source
+                        f"ratings of the {what}")]  # fmt: skip
+    source = _rule(ratings)
+    unknown = "" if load else "the joint's wrench"
     axial = compare(
-        f"{what} axial force", load.axial, ratings.max_axial, "N",
-        "max |F_a| <= permissible axial force", source, "permissible axial force",
+        f"{what} axial force", load and load.axial, ratings.max_axial, "N",
+        "max |F_a| <= permissible axial force", source, unknown or "permissible axial force",
     )  # fmt: skip
     safety = _static_safety(what, ratings, load, source)
+    life = _bearing_life(what, candidate, ratings, load, conditions)
     if ratings.screw:
-        return [axial, safety, _bearing_life(what, candidate, ratings, load, conditions)]
+        return [axial, safety, life]
     return [
-        compare(f"{what} tilting moment", load.moment + ratings.offset * load.radial,
+        compare(f"{what} tilting moment", load and load.moment + ratings.offset * load.radial,
                 ratings.max_moment, "N m", "max M + R max F_r <= permissible tilting moment",
-                source, "permissible tilting moment"),
-        compare(f"{what} radial force", load.radial, ratings.max_radial, "N",
-                "max |F_r| <= permissible radial force", source, "permissible radial force"),
-        axial, safety, _bearing_life(what, candidate, ratings, load, conditions),
+                source, unknown or "permissible tilting moment"),
+        compare(f"{what} radial force", load and load.radial, ratings.max_radial, "N",
+                "max |F_r| <= permissible radial force", source,
+                unknown or "permissible radial force"),
+        axial, safety, life,
     ]  # fmt: skip
 
 
+def _rule(ratings: BearingRatings) -> str:
+    """Where the rule is from, and the ratings, where they are from elsewhere."""
+    rule = KINDS[ratings.kind].source
+    return f"{rule}; ratings: {ratings.source}" if ratings.source else rule
+
+
 def _static_safety(
-    what: str, ratings: BearingRatings, load: BearingLoad, source: str
+    what: str, ratings: BearingRatings, load: BearingLoad | None, source: str
 ) -> Criterion:  # fmt: skip
-    carried, available = static_load(ratings, load), None
+    carried, available = load and static_load(ratings, load), None
     if carried is not None and ratings.static_rating is not None:
         available = ratings.static_rating / carried if carried > 0 else np.inf
     formula = "f_s = C_0/P_0"
@@ -384,20 +390,20 @@ def _static_safety(
 
 
 def _bearing_life(
-    what: str, candidate: Candidate, ratings: BearingRatings, load: BearingLoad,
+    what: str, candidate: Candidate, ratings: BearingRatings, load: BearingLoad | None,
     conditions: Conditions,
 ) -> Criterion:  # fmt: skip
     kind, available = KINDS[ratings.kind], None
     exponent = "3" if kind.exponent == BALL else "10/3"
-    equivalent = equivalent_load(ratings, load)
-    if equivalent is not None and ratings.dynamic_rating is not None:
+    equivalent = load and equivalent_load(ratings, load)
+    if load is not None and equivalent is not None and ratings.dynamic_rating is not None:
         speed = load.speed * (candidate.ratio if ratings.screw else 1.0)
         available = bearing_life(ratings.dynamic_rating, conditions.shock * equivalent, speed,
                                  kind.exponent)  # fmt: skip
     note = "" if equivalent is None else f"P = {equivalent:.4g} N"
     return _lasting(f"{what} life L10", conditions.life, available, "h",
                     f"L10 = 10^6 revolutions (C/({conditions.shock:g} P))^({exponent})",
-                    ratings.source or kind.source, "dynamic load rating C or pitch diameter",
+                    _rule(ratings), "dynamic load rating C or pitch diameter",
                     "it never turns under load", note)  # fmt: skip
 
 

@@ -192,8 +192,10 @@ def _lasting(still: np.ndarray) -> np.ndarray:
     return still
 
 
-def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> JointDemand:
-    """Return the figures of one drive (see `JointDemand`)."""
+def joint_demand(
+    result: InverseResult, actuator: int, cycle: DriveCycle, carried: bool = True
+) -> JointDemand:
+    """Return the figures of one drive (see `JointDemand`); what its bearing carries if asked."""
     t, v = cycle.stretched, cycle.velocity
     worst, least = ends_by_magnitude(cycle.effort_lower, cycle.effort_upper)
     top = int(np.argmax(np.abs(worst)))
@@ -221,7 +223,7 @@ def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> Joi
         power_frictionless=_power(t, bare * v, bare * v),
         peak_frictionless=largest(bare),
         rms_frictionless=rms(t, bare),
-        bearing=carried_load(result, actuator, cycle),
+        bearing=carried_load(result, actuator, cycle) if carried else None,
         travel=_travel(result, actuator),
     )
 

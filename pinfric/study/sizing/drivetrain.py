@@ -16,7 +16,7 @@ and F_b at the output; without these the same loss is taken both ways: eta_b = 2
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -255,21 +255,26 @@ class MotorCycle:
     figures: MotorFigures
 
 
-def candidates(catalog: Catalog, linear: bool) -> Iterator[Candidate]:
+def candidates(
+    catalog: Catalog, linear: bool, bearing: BearingRatings | None = None
+) -> Iterator[Candidate]:
     """Yield every motor with every gear and ratio, then the gearmotors.
 
     Args:
         catalog: what there is; any motor is taken to fit any gear.
         linear: for a sliding joint: only gears and gearmotors with a linear output.
+        bearing: the joint's own, which carries it in place of the gear's.
     """
     for motor_name, motor in catalog.motors.items():
         for gear_name, gear in catalog.gears.items():
             if (gear.output == "linear") == linear:
                 for ratio in gear.ratios:
-                    yield motor_with_gear(motor_name, motor, gear_name, gear, ratio)
+                    made = motor_with_gear(motor_name, motor, gear_name, gear, ratio)
+                    yield made if bearing is None else replace(made, bearing=bearing)
     for name, gearmotor in catalog.gearmotors.items():
         if (gearmotor.output == "linear") == linear:
-            yield _gearmotor(name, gearmotor)
+            made = _gearmotor(name, gearmotor)
+            yield made if bearing is None else replace(made, bearing=bearing)
 
 
 def motor_with_gear(

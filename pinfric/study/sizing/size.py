@@ -28,7 +28,7 @@ from pinfric.model.couples import delivery, taking_part
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.urdf import implausible_body
-from pinfric.study.sizing.assess import Assessment, assess, nearest_miss
+from pinfric.study.sizing.assess import Assessment, assess, nearest_miss, own_bearing
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
 from pinfric.study.sizing.demand import (
@@ -43,6 +43,7 @@ from pinfric.study.sizing.demand import (
 )
 from pinfric.study.sizing.drivetrain import MotorCycle, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
+from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Passes over all joints before an alternating choice is given up; a serial chain needs two.
@@ -236,7 +237,9 @@ def size(
         catalog = load_catalog(catalog)
     wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)
     check_names(scene, wanted)
-    check_bearings(catalog, wanted)
+    for joint in wanted.bearings:
+        linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
+        own_bearing(catalog or Catalog("no catalogue"), wanted, joint, linear)
     sizing = _Sizing(scene, trajectory, catalog, wanted, progress or (lambda _: None))
     report = sizing.run()
     if on_miss == "raise":
@@ -492,17 +495,6 @@ def _tip_to_base(scene: Scene) -> list[int]:
 
 def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
     return {i: assessment.candidate.name for i, assessment in taken.items()}
-
-
-def check_bearings(catalog: Catalog | None, conditions: Conditions) -> None:
-    """Refuse bearings for joints that the catalogue does not have, or not rated: `CatalogError`."""
-    known = {} if catalog is None else catalog.bearings
-    rated = [name for name, entry in known.items() if entry.ratings is not None]
-    for joint, name in conditions.bearings.items():
-        if name not in rated:
-            what = "has no `ratings`" if name in known else "is not in the catalogue"
-            raise CatalogError(f"conditions.bearings.{joint}: the bearing {name!r} {what}; "
-                               f"{choose_from(name, rated)}")  # fmt: skip
 
 
 def check_names(scene: Scene, conditions: Conditions) -> None:

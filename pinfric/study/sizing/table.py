@@ -115,7 +115,7 @@ def _rows(
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as problem:
-        reason = getattr(problem, "strerror", None) or "is not UTF-8 text"
+        reason = getattr(problem, "strerror", None) or "is not UTF-8 text; save it as CSV UTF-8"
         raise CatalogError(f"{path}: cannot be read: {reason}") from None
     first = text.partition("\n")[0]
     delimiter = max(";\t,", key=first.count)

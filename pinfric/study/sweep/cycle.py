@@ -71,7 +71,7 @@ class Judge:
         # of the sample: its losses may be among what varies
         candidate = replace(self.candidate, transmission=drive.transmission)
         cycle = drive_cycle(result, actuator, holding)
-        demand = joint_demand(result, actuator, cycle)
+        demand = joint_demand(result, actuator, cycle, carried=candidate.bearing is not None)
         motor = motor_cycle(candidate, cycle, self.conditions)
         found = check(candidate, demand, cycle, motor, inertia, self.hand, self.conditions)
         bits = {name: 2.0**k for k, name in enumerate(self.criteria)}

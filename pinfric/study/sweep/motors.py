@@ -17,7 +17,8 @@ from pinfric.errors import CatalogError, SizingError, SweepError, choose_from, p
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
-from pinfric.study.sizing.assess import Assessment
+from pinfric.study.sizing.assess import Assessment, own_bearing
+from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
 from pinfric.study.sizing.criteria import Status, check
 from pinfric.study.sizing.demand import DriveCycle, JointDemand, Power
@@ -187,7 +188,9 @@ def _trial(
         assert catalog is not None
         if not isinstance(drive, Drive) or not depth(scene, actuator):
             raise SweepError("takes no motor with a gear; give the ratings, or `motor`")
-        candidate = _candidate(catalog, entry.drive, effort_unit(scene, actuator) == "N")
+        linear = effort_unit(scene, actuator) == "N"
+        bearing = own_bearing(catalog, conditions, name, linear)
+        candidate = _candidate(catalog, entry.drive, linear, bearing)
         if candidate.transmission is None:
             raise SweepError(f"{entry.drive}: not known: {', '.join(candidate.missing)}")
         transmission = candidate.transmission
@@ -228,7 +231,7 @@ def _required(candidate: Candidate, conditions: Conditions, hand: bool) -> tuple
         np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
     )
     values: dict[str, Any] = {f.name: 0.0 for f in dataclasses.fields(JointDemand)}
-    values |= {"name": "", "unit": "", "holding": None, "power": Power(0, 0, 0, 0),
+    values |= {"name": "", "unit": "", "holding": None, "bearing": None, "power": Power(0, 0, 0, 0),
                "power_frictionless": Power(0, 0, 0, 0)}  # fmt: skip
     found = check(candidate, JointDemand(**values), cycle, None, None, hand, conditions)
     return tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
@@ -238,8 +241,10 @@ def _over(figure: float | None, scale: float) -> float | None:
     return None if figure is None else figure / scale
 
 
-def _candidate(catalog: Catalog, name: str, linear: bool) -> Candidate:
-    there = {candidate.name: candidate for candidate in candidates(catalog, linear)}
+def _candidate(
+    catalog: Catalog, name: str, linear: bool, bearing: BearingRatings | None
+) -> Candidate:
+    there = {candidate.name: candidate for candidate in candidates(catalog, linear, bearing)}
     if name not in there:
         raise SweepError(f"the catalogue has no drive {name!r}; {choose_from(name, there)}")
     return there[name]

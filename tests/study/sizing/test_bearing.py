@@ -152,11 +152,21 @@ def test_a_joints_own_bearing_carries_instead_of_the_gears(tmp_path):
     x, y = (1, 0) if axial <= 0.3 * across else (0.56, 1.4)
     life = bearing_life(9000.0, 1.2 * (x * across + y * axial), load.speed, BALL)
     assert found["bearing life L10"].available == pytest.approx(life)
+    assert found["bearing life L10"].source == "ISO 281 (life), ISO 76 (static); ratings: invented"
     for name, text in (("bush", "has no `ratings`"), ("pear", "did you mean 'pair'")):
         with pytest.raises(CatalogError, match=f"conditions.bearings.table.*{text}"):
             judged(scene, trapezoid(scene), catalog, bearings={"table": name})
     with pytest.raises(CatalogError, match=r"conditions\.bearings: there is no drive 'tabel'"):
         judged(scene, trapezoid(scene), catalog, bearings={"tabel": "pair"})
+
+
+def test_sliding_joints_have_no_bearing_to_check(tmp_path):
+    bearings = {"B": {"source": "invented", "grade": "R", "ratings": CROSSED}}
+    path = write_catalog(tmp_path / "c.yaml", gears={"S": SCREW}, bearings=bearings)
+    with pytest.raises(CatalogError, match="sliding joints' guides are not checked"):
+        judged(lift(), up_and_down(lift()), load_catalog(path), bearings={"lift": "B"})
+    with pytest.raises(CatalogError, match="crossed roller at a linear output"):
+        load_catalog(write_catalog(path, gears={"S": {**SCREW, "bearing": CROSSED}}))
 
 
 def test_what_is_not_known_is_not_checked(tmp_path):

@@ -105,6 +105,25 @@ def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
     assert {"gear repeated peak torque", "gear life L10"} <= failing
 
 
+@pytest.mark.parametrize("own", [{}, {"bearings": {"table": "own"}}])
+def test_what_bearings_carry_counts_as_in_size(tmp_path, own):
+    scene = turntable()
+    motion = trapezoid(scene)
+    small = {"kind": "crossed roller", "pitch_diameter": 0.05, "dynamic_rating": 6.0,
+             "static_rating": 30.0, "max_axial": 12.0, "max_moment": 1.0}  # fmt: skip
+    bearings = {"own": {"source": "invented", "grade": "R", "ratings": {**small, "max_axial": 9.0}}}
+    catalog = one_drive(tmp_path, gear={"bearing": small}, bearings=bearings)
+    sweep = sweep_of(sampling="grid", motors={"table": {"drive": "M + G"}},
+                     speed={"choice": {"values": [0.8, 1.0]}})  # fmt: skip
+    sweep |= {"catalog": str(tmp_path / "catalog.yaml"), "conditions": own}
+    found = pf.sweep(scene, motion, sweep, processes=1)
+    for row, (speed,) in enumerate(found.values):
+        report = pf.size(scene, motion.with_speed(speed), catalog, on_miss="ignore", conditions=own)
+        failed = agrees(found, row, report.joints[0].assessments[0], "table")
+        assert ("bearing axial force" in failed) == bool(own)
+        assert "bearing life L10" in failed
+
+
 def test_a_stall_within_an_hour_does_not_suffice_either(tmp_path):
     """The motor of `test_overload`, on trial: the mean over the hour would do."""
     scene, hour, drive = hour_with_a_stall()
