@@ -8,7 +8,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # for `from_code`, beside this f
 import pinfric  # also: its package, whose docstrings are read
 
 project = "pinfric"
-author = "the authors of pinfric"
+author = copyright = "the authors of pinfric"
 version = release = pinfric.__version__
 language = "en"
 
@@ -23,10 +23,14 @@ extensions = [
 exclude_patterns = ["**/.ipynb_checkpoints"]
 
 # Pages are Markdown and notebooks; these keep their outputs, which the tests hold current.
-myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
+myst_enable_extensions = ["amsmath", "attrs_block", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"
 suppress_warnings = ["misc.highlighting_failure"]  # cells of `%%writefile` are no Python
+
+# Every function that a page names must be there; types of attributes need not.
+nitpicky = True
+nitpick_ignore_regex = [("py:(?!func).*", ".*"), ("py:class", ".*")]
 
 # Docstrings state shapes and units, so signatures need not repeat types.
 autodoc_typehints = "none"

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -55,6 +57,9 @@ def _escaped(line: str) -> str:
                    for i, part in enumerate(parts))  # fmt: skip
 
 
+#: A function or a class that a page names: kind, module with a dot behind it, name.
+NAMED = re.compile(r"\{py:(func|class)\}`~?pinfric\.((?:\w+\.)*)(\w+)`")
+_KINDS = {"func": "function", "class": "class"}
 _NAME = {
     "number": "number",
     "integer": "whole number",
@@ -195,6 +200,19 @@ class _Generated(SphinxDirective):
         raise NotImplementedError
 
 
+def named_lines(pages: Iterable[Path]) -> list[str]:
+    """Return directives for the docstrings of all that pages name, module by module."""
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
+    modules: dict[str, list[str]] = {}
+    for kind, module, name in sorted(set(re.findall(NAMED, text)), key=lambda found: found[1:]):
+        if module:  # else a public name, which has a page of its own
+            modules.setdefault(module, []).append(f".. auto{_KINDS[kind]}:: pinfric.{module}{name}")
+    lines = []
+    for module, directives in sorted(modules.items()):
+        lines += [f"## {module.rstrip('.')}", "", "```{eval-rst}", *directives, "```", ""]
+    return lines
+
+
 class Format(_Generated):
     """`{format} NAME`: the keys of a file, see `FormatPage`."""
 
@@ -203,6 +221,17 @@ class Format(_Generated):
     def markdown(self) -> list[str]:
         """See `_Generated.markdown`."""
         return FormatPage(self.arguments[0]).lines
+
+
+class Named(_Generated):
+    """`{named} PAGES`: the functions that pages (patterns) name, see `named_lines`."""
+
+    required_arguments, final_argument_whitespace = 1, True
+
+    def markdown(self) -> list[str]:
+        """See `_Generated.markdown`."""
+        patterns = self.arguments[0].split()
+        return named_lines(page for x in patterns for page in Path(self.env.srcdir).glob(x))
 
 
 class Commands(_Generated):
@@ -243,5 +272,6 @@ def setup(sphinx: Sphinx) -> dict[str, bool]:
     sphinx.connect("autodoc-process-docstring", docstrings.after, priority=600)
     sphinx.add_directive("format", Format)
     sphinx.add_directive("commands", Commands)
+    sphinx.add_directive("named", Named)
     sphinx.connect("doctree-read", _number_equations_by_tags)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

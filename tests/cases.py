@@ -79,7 +79,7 @@ def crank_motion(joints, angles, rate=6.28, acceleration=3.0, mechanism=FourBar(
 
 
 def turning_four_bar(samples=120, cut="B", kind="planar_pin", rate=6.28, acceleration=3.0, **more):
-    """The issue's four-bar over one turn; 0 and pi left out, where a pin reverses."""
+    """A four-bar over one turn; 0 and pi left out, where a pin reverses."""
     scene, joints = four_bar(cut, kind, **more)
     angles = 0.01 + np.linspace(0, 2 * np.pi, samples, endpoint=False)
     q, v, a = crank_motion(joints, angles, rate, acceleration)

@@ -108,7 +108,7 @@ def ring_of_bars(pins, place, masses, cut, kind, gravity):
 
 def four_bar(cut="B", kind="planar_pin", mu=0.3, gravity=(0.0, -9.81, 0.0), static=None,
              friction=None, **more):  # fmt: skip
-    """The issue's four-bar, cut at one of its pins; joints are called by their pins O, A, B, C.
+    """A four-bar, cut at one of its pins; joints are called by their pins O, A, B, C.
 
     Args:
         friction: of every pin, else that of `mu` and `static`; or a mapping by pin.

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import json
 import re
@@ -20,7 +21,7 @@ from pydantic import Field, TypeAdapter
 import pinfric as pf
 from pinfric import cli
 from pinfric.errors import PinfricError
-from pinfric.model.bearings import Bearing
+from pinfric.model.bearings import KINDS, Bearing
 from pinfric.model.entry import Entry, documented
 from pinfric.model.friction_terms import FrictionTerm
 from pinfric.model.yamlfile import read_yaml
@@ -37,6 +38,70 @@ def test_every_public_name_is_on_the_page_of_names():
     shown = re.findall(r"^\.\. auto(?:function|class|exception):: pinfric\.(\w+)$", page, re.M)
     assert sorted([*shown, "__version__"]) == sorted(pf.__all__)
     assert "`pf.__version__`" in page
+
+
+THEORY = sorted((PAGES / "theory").glob("*.md"))
+
+
+@pytest.mark.parametrize("page", THEORY, ids=lambda page: page.stem)
+def test_each_section_of_the_theory_says_who_computes_it_and_who_judges_it(page):
+    sections = re.split(r"^## ", page.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    for section in sections if page.stem not in ("index", "literature") else ():
+        assert section.count("{.judged}\n") == 1, section[:40]
+        assert re.search(r"[Jj]udged\s[\w\s(),:]*by\s", section), section[:40]
+
+
+@pytest.mark.parametrize("page", ["theory/*", "architecture", "evidence"])
+def test_pages_name_functions_files_and_tests_that_exist(page):
+    """Sphinx says it of functions, in `.ci/run`; what else is named it does not know."""
+    text = "".join(file.read_text(encoding="utf-8") for file in PAGES.glob(f"{page}.md"))
+    for module, name in re.findall(r"\{py:\w+\}`~?pinfric\.((?:\w+\.)*)(\w+)`", text):
+        assert callable(getattr(importlib.import_module(f"pinfric.{module}".rstrip(".")), name))
+    named = re.findall(r"[ `]((?:\w+/)*\w+\.py)(?:::(\w+))?[ `]", text)
+    assert named
+    for file, test in named:
+        folders = [folder for folder in ("", "pinfric", "pinfric/dynamics", "tests/dynamics")
+                   if (ROOT / folder / file).is_file()]  # fmt: skip
+        assert folders, file
+        assert f"def {test}" in (ROOT / folders[0] / file).read_text(encoding="utf-8"), test
+
+
+def test_the_picture_of_the_rooms_is_that_of_the_imports(monkeypatch):
+    monkeypatch.syspath_prepend(PAGES)
+    picture = importlib.import_module("rooms").picture()
+    assert picture == (PAGES / "pictures" / "rooms.svg").read_text(encoding="utf-8")
+
+
+def test_a_bearing_is_added_by_the_steps_of_the_architecture(capsys):
+    (example,) = re.findall(r"^```python\n(.*?)^```", (PAGES / "architecture.md").read_text(
+        encoding="utf-8"), re.DOTALL | re.MULTILINE)  # fmt: skip
+    try:
+        exec(compile(example, "architecture.md", "exec", dont_inherit=True), {"__name__": "added"})
+        kinds = json_schema("scene")["$defs"]["Bearing"]["anyOf"]
+        assert "mean radius of the faces (m)" in json.dumps(kinds)
+    finally:
+        KINDS.pop("cone", None)
+    load = float(capsys.readouterr().out.strip("[]\n"))
+    pin_load = pf.inverse_dynamics(pf.load_scene("pendulum"), [[0.5]], [[1.0]], [[0.0]]).normal_load
+    assert load == pytest.approx(0.3 * pin_load[0, 0])  # radius 0.03 for 0.1, all of it radial
+
+
+def test_no_sentence_refers_to_a_document_that_is_not_here():
+    folders = ("pinfric", "tests", "robots", "notebooks", ".github", ".ci")
+    files = [f for folder in folders for f in (ROOT / folder).rglob("*") if f.is_file()]
+    files += [f for f in ROOT.iterdir() if f.is_file()]
+    kinds = {".py", ".md", ".yaml", ".yml", ".ipynb", ".toml", ".cff", ".j2"}
+    texts = {f: f.read_text(encoding="utf-8") for f in files if f.suffix in kinds}
+    here = {f.name for f in files}
+    assert len(texts) > 300
+    for file, text in texts.items():
+        absent = set(re.findall(r"[\w-]+\.md\b", text)) - here
+        assert not absent, f"{file}: {absent}"
+        cited = re.search(r"\bdesign(\.md| section| \d|,? §)|\b[Tt]he issue('s)?\b", text)
+        assert cited is None or file.suffix == ".md" or file == Path(__file__), f"{file}: {cited}"
+        if file.suffix == ".md":
+            for link in re.findall(r"\]\((?!https?:|#|mailto:)([^)#\s]+)", text):
+                assert (file.parent / link).exists(), f"{file}: {link}"
 
 
 def entries(cls=Entry):

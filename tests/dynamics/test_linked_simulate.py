@@ -54,7 +54,7 @@ def residuals(motion):
 # Without (`obey` returns what it is given): gaps of 0.06 m, 0.21 m and 0.09 m after 100 s.
 @pytest.mark.parametrize("method", METHODS)
 def test_loops_stay_closed_for_a_hundred_seconds(method):
-    """The issue's bound is 1e-10 m; the four-bar swings without friction."""
+    """Gaps stay below 1e-10 m; the four-bar swings without friction."""
     scene, _ = four_bar(friction={})
     q = scene.close(np.array([-1.2, 1.0, 1.5]), ["O"])
     options = {"event": {"rtol": 1e-5, "atol": 1e-7}, "timestepping": {"dt": 0.02},

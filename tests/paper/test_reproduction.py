@@ -23,7 +23,7 @@ def printed(tmp_path_factory):
     return json.loads(text.getvalue()), folder
 
 
-#: Bounds of the issue: the printed times, and what the readings of the data leave open.
+#: Bounds: the printed times, and what the readings of the data leave open.
 STICKS = {
     "pendulum": ((1.060, 1.072), (1.208, 1.216)),
     "three_link": ((0.515, 0.523), (0.555, 0.561)),
