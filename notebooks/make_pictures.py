@@ -1,7 +1,7 @@
-"""Make the pictures of README.md: python notebooks/make_pictures.py [NAME ...]
+"""Make the pictures of README.md and guide: python notebooks/make_pictures.py [NAME ...]
 
     efforts          efforts of the README's main job, with their bands      (`pinfric inverse`)
-    replay           the Panda while some joints stick and others slide      (needs Chromium)
+    replay           the UR10 while some joints stick and others slide       (needs Chromium)
     work_precision   error against computing time of the simulation methods  (notebook 03)
 
 They go to notebooks/pictures, cut down to 256 colours. Without names: all of them.
@@ -27,11 +27,12 @@ import pinfric as pf
 
 FOLDER = Path(__file__).parent
 ROBOTS = FOLDER.parent / "robots"
-SCENE, TRAJECTORY = ROBOTS / "panda_pick_and_place.yaml", ROBOTS / "panda_pick_and_place.csv"
+SCENE = ROBOTS / "ur10_machine_tending.yaml"
+TRAJECTORY = ROBOTS / "ur10_machine_tending.waypoints.yaml"
 #: Which cell of the notebook draws the picture.
 NOTEBOOK, TAG = FOLDER / "03_stick_slip.ipynb", "picture-work-precision"
 #: When the replay is shown (s), and the size of its window (pixels).
-MOMENT, WINDOW = 4.3, (1080, 880)
+MOMENT, WINDOW = 2.5, (1080, 880)
 #: Widest picture (pixels): GitHub shows at most about 900.
 WIDEST = 1080
 CHROMIUM_FLAGS = (
@@ -51,7 +52,14 @@ def efforts() -> Image.Image:
 
 
 def replay() -> Image.Image:
-    """Return a frame of the replay page, drawn by a browser."""
+    """Return a frame of the replay page."""
+    scene = pf.load_scene(SCENE)
+    result = pf.inverse_dynamics(scene, pf.load_trajectory(TRAJECTORY, scene))
+    return screenshot(pf.replay(scene, result, title="UR10, machine tending").page, MOMENT)
+
+
+def screenshot(page: str, moment: float) -> Image.Image:
+    """Return a frame of a replay page at a time (s), drawn by a browser."""
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
@@ -59,12 +67,9 @@ def replay() -> Image.Image:
     driver = shutil.which("chromedriver")
     if chromium is None or driver is None:
         raise SystemExit("replay: there is no browser here (apt install chromium chromium-driver)")
-    scene = pf.load_scene(SCENE)
-    result = pf.inverse_dynamics(scene, pf.load_trajectory(TRAJECTORY, scene))
     with tempfile.TemporaryDirectory() as folder:
-        shown = pf.replay(
-            scene, result, html=Path(folder) / "panda.html", title="Panda, pick and place"
-        )
+        file = Path(folder) / "replay.html"
+        file.write_text(page, encoding="utf-8")
         options = webdriver.ChromeOptions()
         options.binary_location = chromium
         for flag in (*CHROMIUM_FLAGS.split(), f"--user-data-dir={folder}/profile"):
@@ -72,7 +77,7 @@ def replay() -> Image.Image:
         browser = webdriver.Chrome(options=options, service=Service(driver))
         try:
             browser.set_window_size(*WINDOW)
-            browser.get(f"{shown.html.as_uri()}#t={MOMENT}")
+            browser.get(f"{file.as_uri()}#t={moment}")
             deadline = time.monotonic() + 60
             while not browser.execute_script("return document.body.dataset.ready"):
                 if time.monotonic() > deadline:
@@ -105,12 +110,12 @@ PICTURES: dict[str, Callable[[], Image.Image]] = {
 }  # fmt: skip
 
 
-def save(picture: Image.Image, path: Path) -> None:
-    """Write a small PNG: not too wide, few colours."""
+def small_png(picture: Image.Image, widest: int = WIDEST) -> bytes:
+    """Return a small PNG: not too wide, few colours."""
     picture = picture.convert("RGB")
-    if picture.width > WIDEST:
-        height = round(picture.height * WIDEST / picture.width)
-        picture = picture.resize((WIDEST, height), Image.Resampling.LANCZOS)
+    if picture.width > widest:
+        height = round(picture.height * widest / picture.width)
+        picture = picture.resize((widest, height), Image.Resampling.LANCZOS)
     # rare colours count, too: a marker is small, and must keep its colour
     pixels = np.asarray(picture)
     colors, counts = np.unique(pixels.reshape(-1, 3), axis=0, return_counts=True)
@@ -121,8 +126,16 @@ def save(picture: Image.Image, path: Path) -> None:
     small = Image.fromarray(number, "P")
     used = palette.getpalette()[: 3 * 255]
     small.putpalette([*used, *[255] * (3 * 256 - len(used))])
+    written = io.BytesIO()
+    small.save(written, "PNG", optimize=True)
+    return written.getvalue()
+
+
+def save(name: str) -> None:
+    """Write a picture of `PICTURES`."""
+    path = FOLDER / "pictures" / f"{name}.png"
     path.parent.mkdir(exist_ok=True)
-    small.save(path, optimize=True)
+    path.write_bytes(small_png(PICTURES[name]()))
     print(f"wrote {path}, {path.stat().st_size / 1000:.0f} kB")
 
 
@@ -137,7 +150,7 @@ def main() -> None:
         if name not in PICTURES:
             parser.error(f"there is no picture {name!r}; there are {', '.join(PICTURES)}")
     for name in names:
-        save(PICTURES[name](), FOLDER / "pictures" / f"{name}.png")
+        save(name)
 
 
 if __name__ == "__main__":

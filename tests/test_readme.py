@@ -1,7 +1,8 @@
-"""The README says what is true: its commands, its example, its names and its scene."""
+"""README and guide say what is true: their commands, examples, names and files."""
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import importlib
 import re
@@ -10,6 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
+import yaml
 
 import pinfric as pf
 from pinfric import cli
@@ -17,11 +20,14 @@ from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import States
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+GUIDE = ROOT / "notebooks/guide"
+README = ROOT / "README.md"
+PAGES = [README, *sorted(GUIDE.glob("*.md"))]
 
 
-def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
+def blocks(language, page=README):
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
 def test_set_up_is_two_commands_of_one_line():
@@ -44,21 +50,58 @@ def test_sample_is_what_the_first_command_prints(monkeypatch, capsys):
     assert ended.value.code == 0
     printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert printed == blocks("text")[0].splitlines()
+    assert blocks("text", GUIDE / "first_result.md") == blocks("text")
 
 
 def test_python_example_runs():
     (example,) = blocks("python")
+    assert example in blocks("python", GUIDE / "python.md")
     assert len(example.splitlines()) == 10
-    run = subprocess.run([sys.executable, "-c", f"import sys; sys.path.insert(0, '.')\n{example}"],
-                         cwd=ROOT, capture_output=True, text=True)  # fmt: skip
+    (compared,) = blocks("python", GUIDE / "first_result.md")
+    code = f"import sys; sys.path.insert(0, '.')\n{example}\n{compared}"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
-    assert "panda_joint2 sticks from 0.00 s to 0.20 s" in run.stdout
+    assert "shoulder_pan_joint sticks from 0.00 s to 0.20 s" in run.stdout
     assert not re.search(r"from (\S+) s to \1 s", run.stdout)  # passages through rest
     assert "Check(equilibrium=" in run.stdout
+    peaks = [ast.literal_eval(line) for line in run.stdout.splitlines() if line.startswith("{")]
+    said = [(which[joint], joint) for which in reversed(peaks)
+            for joint in ("shoulder_pan_joint", "wrist_3_joint")]  # fmt: skip
+    text = (GUIDE / "first_result.md").read_text(encoding="utf-8")
+    assert all(f"{figure:.3f} " in text or f"{figure:.3f}." in text for figure, _ in said)
+    shares = [
+        f"{100 * peaks[1][j] / peaks[0][j]:.0f} %" for j in ("shoulder_pan_joint", "wrist_3_joint")
+    ]
+    assert all(share in README.read_text(encoding="utf-8") for share in shares)
+
+
+def commands(page):
+    """What a page lets its reader type, without set-up and prompts."""
+    joined = re.sub(r"\\\n\s*", "", "\n".join(blocks("bash", page)))
+    return [line.split("pinfric ")[1].split() for line in joined.splitlines() if "pinfric " in line]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_commands_are_understood(page):
+    """Parsed, not run: `.ci/wheel` runs them where nothing of the repository is."""
+    program = typer.main.get_command(cli.app)
+    for arguments in commands(page):
+        if arguments[0].startswith("--"):
+            continue
+        command = program.commands[arguments[0]]
+        command.make_context(arguments[0], list(arguments[1:]))
+    table = set(re.findall(r"^\| `pinfric (\w+)", page.read_text("utf-8"), re.MULTILINE))
+    assert not table or table == set(program.commands)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_files_that_pages_print_are_files(page):
+    for text in blocks("yaml", page):
+        assert isinstance(yaml.safe_load(text), dict)
 
 
 def test_symbols_are_the_names_in_the_code():
-    table = README.split("## Symbols")[1].split("## ")[0]
+    table = (GUIDE / "python.md").read_text(encoding="utf-8").split("## Symbols")[1]
     rows = [line for line in table.splitlines() if line.startswith("| `")]
     names = [name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])]
     fields = {f.name for kind in (InverseResult, States) for f in dataclasses.fields(kind)}
@@ -68,8 +111,9 @@ def test_symbols_are_the_names_in_the_code():
 
 
 def test_way_to_the_solver_exists():
-    hops = README.split("in four hops:")[1].split("## ")[0]
-    files = re.findall(r"\[`(pinfric/[\w/]+\.py)`\]\(([\w/.]+)\)", hops)
+    text = (GUIDE / "python.md").read_text(encoding="utf-8")
+    hops = text.split("in four hops:")[1].split("## ")[0]
+    files = re.findall(r"\[`(pinfric/[\w/]+\.py)`\]\(\.\./\.\./([\w/.]+)\)", hops)
     assert len(files) == 10
     assert all(shown == target and (ROOT / target).is_file() for shown, target in files)
     modules = [importlib.import_module(f[:-3].replace("/", ".")) for f, _ in files]
@@ -80,8 +124,8 @@ def test_way_to_the_solver_exists():
         assert any(hasattr(module, name) for module in modules)
 
 
-def test_scene_in_the_readme_loads(tmp_path):
-    (scene_text,) = blocks("yaml")
+def test_scene_in_the_guide_loads(tmp_path):
+    (scene_text,) = blocks("yaml", GUIDE / "scene.md")
     (tmp_path / "scene.yaml").write_text(scene_text)
     scene = pf.load_scene(tmp_path / "scene.yaml")
     assert scene.site_names == ("shoulder_lift_joint", "elbow_joint")

@@ -10,7 +10,8 @@ import pinfric as pf
 from pinfric.model.robot import with_payloads
 
 ROBOTS = Path(__file__).parents[2] / "robots"
-SCENES = ("pendulum", "three_link", "panda_pick_and_place", "ur5_pick_and_place", "so101")
+SCENES = ("pendulum", "three_link", "panda_pick_and_place", "ur5_pick_and_place", "so101",
+          "ur10_machine_tending")  # fmt: skip
 pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 
 
@@ -166,6 +167,20 @@ def test_the_box_goes_from_a_to_b_upright(name, frame, reach, picked, placed):
     assert np.degrees(np.arccos(np.clip(down[carried].min(), -1, 1))) < (
         20 if name == "so101" else 1
     )
+
+
+def test_the_ur10_takes_a_blank_from_tray_to_chuck_and_every_joint_turns_round():
+    scene, motion = load("ur10_machine_tending")
+    data, frame = scene.model.createData(), scene.model.getFrameId("tool0")
+    carried = np.flatnonzero(motion.attached[:, 0])
+    for sample, place, along in ((carried[0], (0.60, -0.55, 0.05), (0, 0, -1)),
+                                 (carried[-1], (0.55, 0.75, 0.55), (0, 1, 0))):  # fmt: skip
+        pin.framesForwardKinematics(scene.model, data, motion.q[sample])
+        np.testing.assert_allclose(data.oMf[frame].translation, place, atol=5e-4)
+        np.testing.assert_allclose(data.oMf[frame].rotation[:, 2], along, atol=1e-3)
+    assert (motion.v.max(axis=0) > 0.5).all()
+    assert (motion.v.min(axis=0) < -0.5).all()
+    assert ((motion.v == 0).sum(axis=0) > 600).all()
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def effort_figure(
     zero = rounding(result)
     total = _HEADER + strips + rows * (height + _LABEL) + _FOOT
     with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
-        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
+        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white", layout="none")
         grid = _Grid(figure, columns, height, total, strips)
         names, note = _labels(result.actuator_names, grid.width)
         for place, (i, summary) in enumerate(chosen.items()):

@@ -44,7 +44,7 @@ def retime_figure(result: RetimeResult) -> Figure:
     drives = len(result.problem.scene.drives)
     total = _HEAD + _TOP + _GAP + drives * _STRIP + _FOOT
     with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
-        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
+        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white", layout="none")
         left, width = 1.6 / _WIDTH, (_WIDTH - 1.85) / _WIDTH
         top = figure.add_axes((left, 1 - (_HEAD + _TOP) / total, width, _TOP / total))
         low = figure.add_axes((left, _FOOT / total, width, drives * _STRIP / total), sharex=top)
@@ -72,7 +72,7 @@ def fastest_figure(sets: Sequence[DriveSet], title: str) -> Figure:
     from matplotlib.figure import Figure
 
     with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
-        figure = Figure(figsize=(8.0, 5.0), dpi=150, facecolor="white")
+        figure = Figure(figsize=(8.0, 5.0), dpi=150, facecolor="white", layout="none")
         axes = figure.add_axes((0.09, 0.11, 0.88, 0.74))
         best = [x for x in sets if x.best]
         others = [x for x in sets if not x.best]

@@ -103,9 +103,9 @@ def test_retime_of_what_cannot_be_is_one_line(files, capsys):
     assert run("retime", "table.yaml", "none.yaml") == cli.BAD_INPUT
 
 
-def test_motors_file_in_the_readme_fits_the_panda(tmp_path):
-    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"^```YML\n(.*?)^```$", readme, re.DOTALL | re.MULTILINE)
+def test_motors_file_in_the_guide_fits_the_panda(tmp_path):
+    page = (Path(__file__).parents[3] / "notebooks/guide/retime.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     (tmp_path / "motors.yaml").write_text(example)
     scene = pf.load_scene("panda_pick_and_place")
     found = pf.retime(scene, "panda_pick_and_place.csv", tmp_path / "motors.yaml", points=100)

@@ -161,9 +161,9 @@ def test_file_is_read_and_named_in_messages(tmp_path):
         load_sweep("panda")
 
 
-def test_example_in_the_readme_fits_the_panda():
-    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"^```yml\n(.*?)^```$", readme, re.DOTALL | re.MULTILINE)
+def test_example_in_the_guide_fits_the_panda():
+    page = (Path(__file__).parents[3] / "notebooks/guide/sweep.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     scene = pf.load_scene("panda_pick_and_place")
     motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
     found = pf.sweep(scene, motion, {**yaml.safe_load(example), "samples": 3}, processes=1)
