@@ -102,6 +102,9 @@ def _added_term(keyed: tuple[str, Any]) -> FrictionTerm | None:
 class Friction(Entry):
     """The friction of one joint: a bearing with coefficients, a constant part, a viscous part.
 
+    `includes_drive`: Coulomb and viscous friction were measured through the drive (by its motor's
+    current) and hold its losses, which go where another drive is put in its place.
+
     Keys beyond these are terms that a class of `FrictionTerm` adds.
 
     Attributes:
@@ -123,6 +126,7 @@ class Friction(Entry):
     coulomb: Coulomb = None
     viscous: Viscous = None
     stick_velocity: NonNegative | None = None
+    includes_drive: bool = False
 
     @classmethod
     def keys_and_kinds(cls) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from pinfric import __version__
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, json_safe
 from pinfric.study.identify.identify import Identified
+from pinfric.study.summary import effort_unit
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -57,10 +58,11 @@ def identify_report(found: Identified) -> list[RenderableType]:
     logs = ", ".join(one.name for one in found.recordings)
     duration = sum(one.trajectory.duration for one in found.recordings)
     title = f"{Path(found.scene.source).stem} · {logs}: {digits(duration)} s"
+    units = {name: effort_unit(found.scene, j) for j, name in enumerate(found.scene.joint_names)}
     laws = Table(title, [
         Column("joint", Kind.NAME), Column("law", Kind.WORDS), Column("effort\nRMS"),
         Column("off, where\nnot fitted"), Column("of Coulomb\n+ viscous"),
-    ], [(name, str(found.laws[name]), digits(error.rms), f"{100 * error.error / error.rms:.2g} %",
+    ], [(name, str(found.laws[name]), f"{digits(error.rms)} {units[name]}", error.share,
          f"{error.error / error.plain:.2f}") for name, error in found.errors.items()])  # fmt: skip
     figures = Table("coefficients, with 95 % intervals; (in brackets): not determined", [
         Column("joint", Kind.NAME), Column("coefficient", Kind.LABEL), Column("value"),
@@ -69,7 +71,7 @@ def identify_report(found: Identified) -> list[RenderableType]:
          digits(p.low), digits(p.high), p.unit) for p in found.parameters], keys=2)  # fmt: skip
     tables: list[RenderableType] = [laws, Text(), figures]
     if found.unseen:
-        tables += [Text(), _unseen(found)]
+        tables += [Text(), _unseen(found, units)]
     best = found.advice[0]
     least = min(best.factors, key=best.factors.__getitem__)
     lines = [f"logged efforts' delay: {found.estimate.delay}", *found.said,
@@ -78,8 +80,8 @@ def identify_report(found: Identified) -> list[RenderableType]:
     return [*tables, Text(), *(Text(line) for line in lines)]
 
 
-def _unseen(found: Identified) -> Table:
-    rows = [(log, name, digits(error.rms), f"{100 * error.error / error.rms:.2g} %")
+def _unseen(found: Identified, units: dict[str, str]) -> Table:
+    rows = [(log, name, f"{digits(error.rms)} {units[name]}", error.share)
             for log, joints in found.unseen.items() for name, error in joints.items()]  # fmt: skip
     columns = [Column("log held out", Kind.NAME), Column("joint", Kind.NAME),
                Column("effort\nRMS"), Column("off")]  # fmt: skip

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from pinfric.model.scene import Scene
@@ -115,7 +116,14 @@ def _recordings(found: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], fl
     yield "As fast as before", _way(q, fastest), 0.0
     yield "At a fifth of the speed", _way(q, 0.2 * fastest), 0.0
     yield "Up to twice as fast", _way(q, np.minimum(2.0 * fastest, limits)), 0.0
-    yield f"As fast as before, carrying {heavy:g} kg at the last link", _way(q, fastest), heavy
+    if _links(found.scene):
+        yield f"As fast as before, carrying {heavy:g} kg at the last link", _way(q, fastest), heavy
+
+
+def _links(scene: Scene) -> list[str]:
+    """The links that joints move; a model made in Python may have none."""
+    return [frame.name for frame in scene.model.frames
+            if frame.type == pin.FrameType.BODY and frame.parentJoint > 0]  # fmt: skip
 
 
 def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
@@ -165,8 +173,7 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[G
     q = configurations(columns, motion.position, scene.model.nq)
     loaded = scene.with_(payloads={})
     if load > 0.0:
-        link = [frame.name for frame in scene.model.frames][-1]
-        loaded = scene.with_(payloads={"load": {"link": link, "mass": load,
+        loaded = scene.with_(payloads={"load": {"link": _links(scene)[-1], "mass": load,
                                                 "com": (0.0, 0.0, _OFF)}})  # fmt: skip
     trajectory = Trajectory.from_arrays(loaded, motion.t, q, motion.velocity, motion.acceleration)
     recording = Recording.of(loaded, "", trajectory, 1.0 / _RATE, np.zeros_like(motion.velocity),

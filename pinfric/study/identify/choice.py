@@ -15,7 +15,7 @@ from pinfric.study.identify.normal import Grams, Normal, Prior, Reduced, block_e
 FloatArray = NDArray[np.float64]
 
 #: A law whose RMS error is larger by less than this share is not worse.
-_MARGIN = 0.02
+MARGIN = 0.02
 #: Blocks are held out in so many parts; whole logs, where there are as many as the second.
 _FOLDS, _LOGS = 10, 5
 #: Rounds in which joints change their laws one at a time.
@@ -210,7 +210,7 @@ def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
     def good(law: Law) -> bool:
         difference = (errors[law] - errors[best])[known]
         spread = float(difference.std(ddof=1)) * np.sqrt(difference.size) if known.sum() > 1 else 0
-        return bool(difference.sum() <= max(spread, ((1.0 + _MARGIN) ** 2 - 1.0) * least))
+        return bool(difference.sum() <= max(spread, ((1.0 + MARGIN) ** 2 - 1.0) * least))
 
     fine = [law for law in errors if good(law)]
     return min(fine, key=lambda law: (len(law.slots), float(errors[law].sum())))

@@ -85,6 +85,8 @@ def log_delay(
         prior: of the links' parameters.
         start: a delay nearby, s.
     """
+    from scipy.special import stdtrit
+
     joints = range(len(slots))
     delay, error, slopes = start, _USUAL, [np.zeros(one.kept.size) for _ in joints]
     row_weights, weights = None, np.ones(len(slots))
@@ -103,8 +105,9 @@ def log_delay(
         fit = Reduced(normal, now).fit(slots)
         place = places(slots)
         place = place[(fit.slots.ravel() * normal.slots.diagonal())[place] > 0.0]
-        moved, _ = moves(grams, weights, now, fit, place)
-        error = float(np.linalg.norm(moved[:, fit.theta.size - 1]))
+        moved, count = moves(grams, weights, now, fit, place)
+        wider = float(stdtrit(max(count - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
+        error = wider * float(np.linalg.norm(moved[:, fit.theta.size - 1]))
         delay = float(np.clip(delay + fit.theta[-1], _LEAST, _MOST))
         row_weights, weights = weighted(rows, fit)
         slopes = [_slope(one, fit, j) for j in joints]

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
 from pinfric.study.identify.checks import check_efforts
-from pinfric.study.identify.choice import Choice, Problem, choose, held_out_parts
+from pinfric.study.identify.choice import (
+    MARGIN,
+    Choice,
+    Problem,
+    choose,
+    held_out_parts,
+    nested_errors,
+)
 from pinfric.study.identify.columns import Prepared, Rows, joint_rows, prepare, with_loads
 from pinfric.study.identify.delay import Delay, common_delay, log_delay
 from pinfric.study.identify.inertias import consistent_fit, urdf_prior, with_parameters
@@ -74,6 +81,10 @@ class Estimate:
         scene: the question's, with the links' inertias found.
         rigid: of each log, (T, nj) effort without friction, N m or N.
         prepared: of each log.
+        errors: (nj,) of the laws taken and of plain friction, on blocks that neither their choice
+            nor their fit has seen, N m or N.
+        distrusted: whether laws chosen here would have predicted these blocks worse than plain
+            friction, which was taken instead.
     """
 
     question: Question
@@ -86,6 +97,8 @@ class Estimate:
     scene: Scene
     rigid: tuple[FloatArray, ...]
     prepared: tuple[Prepared, ...]
+    errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
+    distrusted: bool = False
 
 
 def estimate(question: Question, progress: Callable[[int, int], object]) -> Estimate:
@@ -104,8 +117,22 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     for number in (2, 1):
         progress(steps - number, steps)
         found = _next_pass(found)
+    found = _trusted(replace(found, errors=nested_errors(found.problem, found.rows)))
     progress(steps, steps)
     return found
+
+
+def _trusted(found: Estimate) -> Estimate:
+    """Return the estimate, with plain friction where choosing laws made unseen blocks worse."""
+    rows = [own.effort.size for own in found.rows]
+    chosen, plain = (found.problem.weights * rows @ error**2 for error in found.errors)
+    if chosen <= (1.0 + MARGIN) ** 2 * plain:
+        return found
+    laws = [(found.question.laws.get(name, PLAIN),) for name in found.scene.joint_names]
+    simple = replace(found, choice=Choice(tuple(law for (law,) in laws), found.choice.errors))
+    simple = _fitted(simple, laws)
+    return replace(simple, errors=nested_errors(simple.problem, simple.rows), distrusted=True,
+                   choice=replace(simple.choice, errors=found.choice.errors))  # fmt: skip
 
 
 def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:

@@ -174,7 +174,7 @@ def _comments(found: Identified) -> dict[tuple[str, ...], str]:
         if name in found.errors:
             error = found.errors[name]
             where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
-            comments[where] = (f"{law}: off by {100 * error.error / error.rms:.2g} % where not "
+            comments[where] = (f"{law}: off by {error.share} where not "
                                f"fitted ({error.error / error.plain:.2f} of {PLAIN})")  # fmt: skip
     return comments
 

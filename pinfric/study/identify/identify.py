@@ -20,8 +20,7 @@ from pinfric.model.files import write_folder
 from pinfric.model.scene import Scene
 from pinfric.study.identify.advice import Advice, advise
 from pinfric.study.identify.checks import check_one_robot
-from pinfric.study.identify.choice import nested_errors
-from pinfric.study.identify.columns import FEWEST_ROWS, joint_rows, prepare
+from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
 from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS, Law
@@ -37,7 +36,8 @@ from pinfric.study.identify.parameters import (
     scene_value,
 )
 from pinfric.study.identify.recordings import Recording, check_scene, read_recordings
-from pinfric.study.identify.rest import BreakAway, RestBound, break_aways, rest_bounds
+from pinfric.study.identify.rest import RestBound, break_aways, rest_bounds
+from pinfric.study.identify.said import said
 from pinfric.study.identify.uncertainty import Uncertainty, uncertainty
 from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.judged import JudgedLog, compare_effort
@@ -47,10 +47,6 @@ FloatArray = NDArray[np.float64]
 
 #: Rows of the posterior: enough for its percentiles from 1 to 99.
 _DRAWS = 400
-#: Below this share of its velocity limit a joint has not been fast.
-_FAST = 0.2
-#: A fit that leaves a larger share of an effort lacks something.
-_MISSED = 0.1
 
 
 @dataclass(frozen=True)
@@ -66,6 +62,11 @@ class HeldOut:
     rms: float
     error: float
     plain: float
+
+    @property
+    def share(self) -> str:
+        """The error in percent of the measured effort."""
+        return f"{100 * self.error / self.rms:.1f} %"
 
 
 @dataclass(frozen=True)
@@ -133,8 +134,7 @@ class Identified(Shown):
         unknown = [p.key for p in self.parameters if not p.determined]
         return screen("Identified", f"{file_name(self.scene.source)} from {logs}", {
             "laws": listed(tuple(self.laws), [str(law) for law in self.laws.values()]),
-            "errors": listed(tuple(self.errors), [f"{100 * e.error / e.rms:.2g} %"
-                                                  for e in self.errors.values()]),
+            "errors": listed(tuple(self.errors), [e.share for e in self.errors.values()]),
             "delay": str(self.estimate.delay),
             "not determined": listed(unknown),
             "more": ".parameters .posterior .scene .advice .summary() .plot() .save(folder)",
@@ -211,7 +211,7 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
         scene=better, laws=dict(zip(names, found.choice.laws, strict=True)), parameters=every,
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
-        delay=found.delay.value, said=_said(found, rest, every, static), entries=entries,
+        delay=found.delay.value, said=said(found, rest, every, static), entries=entries,
         estimate=found, uncertainty=known,
     )  # fmt: skip
 
@@ -250,7 +250,7 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
 
 
 def _errors(found: Estimate) -> dict[str, HeldOut]:
-    chosen, plain = nested_errors(found.problem, found.rows)
+    chosen, plain = found.errors
     result = {}
     for j, name in enumerate(found.scene.joint_names):
         effort = found.rows[j].effort
@@ -287,103 +287,3 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
             section, name, _ = scene_key(found.scene, j, law, own)
             result[f"{section}.{found.scene.joint_names[j]}.{name}"] = values
     return result
-
-
-def _said(
-    found: Estimate,
-    rest: Mapping[str, RestBound],
-    every: Sequence[Parameter],
-    static: Mapping[tuple[int, str], BreakAway],
-) -> tuple[str, ...]:
-    """What a person should know: of reading, and of what these logs cannot tell."""
-    names, recordings = found.scene.joint_names, found.question.recordings
-    said = [f"{one.name}: {line}" for one in recordings for line in one.reading.said]
-    if len(recordings) == 1:
-        said.append("one log only: how much friction differs from day to day is not known; between "
-                    "logs of a robot it was 1 to 10 %")  # fmt: skip
-    said += _lags(found)
-    still = [name for name, rows in zip(names, found.rows, strict=True) if rows.effort.size == 0]
-    if still:
-        said.append(f"never slides, keeps what the scene says: {', '.join(still)}")
-    for way, sign in (("forward", 1.0), ("backward", -1.0)):
-        slides = [(sign * rows.velocity > 0.0).sum() >= FEWEST_ROWS for rows in found.rows]
-        one_way = [n for n, s in zip(names, slides, strict=True) if n not in still and not s]
-        if one_way:
-            said.append(f"hardly slides {way}, Coulomb friction there is taken as the other way: "
-                        f"{', '.join(one_way)}")  # fmt: skip
-    restless = [n for n in names if n not in still and rest[n].seconds == 0.0]
-    if restless:
-        said.append(f"never rests, nothing bounds its static friction: {', '.join(restless)}")
-    bounded = [n for j, n in enumerate(names) if n not in (*still, *restless)
-               and not {(j, FORWARD), (j, BACKWARD)} & static.keys()]  # fmt: skip
-    if bounded:
-        said.append("rests, but never broke away slowly enough (three times a direction): static "
-                    f"friction is only bounded from below: {', '.join(bounded)}")  # fmt: skip
-    said += _slow(found, still)
-    plain = [name for name, errors in zip(names, found.choice.errors, strict=True)
-             if name not in still and name not in found.question.laws
-             and not any(law.load == "gear" for law in errors)]  # fmt: skip
-    if plain and found.question.motor:
-        said.append(f"no load contrast beside Coulomb friction, a gear's loss cannot be told from "
-                    f"it: {', '.join(plain)}")  # fmt: skip
-    if found.question.keep_inertias:
-        said.append("the URDF's inertias were kept: what is wrong with them is in the friction")
-    hopeless = [name for j, name in enumerate(names) if j in found.choice.hopeless]
-    if hopeless:
-        said.append(
-            "no law predicts more than that the effort is zero (held-out error above "
-            f"100 %), so plain friction stays and says little: {', '.join(hopeless)}"
-        )
-    said += _missed(found)
-    equal = [n for n, law in zip(names, found.choice.laws, strict=True)
-             if law.load == "gear" and law.both_ways]  # fmt: skip
-    if equal and not found.question.keep_inertias:
-        said.append("with masses free, a gear's losses driving and driven cannot be told apart and "
-                    "are taken as equal; a log with a known payload (--payload) tells both: "
-                    f"{', '.join(equal)}")  # fmt: skip
-    vague = [p.key for p in every if not p.determined]
-    if vague:
-        said.append(f"not determined: {', '.join(vague)}")
-    said.append("an offset of an effort's sensor would show as a difference of Coulomb friction "
-                "forward and backward")  # fmt: skip
-    return tuple(said)
-
-
-def _missed(found: Estimate) -> list[str]:
-    """Joints whose efforts the laws do not explain: something is not in the model."""
-    names = []
-    for j, (name, rows) in enumerate(zip(found.scene.joint_names, found.rows, strict=True)):
-        off = residuals(rows, found.fit, j)
-        if off.size and np.mean(off**2) > _MISSED**2 * np.mean(rows.effort**2):
-            names.append(f"{name} {np.sqrt(np.mean(off**2) / np.mean(rows.effort**2)):.0%}")
-    if not names:
-        return []
-    return [f"off by more than a tenth even where it was fitted, so something is missing or turned "
-            f"(signs, zeros, motors that move with another joint): {', '.join(names)}"]  # fmt: skip
-
-
-def _lags(found: Estimate) -> list[str]:
-    """What a delay that is not determined means, and what each of several logs says of it."""
-    delay, said = found.delay, []
-    if not delay.determined:
-        said.append(
-            "the delay of the efforts is not determined (standard error "
-            f"{1e3 * delay.standard_error:.1f} ms), taken as 0: faster motion would tell"
-        )
-    if len(delay.logs) > 1:
-        logs = zip(found.prepared, delay.logs, strict=True)
-        each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
-                for one, (value, error) in logs]  # fmt: skip
-        said.append(f"efforts' delay by each log alone, with standard error: {', '.join(each)}")
-    return said
-
-
-def _slow(found: Estimate, still: Sequence[str]) -> list[str]:
-    limits, slow = found.scene.model.velocityLimit, []
-    for j, name in enumerate(found.scene.joint_names):
-        fastest = float(np.abs(found.rows[j].velocity).max(initial=0.0))
-        if name not in still and 0.0 < limits[j] < 1e300 and fastest < _FAST * limits[j]:
-            slow.append(f"{name} {fastest:.2g} of {limits[j]:.2g}")
-    if not slow:
-        return []
-    return [f"never fast, friction at speed is extrapolated (rad/s or m/s): {', '.join(slow)}"]

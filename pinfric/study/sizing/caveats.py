@@ -110,9 +110,21 @@ def caveats(
         "Output bearings carry the joint's whole wrench, about its origin as if that lay on the "
         "output flange; conditions.bearings puts another bearing of the catalogue in their place.",
         "Magnets are taken as cold: the torque constant does not fall with temperature.",
-        "Friction of the scene stays as it is beside the candidates' losses: if it was identified "
-        "through motor currents, it holds the old gear's friction, which then counts twice.",
-    ]  # fmt: skip
+    ]
+    replaced = [name for name, entry in scene.friction.items() if entry.includes_drive]
+    if replaced:
+        notes.append(
+            f"Coulomb and viscous friction of {', '.join(replaced)} were measured through the old "
+            "drives (`includes_drive`) and are left out: the candidates' losses take their place. "
+            "That leaves out what the joints' own bearings and seals have of them, and all "
+            "where a candidate's no-load torque is not known; without `includes_drive` both count."
+        )
+    else:
+        notes.append(
+            "Friction of the scene stays as it is beside the candidates' losses: what was "
+            "identified through motor currents holds the old drive's, and `includes_drive: true` "
+            "beside it leaves that out."
+        )
     if not conditions.mass_in_urdf:
         text = ("The URDF's links are taken to be without drives: if they have some, these count "
                 "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "

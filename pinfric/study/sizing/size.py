@@ -11,7 +11,7 @@ and their share in other joints' inertias, are left out (for ratio r: 1/r of it)
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -266,7 +266,8 @@ class _Sizing:
             self.trajectory, self.duty = trajectory.motion(), trajectory.schedule()
         else:
             self.trajectory = trajectory
-        self.scene, self.catalog = scene, catalog
+        every = [drive.name for drive in scene.drives] if catalog is not None else ()
+        self.scene, self.catalog = without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
         self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
         self.judged: dict[tuple[int, _Load], JointSizing] = {}
@@ -456,6 +457,22 @@ def with_masses(
     elif not changed:
         return scene
     return replace(scene, model=model, actuators=actuators)
+
+
+def without_drives(scene: Scene, names: Collection[str]) -> Scene:
+    """Return the scene with no losses of the named drives in their joints' friction.
+
+    Args:
+        scene: where `includes_drive` says of friction that it holds them, its Coulomb and viscous
+            parts become 0.
+        names: of the drives that others replace.
+    """
+    changed = {
+        name: entry.model_copy(update={key: term.scaled(0.0) for key, term in entry
+                                       if key in ("coulomb", "viscous") and term})
+        for name, entry in scene.friction.items() if name in names and entry.includes_drive
+    }  # fmt: skip
+    return replace(scene, friction={**scene.friction, **changed}) if changed else scene
 
 
 def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> list[Actuator]:

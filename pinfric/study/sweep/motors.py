@@ -23,7 +23,14 @@ from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
 from pinfric.study.sizing.criteria import Status, check
 from pinfric.study.sizing.demand import DriveCycle, JointDemand, Power
 from pinfric.study.sizing.drivetrain import Candidate, Ratings, candidates
-from pinfric.study.sizing.size import BASE_AXES, check_names, depth, geared, with_masses
+from pinfric.study.sizing.size import (
+    BASE_AXES,
+    check_names,
+    depth,
+    geared,
+    with_masses,
+    without_drives,
+)
 from pinfric.study.summary import effort_unit
 from pinfric.study.sweep.cycle import FIGURES, Judge, JudgedTransmission
 from pinfric.study.sweep.file import MotorOnTrial, SweepFile
@@ -164,7 +171,8 @@ def _equipped(
             **dict(transmission), judge=judge
         )
     try:
-        heavier = with_masses(scene, weighed, conditions, drives=False)
+        bare = without_drives(scene, gears)
+        heavier = with_masses(bare, weighed, conditions, drives=False)
         return dataclasses.replace(heavier, actuators=geared(heavier, gears))
     except SizingError as problem:
         raise SweepError(f"{source}: {problem}") from None

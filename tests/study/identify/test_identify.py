@@ -210,6 +210,11 @@ def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):
     assert "https://" not in page.replace("https://plotly.com", "").split("<script>")[0]
 
 
+def test_friction_seen_through_the_drives_goes_when_other_drives_are_sized(found):
+    through = {name for name, entry in found.scene.friction.items() if entry.includes_drive}
+    assert through == set(NAMES) - {NAMES[1]}  # its gear's losses grow with it: it is the joint's
+
+
 def test_a_scene_without_a_urdf_cannot_be_written(found, tmp_path):
     bare = replace(found, scene=found.scene.with_(robot=None))
     with pytest.raises(IdentificationError, match="has no URDF"):

@@ -307,6 +307,22 @@ def test_neglecting_friction_would_have_bought_a_smaller_drive(tmp_path):
     assert joint.choice_frictionless.candidate.motor == "small"
 
 
+def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(tmp_path):
+    pin_of_5cm = {"bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
+                  "mu": {"static": 0.1, "kinetic": 0.1}}  # fmt: skip
+    own = pin_of_5cm | {"coulomb": {"static": 2.0, "kinetic": 1.5}, "viscous": 1.0}
+    entries = pin_of_5cm, own, own | {"includes_drive": True}
+    bare, kept, replaced = (arm(1, friction={"joint_1": entry}) for entry in entries)
+    reports = [pf.size(scene, still(scene), one_drive(tmp_path), on_miss="ignore")
+               for scene in (bare, kept, replaced)]  # fmt: skip
+    rms, rms_kept, rms_replaced = (report.joints[0].demand.rms for report in reports)
+    assert rms_replaced == pytest.approx(rms, rel=1e-12)
+    assert rms_kept > rms + 1.0
+    assert any("of joint_1 were measured through the old drives" in x for x in reports[2].notes)
+    # nothing takes its place where nothing is chosen
+    assert pf.size(replaced, still(replaced)).joints[0].demand.rms == pytest.approx(rms_kept)
+
+
 def test_planar_joint_gets_its_demand_but_no_drive(tmp_path):
     model = pin.Model()
     model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "base")

@@ -1,0 +1,123 @@
+"""What a person should know of an identification: how logs were read, and what they do not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pinfric.study.identify.columns import FEWEST_ROWS
+from pinfric.study.identify.estimate import Estimate
+from pinfric.study.identify.laws import BACKWARD, FORWARD
+from pinfric.study.identify.normal import residuals
+from pinfric.study.identify.parameters import Parameter
+from pinfric.study.identify.rest import BreakAway, RestBound
+
+#: Below this share of its velocity limit a joint has not been fast.
+_FAST = 0.2
+#: A fit that leaves a larger share of an effort lacks something.
+_MISSED = 0.1
+
+
+def said(
+    found: Estimate,
+    rest: Mapping[str, RestBound],
+    every: Sequence[Parameter],
+    static: Mapping[tuple[int, str], BreakAway],
+) -> tuple[str, ...]:
+    """Return a line for everything that was read, repaired or left out, or that no log tells.
+
+    Args:
+        found: the estimate.
+        rest: joint -> what its holds show.
+        every: the coefficients.
+        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
+    """
+    lines = [f"{one.name}: {line}" for one in found.question.recordings
+             for line in one.reading.said]  # fmt: skip
+    lines += _of_logs(found)
+    lines += [f"{what}: {', '.join(names)}" for what, names in _of_joints(found, rest, static)
+              if names]  # fmt: skip
+    if found.question.keep_inertias:
+        lines.append("the URDF's inertias were kept: what is wrong with them is in the friction")
+    if found.distrusted:
+        lines.append("too little was logged to choose laws: those chosen predicted what neither "
+                     "choice nor fit had seen worse than Coulomb and viscous friction, which "
+                     "stays")  # fmt: skip
+    vague = [p.key for p in every if not p.determined]
+    if vague:
+        lines.append(f"not determined: {', '.join(vague)}")
+    lines.append("an offset of an effort's sensor would show as a difference of Coulomb friction "
+                 "forward and backward")  # fmt: skip
+    return tuple(lines)
+
+
+def _of_logs(found: Estimate) -> list[str]:
+    """What one log does not tell, and what several say of the delay."""
+    delay, lines = found.delay, []
+    if len(found.prepared) == 1:
+        lines.append("one log only: how much friction differs from day to day is not known; "
+                     "between logs of a robot it was 1 to 10 %")  # fmt: skip
+    if not delay.determined:
+        lines.append("the delay of the efforts is not determined (standard error "
+                     f"{1e3 * delay.standard_error:.1f} ms), taken as 0: faster motion would "
+                     "tell")  # fmt: skip
+    if len(delay.logs) > 1:
+        logs = zip(found.prepared, delay.logs, strict=True)
+        each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
+                for one, (value, error) in logs]  # fmt: skip
+        lines.append(f"efforts' delay by each log alone, with standard error: {', '.join(each)}")
+    return lines
+
+
+def _of_joints(
+    found: Estimate, rest: Mapping[str, RestBound], static: Mapping[tuple[int, str], BreakAway]
+) -> list[tuple[str, list[str]]]:
+    """What does not show, and at which joints."""
+    names, choice, question = found.scene.joint_names, found.choice, found.question
+    slid = [j for j, rows in enumerate(found.rows) if rows.effort.size]
+
+    def hardly(sign: float) -> list[str]:
+        return [names[j] for j in slid
+                if (sign * found.rows[j].velocity > 0.0).sum() < FEWEST_ROWS]  # fmt: skip
+
+    other = "Coulomb friction there is taken as the other way"
+    return [
+        ("never slides, keeps what the scene says",
+         [name for j, name in enumerate(names) if j not in slid]),
+        (f"hardly slides forward, {other}", hardly(1.0)),
+        (f"hardly slides backward, {other}", hardly(-1.0)),
+        ("never rests, nothing bounds its static friction",
+         [names[j] for j in slid if rest[names[j]].seconds == 0.0]),
+        ("rests, but never broke away slowly enough (three times a direction): static friction is "
+         "only bounded from below",
+         [names[j] for j in slid if rest[names[j]].seconds > 0.0
+          and not {(j, FORWARD), (j, BACKWARD)} & static.keys()]),
+        ("never fast, friction at speed is extrapolated (rad/s or m/s)", _slow(found, slid)),
+        ("no load contrast beside Coulomb friction, a gear's loss cannot be told from it",
+         [names[j] for j in slid if question.motor and names[j] not in question.laws
+          and not any(law.load == "gear" for law in choice.errors[j])]),
+        ("no law predicts more than that the effort is zero (held-out error above 100 %), so plain "
+         "friction stays and says little", [names[j] for j in sorted(choice.hopeless)]),
+        ("off by more than a tenth even where it was fitted, so something is missing or turned "
+         "(signs, zeros, motors that move with another joint)", _missed(found, slid)),
+        ("with masses free, a gear's losses driving and driven cannot be told apart and are taken "
+         "as equal; a log with a known payload (--payload) tells both",
+         [name for name, law in zip(names, choice.laws, strict=True)
+          if law.load == "gear" and law.both_ways and not question.keep_inertias]),
+    ]  # fmt: skip
+
+
+def _slow(found: Estimate, slid: Sequence[int]) -> list[str]:
+    limits = found.scene.model.velocityLimit
+    fastest = {j: float(np.abs(found.rows[j].velocity).max()) for j in slid}
+    return [f"{found.scene.joint_names[j]} {speed:.2g} of {limits[j]:.2g}"
+            for j, speed in fastest.items() if speed < _FAST * limits[j] < 1e300]  # fmt: skip
+
+
+def _missed(found: Estimate, slid: Sequence[int]) -> list[str]:
+    off = {j: residuals(found.rows[j], found.fit, j) for j in slid}
+    share = {j: float(np.sqrt(np.mean(x**2) / max(np.mean(found.rows[j].effort ** 2), 1e-300)))
+             for j, x in off.items()}  # fmt: skip
+    return [f"{found.scene.joint_names[j]} {100 * x:.0f} %" for j, x in share.items()
+            if x > _MISSED]  # fmt: skip
