@@ -115,6 +115,7 @@ class Friction(Entry):
         coulomb: friction whatever the load, also by direction, e.g. {static: 6.0, kinetic: 5.0}
         viscous (N m or N at 1 rad/s or 1 m/s): friction that grows with the speed, e.g. 3.0
         stick_velocity (rad/s or m/s): at or below which the joint sticks, e.g. 1.0e-4
+        includes_drive: whether `coulomb` and `viscous` were measured through the drive, e.g. true
     """
 
     model_config = ConfigDict(extra="allow")  # `_added_term` refuses what no class adds

@@ -16,6 +16,7 @@ import numpy as np
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
 from pinfric.model.files import write_file
+from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import affixes, left_out, shortened, without
 from pinfric.show.report.values import digits, span
@@ -39,7 +40,6 @@ _EFFORT, _STICKING, _CARRIED = "#0072B2", "#E69F00", "#009E73"
 #: The band's colour. It is drawn in two layers, white and over it a veil that makes the colour: the
 #: frictionless curve between them shows through, the shading below both does not.
 _BAND, _VEIL, _VEIL_ALPHA = "#A9CFE8", "#539FD1", 0.5
-_INK, _QUIET = "#222222", "#6B6B6B"
 #: Opacity of the shaded times.
 _SHADE = 0.17
 #: The mark of an instant at rest, at the bottom of a panel.
@@ -89,7 +89,6 @@ def effort_figure(
     Raises:
         StateError: the result has no times, no drives, or no drive of a name.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     if result.t is None:
@@ -106,8 +105,8 @@ def effort_figure(
     strips = _STRIP * len(phases) + (0.08 if phases else 0.0)
     zero = rounding(result)
     total = _HEADER + strips + rows * (height + _LABEL) + _FOOT
-    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
-        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white", layout="none")
+    with style():
+        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         grid = _Grid(figure, columns, height, total, strips)
         names, note = _labels(result.actuator_names, grid.width)
         for place, (i, summary) in enumerate(chosen.items()):
@@ -260,9 +259,9 @@ def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float, bottom: 
     _shade(axes, result.t, sticking)
     passages = _passages(result, i)
     _mark_passages(axes, result.t, passages)
-    axes.axhline(0.0, color=_QUIET, linewidth=0.5, alpha=0.6, zorder=1)
+    axes.axhline(0.0, color=QUIET, linewidth=0.5, alpha=0.6, zorder=1)
     if sites_on(result.scene, i):
-        axes.plot(t, frictionless, color=_INK, linewidth=0.7, zorder=2.9, gid="frictionless")
+        axes.plot(t, frictionless, color=INK, linewidth=0.7, zorder=2.9, gid="frictionless")
     _draw_interval(axes, t, lower, upper, interval, interval & (sticking & ~passages)[kept])
     sliding = np.where(interval, np.nan, upper)
     axes.plot(t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding",
@@ -354,11 +353,11 @@ def _dress(
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    axes.tick_params(colors=_QUIET, labelcolor=_QUIET, length=2.5, labelbottom=bottom)
+    axes.tick_params(colors=QUIET, labelcolor=QUIET, length=2.5, labelbottom=bottom)
     axes.grid(axis="y", color="#DDDDDD", linewidth=0.4, zorder=0)
     axes.set_axisbelow(True)
     if bottom:
-        axes.set_xlabel("time (s)", color=_QUIET)
+        axes.set_xlabel("time (s)", color=QUIET)
 
 
 def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: float) -> None:
@@ -374,8 +373,8 @@ def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: 
         if len(name) <= room:
             break
     labels: tuple[tuple[str, float, str, dict[str, Any]], ...] = (
-        (name, 0, "left", {"fontsize": 9, "fontweight": "bold", "color": _INK}),
-        (f"{figures}  {summary.unit}", 1, "right", {"fontsize": 8, "color": _QUIET}),
+        (name, 0, "left", {"fontsize": 9, "fontweight": "bold", "color": INK}),
+        (f"{figures}  {summary.unit}", 1, "right", {"fontsize": 8, "color": QUIET}),
     )
     for text, x, side, look in labels:
         axes.annotate(text, (x, 1), (0, 4), "axes fraction", "offset points", ha=side, va="bottom",
@@ -414,12 +413,12 @@ def _head(
     left = _LEFT / _WIDTH
     title = " · ".join(name for name in (Path(result.scene.source).stem, trajectory) if name)
     title = shortened([title], 90)[0]
-    figure.text(left, 1 - 0.2 / total, title, fontsize=13, fontweight="bold", color=_INK, va="top")
-    figure.text(left, 1 - 0.46 / total, text, fontsize=9, color=_QUIET, va="top")
+    figure.text(left, 1 - 0.2 / total, title, fontsize=13, fontweight="bold", color=INK, va="top")
+    figure.text(left, 1 - 0.46 / total, text, fontsize=9, color=QUIET, va="top")
     figure.legend(
         handles=_key(result), loc="upper left", ncols=6, frameon=False, fontsize=8.5,
         bbox_to_anchor=(left, 1 - 0.63 / total), borderaxespad=0, borderpad=0.2, handlelength=1.8,
-        columnspacing=1.8, labelcolor=_INK,
+        columnspacing=1.8, labelcolor=INK,
     )  # fmt: skip
 
 
@@ -439,7 +438,7 @@ def _key(result: InverseResult) -> list[Any]:
         in_line = {**_PASSAGE, "marker": "|"}  # a tick would stand above the letters
         handles.append(Line2D([], [], label="passes through rest", **in_line))
     if result.site_names:
-        handles.append(Line2D([], [], color=_INK, linewidth=0.7, label="without friction"))
+        handles.append(Line2D([], [], color=INK, linewidth=0.7, label="without friction"))
     handles.append(Line2D([], [], linestyle="", label="peak", **_PEAK))
     return handles
 

@@ -9,6 +9,7 @@ import numpy as np
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.show.figure.efforts import brief_ticks, thinned
+from pinfric.show.figure.style import QUIET, style
 from pinfric.study.summary import effort_unit, rests
 from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COMPUTED, _BAND, _MEASURED, _STICKING = "#0072B2", "#A9CFE8", "#F2B38B", "#E69F00"
-_QUIET = "#6B6B6B"
 #: Inches: the width, a panel, what is above and below all of them.
 _WIDTH, _PANEL, _HEADER, _FOOT = 11.0, 1.5, 0.75, 0.5
 
@@ -32,15 +32,13 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
     Raises:
         StateError: no times, or no measured effort.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     if result.t is None or not log.measured:
         raise StateError("a figure of measured efforts needs a log that has them")
     t, (lower, upper) = result.t, measured_interval(result, log.at)
     total = _HEADER + _PANEL * len(log.measured) + _FOOT
-    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans",
-                     "figure.constrained_layout.use": False}):  # fmt: skip
+    with style():
         figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         panels = figure.subplots(len(log.measured), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (name, found) in zip(panels, log.measured.items(), strict=True):
@@ -59,8 +57,8 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
             axes.set_title(title.replace("%", " %"), loc="left", fontsize=9)
             axes.yaxis.set_major_formatter(brief_ticks)
             axes.spines[["top", "right"]].set_visible(False)
-            axes.tick_params(colors=_QUIET)
-        panels[-1].set_xlabel("time (s)", color=_QUIET)
+            axes.tick_params(colors=QUIET)
+        panels[-1].set_xlabel("time (s)", color=QUIET)
         handles = [panels[0].lines[0], panels[0].lines[1]]
         figure.legend(handles, ["measured", "computed (a band where it sticks)"], ncols=2,
                       loc="upper right", frameon=False)  # fmt: skip

@@ -14,6 +14,7 @@ from pinfric.dynamics.result import runs
 from pinfric.model.brief import counted
 from pinfric.model.coordinates import one_number
 from pinfric.show.figure.efforts import brief_ticks, thinned
+from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.names import shortened
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's palette, as in `figure.efforts`.
 _FRICTION, _STICKING, _LIMIT = "#0072B2", "#E69F00", "#8A8A8A"
-_INK, _QUIET = "#222222", "#6B6B6B"
 #: Opacity of the shaded times.
 _SHADE = 0.18
 #: Joints drawn, and inches a row takes of few and of many.
@@ -56,14 +56,13 @@ def motion_figure(motion: Motion) -> Figure:
     Shaded is where that joint sticks. Of more than 16 joints those that move are drawn: first those
     that stick and slip, then the farthest travelled (a metre as a radian); the others are counted.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     rows = _rows(motion)
     drawn, left = _chosen(rows)
     height = _TALL if len(drawn) <= 4 else _LOW
     total = _HEAD + height * max(len(drawn), 1) + 0.35
-    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+    with style():
         figure = Figure(figsize=(11.0, total), dpi=150, facecolor="white")
         figure.set_layout_engine("constrained", rect=(0, 0, 1, 1 - 0.8 / total))
         if drawn:
@@ -77,7 +76,7 @@ def motion_figure(motion: Motion) -> Figure:
             for column in panels.T:
                 lowest = [axes for axes in column if axes.axison][-1:]
                 for axes in lowest:
-                    axes.set_xlabel("time (s)", color=_QUIET)
+                    axes.set_xlabel("time (s)", color=QUIET)
                     axes.tick_params(labelbottom=True)
         _head(figure, total, motion, drawn, left)
     return figure
@@ -132,7 +131,7 @@ def _draw(panels: Sequence[Axes], motion: Motion, row: _Row, name: str) -> None:
             axes.axis("off")
         else:
             kept = thinned([values])
-            axes.plot(motion.t[kept], values[kept], color=_INK, linewidth=1.2)
+            axes.plot(motion.t[kept], values[kept], color=INK, linewidth=1.2)
             _dress(axes, motion, row.site, unit)
     if row.site < 0:
         panels[2].axis("off")
@@ -144,12 +143,12 @@ def _draw(panels: Sequence[Axes], motion: Motion, row: _Row, name: str) -> None:
         _say(panels[0], "closes a loop" if row.velocity is None else "follows another joint")
     panels[0].annotate(
         name, (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9, fontweight="bold",
-        color=_INK, va="bottom", annotation_clip=False,
+        color=INK, va="bottom", annotation_clip=False,
     )  # fmt: skip
 
 
 def _say(axes: Axes, text: str) -> None:
-    axes.annotate(text, (0.02, 0.5), xycoords="axes fraction", color=_QUIET, va="center")
+    axes.annotate(text, (0.02, 0.5), xycoords="axes fraction", color=QUIET, va="center")
 
 
 def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
@@ -161,10 +160,10 @@ def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
     middle = float(values.mean()) if values.size else 0.0
     if not values.size or np.ptp(values) <= _ROUNDING * max(1.0, abs(middle)):
         axes.set_ylim(middle - 0.5, middle + 0.5)  # rounding is no motion
-    axes.axhline(0, color=_QUIET, linewidth=0.5, alpha=0.6, zorder=0)
-    axes.set_ylabel(unit, color=_QUIET)
+    axes.axhline(0, color=QUIET, linewidth=0.5, alpha=0.6, zorder=0)
+    axes.set_ylabel(unit, color=QUIET)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.tick_params(colors=_QUIET, length=2.5)
+    axes.tick_params(colors=QUIET, length=2.5)
     axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
     axes.yaxis.set_major_formatter(brief_ticks)
     for first, last in runs(motion.phase_modes[:, site] == 0) if site >= 0 else ():
@@ -189,11 +188,11 @@ def _head(
     from matplotlib.patches import Patch
 
     title = f"{Path(motion.scene.source).stem} · {motion.method}"
-    figure.text(0.01, 1 - 0.12 / total, title, fontsize=13, fontweight="bold", color=_INK, va="top")
+    figure.text(0.01, 1 - 0.12 / total, title, fontsize=13, fontweight="bold", color=INK, va="top")
     figure.text(
-        0.01, 1 - 0.38 / total, _what(motion, drawn, left), fontsize=9, color=_QUIET, va="top"
+        0.01, 1 - 0.38 / total, _what(motion, drawn, left), fontsize=9, color=QUIET, va="top"
     )
-    handles: list[Any] = [Line2D([], [], color=_INK, linewidth=1.2, label="position, velocity")]
+    handles: list[Any] = [Line2D([], [], color=INK, linewidth=1.2, label="position, velocity")]
     if any(row.site >= 0 for row in drawn):
         handles += [
             Line2D([], [], color=_FRICTION, linewidth=1.5, label="friction"),
@@ -205,7 +204,7 @@ def _head(
     figure.legend(
         handles=handles, loc="upper left", ncols=4, frameon=False, fontsize=8.5,
         bbox_to_anchor=(0.01, 1 - 0.53 / total), borderaxespad=0, borderpad=0.2, handlelength=1.8,
-        columnspacing=1.8, labelcolor=_INK,
+        columnspacing=1.8, labelcolor=INK,
     )  # fmt: skip
 
 

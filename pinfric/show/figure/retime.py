@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.values import digits
 from pinfric.study.retime.fastest import DriveSet
 from pinfric.study.retime.limits import KINDS
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SPEED, _LIMIT, _INK, _QUIET = "#0072B2", "#D55E00", "#222222", "#6B6B6B"
+_SPEED, _LIMIT = "#0072B2", "#D55E00"
 #: A colour for each of `KINDS` (Okabe and Ito's palette), where the drive is at that limit.
 _COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B4513", "#F0E442", "#56B4E9", "#009E73")
 #: Inches: width, top panel, a drive's strip, margins.
@@ -38,13 +39,12 @@ def retime_figure(result: RetimeResult) -> Figure:
     Args:
         result: of `retime`.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     drives = len(result.problem.scene.drives)
     total = _HEAD + _TOP + _GAP + drives * _STRIP + _FOOT
-    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
-        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white", layout="none")
+    with style():
+        figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         left, width = 1.6 / _WIDTH, (_WIDTH - 1.85) / _WIDTH
         top = figure.add_axes((left, 1 - (_HEAD + _TOP) / total, width, _TOP / total))
         low = figure.add_axes((left, _FOOT / total, width, drives * _STRIP / total), sharex=top)
@@ -53,10 +53,10 @@ def retime_figure(result: RetimeResult) -> Figure:
         scene, path = result.problem.scene, result.problem.path
         before = f" ({digits(result.before)} s before)" if result.before is not None else ""
         title = f"{Path(scene.source).stem} · {Path(path.source).name}"
-        figure.text(0.02, 1 - 0.3 / total, title, fontsize=12, fontweight="bold", color=_INK)
+        figure.text(0.02, 1 - 0.3 / total, title, fontsize=12, fontweight="bold", color=INK)
         text = (f"{digits(result.duration)} s{before}; no limit exceeded by more than "
                 f"{100 * result.excess:.2g} %")  # fmt: skip
-        figure.text(0.02, 1 - 0.55 / total, text, color=_QUIET)
+        figure.text(0.02, 1 - 0.55 / total, text, color=QUIET)
         _legend(figure, used)
     return figure
 
@@ -68,23 +68,22 @@ def fastest_figure(sets: Sequence[DriveSet], title: str) -> Figure:
         sets: of `fastest.fastest_sets`.
         title: of the scene and its path.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
-        figure = Figure(figsize=(8.0, 5.0), dpi=150, facecolor="white", layout="none")
+    with style():
+        figure = Figure(figsize=(8.0, 5.0), dpi=150, facecolor="white")
         axes = figure.add_axes((0.09, 0.11, 0.88, 0.74))
         best = [x for x in sets if x.best]
         others = [x for x in sets if not x.best]
         most = 1.25 * max(x.duration for x in best)  # far slower ones would squeeze the rest
         shown = [x for x in others if x.duration <= most]
-        axes.plot([x.mass for x in shown], [x.duration for x in shown], "o", color=_QUIET,
+        axes.plot([x.mass for x in shown], [x.duration for x in shown], "o", color=QUIET,
                   alpha=0.5, label="tried")  # fmt: skip
         axes.step([x.mass for x in best], [x.duration for x in best], "o-", where="post",
                   color=_SPEED, label="nothing lighter is as fast")  # fmt: skip
         for x in best:
             axes.annotate(x.held_by, (x.mass, x.duration), xytext=(5, 4), fontsize=7,
-                          textcoords="offset points", color=_INK)  # fmt: skip
+                          textcoords="offset points", color=INK)  # fmt: skip
         axes.margins(x=0.12, y=0.12)
         axes.set_xlabel("mass of all drives (kg)")
         axes.set_ylabel("cycle time (s)")
@@ -92,9 +91,9 @@ def fastest_figure(sets: Sequence[DriveSet], title: str) -> Figure:
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
         left = len(others) - len(shown)
-        figure.text(0.02, 0.94, title, fontsize=12, fontweight="bold", color=_INK)
+        figure.text(0.02, 0.94, title, fontsize=12, fontweight="bold", color=INK)
         figure.text(0.02, 0.895, "cycle time with other drives, and what holds each back"
-                    + f"; {left} slower ones not drawn" * (left > 0), color=_QUIET)  # fmt: skip
+                    + f"; {left} slower ones not drawn" * (left > 0), color=QUIET)  # fmt: skip
     return figure
 
 
@@ -116,7 +115,7 @@ def _draw_speed(axes: Axes, result: RetimeResult) -> None:
         departs, label = departs + float(result.moves[p]), False
     axes.set_ylim(0.0, 1.35 * most)
     axes.set_ylabel("along the path, ds/dt (1/s)")
-    axes.tick_params(labelbottom=False, colors=_QUIET)
+    axes.tick_params(labelbottom=False, colors=QUIET)
     axes.legend(loc="upper right", frameon=False, ncols=2)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -143,7 +142,7 @@ def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
     axes.set_yticks(np.arange(0.5, len(names) - 1), minor=True)
     axes.grid(which="minor", axis="y", color="white", linewidth=2.0)
     axes.tick_params(which="both", length=0)
-    axes.tick_params(axis="x", length=3, colors=_QUIET)
+    axes.tick_params(axis="x", length=3, colors=QUIET)
     axes.set_xlabel("time (s)")
     return sorted(set(nearest[reached].tolist()))
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric.show.figure.efforts import largest
+from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.names import least_room, shortened
 from pinfric.show.report.sweep import (
     own,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 # Okabe and Ito's palette, as in `figure.efforts`.
 _BLUE, _BEYOND, _RATING = "#5FA8D3", "#E69F00", "#B23A00"
 _UP, _DOWN, _NOISE = "#0072B2", "#D55E00", "#EDEDED"
-_INK, _QUIET = "#222222", "#6B6B6B"
 _BINS = 40
 #: Drives drawn, and letters of their names.
 _MOST, _LETTERS = 16, 24
@@ -50,7 +50,6 @@ def sweep_figure(result: SweepResult) -> Figure:
     Args:
         result: of `sweep`, with at least one sample that has a solution.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -61,10 +60,10 @@ def sweep_figure(result: SweepResult) -> Figure:
     drawn, left = largest(peaks.tolist(), units, _MOST)
     labels = shortened(result.actuator_names, _LETTERS)
     count = len(drawn)
-    with rc_context({"font.size": 8.5, "axes.edgecolor": _QUIET, "font.family": "DejaVu Sans"}):
+    with style():
         figure = Figure(figsize=(11.0, _ROW * count + _REST), dpi=150, facecolor="white",
                         layout=ConstrainedLayoutEngine(h_pad=0.06, wspace=0.03))  # fmt: skip
-        figure.suptitle(_title(result) + left, x=0.01, ha="left", fontsize=12, color=_INK)
+        figure.suptitle(_title(result) + left, x=0.01, ha="left", fontsize=12, color=INK)
         panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
         measure, strength = strengths(result, names[1])
         for i, row in zip(drawn, panels, strict=True):
@@ -73,10 +72,10 @@ def sweep_figure(result: SweepResult) -> Figure:
             _drivers(row[2], result, i, strength[:, i], bottom=i == drawn[-1])
             text = labels[i] + ("" if same else f"\n{units[i]}")
             row[0].set_ylabel(text, rotation=0, ha="right", va="center",
-                              fontweight="bold", color=_INK, labelpad=8)  # fmt: skip
+                              fontweight="bold", color=INK, labelpad=8)  # fmt: skip
         titles = f"peak{where}{same}", f"RMS{where}{same}", f"RMS: {measure}"
         for axes, text in zip(panels[0], titles, strict=True):
-            axes.set_title(text, loc="left", fontsize=10, color=_INK, pad=12)
+            axes.set_title(text, loc="left", fontsize=10, color=INK, pad=12)
     return figure
 
 
@@ -143,16 +142,16 @@ def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> No
     at = np.percentile(values, result.percentiles)
     low, high = axes.get_xlim()
     axes.set_xticks(at, [""] * len(at))
-    axes.tick_params(axis="x", length=4, color=_INK)
+    axes.tick_params(axis="x", length=4, color=INK)
     last = -np.inf
     for x, p in sorted(zip(at, result.percentiles, strict=True)):
         if x - last > 0.17 * (high - low):
             axes.annotate(f"{digits(x)}", (x, 0), xytext=(0, -6), textcoords="offset points",
                           xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=8,
-                          color=_INK)  # fmt: skip
+                          color=INK)  # fmt: skip
             axes.annotate(f"{p:g} %", (x, 0), xytext=(0, -16), textcoords="offset points",
                           xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=6.5,
-                          color=_QUIET)  # fmt: skip
+                          color=QUIET)  # fmt: skip
             last = x
 
 
@@ -165,7 +164,7 @@ def _drivers(axes: Axes, result: SweepResult, i: int, strength: np.ndarray, bott
     for k, j in enumerate(order):
         x = float(strength[j]) if np.isfinite(strength[j]) else 0.0
         axes.barh(-k, abs(x), height=0.62, color=_UP if x >= 0 else _DOWN, zorder=2)
-        label: dict[str, Any] = {"va": "center", "fontsize": 8, "color": _INK, "zorder": 3}
+        label: dict[str, Any] = {"va": "center", "fontsize": 8, "color": INK, "zorder": 3}
         axes.text(abs(x) + 0.02, -k, f"{x:{'+' if signed else ''}.2f}", **label)
     names = [own(parameter, result.actuator_names[i]) for parameter in result.parameter_names]
     short = shortened(names, max(_LETTERS, least_room(names)))
@@ -178,5 +177,5 @@ def _drivers(axes: Axes, result: SweepResult, i: int, strength: np.ndarray, bott
 
 def _quiet(axes: Axes) -> None:
     axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.tick_params(axis="x", colors=_QUIET)
-    axes.tick_params(axis="y", length=0, colors=_INK)
+    axes.tick_params(axis="x", colors=QUIET)
+    axes.tick_params(axis="y", length=0, colors=INK)

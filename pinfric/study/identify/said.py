@@ -117,7 +117,7 @@ def _slow(found: Estimate, slid: Sequence[int]) -> list[str]:
 
 def _missed(found: Estimate, slid: Sequence[int]) -> list[str]:
     off = {j: residuals(found.rows[j], found.fit, j) for j in slid}
-    share = {j: float(np.sqrt(np.mean(x**2) / max(np.mean(found.rows[j].effort ** 2), 1e-300)))
+    share = {j: np.sqrt(np.mean(x**2) / max(float(np.mean(found.rows[j].effort ** 2)), 1e-300))
              for j, x in off.items()}  # fmt: skip
     return [f"{found.scene.joint_names[j]} {100 * x:.0f} %" for j, x in share.items()
             if x > _MISSED]  # fmt: skip
