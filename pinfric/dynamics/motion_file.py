@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat
 
 from pinfric.dynamics.motion import ARRAYS, FORMAT, Event, Motion, scene_digests
-from pinfric.errors import SceneError, SimulationError, problems_line
+from pinfric.errors import SimulationError, problems_line
 from pinfric.model.entry import Entry, parse
 from pinfric.model.magnitudes import impossible
 from pinfric.model.scene import Scene
@@ -51,10 +51,8 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
     if isinstance(content, dict) and content.get("format", FORMAT) != FORMAT:
         found = brief(content["format"])
         raise SimulationError(f"{where}: format {found}; this pinfric reads {FORMAT}")
-    try:
-        about: _About = parse(_About, content, f"{where}: is not a motion that pinfric saved")
-    except SceneError as problem:
-        raise SimulationError(str(problem)) from None
+    what = f"{where}: is not a motion that pinfric saved"
+    about = parse(_About, content, what, SimulationError)
     now = scene_digests(scene, "motor_torque" if "motor_torque" in arrays else "effort")
     differ = [part for part, digest in now.items() if about.scene.get(part) != digest]
     if differ:

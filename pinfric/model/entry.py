@@ -11,7 +11,7 @@ import math
 import re
 import warnings
 from collections.abc import Callable
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import yaml
 from pydantic import (
@@ -28,7 +28,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from pinfric.errors import PinfricWarning, SceneError, choose_from, problems_line
+from pinfric.errors import PinfricError, PinfricWarning, SceneError, choose_from, problems_line
 from pinfric.model.magnitudes import LARGEST, SMALLEST
 from pinfric.model.yamlfile import brief
 
@@ -149,17 +149,22 @@ def documented(entry: type[BaseModel]) -> dict[str, Key]:
     return found
 
 
-def parse(entry: type[BaseModel], content: Any, where: str) -> Any:
-    """Validate `content` as `entry`; all problems in one `SceneError` that begins with `where`."""
+_Kind = TypeVar("_Kind", bound=BaseModel)
+
+
+def parse(
+    entry: type[_Kind], content: Any, where: str, error: type[PinfricError] = SceneError
+) -> _Kind:
+    """Validate `content` as `entry`; all problems in one error that begins with `where`."""
     if isinstance(content, entry):
         return content
     if not isinstance(content, dict):
-        raise SceneError(f"{where}: should be a mapping of keys, found {brief(content)}")
+        raise error(f"{where}: should be a mapping of keys, found {brief(content)}")
     try:
         return entry.model_validate(content)
-    except ValidationError as error:
-        problems = [_problem(entry, problem) for problem in error.errors()]
-    raise SceneError(problems_line(where, problems))
+    except ValidationError as found:
+        problems = [_problem(entry, problem) for problem in found.errors()]
+    raise error(problems_line(where, problems))
 
 
 def _problem(entry: type[BaseModel], problem: Any) -> str:

@@ -102,9 +102,6 @@ def _added_term(keyed: tuple[str, Any]) -> FrictionTerm | None:
 class Friction(Entry):
     """The friction of one joint: a bearing with coefficients, a constant part, a viscous part.
 
-    `includes_drive`: Coulomb and viscous friction were measured through the drive (by its motor's
-    current) and hold its losses, which go where another drive is put in its place.
-
     Keys beyond these are terms that a class of `FrictionTerm` adds.
 
     Attributes:
@@ -115,7 +112,8 @@ class Friction(Entry):
         coulomb: friction whatever the load, also by direction, e.g. {static: 6.0, kinetic: 5.0}
         viscous (N m or N at 1 rad/s or 1 m/s): friction that grows with the speed, e.g. 3.0
         stick_velocity (rad/s or m/s): at or below which the joint sticks, e.g. 1.0e-4
-        includes_drive: whether `coulomb` and `viscous` were measured through the drive, e.g. true
+        includes_drive: `coulomb` and `viscous` were measured through the drive (by its motor's
+            current) and hold its losses, which go where another drive takes its place, e.g. true
     """
 
     model_config = ConfigDict(extra="allow")  # `_added_term` refuses what no class adds

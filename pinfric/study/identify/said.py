@@ -116,8 +116,11 @@ def _slow(found: Estimate, slid: Sequence[int]) -> list[str]:
 
 
 def _missed(found: Estimate, slid: Sequence[int]) -> list[str]:
-    off = {j: residuals(found.rows[j], found.fit, j) for j in slid}
-    share = {j: np.sqrt(np.mean(x**2) / max(float(np.mean(found.rows[j].effort ** 2)), 1e-300))
-             for j, x in off.items()}  # fmt: skip
-    return [f"{found.scene.joint_names[j]} {100 * x:.0f} %" for j, x in share.items()
-            if x > _MISSED]  # fmt: skip
+    names, lines = found.scene.joint_names, []
+    for j in slid:
+        rows, off = found.rows[j], residuals(found.rows[j], found.fit, j)
+        if off @ off > _MISSED**2 * (rows.effort @ rows.effort):
+            lines.append(
+                f"{names[j]} {100 * np.sqrt(off @ off / (rows.effort @ rows.effort)):.0f} %"
+            )
+    return lines

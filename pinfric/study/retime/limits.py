@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from pinfric.errors import CatalogError, RetimeError, SceneError, choose_from
+from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
 from pinfric.model.entry import Entry, Positive, parse, strict_number
 from pinfric.model.scene import Scene
@@ -136,7 +136,8 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
     elif str(limits).startswith("default:"):
         others = str(limits).partition(":")[2]
     else:
-        file = _read(Path(limits))
+        content = read_yaml(Path(limits), CatalogError)
+        file = parse(MotorsFile, content, str(limits), CatalogError)
         given, others, conditions = file.drives, file.others, file.conditions
         catalog = file.catalog
     for name in given:
@@ -247,10 +248,7 @@ def _limits(name: str, entry: Any, shop: _Shop) -> DriveLimits:
         if isinstance(entry, dict) and "drive" in entry:
             chosen = shop.drive(name, str(entry["drive"]).removeprefix("default:"))
             entry = {key: value for key, value in entry.items() if key != "drive"}
-        try:
-            found = parse(DriveLimits, entry, f"limits.{name}")
-        except SceneError as problem:
-            raise RetimeError(str(problem)) from None
+        found = parse(DriveLimits, entry, f"limits.{name}", RetimeError)
         if chosen is not None:
             own = {key: getattr(found, key) for key in found.model_fields_set}
             found = chosen.model_copy(update=own)
@@ -273,15 +271,6 @@ def _stated(scene: Scene, i: int) -> DriveLimits:
             "; give limits of its drives (--motors)"
         )
     return DriveLimits(effort=effort)
-
-
-def _read(path: Path) -> MotorsFile:
-    content = read_yaml(path, CatalogError)
-    try:
-        file: MotorsFile = parse(MotorsFile, content, str(path))
-    except SceneError as problem:
-        raise CatalogError(str(problem)) from None
-    return file
 
 
 def joint_speeds(scene: Scene) -> np.ndarray:

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pinfric.errors import CatalogError, PinfricWarning, SceneError, choose_from
+from pinfric.errors import CatalogError, PinfricWarning, choose_from
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, number_or, parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.transmission import (
@@ -371,11 +371,7 @@ def parse_conditions(
         return default
     if isinstance(given, Conditions):
         return given
-    try:
-        conditions: Conditions = parse(Conditions, {**default.model_dump(), **given}, "conditions")
-    except SceneError as problem:
-        raise CatalogError(str(problem)) from None
-    return conditions
+    return parse(Conditions, {**default.model_dump(), **given}, "conditions", CatalogError)
 
 
 def _bundled() -> list[CatalogFile]:
@@ -395,12 +391,7 @@ def _read(path: Path) -> CatalogFile:
     if not os.path.exists(path) and path.suffix not in (".yaml", ".yml"):
         raise CatalogError(f"there is no catalogue {brief(str(path))}; "
                            f"{choose_from(path, [DEFAULT])}, or a YAML file")  # fmt: skip
-    content = read_yaml(path, CatalogError)
-    try:
-        file: CatalogFile = parse(CatalogFile, content, str(path))
-    except SceneError as problem:
-        raise CatalogError(str(problem)) from None
-    return file
+    return parse(CatalogFile, read_yaml(path, CatalogError), str(path), CatalogError)
 
 
 def _ascending(entry: Sourced, smaller: str, larger: str) -> None:

@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from pinfric.errors import SceneError, SweepError
+from pinfric.errors import SweepError
 from pinfric.model.entry import Entry, Number, Positive, parse
 from pinfric.model.scene_file import find_file
 from pinfric.model.yamlfile import read_yaml
@@ -188,15 +188,10 @@ def load_sweep(given: SweepFile | Mapping[str, Any] | str | Path) -> tuple[Sweep
     """
     if isinstance(given, SweepFile):
         return given, "sweep"
-    try:
-        if isinstance(given, Mapping):
-            entries: SweepFile = parse(SweepFile, dict(given), "sweep")
-            return entries, "sweep"
-        path = find_file(given, (".sweep.yaml",), SweepError)
-        entries = parse(SweepFile, read_yaml(path, SweepError), str(path))
-        if entries.table is not None:
-            beside = str(path.parent / entries.table)
-            entries = entries.model_copy(update={"table": beside})
-    except SceneError as problem:
-        raise SweepError(str(problem)) from None
+    if isinstance(given, Mapping):
+        return parse(SweepFile, dict(given), "sweep", SweepError), "sweep"
+    path = find_file(given, (".sweep.yaml",), SweepError)
+    entries = parse(SweepFile, read_yaml(path, SweepError), str(path), SweepError)
+    if entries.table is not None:
+        entries = entries.model_copy(update={"table": str(path.parent / entries.table)})
     return entries, str(path)

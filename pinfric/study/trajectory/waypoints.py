@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
-from pinfric.errors import SceneError, TrajectoryError, choose_from, problems_line
+from pinfric.errors import TrajectoryError, choose_from, problems_line
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, parse
 from pinfric.model.yamlfile import read_yaml
 
@@ -169,12 +169,7 @@ def read_waypoints(path: Path) -> WayPointFile:
     Raises:
         TrajectoryError: unreadable, not YAML, unknown keys, values that cannot be; all at once.
     """
-    content = read_yaml(path, TrajectoryError)
-    try:
-        waypoints: WayPointFile = parse(WayPointFile, content, str(path))
-    except SceneError as problem:
-        raise TrajectoryError(str(problem)) from None
-    return waypoints
+    return parse(WayPointFile, read_yaml(path, TrajectoryError), str(path), TrajectoryError)
 
 
 def sample_waypoints(

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from pinfric.dynamics.motion import SITE_ARRAYS
 from pinfric.dynamics.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
-from pinfric.errors import SceneError, TrajectoryError, choose_from
+from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.entry import Entry, Number, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.study.trajectory.joint_columns import JointColumn, listing
@@ -149,11 +149,7 @@ def read_mapping(path: Path, given: Path | str | None) -> ColumnsFile | None:
     file = Path(given) if given else beside if beside.is_file() else None
     if file is None:
         return None
-    try:
-        mapping: ColumnsFile = parse(ColumnsFile, read_yaml(file, TrajectoryError), str(file))
-    except SceneError as problem:
-        raise TrajectoryError(str(problem)) from None
-    return mapping
+    return parse(ColumnsFile, read_yaml(file, TrajectoryError), str(file), TrajectoryError)
 
 
 def find_columns(
