@@ -252,7 +252,7 @@ def scene_entries(
         if speed > 0.0:
             target["motor_viscous" if on_motor(law) else "viscous"] = viscous
         # behind a gear whose losses grow with this friction, it is the joint's own
-        if found.question.motor and law.load != "gear" and (dry or speed > 0.0):
+        if found.question.motor and law.load != "gear" and {"coulomb", "viscous"} & friction.keys():
             friction["includes_drive"] = True
         result[name] = JointEntries(friction, gear)
     return result
