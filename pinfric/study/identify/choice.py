@@ -74,10 +74,11 @@ class Choice:
         def moved(law: Law, motor: bool) -> Law:
             return replace(law, side="motor") if motor else law
 
-        return Choice(
-            tuple(moved(law, bool(m)) for law, m in zip(self.laws, there, strict=True)),
-            tuple({moved(law, bool(m)): error for law, error in errors.items()}
-                  for errors, m in zip(self.errors, there, strict=True)),
+        return replace(
+            self,
+            laws=tuple(moved(law, bool(m)) for law, m in zip(self.laws, there, strict=True)),
+            errors=tuple({moved(law, bool(m)): error for law, error in errors.items()}
+                         for errors, m in zip(self.errors, there, strict=True)),
         )  # fmt: skip
 
 

@@ -218,7 +218,7 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     bearing = entry is not None and entry.bearing is not None
     laws = candidates(bearing, found.question.motor and varied, both)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
-        laws = tuple(law for law in laws if not law.load or law.side == "motor" != law.load)
+        laws = tuple(law for law in laws if not law.load or law.side == "motor")
     return laws
 
 
