@@ -65,7 +65,7 @@ def test_a_table_becomes_a_catalogue_in_si(tmp_path):
 
 
 def test_the_mapping_of_the_reference_page_is_one(tmp_path):
-    page = Path(__file__).parents[3] / "notebooks" / "reference" / "catalog.md"
+    page = Path(__file__).parents[3] / "notebooks" / "reference" / "table.md"
     (mapping,) = re.findall(r"^```yaml\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.M)
     path = table(tmp_path, "M,224,44,1.35,7.17\n", "Type,Mn,J (g cm^2),Rth1,Rth2\n", mapping)
     (motor,) = import_table(path)["motors"].values()
