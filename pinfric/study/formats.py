@@ -11,6 +11,7 @@ from pinfric.model.entry import Entry
 from pinfric.model.schema import SceneFile
 from pinfric.study.retime.limits import MotorsFile
 from pinfric.study.sizing.catalog import CatalogFile
+from pinfric.study.sizing.table import TableMapping
 from pinfric.study.sweep.file import SweepFile
 from pinfric.study.trajectory.log.columns import ColumnsFile
 from pinfric.study.trajectory.waypoints import WayPointFile
@@ -22,6 +23,7 @@ FORMATS: dict[str, type[Entry]] = {
     "sweep": SweepFile,
     "motors": MotorsFile,
     "catalog": CatalogFile,
+    "table": TableMapping,
 }
 
 

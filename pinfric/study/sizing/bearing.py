@@ -10,7 +10,7 @@ joint's effort as its axial force, worst case over the effort's interval.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, NamedTuple, final
 
 import numpy as np
@@ -19,7 +19,7 @@ from pydantic import model_validator
 from pinfric.dynamics.reactions import state_wrenches
 from pinfric.dynamics.result import InverseResult
 from pinfric.model.bearings import axes_along
-from pinfric.model.entry import Entry, NonNegative, Number, Positive
+from pinfric.model.entry import Entry, NonNegative, Positive
 
 BALL, ROLLER = 3.0, 10.0 / 3.0
 
@@ -27,16 +27,16 @@ BALL, ROLLER = 3.0, 10.0 / 3.0
 class Factors(Entry):
     """P = X P_r + Y F_a, (X, Y) by F_a/P_r up to `limit` and above; P_0 = X_0 P_r + Y_0 F_a."""
 
-    limit: Number
+    limit: NonNegative
     below: tuple[NonNegative, NonNegative]
     above: tuple[NonNegative, NonNegative]
     static: tuple[NonNegative, NonNegative]
 
 
 class Kind(NamedTuple):
-    """How bearings of a kind are reckoned: exponent of loads and life, factors, where it says so.
+    """How bearings of a kind are reckoned: exponent of mean loads and life, factors, and by whom.
 
-    `factors` None: the entry must say.
+    `factors` None: the maker's, in the entry.
     """
 
     exponent: float
@@ -125,8 +125,8 @@ class BearingLoad:
     radial: float
     axial: float
     moment: float
-    means: Mapping[float, tuple[float, float, float]] = field(default_factory=dict)
-    speed: float = 0.0
+    means: Mapping[float, tuple[float, float, float]]
+    speed: float
 
 
 def bearing_load(

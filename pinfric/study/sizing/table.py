@@ -1,12 +1,5 @@
 """Catalogues as engineers have them: a table with one row per motor or gear, read by a mapping.
 
-    section: motors                 # or gears, gearmotors
-    columns:                        # figure of ours: its column, and the unit of its numbers
-      name: Type
-      continuous_torque: {column: Mn, unit: mN m}
-      rotor_inertia: {column: "J (g cm^2)", unit: g cm^2}
-    every: {source: "maxon catalogue 2025, p. 197", grade: R}    # the same for all rows
-
 A number may bring its own unit ("224 mN m"), which then goes before the mapping's.
 """
 
@@ -36,14 +29,26 @@ _NUMBER = re.compile(r"([-+]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
 
 
 class Cells(Entry):
-    """A column, and the unit of its numbers where they do not say it themselves."""
+    """A column, and the unit of its numbers where they do not say it themselves.
+
+    Attributes:
+        column: its name in line 1 of the table, e.g. Mn
+        unit: of its numbers, e.g. mN m
+    """
 
     column: Text
     unit: Text | None = None
 
 
 class TableMapping(Entry):
-    """A mapping file: figure of ours -> column; `every`: figures and texts of all rows, SI."""
+    """A mapping file: which column of a table is which figure of an entry.
+
+    Attributes:
+        section: what the rows are, e.g. motors
+        columns: figure of the entry, `thermal.` or `bearing.` before its part's: the column, or
+            column and unit, e.g. {name: Type, mass: {column: Weight, unit: g}}
+        every: figures and texts that all rows have, SI, e.g. {source: a catalogue, grade: R}
+    """
 
     section: Literal["motors", "gears", "gearmotors"]
     columns: dict[str, Text | Cells]

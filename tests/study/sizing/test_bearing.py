@@ -285,3 +285,15 @@ def test_bundled_linear_drives_lift_a_torso_and_close_a_gripper():
     assert (screw.mass, screw.input_inertia) == pytest.approx(
         (steel, steel * 0.012**2 / 8), rel=2e-3
     )
+
+
+def test_bundled_drives_move_a_large_arms_shoulder():
+    """A UR10's, stretched out: 14 kg at 1 m, 0.4 rad up and down in 4 s."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "shoulder")
+    body = pin.Inertia(14.0, np.array([1.0, 0.0, 0.0]), 0.01 * np.eye(3))
+    model.appendBodyToJoint(1, body, pin.SE3.Identity())
+    scene = pf.Scene(model=model)
+    joint, _ = judged(scene, up_and_down(scene, 0.4), pf.load_catalog())
+    assert joint.demand.rms > 130
+    assert joint.choice is not None

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,6 +62,15 @@ def test_a_table_becomes_a_catalogue_in_si(tmp_path):
     assert one.thermal == Thermal(winding_housing=1.35, housing_ambient=7.17)
     assert (one.source, one.grade) == ("a maker, p. 3", "R")
     assert (two.mass, two.thermal, two.price) == (None, None, None)
+
+
+def test_the_mapping_of_the_reference_page_is_one(tmp_path):
+    page = Path(__file__).parents[3] / "notebooks" / "reference" / "table.md"
+    (mapping,) = re.findall(r"^```yaml\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.M)
+    path = table(tmp_path, "M,224,44,1.35,7.17\n", "Type,Mn,J (g cm^2),Rth1,Rth2\n", mapping)
+    (motor,) = import_table(path)["motors"].values()
+    assert motor["rotor_inertia"] == pytest.approx(4.4e-6)
+    assert motor["thermal"] == {"winding_housing": 1.35, "housing_ambient": 7.17}
 
 
 def test_semicolons_and_decimal_commas(tmp_path):
