@@ -259,12 +259,7 @@ def scene_entries(
         if speed > 0.0:
             target["motor_viscous" if on_motor(law) else "viscous"] = viscous
         # behind a gear whose losses grow with this friction, it is the joint's own
-<<<<<<< HEAD
-        mixed = target is friction and law.load != "gear"
-        if found.question.motor and mixed and (dry or speed > 0.0):
-=======
         if found.question.motor and law.load != "gear" and {"coulomb", "viscous"} & friction.keys():
->>>>>>> ident
             friction["includes_drive"] = True
         result[name] = JointEntries(friction, gear)
     return result
