@@ -109,7 +109,7 @@ class DriveCycle:
     stick_velocity: float
     duty: Schedule | None = None
 
-    @property
+    @cached_property
     def schedule(self) -> Schedule:
         """Which samples are which cycle, and how often it is run."""
         return self.duty or once(len(self.t))

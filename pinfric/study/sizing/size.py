@@ -27,7 +27,7 @@ from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.urdf import implausible_body
-from pinfric.study.sizing.assess import Assessment, assess, nearest_miss
+from pinfric.study.sizing.assess import Assessment, assess, lightest, nearest_miss, offered
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
 from pinfric.study.sizing.demand import (
@@ -40,7 +40,7 @@ from pinfric.study.sizing.demand import (
     joint_demand,
     screw_load,
 )
-from pinfric.study.sizing.drivetrain import MotorCycle, motor_cycle
+from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -266,12 +266,12 @@ class _Sizing:
         self.conditions, self.progress = conditions, progress
         self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
         self.judged: dict[tuple[int, _Load], JointSizing] = {}
+        self.offered: dict[tuple[str, str | None], tuple[Candidate, ...]] = {}
         self.hold: np.ndarray | None = None
 
     def run(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
         drives = range(len(self.scene.drives))
-        plain = [self.joint(i, {}) for i in drives]
         passes, settled = 0, self.catalog is None
         while self.catalog is not None and not settled and passes < _MOST_PASSES:
             passes += 1
@@ -285,10 +285,10 @@ class _Sizing:
         if not settled:
             warnings.warn(f"the choice of drives still alternates after {passes} passes",
                           PinfricWarning, stacklevel=3)  # fmt: skip
-        joints = tuple(self._compared(self.joint(i, taken), plain[i]) for i in drives)
+        joints = tuple(self._compared(i, self.joint(i, taken)) for i in drives)
         chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
-        without = inverse_dynamics(self.scene, self.trajectory)
+        without, _ = self._solve((), {})
         duty = self.duty or once(len(without.states.q))
         gaps = unclosed(without, duty)
         return SizingReport(
@@ -319,17 +319,30 @@ class _Sizing:
             self.solved[load] = result, load_inertias(result)
         return self.solved[load]
 
-    def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
+    def _demanded(
+        self, i: int, result: InverseResult, inertias: np.ndarray
+    ) -> tuple[JointDemand, DriveCycle, float | None]:
+        """What a joint's drive must do, its samples, and the inertia about the joint."""
         if self.hold is None:
             self.hold = holds(self.scene, self.trajectory, result.states.v)
         cycle = drive_cycle(result, i, self.hold, self.duty)
         demand = joint_demand(result, i, cycle)
         tree = driven_joint(self.scene, i) is not None and not self.scene.loops
-        inertia = float(inertias[i]) if tree else None
-        ranked: tuple[Assessment, ...] = ()
-        if self.catalog is not None and driven_joint(self.scene, i) is not None:
-            hand = depth(self.scene, i) > BASE_AXES
-            ranked = assess(self.catalog, self.conditions, demand, cycle, inertia, hand)
+        return demand, cycle, float(inertias[i]) if tree else None
+
+    def _offers(self, i: int, demand: JointDemand) -> tuple[Candidate, ...]:
+        """What the catalogue has for a joint."""
+        if self.catalog is None or driven_joint(self.scene, i) is None:
+            return ()
+        key = demand.unit, self.conditions.bearings.get(demand.name)
+        if key not in self.offered:
+            self.offered[key] = offered(self.catalog, self.conditions, demand)
+        return self.offered[key]
+
+    def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
+        demand, cycle, inertia = self._demanded(i, result, inertias)
+        hand = depth(self.scene, i) > BASE_AXES
+        ranked = assess(self._offers(i, demand), self.conditions, demand, cycle, inertia, hand)
         choice = ranked[0] if ranked and ranked[0].fits else None
         lacking = "" if ranked else self._no_candidates(i, demand.unit)
         return JointSizing(demand, cycle, demand, inertia, None, ranked, choice,
@@ -346,20 +359,22 @@ class _Sizing:
         output = "linear" if unit == "N" else "rotary"
         return f"{self.catalog.source} has no gear with a {output} output"
 
-    def _compared(self, joint: JointSizing, plain: JointSizing) -> JointSizing:
+    def _compared(self, i: int, joint: JointSizing) -> JointSizing:
         """The joint, with what would have been chosen without masses, and without friction."""
-        frictionless, motor = None, None
+        motor, offers = None, self._offers(i, joint.demand)
         if joint.taken is not None and joint.taken.motor is not None:
             motor = motor_cycle(joint.taken.candidate, joint.cycle, self.conditions)
-        if self.catalog is not None and joint.assessments:
-            d, cycle = joint.demand, joint.cycle.without_friction()
-            bare = joint_demand_frictionless(d, cycle)
-            hand = depth(self.scene, self.scene.actuator_names.index(d.name)) > BASE_AXES
-            ranked = assess(self.catalog, self.conditions, bare, cycle, joint.load_inertia, hand)
-            frictionless = ranked[0] if ranked[0].fits else None
+        hand, cycle = depth(self.scene, i) > BASE_AXES, joint.cycle.without_friction()
+        bare = joint_demand_frictionless(joint.demand, cycle)
+        frictionless = lightest(offers, self.conditions, bare, cycle, joint.load_inertia, hand)
+        if (i, ()) in self.judged:  # no drive weighs on it
+            demand, choice = self.judged[i, ()].demand, self.judged[i, ()].choice
+        else:
+            demand, alone, inertia = self._demanded(i, *self._solve((), {}))
+            choice = lightest(offers, self.conditions, demand, alone, inertia, hand)
         return replace(
-            joint, demand_without_masses=plain.demand, motor=motor,
-            choice_frictionless=frictionless, choice_without_masses=plain.choice,
+            joint, demand_without_masses=demand, motor=motor,
+            choice_frictionless=frictionless, choice_without_masses=choice,
         )  # fmt: skip
 
 
@@ -401,14 +416,12 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     """
     found = np.empty((len(states.q), scene.model.nv))
     for start, stop, carried in states.phases(scene):
-        model = scene.loaded_model(carried)
+        model, q = scene.loaded_model(carried), states.q[start:stop]
         data = model.createData()
-        armature = np.asarray(model.armature)
-        for i in range(start, stop):
-            if i > start and (states.q[i] == states.q[i - 1]).all():  # a hold
-                found[i] = found[i - 1]
-            else:
-                found[i] = pin.crba(model, data, states.q[i]).diagonal() - armature
+        moved = np.append(True, (q[1:] != q[:-1]).any(axis=1))
+        inertias = [pin.crba(model, data, at).diagonal().copy() for at in q[moved]]
+        # in holds the inertia stays
+        found[start:stop] = (np.array(inertias) - np.asarray(model.armature))[moved.cumsum() - 1]
     return found[:, [drive.velocity_index for drive in scene.drives]]
 
 
