@@ -110,8 +110,7 @@ class Study:
     def superposition(self) -> Superposition | None:
         """The cycles that samples are sums of; None where they are not."""
         try:
-            whole = bool(self.judges)
-            return Superposition.of(self.scene, self.trajectory, self.targets, whole)
+            return Superposition.of(self.scene, self.trajectory, self.targets)
         except PinfricError:  # each sample says what is wrong
             return None
 
