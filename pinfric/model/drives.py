@@ -311,9 +311,22 @@ def motor_torque_bounds(
         stick_velocity: at or below this speed the joint stands still (rad/s or m/s).
     """
     samples = effort_lower, effort_upper, velocity, acceleration, at_rest
+    return gear_torque_bounds(gear_table([transmission], [stick_velocity]), *samples)
+
+
+def gear_torque_bounds(
+    gears: Gears,
+    effort_lower: np.ndarray,
+    effort_upper: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    at_rest: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return `motor_torque_bounds` of one drive, from its `gear_table`."""
+    samples = effort_lower, effort_upper, velocity, acceleration, at_rest
     lower, upper = np.empty((2, len(effort_lower), 1))
     columns = (np.ascontiguousarray(given)[:, None] for given in samples)
-    write_motor_torques(gear_table([transmission], [stick_velocity]), *columns, lower, upper)
+    write_motor_torques(gears, *columns, lower, upper)
     return lower[:, 0], upper[:, 0]
 
 

@@ -65,8 +65,20 @@ class Assessment:
         return "; ".join([c.why for c in self.failed] or list(self.lacking))
 
 
+def offered(catalog: Catalog, conditions: Conditions, demand: JointDemand) -> tuple[Candidate, ...]:
+    """Return every candidate for one joint.
+
+    Args:
+        catalog, conditions: what there is and what is demanded.
+        demand: of the joint.
+    """
+    linear = demand.unit == "N"
+    own = own_bearing(catalog, conditions, demand.name, linear)
+    return tuple(candidates(catalog, linear, own))
+
+
 def assess(
-    catalog: Catalog,
+    offers: Sequence[Candidate],
     conditions: Conditions,
     demand: JointDemand,
     cycle: DriveCycle,
@@ -76,18 +88,36 @@ def assess(
     """Return every candidate with its criteria: those that fit by mass, then margin; the others.
 
     Args:
-        catalog, conditions: what there is and what is demanded.
+        offers: `offered`. conditions: what is demanded.
         demand, cycle: of the joint.
         load_inertia: largest inertia about the joint, kg m^2 (kg); None: not known.
         hand: one of the hand axes, beyond the third joint.
     """
-    linear = demand.unit == "N"
-    own = own_bearing(catalog, conditions, demand.name, linear)
-    found = [
-        _assess(candidate, conditions, demand, cycle, load_inertia, hand)
-        for candidate in candidates(catalog, linear, own)
-    ]
+    found = [_assess(c, conditions, demand, cycle, load_inertia, hand) for c in offers]
     return tuple(sorted(found, key=_rank))
+
+
+def lightest(
+    offers: Sequence[Candidate],
+    conditions: Conditions,
+    demand: JointDemand,
+    cycle: DriveCycle,
+    load_inertia: float | None,
+    hand: bool,
+) -> Assessment | None:
+    """Return the first of `assess` if it fits, without a look at what is heavier; else None.
+
+    Args: as `assess`.
+    """
+    best = None
+    weighed = ((c.mass, c) for c in offers if c.mass is not None)
+    for mass, candidate in sorted(weighed, key=lambda pair: pair[0]):
+        if best is not None and mass > (best.candidate.mass or 0.0):
+            break
+        found = _assess(candidate, conditions, demand, cycle, load_inertia, hand)
+        if found.fits and (best is None or _rank(found) < _rank(best)):
+            best = found
+    return best
 
 
 def own_bearing(

@@ -14,6 +14,7 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -374,8 +375,9 @@ def parse_conditions(
     return parse(Conditions, {**default.model_dump(), **given}, "conditions", CatalogError)
 
 
-def _bundled() -> list[CatalogFile]:
-    return [_read(path) for path in sorted(_FOLDER.glob("*.yaml"))]
+@cache
+def _bundled() -> tuple[CatalogFile, ...]:
+    return tuple(_read(path) for path in sorted(_FOLDER.glob("*.yaml")))
 
 
 def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:

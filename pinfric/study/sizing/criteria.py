@@ -152,7 +152,10 @@ def check(
     units = dict(zip(("N m", "rad/s"), candidate.units, strict=True))  # N, m/s of a linear motor
     of_motor = _motor_criteria(candidate, motor, conditions)
     return (
-        *(replace(c, unit=units.get(c.unit, c.unit)) for c in of_motor),
+        *(
+            c if units.get(c.unit, c.unit) == c.unit else replace(c, unit=units[c.unit])
+            for c in of_motor
+        ),
         *_gear_criteria(candidate.gear, candidate.ratio, demand, conditions),
         *_bearing_criteria(candidate, demand.bearing, conditions),
         _inertia_ratio(candidate, load_inertia, conditions),

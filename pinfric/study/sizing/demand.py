@@ -15,7 +15,7 @@ from pinfric.model.coordinates import one_number
 from pinfric.model.scene import Scene
 from pinfric.study.sizing.bearing import BearingLoad, bearing_load, joint_loads
 from pinfric.study.sizing.duty import Schedule, once
-from pinfric.study.summary import effort_unit, ends_by_magnitude, rms
+from pinfric.study.summary import effort_unit, ends_by_magnitude, integral, rms
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class DriveCycle:
     stick_velocity: float
     duty: Schedule | None = None
 
-    @property
+    @cached_property
     def schedule(self) -> Schedule:
         """Which samples are which cycle, and how often it is run."""
         return self.duty or once(len(self.t))
@@ -273,15 +273,15 @@ def average_output_effort(t: np.ndarray, effort: np.ndarray, velocity: np.ndarra
 
     Source: Harmonic Drive engineering data 1021387 12/2018, p. 30.
     """
-    weight = np.trapezoid(np.abs(velocity), t)
+    weight = integral(t, np.abs(velocity))
     if not weight > 0:
         return 0.0
-    return float(np.cbrt(np.trapezoid(np.abs(velocity * effort**3), t) / weight))
+    return float(np.cbrt(integral(t, np.abs(velocity * effort**3)) / weight))
 
 
 def mean(t: np.ndarray, x: np.ndarray) -> float:
     """Return 1/T int x dt by the trapezoidal rule."""
-    return float(np.trapezoid(x, t) / (t[-1] - t[0]))
+    return integral(t, x) / float(t[-1] - t[0])
 
 
 def largest(x: np.ndarray) -> float:

@@ -17,11 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from pinfric.model.drives import motor_torque_bounds
+from pinfric.model.drives import Gears, gear_table, gear_torque_bounds
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.transmission import MakersEfficiency, Transmission, load_part
 from pinfric.study.sizing.bearing import BearingRatings
@@ -186,6 +187,11 @@ class Candidate:
     stand_ins: tuple[str, ...]
     losses: str
     sources: tuple[str, ...]
+
+    @cached_property
+    def gears(self) -> Gears:
+        """The transmission as arrays for kernels; where it stands still, a cycle says."""
+        return gear_table([self.transmission], [0.0])
 
     @property
     def units(self) -> tuple[str, str]:
@@ -370,9 +376,9 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     """
     assert candidate.transmission is not None
     t, schedule = cycle.stretched, cycle.schedule
-    lower, upper = motor_torque_bounds(
-        candidate.transmission, cycle.effort_lower, cycle.effort_upper, cycle.velocity,
-        cycle.acceleration, cycle.at_rest, cycle.stick_velocity,
+    lower, upper = gear_torque_bounds(
+        candidate.gears, cycle.effort_lower, cycle.effort_upper, cycle.velocity,
+        cycle.acceleration, cycle.at_rest,
     )  # fmt: skip
     speed = candidate.ratio * cycle.velocity
     if candidate.at_output:

@@ -28,7 +28,14 @@ from pinfric.model.couples import delivery, taking_part
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.urdf import implausible_body
-from pinfric.study.sizing.assess import Assessment, assess, nearest_miss, own_bearing
+from pinfric.study.sizing.assess import (
+    Assessment,
+    assess,
+    lightest,
+    nearest_miss,
+    offered,
+    own_bearing,
+)
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
 from pinfric.study.sizing.demand import (
@@ -41,7 +48,7 @@ from pinfric.study.sizing.demand import (
     joint_demand,
     screw_load,
 )
-from pinfric.study.sizing.drivetrain import MotorCycle, motor_cycle
+from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -271,12 +278,12 @@ class _Sizing:
         self.conditions, self.progress = conditions, progress
         self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
         self.judged: dict[tuple[int, _Load], JointSizing] = {}
+        self.offered: dict[tuple[str, str | None], tuple[Candidate, ...]] = {}
         self.hold: np.ndarray | None = None
 
     def run(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
         drives = range(len(self.scene.drives))
-        plain = [self.joint(i, {}) for i in drives]
         passes, settled = 0, self.catalog is None
         while self.catalog is not None and not settled and passes < _MOST_PASSES:
             passes += 1
@@ -290,10 +297,10 @@ class _Sizing:
         if not settled:
             warnings.warn(f"the choice of drives still alternates after {passes} passes",
                           PinfricWarning, stacklevel=3)  # fmt: skip
-        joints = tuple(self._compared(self.joint(i, taken), plain[i]) for i in drives)
+        joints = tuple(self._compared(i, self.joint(i, taken)) for i in drives)
         chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
-        without = inverse_dynamics(self.scene, self.trajectory)
+        without, _ = self._solve((), {})
         duty = self.duty or once(len(without.states.q))
         gaps = unclosed(without, duty)
         return SizingReport(
@@ -324,17 +331,30 @@ class _Sizing:
             self.solved[load] = result, load_inertias(result)
         return self.solved[load]
 
-    def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
+    def _demanded(
+        self, i: int, result: InverseResult, inertias: np.ndarray
+    ) -> tuple[JointDemand, DriveCycle, float | None]:
+        """What a joint's drive must do, its samples, and the inertia about the joint."""
         if self.hold is None:
             self.hold = holds(self.scene, self.trajectory, result.states.v)
         cycle = drive_cycle(result, i, self.hold, self.duty)
         demand = joint_demand(result, i, cycle)
         tree = driven_joint(self.scene, i) is not None and not self.scene.loops
-        inertia = float(inertias[i]) if tree else None
-        ranked: tuple[Assessment, ...] = ()
-        if self.catalog is not None and driven_joint(self.scene, i) is not None:
-            hand = depth(self.scene, i) > BASE_AXES
-            ranked = assess(self.catalog, self.conditions, demand, cycle, inertia, hand)
+        return demand, cycle, float(inertias[i]) if tree else None
+
+    def _offers(self, i: int, demand: JointDemand) -> tuple[Candidate, ...]:
+        """What the catalogue has for a joint."""
+        if self.catalog is None or driven_joint(self.scene, i) is None:
+            return ()
+        key = demand.unit, self.conditions.bearings.get(demand.name)
+        if key not in self.offered:
+            self.offered[key] = offered(self.catalog, self.conditions, demand)
+        return self.offered[key]
+
+    def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
+        demand, cycle, inertia = self._demanded(i, result, inertias)
+        hand = depth(self.scene, i) > BASE_AXES
+        ranked = assess(self._offers(i, demand), self.conditions, demand, cycle, inertia, hand)
         choice = ranked[0] if ranked and ranked[0].fits else None
         lacking = "" if ranked else self._no_candidates(i, demand.unit)
         return JointSizing(demand, cycle, demand, inertia, None, ranked, choice,
@@ -351,20 +371,22 @@ class _Sizing:
         output = "linear" if unit == "N" else "rotary"
         return f"{self.catalog.source} has no gear with a {output} output"
 
-    def _compared(self, joint: JointSizing, plain: JointSizing) -> JointSizing:
+    def _compared(self, i: int, joint: JointSizing) -> JointSizing:
         """The joint, with what would have been chosen without masses, and without friction."""
-        frictionless, motor = None, None
+        motor, offers = None, self._offers(i, joint.demand)
         if joint.taken is not None and joint.taken.motor is not None:
             motor = motor_cycle(joint.taken.candidate, joint.cycle, self.conditions)
-        if self.catalog is not None and joint.assessments:
-            d, cycle = joint.demand, joint.cycle.without_friction()
-            bare = joint_demand_frictionless(d, cycle)
-            hand = depth(self.scene, self.scene.actuator_names.index(d.name)) > BASE_AXES
-            ranked = assess(self.catalog, self.conditions, bare, cycle, joint.load_inertia, hand)
-            frictionless = ranked[0] if ranked[0].fits else None
+        hand, cycle = depth(self.scene, i) > BASE_AXES, joint.cycle.without_friction()
+        bare = joint_demand_frictionless(joint.demand, cycle)
+        frictionless = lightest(offers, self.conditions, bare, cycle, joint.load_inertia, hand)
+        if (i, ()) in self.judged:  # no drive weighs on it
+            demand, choice = self.judged[i, ()].demand, self.judged[i, ()].choice
+        else:
+            demand, alone, inertia = self._demanded(i, *self._solve((), {}))
+            choice = lightest(offers, self.conditions, demand, alone, inertia, hand)
         return replace(
-            joint, demand_without_masses=plain.demand, motor=motor,
-            choice_frictionless=frictionless, choice_without_masses=plain.choice,
+            joint, demand_without_masses=demand, motor=motor,
+            choice_frictionless=frictionless, choice_without_masses=choice,
         )  # fmt: skip
 
 
@@ -408,19 +430,18 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     own = [drive.velocity_index for drive in scene.drives]
     P, found = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
     for start, stop, carried in states.phases(scene):
-        model = scene.loaded_model(carried)
+        model, q = scene.loaded_model(carried), states.q[start:stop]
         data = model.createData()
+        moved = np.append(True, (q[1:] != q[:-1]).any(axis=1))
         armature = np.asarray(model.armature)
-        for i in range(start, stop):
-            if i > start and (states.q[i] == states.q[i - 1]).all():  # a hold
-                found[i] = found[i - 1]
-                continue
-            found[i] = (pin.crba(model, data, states.q[i]).diagonal() - armature)[own]
-            for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
-                v = np.zeros(model.nv)
-                v[own] = P[d]
-                energy = pin.computeKineticEnergy(model, data, states.q[i], v)
-                found[i, d] = 2.0 * energy - armature @ v**2
+        inertias = np.array([pin.crba(model, data, at).diagonal()[own] for at in q[moved]])
+        inertias -= armature[own]
+        for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
+            v = np.zeros(model.nv)
+            v[own] = P[d]
+            energy = [pin.computeKineticEnergy(model, data, at, v) for at in q[moved]]
+            inertias[:, d] = 2.0 * np.array(energy) - armature @ v**2
+        found[start:stop] = inertias[moved.cumsum() - 1]  # in holds the inertia stays
     return found
 
 

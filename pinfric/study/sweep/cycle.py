@@ -68,8 +68,9 @@ class Judge:
         """
         drive = result.scene.drives[actuator]
         assert isinstance(drive, Drive)
-        # of the sample: its losses may be among what varies
-        candidate = replace(self.candidate, transmission=drive.transmission)
+        candidate, losses = self.candidate, dict(drive.transmission or ())
+        if losses != {**dict(candidate.transmission or ()), "judge": self}:  # those of the sample
+            candidate = replace(candidate, transmission=drive.transmission)
         cycle = drive_cycle(result, actuator, holding)
         demand = joint_demand(result, actuator, cycle, carried=candidate.bearing is not None)
         motor = motor_cycle(candidate, cycle, self.conditions)
@@ -110,8 +111,7 @@ class Study:
     def superposition(self) -> Superposition | None:
         """The cycles that samples are sums of; None where they are not."""
         try:
-            whole = bool(self.judges)
-            return Superposition.of(self.scene, self.trajectory, self.targets, whole)
+            return Superposition.of(self.scene, self.trajectory, self.targets)
         except PinfricError:  # each sample says what is wrong
             return None
 

@@ -26,6 +26,7 @@ from pinfric.dynamics.motor_torques import scene_gears
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import States, attached_columns
 from pinfric.dynamics.superposed import Basis, Cycle, Path, Varied, write_figures
+from pinfric.errors import PinfricError
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
 from pinfric.model.transmission import MakersEfficiency
@@ -36,8 +37,8 @@ from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Between the places of a payload's centre of mass (m).
 _STEP = 0.1
-#: Numbers stored, at most: 400 MB.
-_MOST = 5e7
+#: Numbers stored, at most: 160 MB.
+_MOST = 2e7
 #: Efforts whose squares are numbers; others are the general path's.
 _LEAST_EFFORT, _LARGEST_EFFORT = 1e-150, 1e150
 
@@ -58,7 +59,6 @@ class Superposition:
         bodies: the robot and each place of each payload that varies: scenes without all else.
         basis: each body run by each cause.
         path: what all samples share.
-        now: buffers; after `figures` of one sample they hold its cycle.
     """
 
     scene: Scene
@@ -67,18 +67,12 @@ class Superposition:
     bodies: tuple[Scene, ...]
     basis: Basis
     path: Path
-    now: Cycle
 
     @classmethod
     def of(
-        cls, scene: Scene, trajectory: Trajectory, targets: tuple[Target, ...], whole: bool
+        cls, scene: Scene, trajectory: Trajectory, targets: tuple[Target, ...]
     ) -> Superposition | None:
-        """Compute the stored cycles; None where a sample is no sum of them (see `_is_linear`).
-
-        Args:
-            scene, trajectory, targets: see the class.
-            whole: whether `result` will be asked for.
-        """
+        """Compute the stored cycles; None where a sample is no sum of them (see `_is_linear`)."""
         bodies = (_without(scene, _varied_payloads(targets)), *_places(scene, targets))
         causes = _causes(scene, targets)
         width = scene.model.nv + 6 * len(scene.sites)
@@ -86,9 +80,8 @@ class Superposition:
                 or len(bodies) * len(causes) * len(trajectory.t) * width > _MOST):  # fmt: skip
             return None
         states = _states(scene, trajectory)
-        path = _path(scene, states)
         basis = _basis(scene, states, bodies, causes)
-        return cls(scene, trajectory, targets, bodies, basis, path, Cycle.of(path, whole))
+        return cls(scene, trajectory, targets, bodies, basis, _path(scene, states))
 
     def figures(
         self, values: np.ndarray, each: Callable[[int, Solved], None] | None = None
@@ -103,25 +96,29 @@ class Superposition:
         """
         n = len(values)
         found = np.empty((n, len(self.scene.drives), 5))
+        now = Cycle.of(self.path, whole=each is not None)  # a thread's own
         speed, bodies, causes = self._coefficients(values)
         varied = Varied((bodies[:, :, None] * causes[:, None, :]).reshape(n, -1), speed,
                         laws_of_samples(self.scene, self.targets, values),
                         gears_of_samples(self.scene, self.targets, values))  # fmt: skip
         for start, stop in [(0, n)] if each is None else pairwise(range(n + 1)):
             with np.errstate(all="ignore"):
-                write_figures(*self.basis, self.path, varied, self.now, found, start, stop)
+                write_figures(*self.basis, self.path, varied, now, found, start, stop)
             size = found[start:stop, :, :4]
             fine = (size == 0.0) | ((size > _LEAST_EFFORT) & (size < _LARGEST_EFFORT))
             plain = fine.all(axis=(1, 2)) & self._can_move(speed[start:stop])
             found[start:stop][~plain] = np.nan
             if each is not None and plain.all():
-                inertias = np.tensordot(bodies[start], self._inertias, 1).max(axis=0)
-                each(start, Solved(self._result(values[start], speed[start]), inertias))
+                try:
+                    inertias = np.tensordot(bodies[start], self._inertias, 1).max(axis=0)
+                    each(start, Solved(self._result(now, values[start], speed[start]), inertias))
+                except PinfricError:
+                    found[start] = np.nan
         return found
 
-    def _result(self, sample: np.ndarray, speed: float) -> InverseResult:
-        """The result of the cycle that is in the buffers, as far as the criteria of `size` ask."""
-        now, like, t = self.now, self._like, self.trajectory.t
+    def _result(self, now: Cycle, sample: np.ndarray, speed: float) -> InverseResult:
+        """The result of the cycle in the buffers, as far as the criteria of `size` ask for it."""
+        like, t = self._like, self.trajectory.t
         # of the friction they ask nothing, of what is carried nothing where wrenches are known
         known = like.wrench is not None and len(self.scene.sites) == len(self.scene.joint_names)
         asked = ("transmission",) if known else ("transmission", "payload", "mounting")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -24,6 +26,7 @@ from sizing_cases import (
 
 import pinfric as pf
 from pinfric.errors import CatalogError, SizingError, StateError
+from pinfric.study.sizing.assess import assess, lightest
 from pinfric.study.sizing.catalog import load_catalog
 from pinfric.study.summary import summarize
 
@@ -393,6 +396,20 @@ def test_demand_agrees_with_the_summary_of_inverse_dynamics(panda):
         assert joint.motor.figures.rms == pytest.approx(summary.motor_rms) or (
             joint.choice.candidate.at_output
         )
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 4.0, 100.0])
+def test_the_lightest_is_found_without_a_look_at_what_is_heavier(panda, factor):
+    offers = [a.candidate for a in panda.joints[1].assessments]
+    joint, conditions = panda.joints[1], panda.conditions
+    u = factor * joint.cycle.effort_frictionless
+    cycle = replace(joint.cycle, effort_lower=u, effort_upper=1.1 * u)
+    demand = replace(joint.demand, peak=factor * joint.demand.peak)
+    twice = [*offers, *(replace(c, name=f"{c.name} again") for c in offers)]  # of one mass
+    ranked = assess(twice, conditions, demand, cycle, joint.load_inertia, False)
+    found = lightest(twice, conditions, demand, cycle, joint.load_inertia, False)
+    assert (found is None) == (not ranked[0].fits) == (factor == 100.0)
+    assert found is None or found.candidate.name == ranked[0].candidate.name
 
 
 @pytest.fixture(scope="module")

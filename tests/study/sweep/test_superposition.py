@@ -1,5 +1,7 @@
 """Samples as sums of stored cycles: the figures of inverse dynamics, or inverse dynamics itself."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from sweep_cases import pushed_block, steady, sweep_of, uniform
@@ -102,6 +104,9 @@ def test_figures_do_not_depend_on_the_batch():
     whole = compute(study, np.arange(4), values).figures
     parts = [compute(study, rows, values[rows]).figures for rows in ([2], [0, 3, 1])]
     np.testing.assert_array_equal(np.concatenate(parts), whole[[2, 0, 3, 1]])
+    with ThreadPoolExecutor(2) as threads:  # a worker of a cluster may have several
+        found = list(threads.map(lambda _: compute(study, np.arange(4), values).figures, range(8)))
+    np.testing.assert_array_equal(found, [whole] * 8)
 
 
 def test_scenes_without_bearings_or_friction_are_sums_too():
@@ -133,7 +138,7 @@ def test_what_is_no_sum_is_left_to_inverse_dynamics():
         (speed, True), ({"transmission.*.no_load_torque": uniform(0.5, 1.0)}, False),
     ):  # fmt: skip
         study, _ = study_of(scene, motion, **parameters)
-        assert (Superposition.of(geared, motion, study.targets, False) is not None) == linear
+        assert (Superposition.of(geared, motion, study.targets) is not None) == linear
 
 
 def test_a_term_whose_class_scales_it_otherwise_is_no_sum():
@@ -183,8 +188,16 @@ def test_a_cycle_that_cannot_be_is_refused_as_by_inverse_dynamics():
     assert np.isfinite(block.figures[2:]).all()
 
 
-def test_catalogue_drives_are_judged_as_on_inverse_dynamics():
+def test_one_sample_of_a_motion_is_too_few_to_judge_a_drive_and_that_is_said():
     scene = arm()
+    whole = swing(scene)
+    one = pf.Trajectory.from_arrays(scene, whole.t[:1], whole.q[:1], whole.v[:1], whole.a[:1])
+    study, values = judged_study(scene, one)
+    assert study.superposition is not None
+    assert "two samples" in compute(study, np.arange(3), values).problems[0]
+
+
+def judged_study(scene, motion):
     drive = "Kollmorgen TBM-6025-A + Harmonic Drive CSG-20-100"
     sweep = sweep_of(3, motors={"panda_joint2": {"drive": drive}}, **{
         name: ALL[name] for name in ("friction.*.mu", "payload.box.mass", "payload.tool.com.y",
@@ -193,7 +206,12 @@ def test_catalogue_drives_are_judged_as_on_inverse_dynamics():
     entries, source = load_sweep(sweep)
     equipped, _ = motors_on_trial(scene, entries, source)
     targets = resolve(scene, entries, source)
-    study, values = Study(equipped, swing(scene), targets), draw(targets, entries)
+    return Study(equipped, motion, targets), draw(targets, entries)
+
+
+def test_catalogue_drives_are_judged_as_on_inverse_dynamics():
+    scene = arm()
+    study, values = judged_study(scene, swing(scene))
     assert study.superposition is not None
     assert_equal_to_inverse_dynamics(study, values)
     assert (compute(study, np.arange(3), values).figures[:, 1, FIGURES.index("margin")] != 1).all()
