@@ -169,6 +169,14 @@ def _envelope(
     data, voltage = [], conditions.bus_voltage
     name = "envelope" if ratings.has_line else "envelope (no line known)"
     continuous, _ = ratings.continuous_at(conditions)
+    if ratings.continuous_curve is not None and continuous is not None:
+        share = continuous / ratings.continuous_over(np.zeros(1))[0]  # of a warm place
+        at = np.linspace(-reach, reach, 201)
+        torque = share * ratings.continuous_over(at)
+        both = [*five_digits(torque), None, *five_digits(-torque)]
+        data.append(curve([*five_digits(at), None, *five_digits(at)], both, "continuous torque",
+                          _INK, 1, dash="dash", hoverinfo="skip"))  # fmt: skip
+        continuous = None
     fastest = ratings.speed_limit(voltage)[0]
     end = reach if fastest is None else min(fastest, reach)
     speed = np.linspace(-end, end, 201)

@@ -14,6 +14,7 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -79,9 +80,15 @@ class Thermal(Entry):
 
 
 class Motor(Sourced):
-    """A motor: torques and speeds at its shaft; resistance from terminal to terminal at 25 C."""
+    """A motor: torques and speeds at its shaft; resistance from terminal to terminal at 25 C.
+
+    `continuous_curve`: where the continuous torque falls with speed, points [rad/s, N m] of it.
+    `continuous_stall_torque`: what it bears for ever at a standstill.
+    """
 
     continuous_torque: Positive | None = None
+    continuous_curve: tuple[tuple[NonNegative, Positive], ...] | None = None
+    continuous_stall_torque: Positive | None = None
     continuous_current: Positive | None = None
     peak_torque: Positive | None = None
     torque_constant: Positive | None = None
@@ -98,9 +105,13 @@ class Motor(Sourced):
     @model_validator(mode="after")
     def _figures_agree(self) -> Motor:
         _ascending(self, "continuous_torque", "peak_torque")
+        _ascending(self, "continuous_stall_torque", "peak_torque")
+        speeds = [point[0] for point in self.continuous_curve or ()]
+        if any(b <= a for a, b in pairwise(speeds)) or len(speeds) == 1:
+            raise ValueError("continuous_curve: points [rad/s, N m], speeds ascending, two or more")
         _ascending(self, "rated_speed", "no_load_speed")
-        speeds = self.no_load_speed, self.rated_speed, self.stall_torque
-        if any(x is not None for x in speeds) and self.nominal_voltage is None:
+        line = self.no_load_speed, self.rated_speed, self.stall_torque
+        if any(x is not None for x in line) and self.nominal_voltage is None:
             raise ValueError("no_load_speed, rated_speed, stall_torque need `nominal_voltage`")
         return self
 
@@ -149,8 +160,9 @@ class Gear(Sourced):
     `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
     scene's transmission takes them (`transmission.MakersEfficiency`). `ratio` in motor turns per
     output turn (in rad/m where `output` is linear, efforts in N then), or a list of ratios with
-    the same figures. `nominal_life`: L50 in hours at rated torque and speed. `bearing`: of its
-    output; of a screw, its nut. `stroke`: of a linear output, m.
+    the same figures. `nominal_life`: L50 in hours at rated torque and speed. `momentary_peaks`: how
+    often it bears the momentary peak torque (else, of strain wave gears, their maker's rule).
+    `bearing`: of its output; of a screw, its nut. `stroke`: of a linear output, m.
     """
 
     ratio: Positive | tuple[Positive, ...]
@@ -160,6 +172,7 @@ class Gear(Sourced):
     average_torque: Positive | None = None
     repeated_peak_torque: Positive | None = None
     momentary_peak_torque: Positive | None = None
+    momentary_peaks: Positive | None = None
     rated_speed: Positive | None = None
     average_input_speed: Positive | None = None
     max_input_speed: Positive | None = None
@@ -259,6 +272,13 @@ class BearingEntry(Sourced):
         }
 
 
+class Collisions(Entry):
+    """Overloads that a gear must bear in its life: how many, each of `duration` s."""
+
+    count: Positive
+    duration: Positive
+
+
 class Conditions(Entry):
     """What the drives must stand, with the defaults of common practice.
 
@@ -278,6 +298,7 @@ class Conditions(Entry):
         thermal_time: s, in place of the winding's time constant where it is not known: overload
             counts within it (small motors have 15 to 50 s).
         collision_effort: joint -> effort in a collision or an emergency stop, N m or N.
+        collisions: how many of them a gear must bear in its life, and for how long each, s.
         resonance_base, resonance_hand: Hz, of the first three joints and of those beyond.
         mass_in_urdf: joint -> mass of the drive that the URDF's link already has at the joint's
             origin, kg; it is taken off there.
@@ -294,6 +315,7 @@ class Conditions(Entry):
     max_winding: Number | None = None
     thermal_time: Positive = 20.0
     collision_effort: dict[str, Positive] = Field(default_factory=dict)
+    collisions: Collisions | None = None
     resonance_base: Positive = 8.0
     resonance_hand: Positive = 15.0
     mass_in_urdf: dict[str, NonNegative] = Field(default_factory=dict)
