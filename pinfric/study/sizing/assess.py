@@ -82,7 +82,7 @@ def assess(
     offered: Iterable[Candidate] = candidates(catalog, linear=demand.unit == "N")
     if own := conditions.bearings.get(demand.name):
         offered = (replace(c, bearing=catalog.bearings[own].ratings) for c in offered)
-    found = [_assess(c, conditions, demand, cycle, load_inertia, hand) for c in offered]
+    found = [judged(c, conditions, demand, cycle, load_inertia, hand) for c in offered]
     return tuple(sorted(found, key=_rank))
 
 
@@ -93,7 +93,7 @@ def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:
     return max(judged, key=lambda a: a.margin, default=None)
 
 
-def _assess(
+def judged(
     candidate: Candidate,
     conditions: Conditions,
     demand: JointDemand,
@@ -101,6 +101,7 @@ def _assess(
     load_inertia: float | None,
     hand: bool,
 ) -> Assessment:
+    """Return one candidate with its criteria; arguments as `assess`."""
     motor = None if candidate.transmission is None else motor_cycle(candidate, cycle, conditions)
     criteria = check(candidate, demand, cycle, motor, load_inertia, hand, conditions)
     # the samples are not kept: long motions x many candidates would fill the memory

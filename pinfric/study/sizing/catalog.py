@@ -1,4 +1,4 @@
-"""Catalogues of motors, gears, gearmotors and bearings: figures of makers, with their sources.
+"""Catalogues of motors, gears, gearmotors, bearings and brakes: makers' figures and sources.
 
 A figure that is missing stays missing: every criterion that needs it says so (`criteria`). SI units
 throughout, temperatures in degrees Celsius; `grade` R is a figure read at the maker's own document,
@@ -37,7 +37,7 @@ from pinfric.study.sizing.units import unit_of
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[2] / "catalog"
-_SECTIONS = ("motors", "gears", "gearmotors", "bearings")
+_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes")
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
 REFERENCE_TEMPERATURE = 25.0
 
@@ -272,6 +272,22 @@ class BearingEntry(Sourced):
         }
 
 
+class Brake(Sourced):
+    """A brake that holds without power, at a motor's shaft: N m, V, W while open, s to open, close.
+
+    `stop_energy`: J, that it bears in one emergency stop.
+    """
+
+    torque: Positive
+    voltage: Positive | None = None
+    power: Positive | None = None
+    release_time: Positive | None = None
+    engage_time: Positive | None = None
+    stop_energy: Positive | None = None
+    rotor_inertia: Positive | None = None
+    mass: Positive | None = None
+
+
 class Collisions(Entry):
     """Overloads that a gear must bear in its life: how many, each of `duration` s."""
 
@@ -299,6 +315,11 @@ class Conditions(Entry):
             counts within it (small motors have 15 to 50 s).
         collision_effort: joint -> effort in a collision or an emergency stop, N m or N.
         collisions: how many of them a gear must bear in its life, and for how long each, s.
+        holding_brake: whether every joint must have a brake, those that friction does not hold, or
+            any may do without.
+        brake_factor: reserve on the brakes' torque (1.5 to 3 are usual).
+        bus_limit: V, the highest the bus may reach while motors brake. bus_capacitance: F.
+        supply_power: W, the most that the supply gives.
         resonance_base, resonance_hand: Hz, of the first three joints and of those beyond.
         mass_in_urdf: joint -> mass of the drive that the URDF's link already has at the joint's
             origin, kg; it is taken off there.
@@ -316,6 +337,11 @@ class Conditions(Entry):
     thermal_time: Positive = 20.0
     collision_effort: dict[str, Positive] = Field(default_factory=dict)
     collisions: Collisions | None = None
+    holding_brake: Literal["any", "where_needed", "required"] = "any"
+    brake_factor: Annotated[Number, Field(ge=1)] = 1.5
+    bus_limit: Positive | None = None
+    bus_capacitance: Positive | None = None
+    supply_power: Positive | None = None
     resonance_base: Positive = 8.0
     resonance_hand: Positive = 15.0
     mass_in_urdf: dict[str, NonNegative] = Field(default_factory=dict)
@@ -330,6 +356,7 @@ class CatalogFile(Entry):
     gears: dict[str, Gear] = Field(default_factory=dict)
     gearmotors: dict[str, GearMotor] = Field(default_factory=dict)
     bearings: dict[str, BearingEntry] = Field(default_factory=dict)
+    brakes: dict[str, Brake] = Field(default_factory=dict)
     conditions: Conditions | None = None
 
 
@@ -339,7 +366,7 @@ class Catalog:
 
     Attributes:
         source: the file, or "default" for the bundled ones.
-        motors, gears, gearmotors, bearings: name -> entry.
+        motors, gears, gearmotors, bearings, brakes: name -> entry.
         conditions: what the file demands of the drives.
     """
 
@@ -348,6 +375,7 @@ class Catalog:
     gears: Mapping[str, Gear] = field(default_factory=dict)
     gearmotors: Mapping[str, GearMotor] = field(default_factory=dict)
     bearings: Mapping[str, BearingEntry] = field(default_factory=dict)
+    brakes: Mapping[str, Brake] = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
 
 
@@ -370,7 +398,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     else:
         file = _read(Path(name))
         if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
-            raise CatalogError(f"{name}: no motors, gears, gearmotors or bearings in it; "
+            raise CatalogError(f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
                                "`extends: default` takes the bundled ones")  # fmt: skip
         catalog = _merged(str(name), [*(_bundled() if file.extends else ()), file])
     for where, text in _doubts(catalog):

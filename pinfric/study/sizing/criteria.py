@@ -86,16 +86,21 @@ class Criterion:
         return self.name != "bus voltage" or self.status == Status.FAILS
 
     @property
+    def shortfall(self) -> str:
+        """By how much it fails or passes, of the limit; what it says where no number does."""
+        if self.margin is None or self.margin <= _LEAST_MARGIN:
+            return self.note
+        share = abs(self.margin) * 100
+        return f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
+
+    @property
     def why(self) -> str:
         """Say in words by how much it fails or passes, or what is missing."""
         if self.margin is not None and self.margin <= _LEAST_MARGIN and self.note:
             return f"{self.name}: {self.note}"  # no number says more
         if self.margin is None or self.required is None or self.available is None:
             return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
-        relation = "short by" if self.margin < 0 else "in reserve"
-        share = abs(self.margin) * 100
-        amount = f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
-        tail = f"{relation} {amount}" if self.margin < 0 else f"{amount} {relation}"
+        tail = f"short by {self.shortfall}" if self.margin < 0 else f"{self.shortfall} in reserve"
         unit = f" {self.unit}" if self.unit else ""
         return (
             f"{self.name}: needs {self.required:.4g}{unit}, has {self.available:.4g}{unit} ({tail})"

@@ -176,7 +176,7 @@ class Candidate:
         gear: its entry, None for a gearmotor.
         transmission: ratio and losses for the dynamics; None where figures are missing.
         missing: the figures missing for the motor's torque.
-        mass: kg; None where a part's is not known.
+        mass: kg; price: of both; None where a part's is not known.
         rotor_inertia: J_motor + J_gear input at the motor's shaft, kg m^2, or None.
         back_driving_torque: at the output, N m, or None.
         bearing: what carries the joint: the gear's output bearing (a screw's nut), or the joint's
@@ -197,6 +197,7 @@ class Candidate:
     transmission: Transmission | None
     missing: tuple[str, ...]
     mass: float | None
+    price: float | None
     rotor_inertia: float | None
     back_driving_torque: float | None
     bearing: BearingRatings | None
@@ -318,6 +319,7 @@ def motor_with_gear(
         transmission=None if missing else transmission,
         missing=tuple(missing),
         mass=None if motor.mass is None or gear.mass is None else motor.mass + gear.mass,
+        price=None if motor.price is None or gear.price is None else motor.price + gear.price,
         rotor_inertia=inertia,
         back_driving_torque=gear.back_driving_torque,
         bearing=gear.bearing,
@@ -514,6 +516,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         transmission=None if missing else Transmission.model_construct(**values),
         missing=missing,
         mass=entry.mass,
+        price=entry.price,
         rotor_inertia=entry.rotor_inertia,
         back_driving_torque=entry.back_driving_torque,
         bearing=entry.bearing,

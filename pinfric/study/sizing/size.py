@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,9 +28,11 @@ from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.urdf import implausible_body
-from pinfric.study.sizing.assess import Assessment, assess, nearest_miss
+from pinfric.study.sizing.assess import Assessment, assess, judged, nearest_miss
+from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
+from pinfric.study.sizing.criteria import Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
     JointDemand,
@@ -42,6 +45,8 @@ from pinfric.study.sizing.demand import (
 )
 from pinfric.study.sizing.drivetrain import MotorCycle, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
+from pinfric.study.sizing.front import DriveSet, Judge, trade_offs
+from pinfric.study.sizing.power import BusPower, bus_power
 from pinfric.study.trajectory.trajectory import Trajectory
 
 #: Passes over all joints before an alternating choice is given up; a serial chain needs two.
@@ -93,6 +98,14 @@ class JointSizing:
         return self.choice or self.nearest
 
     @property
+    def next_smaller(self) -> Assessment | None:
+        """Of the drives lighter than the choice, the one that misses by least."""
+        if self.choice is None or self.choice.candidate.mass is None:
+            return None
+        most = self.choice.candidate.mass
+        return nearest_miss([a for a in self.assessments if (a.candidate.mass or most) < most])
+
+    @property
     def miss(self) -> str:
         """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
         if self.choice is not None or (not self.assessments and not self.lacking):
@@ -117,6 +130,7 @@ class SizingReport(Shown):
         trajectory: where the motion came from.
         catalog, conditions: what was chosen from and what was demanded; catalog None: demand only.
         joints: in the order of the scene's drives.
+        judge: sizes a set of drives, joint by joint, with their masses in the model.
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         duty: which samples are which cycle of the period, and how often it is run.
         passes: over all joints, until no choice changed. settled: no choice changed in the last.
@@ -133,6 +147,7 @@ class SizingReport(Shown):
     result: InverseResult
     result_without_masses: InverseResult
     duty: Schedule
+    judge: Judge = field(repr=False, compare=False)
     passes: int
     settled: bool
     notes: tuple[str, ...] = ()
@@ -170,10 +185,42 @@ class SizingReport(Shown):
         taken = (joint.taken for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
 
+    @cached_property
+    def standstills(self) -> tuple[Standstill, ...]:
+        """What keeps each joint in place without power, and its brake; in the order of `joints`."""
+        brakes = {} if self.catalog is None else self.catalog.brakes
+        return standstills(self.result, brakes, self.conditions)
+
+    @cached_property
+    def bus(self) -> BusPower:
+        """What the drives taken draw from their bus together, and what flows back."""
+        drives = {
+            joint.name: None if joint.taken is None or joint.motor is None
+            else (joint.taken.candidate.ratings, joint.motor) for joint in self.joints
+        }  # fmt: skip
+        return bus_power(drives, self.joints[0].cycle, self.conditions)
+
+    @cached_property
+    def sets(self) -> tuple[DriveSet, ...]:
+        """Sets of drives that none betters in mass, energy, peak power and price (`front`)."""
+        if any(joint.choice is None for joint in self.joints):
+            return ()
+        fitting = [[a for a in joint.assessments if a.fits] for joint in self.joints]
+        return trade_offs([joint.name for joint in self.joints], fitting,
+                          [joint.cycle for joint in self.joints], self.conditions,
+                          self.judge)  # fmt: skip
+
     @property
     def misses(self) -> tuple[str, ...]:
-        """One line for each joint for which no candidate fits."""
-        return tuple(joint.miss for joint in self.joints if joint.miss)
+        """One line for each joint for which no candidate fits, and for what else is short."""
+        found = [joint.miss for joint in self.joints if joint.miss]
+        if self.catalog is not None and self.conditions.holding_brake != "any":
+            found += [f"{joint.name}: {c.why}"
+                      for joint, still in zip(self.joints, self.standstills, strict=True)
+                      for c in still.criteria if c.status == Status.FAILS]  # fmt: skip
+        if self.catalog is not None:
+            found += [f"bus: {c.why}" for c in self.bus.criteria if c.status == Status.FAILS]
+        return tuple(found)
 
     def check(self) -> None:
         """Raise if a joint has no drive that fits.
@@ -295,7 +342,8 @@ class _Sizing:
             scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
             trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without, duty=duty, passes=passes, settled=settled,
+            result_without_masses=without, duty=duty, judge=self.judge,
+            passes=passes, settled=settled,
             notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
             unclosed=gaps,
         )  # fmt: skip
@@ -308,6 +356,16 @@ class _Sizing:
             self.judged[i, load] = self._judge(i, *self._solve(load, beyond))
         return self.judged[i, load]
 
+    def judge(self, taken: Mapping[int, Assessment]) -> list[tuple[Assessment, DriveCycle]]:
+        """Judge one drive for every joint, all of their masses in the model."""
+        load = tuple(sorted((k, a.candidate.mass) for k, a in taken.items()))
+        solved, found = self._solve(load, taken), []
+        for i, assessment in taken.items():
+            demand, cycle, inertia = self._demanded(i, *solved)
+            found.append((judged(assessment.candidate, self.conditions, demand, cycle, inertia,
+                                 depth(self.scene, i) > BASE_AXES), cycle))  # fmt: skip
+        return found
+
     def _solve(
         self, load: _Load, taken: Mapping[int, Assessment]
     ) -> tuple[InverseResult, np.ndarray]:
@@ -319,13 +377,19 @@ class _Sizing:
             self.solved[load] = result, load_inertias(result)
         return self.solved[load]
 
-    def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
+    def _demanded(
+        self, i: int, result: InverseResult, inertias: np.ndarray
+    ) -> tuple[JointDemand, DriveCycle, float | None]:
+        """What a joint's drive must do, its samples, and the inertia about the joint."""
         if self.hold is None:
             self.hold = holds(self.scene, self.trajectory, result.states.v)
         cycle = drive_cycle(result, i, self.hold, self.duty)
         demand = joint_demand(result, i, cycle)
         tree = driven_joint(self.scene, i) is not None and not self.scene.loops
-        inertia = float(inertias[i]) if tree else None
+        return demand, cycle, float(inertias[i]) if tree else None
+
+    def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
+        demand, cycle, inertia = self._demanded(i, result, inertias)
         ranked: tuple[Assessment, ...] = ()
         if self.catalog is not None and driven_joint(self.scene, i) is not None:
             hand = depth(self.scene, i) > BASE_AXES
