@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, fields
 from typing import Any
 
-import numpy as np
-
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, span
 from pinfric.study.sizing.assess import Assessment
@@ -28,7 +26,7 @@ def smaller_table(report: SizingReport) -> Table | None:
         for joint in report.joints if (small := joint.next_smaller) is not None
     ]  # fmt: skip
     columns = (Column("joint", Kind.NAME), Column("next smaller", Kind.WORDS), Column("mass\nkg"),
-               Column("would fit, but is short by", Kind.WORDS))  # fmt: skip
+               Column("would fit,\nbut is short by", Kind.WORDS))  # fmt: skip
     return Table("the next smaller drives", columns, rows) if rows else None
 
 
@@ -62,11 +60,9 @@ def brake_table(report: SizingReport) -> Table:
 
 def holds_alone(still: Standstill) -> str:
     """Return whether friction alone holds a joint, and which part of it that takes."""
-    if still.held is None or still.use is None:
+    if still.held is None:
         return "not known"
-    if not np.isfinite(still.use):
-        return "moves"
-    return f"holds, {100 * (1 - still.use):.0f} % left" if still.held else "moves"
+    return "moves" if still.use is None else f"holds, {100 * (1 - still.use):.0f} % left"
 
 
 def bus_lines(bus: BusPower) -> list[str]:

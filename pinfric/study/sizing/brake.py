@@ -39,7 +39,7 @@ class Standstill:
         effort: (least, worst) at the joint, N m or N: friction helps as much, or as little, as may
             be. shaft: the same at the motor's shaft, N m; None without a transmission.
         use: the part of static friction's limits, in joint and gear, that holding without power
-            takes where it takes most, all other joints held; above 1 it moves. None: not known.
+            takes where it takes most, all other joints held. None: it moves, or is not known.
         held: whether friction alone holds it there. time: when the cycle is there, s.
         brake: the smallest of the catalogue that bears `shaft`; None where none does.
         criteria: holding without power, and the brake.
@@ -105,6 +105,9 @@ def _hardest(still: InverseResult, i: int) -> int:
 
 def _use(still: InverseResult, i: int, pose: int) -> tuple[float | None, bool | None]:
     """Return the part of its friction that a joint takes, the others held, and whether it holds."""
+    ends = still.motor_torque_lower[pose, i], still.motor_torque_upper[pose, i]
+    if not still.scene.loops and not ends[0] <= 0.0 <= ends[1]:
+        return None, False  # in an open chain each joint's statics is its own
     scene, effort = still.scene, still.effort_frictionless[pose].copy()
     effort[i] = 0.0
     carried = still.states.attached
@@ -119,15 +122,14 @@ def _use(still: InverseResult, i: int, pose: int) -> tuple[float | None, bool | 
         found = holds(scene, still.states.q[pose], attached=attached, **given)
     except PinfricError:
         return None, None
-    return (np.inf if found.moving else found.use), found.held
+    return (found.use if found.held else None), found.held
 
 
 def _unpowered(use: float | None, held: bool | None) -> Criterion:
     formula = "static friction needed / its limit <= 1, power off and all other joints held"
-    found = compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a statics that is decided")
-    if held or found.status == Status.NOT_CHECKED:
-        return found
-    return Criterion(_HOLDING, Status.NOT_REQUIRED, use, 1.0, "", None, formula, _STATICS,
+    if held is not False:
+        return compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a statics that is decided")
+    return Criterion(_HOLDING, Status.NOT_REQUIRED, None, 1.0, "", None, formula, _STATICS,
                      "it moves: friction alone does not hold it")  # fmt: skip
 
 
