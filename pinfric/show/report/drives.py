@@ -65,12 +65,18 @@ def holds_alone(still: Standstill) -> str:
     return "moves" if still.use is None else f"holds, {100 * (1 - still.use):.0f} % left"
 
 
-def bus_lines(bus: BusPower) -> list[str]:
+def turn(report: SizingReport) -> str:
+    """Return what is repeated: a cycle, or a period of several."""
+    return "period" if len(report.duty.repeats) > 1 else "cycle"
+
+
+def bus_lines(report: SizingReport) -> list[str]:
     """Return what all drives take from the bus, in words."""
+    bus, each = report.bus, turn(report)
     lines = [
         f"bus: {digits(bus.peak)} W at most ({digits(bus.current)} A), {digits(bus.mean)} W on "
-        f"average ({digits(bus.rms_current)} A RMS); {digits(bus.drawn)} J a period",
-        f"braking: {digits(bus.braking)} W at most, {digits(bus.returned)} J a period, "
+        f"average ({digits(bus.rms_current)} A RMS); {digits(bus.drawn)} J a {each}",
+        f"braking: {digits(bus.braking)} W at most, {digits(bus.returned)} J a {each}, "
         f"{digits(bus.burst)} J in one go: {bus.remedy}"
         if bus.resistor is not None else f"braking: {bus.remedy}",
     ]  # fmt: skip
@@ -93,7 +99,7 @@ def sets_table(report: SizingReport) -> Table | None:
         for found in report.sets
     ]  # fmt: skip
     least = "\nat least" * any(not found.copper for found in report.sets)
-    columns = (Column("mass\nkg"), Column(f"energy a\nperiod, J{least}"),
+    columns = (Column("mass\nkg"), Column(f"energy a\n{turn(report)}, J{least}"),
                Column(f"peak of\nthe bus, W{least}"), *([Column("price")] if priced else []),
                Column("instead of the lightest", Kind.WORDS))  # fmt: skip
     return Table("sets of drives that no other betters", columns, rows, keys=0)

@@ -68,6 +68,7 @@ def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str,
             ],
             **drives_json(report),
             "misses": list(report.misses),
+            "short": list(report.short),
             "notes": list(report.notes),
             "warnings": list(warnings),
         }
@@ -171,9 +172,9 @@ def sizing_report(report: SizingReport) -> list[RenderableType]:
             parts += [Text(), heavier, Text()]
         for table in (smaller_table(report), sets_table(report), brake_table(report)):
             parts += [table, Text()] if table is not None else []
-        parts += [*(Text(line) for line in bus_lines(report.bus)), Text()]
+        parts += [*(Text(line) for line in bus_lines(report)), Text()]
         parts += [Text(line) for line in _changes(report)]
-        parts += [Text(f"! {line}", style="bold red") for line in report.misses]
+        parts += [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)]
     if report.notes:
         parts += [Text(), *(Text(f"note: {line}") for line in report.notes)]
     return parts

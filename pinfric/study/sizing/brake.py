@@ -21,7 +21,7 @@ from pinfric.errors import PinfricError
 from pinfric.study.sizing.catalog import Brake, Conditions
 from pinfric.study.sizing.criteria import Criterion, Status, compare
 from pinfric.study.sizing.demand import largest
-from pinfric.study.summary import ends_by_magnitude
+from pinfric.study.summary import effort_unit, ends_by_magnitude
 
 _SOURCE = "Machine Design, Mechantronics Q & A: Hold it steady (2007): factor 1.5 to 3"
 _STATICS = (
@@ -78,7 +78,9 @@ def _standstill(
 ) -> Standstill:
     worst, least = ends_by_magnitude(still.effort_lower[:, i], still.effort_upper[:, i])
     effort, shaft = (largest(least), largest(worst)), None
-    if still.scene.drives[i].transmission is not None:
+    gear = still.scene.drives[i].transmission
+    slides = effort_unit(still.scene, i) == "N"
+    if gear is not None and not (slides and gear.ratio == 1.0):  # a linear motor has no shaft
         worst, least = ends_by_magnitude(
             still.motor_torque_lower[:, i], still.motor_torque_upper[:, i]
         )

@@ -80,7 +80,7 @@ def trade_offs(
         cycles: each one's samples. conditions: of the sizing.
         judge: sizes a whole set with its own masses.
     """
-    if not all(fitting):
+    if not fitting or not all(fitting):
         return ()
     t = cycles[0].stretched
     parts = [_Part((), 0.0, 0.0, np.zeros(len(t)), True)]

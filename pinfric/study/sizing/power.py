@@ -8,6 +8,7 @@ C (U_max^2 - U^2)/2; the rest is a resistor's, or a supply's that feeds back.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from pinfric.dynamics.result import runs
 from pinfric.study.sizing.catalog import REFERENCE_TEMPERATURE, Conditions
 from pinfric.study.sizing.criteria import Criterion, compare
-from pinfric.study.sizing.demand import DriveCycle, positive_part
+from pinfric.study.sizing.demand import positive_part
 from pinfric.study.sizing.drivetrain import MotorCycle, Ratings
 from pinfric.study.sizing.thermal import COPPER, power_figures
 from pinfric.study.summary import ends_by_magnitude, rms
@@ -91,24 +92,28 @@ def drive_power(ratings: Ratings, motor: MotorCycle) -> np.ndarray:
 
 
 def bus_power(
-    drives: dict[str, tuple[Ratings, MotorCycle] | None], cycle: DriveCycle, conditions: Conditions
+    drives: Mapping[str, tuple[Ratings, MotorCycle] | None],
+    t: np.ndarray,
+    stretched: np.ndarray,
+    conditions: Conditions,
 ) -> BusPower:
     """Return what all drives take from their bus together.
 
     Args:
         drives: name -> its motor over the period; None where there is none.
-        cycle: of any of them, for time. conditions: voltages, capacitance, supply.
+        t, stretched: (T,) s, each cycle once, and as long as its repetitions.
+        conditions: voltages, capacitance, supply.
     """
-    power = np.zeros(len(cycle.t))
+    power = np.zeros(len(t))
     known = {name: motor for name, motor in drives.items() if motor is not None}
     for motor in known.values():
         power += drive_power(*motor)
-    nothing, t = np.zeros(len(power)), cycle.stretched
-    peak, braking, drawn, returned = power_figures(t, power, nothing + 1.0, nothing, 0.0,
-                                                   np.empty(0))  # fmt: skip
-    burst = max((positive_part(cycle.t[part], -power[part]) for part in _braking(power)),
+    one, none = np.ones(len(t)), np.zeros(len(t))
+    figures = power_figures(stretched, power, one, none, 0.0, np.empty(0))
+    peak, braking, drawn, returned = figures
+    burst = max((positive_part(t[part], -power[part]) for part in _braking(power)),
                 default=0.0)  # fmt: skip
-    voltage, period = conditions.bus_voltage, float(t[-1] - t[0])
+    voltage, period = conditions.bus_voltage, float(stretched[-1] - stretched[0])
     limit = conditions.bus_limit
     room = None if limit is None else (limit**2 - voltage**2) / 2
     taken = None
@@ -122,7 +127,7 @@ def bus_power(
                          if not copper_known(ratings, motor)),
         peak=peak, braking=braking, drawn=drawn, returned=returned,
         mean=(drawn - returned) / period, burst=burst,
-        current=peak / voltage, rms_current=rms(t, power) / voltage,
+        current=peak / voltage, rms_current=rms(stretched, power) / voltage,
         resistor=(limit or voltage) ** 2 / braking if flows else None,
         resistor_power=returned / period if flows else None,
         capacitance=burst / room if room and flows else None,

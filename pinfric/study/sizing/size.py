@@ -198,7 +198,9 @@ class SizingReport(Shown):
             joint.name: None if joint.taken is None or joint.motor is None
             else (joint.taken.candidate.ratings, joint.motor) for joint in self.joints
         }  # fmt: skip
-        return bus_power(drives, self.joints[0].cycle, self.conditions)
+        t = self.result.t
+        assert t is not None  # size refuses a motion without times
+        return bus_power(drives, t, self.duty.stretched(t), self.conditions)
 
     @cached_property
     def sets(self) -> tuple[DriveSet, ...]:
@@ -212,24 +214,28 @@ class SizingReport(Shown):
 
     @property
     def misses(self) -> tuple[str, ...]:
-        """One line for each joint for which no candidate fits, and for what else is short."""
-        found = [joint.miss for joint in self.joints if joint.miss]
-        if self.catalog is not None and self.conditions.holding_brake != "any":
-            found += [f"{joint.name}: {c.why}"
-                      for joint, still in zip(self.joints, self.standstills, strict=True)
-                      for c in still.criteria if c.status == Status.FAILS]  # fmt: skip
-        if self.catalog is not None:
-            found += [f"bus: {c.why}" for c in self.bus.criteria if c.status == Status.FAILS]
-        return tuple(found)
+        """One line for each joint for which no candidate fits."""
+        return tuple(joint.miss for joint in self.joints if joint.miss)
+
+    @property
+    def short(self) -> tuple[str, ...]:
+        """One line for each brake and for all of the bus that a condition asks for in vain."""
+        if self.catalog is None:
+            return ()
+        wanted = self.standstills if self.conditions.holding_brake != "any" else ()
+        found = [(joint.name, still.criteria)
+                 for joint, still in zip(self.joints, wanted, strict=False)]  # fmt: skip
+        return tuple(f"{name}: {c.why}" for name, criteria in [*found, ("bus", self.bus.criteria)]
+                     for c in criteria if c.status == Status.FAILS)  # fmt: skip
 
     def check(self) -> None:
-        """Raise if a joint has no drive that fits.
+        """Raise if a joint has no drive that fits, or a brake or the bus is short of a condition.
 
         Raises:
             SizingError: names the joints, the nearest misses and by how much; holds the report.
         """
-        if self.misses:
-            raise SizingError("; ".join(self.misses), self)
+        if wrong := (*self.misses, *self.short):
+            raise SizingError("; ".join(wrong), self)
 
     def joint(self, name: str) -> JointSizing:
         """Return one joint's sizing by name.
@@ -287,7 +293,7 @@ def size(
     report = sizing.run()
     if on_miss == "raise":
         report.check()
-    for text in report.misses if on_miss == "warn" else ():
+    for text in (*report.misses, *report.short) if on_miss == "warn" else ():
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return report
 

@@ -105,13 +105,13 @@ def test_the_smallest_brake_that_bears_it_is_taken(tmp_path):
         assert still.shaft[1] == pytest.approx(ends.max())
         torque = float(still.brake.removeprefix("B"))
         assert torque == min(x for x in (0.01, 0.05, 0.1, 0.4, 0.8, 5.0) if x >= brake.required)
-    assert not any("brake" in miss for miss in report.misses)
+    assert report.short == ()
 
 
 @pytest.mark.parametrize(("wanted", "short"), [("any", 0), ("where_needed", 1), ("required", 2)])
 def test_a_brake_that_is_too_weak_is_missed_where_one_is_wanted(tmp_path, wanted, short):
     report = sized(tmp_path, (0.01,), wanted)
-    missed = [miss for miss in report.misses if "holding brake: needs" in miss]
+    missed = [miss for miss in report.short if "holding brake: needs" in miss]
     assert len(missed) == short
     assert not any(still.brake for still in report.standstills)
     if wanted == "required":

@@ -63,7 +63,7 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
     supply, capacitors = bus.criteria
     assert supply.status == (Status.PASSES if power.max() <= 40 else Status.FAILS)
     assert capacitors.available == pytest.approx(1e-3 / 2 * (60**2 - 48**2))
-    assert ("bus: supply power: needs" in " ".join(report.misses)) == (power.max() > 40)
+    assert ("bus: supply power: needs" in " ".join(report.short)) == (power.max() > 40)
 
 
 def test_a_bus_into_which_nothing_flows_needs_nothing(tmp_path):
