@@ -266,10 +266,10 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
         capture_output=True, text=True, timeout=90,
     )  # fmt: skip
     dom = done.stdout
-    assert 'data-drawn="4"' in dom  # envelope, effort, temperature, candidates
-    for kind in ("envelope-0", "effort-0", "heat-0", "trade-0"):
+    assert 'data-drawn="5"' in dom  # envelope, effort, temperature, candidates, bus
+    for kind in ("envelope-0", "effort-0", "heat-0", "trade-0", "bus"):
         assert re.search(rf'<div id="{kind}"[^>]*class="js-plotly-plot"', dom)
-    assert dom.count('class="main-svg"') >= 4
+    assert dom.count('class="main-svg"') >= 5
     # the mouse reaches the plot, not a mode bar that covers it
     (hit,) = re.findall(r'data-hit="([^"]*)"', dom)
     assert "drag" in hit
