@@ -28,6 +28,8 @@ _STATICS = (
     "limits of static friction (pinfric.holds) at the pose that takes most of them; Harmonic "
     "Drive: back-driving torque must not be counted on to hold a load"
 )
+#: Of the robot's largest load: what is smaller is rounding, and a joint without load stays.
+_NOTHING = 1e-9
 _HOLDING, _BRAKE = "holding without power", "holding brake"
 
 
@@ -108,8 +110,11 @@ def _hardest(still: InverseResult, i: int) -> int:
 def _use(still: InverseResult, i: int, pose: int) -> tuple[float | None, bool | None]:
     """Return the part of its friction that a joint takes, the others held, and whether it holds."""
     ends = still.motor_torque_lower[pose, i], still.motor_torque_upper[pose, i]
-    if not still.scene.loops and not ends[0] <= 0.0 <= ends[1]:
-        return None, False  # in an open chain each joint's statics is its own
+    if not still.scene.loops:  # in an open chain each joint's statics is its own
+        if not ends[0] <= 0.0 <= ends[1]:
+            return None, False
+        if abs(still.effort_frictionless[pose, i]) <= _NOTHING * largest(still.effort_frictionless):
+            return 0.0, True
     scene, effort = still.scene, still.effort_frictionless[pose].copy()
     effort[i] = 0.0
     carried = still.states.attached
