@@ -94,15 +94,17 @@ def sets_table(report: SizingReport) -> Table | None:
         return None
     priced = any(found.price is not None for found in report.sets)
     rows = [
-        (digits(found.mass), digits(found.energy), digits(found.peak_power),
+        (digits(found.mass), _bounded(found.energy, found), _bounded(found.peak_power, found),
          *([_price(found)] if priced else []), exchanged(found, report))
         for found in report.sets
     ]  # fmt: skip
-    least = "\nat least" * any(not found.copper for found in report.sets)
-    columns = (Column("mass\nkg"), Column(f"energy a\n{turn(report)}, J{least}"),
-               Column(f"peak of\nthe bus, W{least}"), *([Column("price")] if priced else []),
+    least = " (≥: without the copper loss of some)"
+    title = "sets of drives that no other betters"
+    title += least * any(not found.copper for found in report.sets)
+    columns = (Column("mass\nkg"), Column(f"energy a\n{turn(report)}, J"),
+               Column("peak of\nthe bus, W"), *([Column("price")] if priced else []),
                Column("instead of the lightest", Kind.WORDS))  # fmt: skip
-    return Table("sets of drives that no other betters", columns, rows, keys=0)
+    return Table(title, columns, rows, keys=0)
 
 
 def exchanged(found: DriveSet, report: SizingReport) -> str:
@@ -110,6 +112,10 @@ def exchanged(found: DriveSet, report: SizingReport) -> str:
     chosen = {j.name: j.choice.candidate.name for j in report.joints if j.choice is not None}
     parts = [f"{name}: {drive}" for name, drive in found.drives.items() if drive != chosen[name]]
     return "; ".join(parts) or "the lightest"
+
+
+def _bounded(x: float, found: DriveSet) -> str:
+    return digits(x) if found.copper else f"≥{digits(x)}"
 
 
 def _price(found: DriveSet) -> str:
