@@ -149,6 +149,8 @@ def _decide(
 
 def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:
     """Names of the sites, and gears, whose coordinate is used that much."""
+    if not use > 0.0:  # a limit may be infinite: a self-locking gear's
+        return ()
     x = ws.modes.friction
     limit = np.where(x > 0.0, ws.most, -ws.least)
     used = np.abs(x) >= _AT_LIMIT * use * limit

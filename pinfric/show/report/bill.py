@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Iterator
 
+from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.catalog import Catalog, Sourced
 from pinfric.study.sizing.size import JointSizing, SizingReport
 
@@ -27,8 +28,8 @@ def bill_of_materials(report: SizingReport) -> str:
         return ""
     joints: dict[str, list[str]] = {}
     entries: dict[str, Sourced] = {}
-    for joint in report.joints:
-        for name, entry in _parts(report.catalog, report, joint):
+    for joint, still in zip(report.joints, report.standstills, strict=True):
+        for name, entry in _parts(report.catalog, report, joint, still):
             joints.setdefault(name, []).append(joint.name)
             entries[name] = entry
     if not entries:
@@ -49,9 +50,9 @@ def bill_of_materials(report: SizingReport) -> str:
 
 
 def _parts(
-    catalog: Catalog, report: SizingReport, joint: JointSizing
+    catalog: Catalog, report: SizingReport, joint: JointSizing, still: Standstill
 ) -> Iterator[tuple[str, Sourced]]:
-    """The parts of one joint's choice, by name: motor and gear or gearmotor, its own bearing."""
+    """The parts of one joint's choice, by name: motor and gear or gearmotor, brake, own bearing."""
     if joint.choice is None:
         return
     drive = joint.choice.candidate
@@ -62,5 +63,7 @@ def _parts(
         gear = catalog.gears[drive.gear_name]
         ratio = f", i = {drive.ratio:g}" if len(gear.ratios) > 1 else ""
         yield drive.gear_name + ratio, gear
+    if still.brake and not still.held:
+        yield still.brake, catalog.brakes[still.brake]
     if own := report.conditions.bearings.get(joint.name):
         yield own, catalog.bearings[own]

@@ -10,9 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinfric import __version__
+from pinfric.show.report.drives import (
+    brake_table,
+    bus_lines,
+    drives_json,
+    sets_table,
+    smaller_table,
+    standstill_json,
+)
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, json_safe, span
 from pinfric.study.sizing.assess import Assessment
+from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.criteria import Criterion, load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import ends_by_magnitude
@@ -53,15 +62,20 @@ def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str,
             "passes": report.passes,
             "settled": report.settled,
             "drive_mass": report.drive_mass,
-            "joints": [_joint_json(joint) for joint in report.joints],
+            "joints": [
+                _joint_json(joint, still)
+                for joint, still in zip(report.joints, report.standstills, strict=True)
+            ],
+            **drives_json(report),
             "misses": list(report.misses),
+            "short": list(report.short),
             "notes": list(report.notes),
             "warnings": list(warnings),
         }
     )
 
 
-def _joint_json(joint: JointSizing) -> dict[str, Any]:
+def _joint_json(joint: JointSizing, still: Standstill) -> dict[str, Any]:
     d = joint.demand
     entry: dict[str, Any] = {
         "name": d.name, "unit": d.unit,
@@ -88,7 +102,8 @@ def _joint_json(joint: JointSizing) -> dict[str, Any]:
         "margins": {}, "criteria": [], "motor": None,
     }  # fmt: skip
     if joint.taken is not None:
-        entry |= _taken_json(joint, joint.taken)
+        entry |= _taken_json(joint, joint.taken, still)
+    entry["standstill"] = standstill_json(still)
     fitting = [a for a in joint.assessments if a.fits]
     rejected = [a for a in joint.assessments if not a.fits]
     entry["alternatives"] = [
@@ -98,20 +113,22 @@ def _joint_json(joint: JointSizing) -> dict[str, Any]:
     ]  # fmt: skip
     entry["rejected"] = [{"name": a.candidate.name, "why": a.why} for a in rejected]
     entry["nearest_miss"] = joint.miss or None
+    smaller = joint.next_smaller
+    entry["next_smaller"] = smaller and {"name": smaller.candidate.name, "why": smaller.why}
     return entry
 
 
-def _taken_json(joint: JointSizing, taken: Assessment) -> dict[str, Any]:
+def _taken_json(joint: JointSizing, taken: Assessment, still: Standstill) -> dict[str, Any]:
     """What there is to say of the choice; of the nearest miss where nothing fits."""
-    candidate = taken.candidate
+    candidate, criteria = taken.candidate, (*taken.criteria, *still.criteria)
     return {
         "judged": candidate.name,
         "mass": candidate.mass,
         "ratio": candidate.ratio,
         "not_checked": len(taken.not_checked),
         "margin": taken.margin,
-        "margins": {c.name: c.margin for c in taken.criteria},
-        "criteria": [asdict(c) for c in taken.criteria],
+        "margins": {c.name: c.margin for c in criteria},
+        "criteria": [asdict(c) for c in criteria],
         "motor": None if taken.motor is None else asdict(taken.motor),
         "losses": candidate.losses,
         "stand_ins": list(candidate.stand_ins),
@@ -153,8 +170,11 @@ def sizing_report(report: SizingReport) -> list[RenderableType]:
         parts += [Text(f"{digits(report.drive_mass)} kg of drives; {passes(report)}")]
         if heavier := _heavier(report):
             parts += [Text(), heavier, Text()]
+        for table in (smaller_table(report), sets_table(report), brake_table(report)):
+            parts += [table, Text()] if table is not None else []
+        parts += [*(Text(line) for line in bus_lines(report)), Text()]
         parts += [Text(line) for line in _changes(report)]
-        parts += [Text(f"! {line}", style="bold red") for line in report.misses]
+        parts += [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)]
     if report.notes:
         parts += [Text(), *(Text(f"note: {line}") for line in report.notes)]
     return parts

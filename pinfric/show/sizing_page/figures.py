@@ -114,6 +114,21 @@ def temperature(joint: JointSizing, report: SizingReport) -> Figure | None:
     return {"data": data, "layout": layout}
 
 
+def power_over_time(report: SizingReport) -> Figure:
+    """Draw what all drives take from their bus together; below 0 it flows back."""
+    power, t = report.bus.power, report.result.t
+    assert t is not None  # size refuses a motion without times
+    keep = thinned([power], _PIECES)
+    keep = keep[report.duty.powered(len(t))[keep]]
+    x, y = five_digits(t[keep]), five_digits(power[keep])
+    mean = [report.bus.mean] * 2
+    data = [
+        curve(x, y, "power", _BLUE, fill="tozeroy", fillcolor=_BAND),
+        curve([x[0], x[-1]], mean, "mean of the period", _INK, 1, dash="dash"),
+    ]
+    return {"data": data, "layout": axes_layout("time, s", "power of all drives, W")}
+
+
 def _drawn(joint: JointSizing, series: Sequence[np.ndarray]) -> np.ndarray:
     """Which samples to draw over time: a period's time off would leave no room for the rest."""
     keep = thinned(list(series), _PIECES)
@@ -169,6 +184,14 @@ def _envelope(
     data, voltage = [], conditions.bus_voltage
     name = "envelope" if ratings.has_line else "envelope (no line known)"
     continuous, _ = ratings.continuous_at(conditions)
+    if ratings.continuous_curve is not None and continuous is not None:
+        share = continuous / ratings.continuous_over(np.zeros(1))[0]  # of a warm place
+        at = np.linspace(-reach, reach, 201)
+        torque = share * ratings.continuous_over(at)
+        both = [*five_digits(torque), None, *five_digits(-torque)]
+        data.append(curve([*five_digits(at), None, *five_digits(at)], both, "continuous torque",
+                          _INK, 1, dash="dash", hoverinfo="skip"))  # fmt: skip
+        continuous = None
     fastest = ratings.speed_limit(voltage)[0]
     end = reach if fastest is None else min(fastest, reach)
     speed = np.linspace(-end, end, 201)

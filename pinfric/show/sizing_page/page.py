@@ -13,6 +13,7 @@ import numpy as np
 from pinfric import __version__
 from pinfric.errors import PinfricError
 from pinfric.model.files import write_file
+from pinfric.show.report.drives import bus_lines, exchanged, holds_alone, shortfall, turn
 from pinfric.show.report.sizing import (
     ROUNDING,
     beside,
@@ -22,11 +23,12 @@ from pinfric.show.report.sizing import (
     span_beside,
     tightest,
 )
-from pinfric.show.report.values import digits
+from pinfric.show.report.values import digits, span
 from pinfric.show.sizing_page.figures import (
     Figure,
     effort_over_time,
     mass_against_margin,
+    power_over_time,
     temperature,
     torque_speed,
 )
@@ -52,9 +54,11 @@ def sizing_page(report: SizingReport) -> str:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
     environment, plotly = page_parts()
-    environment.filters.update(beside=_beside, percent=_percent, formula=_formula)
+    environment.filters.update(beside=_beside, percent=_percent, formula=_formula, span=_span)
     figures: dict[str, Figure] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
+    if report.catalog is not None:
+        figures["bus"] = power_over_time(report)
     t = report.result.t
     assert t is not None  # size refuses a motion without times
     page: str = environment.get_template("sizing.html.j2").render(
@@ -65,6 +69,10 @@ def sizing_page(report: SizingReport) -> str:
         samples=len(t),
         joints=joints,
         matrix=_matrix(report),
+        bus=bus_lines(report),
+        turn=turn(report),
+        priced=any(found.price is not None for found in report.sets),
+        sets=[(found, exchanged(found, report)) for found in report.sets],
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
@@ -117,10 +125,14 @@ def _joint_view(
     for kind, title, figure in drawn:
         figures[f"{kind}-{k}"] = figure
         ids.append((f"{kind}-{k}", title))
+    still = report.standstills[k]
     fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
     rejected = [a for a in joint.assessments if not a.fits]
     return {
         "sizing": joint, "demand": d, "taken": taken, "figures": ids, "missing": missing,
+        "criteria": _criteria(report, k),
+        "still": still, "alone": holds_alone(still), "smaller": joint.next_smaller,
+        "shortfall": "" if joint.next_smaller is None else shortfall(joint.next_smaller),
         "tightest": None if taken is None else tightest(taken),
         "fitting": fitting, "rejected": rejected[:_MOST_REJECTED],
         "more_rejected": max(len(rejected) - _MOST_REJECTED, 0),
@@ -134,18 +146,17 @@ def _joint_view(
 
 def _matrix(report: SizingReport) -> list[tuple[str, list[Criterion | None]]]:
     """(criterion, one entry per joint): the margins of all drives at a glance."""
-    names: dict[str, None] = {}
-    for joint in report.joints:
-        if joint.taken is not None:
-            names |= dict.fromkeys(c.name for c in joint.taken.criteria)
-    order = sorted(names, key=lambda name: name.startswith(("inertia", "gear res", "back")))
-    return [(name, [_of(joint.taken, name) for joint in report.joints]) for name in order]
+    columns = [{c.name: c for c in _criteria(report, k)} for k in range(len(report.joints))]
+    names = dict.fromkeys(name for column in columns for name in column)
+    last = ("inertia", "gear res", "back", "holding")
+    order = sorted(names, key=lambda name: name.startswith(last))
+    return [(name, [column.get(name) for column in columns]) for name in order]
 
 
-def _of(assessment: Assessment | None, name: str) -> Criterion | None:
-    if assessment is None:
-        return None
-    return next((c for c in assessment.criteria if c.name == name), None)
+def _criteria(report: SizingReport, k: int) -> tuple[Criterion, ...]:
+    """All criteria of the drive taken for one joint, and of what holds it without power."""
+    taken = report.joints[k].taken
+    return () if taken is None else (*taken.criteria, *report.standstills[k].criteria)
 
 
 def _sources(report: SizingReport) -> list[str]:
@@ -192,6 +203,10 @@ def _digits(x: float | None) -> str:
 
 def _beside(x: float | None, scale: float) -> str:
     return _NONE if x is None else beside(x, scale)
+
+
+def _span(ends: tuple[float, float] | None) -> str:
+    return _NONE if ends is None else span(*ends, zero=ROUNDING)
 
 
 def _percent(x: float | None) -> str:

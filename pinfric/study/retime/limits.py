@@ -183,7 +183,7 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
         "peak_torque": None if ratings.peak_torque is None else
         torque * ratings.peak_torque / conditions.peak_factor,
         "max_speed": ratings.speed_limit(conditions.bus_voltage)[0],
-        "continuous_torque": ratings.continuous_at(conditions)[0],
+        "continuous_torque": ratings.continuous_at(conditions, np.inf)[0],  # at any speed
     }  # fmt: skip
     for key, factor in (("max_speed", speed), ("continuous_torque", torque)):
         value = values[key]

@@ -93,7 +93,7 @@ def assess(
         load_inertia: largest inertia about the joint, kg m^2 (kg); None: not known.
         hand: one of the hand axes, beyond the third joint.
     """
-    found = [_assess(c, conditions, demand, cycle, load_inertia, hand) for c in offers]
+    found = [judged(c, conditions, demand, cycle, load_inertia, hand) for c in offers]
     return tuple(sorted(found, key=_rank))
 
 
@@ -114,7 +114,7 @@ def lightest(
     for mass, candidate in sorted(weighed, key=lambda pair: pair[0]):
         if best is not None and mass > (best.candidate.mass or 0.0):
             break
-        found = _assess(candidate, conditions, demand, cycle, load_inertia, hand)
+        found = judged(candidate, conditions, demand, cycle, load_inertia, hand)
         if found.fits and (best is None or _rank(found) < _rank(best)):
             best = found
     return best
@@ -152,7 +152,7 @@ def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:
     return max(judged, key=lambda a: a.margin, default=None)
 
 
-def _assess(
+def judged(
     candidate: Candidate,
     conditions: Conditions,
     demand: JointDemand,
@@ -160,6 +160,7 @@ def _assess(
     load_inertia: float | None,
     hand: bool,
 ) -> Assessment:
+    """Return one candidate with its criteria; arguments as `assess`."""
     motor = None if candidate.transmission is None else motor_cycle(candidate, cycle, conditions)
     criteria = check(candidate, demand, cycle, motor, load_inertia, hand, conditions)
     # the samples are not kept: long motions x many candidates would fill the memory

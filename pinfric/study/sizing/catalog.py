@@ -1,4 +1,4 @@
-"""Catalogues of motors, gears, gearmotors and bearings: figures of makers, with their sources.
+"""Catalogues of motors, gears, gearmotors, bearings and brakes: makers' figures and sources.
 
 A figure that is missing stays missing: every criterion that needs it says so (`criteria`). SI units
 throughout, temperatures in degrees Celsius; `grade` R is a figure read at the maker's own document,
@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -37,7 +38,7 @@ from pinfric.study.sizing.units import unit_of
 #: The bundled catalogue's name, and its folder.
 DEFAULT = "default"
 _FOLDER = Path(__file__).parents[2] / "catalog"
-_SECTIONS = ("motors", "gears", "gearmotors", "bearings")
+_SECTIONS = ("motors", "gears", "gearmotors", "bearings", "brakes")
 #: Ambient temperature to which makers refer resistances and ratings, degrees Celsius.
 REFERENCE_TEMPERATURE = 25.0
 
@@ -80,9 +81,15 @@ class Thermal(Entry):
 
 
 class Motor(Sourced):
-    """A motor: torques and speeds at its shaft; resistance from terminal to terminal at 25 C."""
+    """A motor: torques and speeds at its shaft; resistance from terminal to terminal at 25 C.
+
+    `continuous_curve`: where the continuous torque falls with speed, points [rad/s, N m] of it.
+    `continuous_stall_torque`: what it bears for ever at a standstill.
+    """
 
     continuous_torque: Positive | None = None
+    continuous_curve: tuple[tuple[NonNegative, Positive], ...] | None = None
+    continuous_stall_torque: Positive | None = None
     continuous_current: Positive | None = None
     peak_torque: Positive | None = None
     torque_constant: Positive | None = None
@@ -99,9 +106,13 @@ class Motor(Sourced):
     @model_validator(mode="after")
     def _figures_agree(self) -> Motor:
         _ascending(self, "continuous_torque", "peak_torque")
+        _ascending(self, "continuous_stall_torque", "peak_torque")
+        speeds = [point[0] for point in self.continuous_curve or ()]
+        if any(b <= a for a, b in pairwise(speeds)) or len(speeds) == 1:
+            raise ValueError("continuous_curve: points [rad/s, N m], speeds ascending, two or more")
         _ascending(self, "rated_speed", "no_load_speed")
-        speeds = self.no_load_speed, self.rated_speed, self.stall_torque
-        if any(x is not None for x in speeds) and self.nominal_voltage is None:
+        line = self.no_load_speed, self.rated_speed, self.stall_torque
+        if any(x is not None for x in line) and self.nominal_voltage is None:
             raise ValueError("no_load_speed, rated_speed, stall_torque need `nominal_voltage`")
         return self
 
@@ -150,8 +161,9 @@ class Gear(Sourced):
     `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
     scene's transmission takes them (`transmission.MakersEfficiency`). `ratio` in motor turns per
     output turn (in rad/m where `output` is linear, efforts in N then), or a list of ratios with
-    the same figures. `nominal_life`: L50 in hours at rated torque and speed. `bearing`: of its
-    output; of a screw, its nut. `stroke`: of a linear output, m.
+    the same figures. `nominal_life`: L50 in hours at rated torque and speed. `momentary_peaks`: how
+    often it bears the momentary peak torque (else, of strain wave gears, their maker's rule).
+    `bearing`: of its output; of a screw, its nut. `stroke`: of a linear output, m.
     """
 
     ratio: Positive | tuple[Positive, ...]
@@ -161,6 +173,7 @@ class Gear(Sourced):
     average_torque: Positive | None = None
     repeated_peak_torque: Positive | None = None
     momentary_peak_torque: Positive | None = None
+    momentary_peaks: Positive | None = None
     rated_speed: Positive | None = None
     average_input_speed: Positive | None = None
     max_input_speed: Positive | None = None
@@ -263,6 +276,29 @@ class BearingEntry(Sourced):
         }
 
 
+class Brake(Sourced):
+    """A brake that holds without power, at a motor's shaft: N m, V, W while open, s to open, close.
+
+    `stop_energy`: J, that it bears in one emergency stop.
+    """
+
+    torque: Positive
+    voltage: Positive | None = None
+    power: Positive | None = None
+    release_time: Positive | None = None
+    engage_time: Positive | None = None
+    stop_energy: Positive | None = None
+    rotor_inertia: Positive | None = None
+    mass: Positive | None = None
+
+
+class Collisions(Entry):
+    """Overloads that a gear must bear in its life: how many, each of `duration` s."""
+
+    count: Positive
+    duration: Positive
+
+
 class Conditions(Entry):
     """What the drives must stand, with the defaults of common practice.
 
@@ -282,6 +318,12 @@ class Conditions(Entry):
         thermal_time: s, in place of the winding's time constant where it is not known: overload
             counts within it (small motors have 15 to 50 s).
         collision_effort: joint -> effort in a collision or an emergency stop, N m or N.
+        collisions: how many of them a gear must bear in its life, and for how long each, s.
+        holding_brake: whether every joint must have a brake, those that friction does not hold, or
+            any may do without.
+        brake_factor: reserve on the brakes' torque (1.5 to 3 are usual).
+        bus_limit: V, the highest the bus may reach while motors brake. bus_capacitance: F.
+        supply_power: W, the most that the supply gives.
         resonance_base, resonance_hand: Hz, of the first three joints and of those beyond.
         mass_in_urdf: joint -> mass of the drive that the URDF's link already has at the joint's
             origin, kg; it is taken off there.
@@ -298,6 +340,12 @@ class Conditions(Entry):
     max_winding: Number | None = None
     thermal_time: Positive = 20.0
     collision_effort: dict[str, Positive] = Field(default_factory=dict)
+    collisions: Collisions | None = None
+    holding_brake: Literal["any", "where_needed", "required"] = "any"
+    brake_factor: Annotated[Number, Field(ge=1)] = 1.5
+    bus_limit: Positive | None = None
+    bus_capacitance: Positive | None = None
+    supply_power: Positive | None = None
     resonance_base: Positive = 8.0
     resonance_hand: Positive = 15.0
     mass_in_urdf: dict[str, NonNegative] = Field(default_factory=dict)
@@ -312,6 +360,7 @@ class CatalogFile(Entry):
     gears: dict[str, Gear] = Field(default_factory=dict)
     gearmotors: dict[str, GearMotor] = Field(default_factory=dict)
     bearings: dict[str, BearingEntry] = Field(default_factory=dict)
+    brakes: dict[str, Brake] = Field(default_factory=dict)
     conditions: Conditions | None = None
 
 
@@ -321,7 +370,7 @@ class Catalog:
 
     Attributes:
         source: the file, or "default" for the bundled ones.
-        motors, gears, gearmotors, bearings: name -> entry.
+        motors, gears, gearmotors, bearings, brakes: name -> entry.
         conditions: what the file demands of the drives.
     """
 
@@ -330,6 +379,7 @@ class Catalog:
     gears: Mapping[str, Gear] = field(default_factory=dict)
     gearmotors: Mapping[str, GearMotor] = field(default_factory=dict)
     bearings: Mapping[str, BearingEntry] = field(default_factory=dict)
+    brakes: Mapping[str, Brake] = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
 
 
@@ -352,7 +402,7 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     else:
         file = _read(Path(name))
         if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
-            raise CatalogError(f"{name}: no motors, gears, gearmotors or bearings in it; "
+            raise CatalogError(f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
                                "`extends: default` takes the bundled ones")  # fmt: skip
         catalog = _merged(str(name), [*(_bundled() if file.extends else ()), file])
     for where, text in _doubts(catalog):

@@ -106,7 +106,8 @@ def caveats(
         *opening,
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the first joint's stands on the ground.",
-        "Any motor is taken to fit any gear; couplings, housings and brakes have no mass.",
+        "Any motor is taken to fit any gear, any brake any motor; couplings, housings and brakes "
+        "have no mass.",
         "Output bearings carry the joint's whole wrench, about its origin as if that lay on the "
         "output flange; conditions.bearings puts another bearing of the catalogue in their place.",
         "Magnets are taken as cold: the torque constant does not fall with temperature.",

@@ -86,16 +86,21 @@ class Criterion:
         return self.name != "bus voltage" or self.status == Status.FAILS
 
     @property
+    def shortfall(self) -> str:
+        """By how much it fails or passes, of the limit; what it says where no number does."""
+        if self.margin is None or self.margin <= _LEAST_MARGIN:
+            return self.note
+        share = abs(self.margin) * 100
+        return f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
+
+    @property
     def why(self) -> str:
         """Say in words by how much it fails or passes, or what is missing."""
         if self.margin is not None and self.margin <= _LEAST_MARGIN and self.note:
             return f"{self.name}: {self.note}"  # no number says more
         if self.margin is None or self.required is None or self.available is None:
             return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
-        relation = "short by" if self.margin < 0 else "in reserve"
-        share = abs(self.margin) * 100
-        amount = f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
-        tail = f"{relation} {amount}" if self.margin < 0 else f"{amount} {relation}"
+        tail = f"short by {self.shortfall}" if self.margin < 0 else f"{self.shortfall} in reserve"
         unit = f" {self.unit}" if self.unit else ""
         return (
             f"{self.name}: needs {self.required:.4g}{unit}, has {self.available:.4g}{unit} ({tail})"
@@ -172,7 +177,7 @@ def _motor_criteria(
     output = " at its output" if candidate.at_output else " at its shaft"
     speed = None if motor is None else motor.figures.max_speed
     factor = conditions.peak_factor
-    continuous, _ = ratings.continuous_at(conditions)
+    continuous, _ = ratings.continuous_at(conditions, _mean_speed(motor))
     return [
         compare(
             "continuous torque", None if motor is None else motor.figures.rms, continuous, "N m",
@@ -195,11 +200,13 @@ def _motor_criteria(
 
 def _continuous_note(ratings: Ratings, motor: MotorCycle | None, conditions: Conditions) -> str:
     """Say how the rating was found, and when a stop exceeds it: it assumes that the rotor turns."""
-    limit, derated = ratings.continuous_at(conditions)
+    limit, derated = ratings.continuous_at(conditions, _mean_speed(motor))
     notes = [derated] if derated else []
+    if ratings.continuous_curve is not None:
+        notes.append(f"of the maker's curve at the mean speed, {_mean_speed(motor):.4g} rad/s")
     notes += [text for text in ratings.derived if text.startswith("continuous")]
     standing = None if motor is None else motor.figures.standing
-    if standing is not None and limit and standing > limit:
+    if standing is not None and limit and standing > (ratings.continuous_stall_torque or limit):
         notes.append(
             f"standing still it takes up to {standing:.3g} N m, above the continuous torque: a "
             "stalled motor has hot spots that the mean does not show (overloaded standstill)"
@@ -207,11 +214,16 @@ def _continuous_note(ratings: Ratings, motor: MotorCycle | None, conditions: Con
     return "; ".join(notes)
 
 
+def _mean_speed(motor: MotorCycle | None) -> float:
+    return 0.0 if motor is None else motor.figures.mean_speed
+
+
 def _overload(
     ratings: Ratings, motor: MotorCycle | None, conditions: Conditions, lacking: str, output: str
 ) -> list[Criterion]:
     """What the mean over the cycle hides: overload for a while, and at a standstill."""
-    continuous, derated = ratings.continuous_at(conditions)
+    continuous, derated = ratings.continuous_at(conditions, _mean_speed(motor))
+    of = "continuous" if ratings.continuous_stall_torque is None else "continuous stall"
     window, source = overload_window(ratings.thermal, conditions)
     figures = None if motor is None else motor.figures
     missing = lacking or "continuous torque"
@@ -224,7 +236,7 @@ def _overload(
         ),
         compare(
             "overloaded standstill", still, window, "s",
-            f"longest standstill with |T_m| > continuous torque <= {window:.3g} s", source, missing,
+            f"longest standstill with |T_m| > {of} torque <= {window:.3g} s", source, missing,
             "it never ends" if still == np.inf else "",
         ),
     ]  # fmt: skip
@@ -317,6 +329,7 @@ def _gear_criteria(
         compare("gear momentary peak torque", collision, gear.momentary_peak_torque, unit,
                 "collision or emergency stop <= limit for momentary peak torque",
                 HARMONIC, no_collision),
+        *_collisions(gear, ratio * demand.speed, conditions),
         compare("gear maximum input speed", ratio * demand.speed, gear.max_input_speed, "rad/s",
                 "ratio max |v| <= maximum input speed", HARMONIC,
                 "maximum input speed"),
@@ -327,6 +340,35 @@ def _gear_criteria(
         *([compare("stroke", demand.travel, gear.stroke, "m", "max q - min q <= stroke",
                    "maker's figures", "stroke")] if gear.output == "linear" else []),
     ]  # fmt: skip
+
+
+def _collisions(gear: Gear, speed: float, conditions: Conditions) -> list[Criterion]:
+    """How often the momentary peak torque is borne; nothing where no number is demanded."""
+    wanted = conditions.collisions
+    if wanted is None:
+        return []
+    formula, source = "collisions <= N", "maker's number"
+    borne = gear.momentary_peaks
+    if borne is None and gear.kind == "strain wave":
+        formula = "collisions <= N = 10^4/(2 (n/60) t), n the greatest input speed in rpm"
+        source = "Harmonic Drive CSF/CSG catalogue, momentary peak torque"
+        borne = momentary_peaks(speed, wanted.duration)
+    if borne is not None and np.isinf(borne):
+        return [Criterion("gear momentary peaks", Status.PASSES, wanted.count, None, "", 1.0,
+                          formula, source, "the joint never moves")]  # fmt: skip
+    return [compare("gear momentary peaks", wanted.count, borne, "", formula, source,
+                    "momentary_peaks")]  # fmt: skip
+
+
+def momentary_peaks(speed: float, duration: float) -> float:
+    """Return how often a strain wave gear bears its momentary peak torque, N = 1e4/(2 n t).
+
+    Args:
+        speed: of its input before, rad/s (n turns per second). duration: t of each, s.
+
+    Source: Harmonic Drive CSF/CSG catalogue, rating of the momentary peak torque.
+    """
+    return 1e4 / (2 * speed / (2 * np.pi) * duration) if speed > 0 else np.inf
 
 
 def _life(gear: Gear, ratio: float, demand: JointDemand, conditions: Conditions) -> Criterion:

@@ -35,7 +35,7 @@ from pinfric.study.sizing.catalog import (
     Motor,
     Thermal,
 )
-from pinfric.study.sizing.demand import DriveCycle, largest
+from pinfric.study.sizing.demand import DriveCycle, largest, mean
 from pinfric.study.sizing.overload import longest_above, moving_rms, overload_window
 from pinfric.study.sizing.thermal import (
     COPPER,
@@ -53,6 +53,8 @@ class Ratings:
 
     Attributes:
         continuous_torque, peak_torque, stall_torque: N m.
+        continuous_curve: points (rad/s, N m) of the continuous torque over speed.
+        continuous_stall_torque: N m, for ever at a standstill.
         torque_constant: N m/A. resistance: ohm at 25 C. nominal_voltage: V.
         no_load_speed, rated_speed: rad/s at the nominal voltage. max_speed: rad/s.
         thermal: of the winding.
@@ -69,6 +71,8 @@ class Ratings:
     rated_speed: float | None = None
     max_speed: float | None = None
     thermal: Thermal | None = None
+    continuous_curve: tuple[tuple[float, float], ...] | None = None
+    continuous_stall_torque: float | None = None
     derived: tuple[str, ...] = ()
 
     @property
@@ -77,13 +81,26 @@ class Ratings:
         electric = self.torque_constant is not None and self.resistance is not None
         return electric or (self.no_load_speed is not None and self.stall_torque is not None)
 
-    def continuous_at(self, conditions: Conditions) -> tuple[float | None, str]:
+    def continuous_over(self, speed: np.ndarray) -> np.ndarray:
+        """Return the continuous torque (T,), N m, at speeds |speed|: the maker's curve, or flat."""
+        if self.continuous_curve is None:
+            return np.full(len(speed), np.nan if (t := self.continuous_torque) is None else t)
+        at, torque = np.transpose(self.continuous_curve)
+        return np.interp(np.abs(speed), at, torque)
+
+    def continuous_at(self, conditions: Conditions, speed: float = 0.0) -> tuple[float | None, str]:
         """Return the continuous torque (N m, or None) at the ambient temperature, and a remark.
 
         T sqrt((T_max - T_a)/(T_max - 25 C)) above 25 C, to which ratings refer: copper loss, in
         proportion to the torque's square, is led off in proportion to T_max - T_a.
+
+        Args:
+            conditions: ambient temperature.
+            speed: the mean one, rad/s: where the maker's curve over speed counts.
         """
         torque, ambient = self.continuous_torque, conditions.ambient
+        if self.continuous_curve is not None:
+            torque = float(self.continuous_over(np.array([speed]))[0])
         if torque is None or ambient <= REFERENCE_TEMPERATURE:
             return torque, ""
         hottest = self.max_winding(conditions)
@@ -160,7 +177,7 @@ class Candidate:
         gear: its entry, None for a gearmotor.
         transmission: ratio and losses for the dynamics; None where figures are missing.
         missing: the figures missing for the motor's torque.
-        mass: kg; None where a part's is not known.
+        mass: kg; price: of both; None where a part's is not known.
         rotor_inertia: J_motor + J_gear input at the motor's shaft, kg m^2, or None.
         back_driving_torque: at the output, N m, or None.
         bearing: what carries the joint: the gear's output bearing (a screw's nut), or the joint's
@@ -181,6 +198,7 @@ class Candidate:
     transmission: Transmission | None
     missing: tuple[str, ...]
     mass: float | None
+    price: float | None
     rotor_inertia: float | None
     back_driving_torque: float | None
     bearing: BearingRatings | None
@@ -204,7 +222,7 @@ class MotorFigures:
     """What the cycle asks at the rated shaft; magnitudes, worst case over the interval.
 
     Attributes:
-        peak, rms, rms_least: torque, N m. max_speed: rad/s.
+        peak, rms, rms_least: torque, N m. max_speed, mean_speed: rad/s.
         holding: (least, worst) over the holds (all joints at rest), N m; None without a hold.
         peak_temperature: of the winding in the settled cycle, deg C (infinite: it runs away), or
             None where not known. mean_temperature: deg C at the mean heat, or None.
@@ -228,6 +246,7 @@ class MotorFigures:
     braking_power: float | None
     energy: float | None
     regenerated: float | None
+    mean_speed: float = 0.0
     standing: float | None = None
     window: float | None = None
     short_term: float | None = None
@@ -311,6 +330,7 @@ def motor_with_gear(
         transmission=None if missing else transmission,
         missing=tuple(missing),
         mass=None if motor.mass is None or gear.mass is None else motor.mass + gear.mass,
+        price=None if motor.price is None or gear.price is None else motor.price + gear.price,
         rotor_inertia=inertia,
         back_driving_torque=gear.back_driving_torque,
         bearing=gear.bearing,
@@ -388,13 +408,15 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     hold = cycle.holding
     current, winding, mean_temperature = _temperatures(candidate.ratings, cycle, worst, conditions)
     power = _electrical(candidate.ratings, t, worst, speed, current, winding)
-    limit, _ = candidate.ratings.continuous_at(conditions)
+    ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
+    limit, _ = ratings.continuous_at(conditions, mean_speed)
+    limit = ratings.continuous_stall_torque or limit
     window, _ = overload_window(candidate.ratings.thermal, conditions)
     figures = MotorFigures(
         peak=largest(worst),
         rms=rms(t, worst),
         rms_least=rms(t, least),
-        max_speed=largest(speed),
+        max_speed=largest(speed), mean_speed=mean_speed,
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         peak_temperature=None if winding is None else winding.peak,
         mean_temperature=mean_temperature,
@@ -451,12 +473,16 @@ def _motor_ratings(motor: Motor) -> Ratings:
     if resistance is None and k is not None and stall is not None and voltage is not None:
         resistance = k * voltage / stall
         derived.append("resistance = torque constant x nominal voltage/stall torque")
+    if continuous is None and motor.continuous_curve is not None:
+        continuous = max(torque for _, torque in motor.continuous_curve)
     line_stall, text = _stall(continuous, motor.rated_speed, motor.no_load_speed, stall)
     return Ratings(
         continuous_torque=continuous, peak_torque=motor.peak_torque, stall_torque=line_stall,
         torque_constant=k, resistance=resistance, nominal_voltage=voltage,
         no_load_speed=motor.no_load_speed, rated_speed=motor.rated_speed,
-        max_speed=motor.max_speed, thermal=motor.thermal, derived=(*derived, *text),
+        max_speed=motor.max_speed, thermal=motor.thermal,
+        continuous_curve=motor.continuous_curve,
+        continuous_stall_torque=motor.continuous_stall_torque, derived=(*derived, *text),
     )  # fmt: skip
 
 
@@ -501,6 +527,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         transmission=None if missing else Transmission.model_construct(**values),
         missing=missing,
         mass=entry.mass,
+        price=entry.price,
         rotor_inertia=entry.rotor_inertia,
         back_driving_torque=entry.back_driving_torque,
         bearing=entry.bearing,

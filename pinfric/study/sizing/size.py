@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,13 +32,16 @@ from pinfric.model.urdf import implausible_body
 from pinfric.study.sizing.assess import (
     Assessment,
     assess,
+    judged,
     lightest,
     nearest_miss,
     offered,
     own_bearing,
 )
+from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
+from pinfric.study.sizing.criteria import Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
     JointDemand,
@@ -50,6 +54,8 @@ from pinfric.study.sizing.demand import (
 )
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
+from pinfric.study.sizing.front import DriveSet, Judge, trade_offs
+from pinfric.study.sizing.power import BusPower, bus_power
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -102,6 +108,14 @@ class JointSizing:
         return self.choice or self.nearest
 
     @property
+    def next_smaller(self) -> Assessment | None:
+        """Of the drives lighter than the choice, the one that misses by least."""
+        if self.choice is None or self.choice.candidate.mass is None:
+            return None
+        most = self.choice.candidate.mass
+        return nearest_miss([a for a in self.assessments if (a.candidate.mass or most) < most])
+
+    @property
     def miss(self) -> str:
         """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
         if self.choice is not None or (not self.assessments and not self.lacking):
@@ -126,6 +140,7 @@ class SizingReport(Shown):
         trajectory: where the motion came from.
         catalog, conditions: what was chosen from and what was demanded; catalog None: demand only.
         joints: in the order of the scene's drives.
+        judge: sizes a set of drives, joint by joint, with their masses in the model.
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         duty: which samples are which cycle of the period, and how often it is run.
         passes: over all joints, until no choice changed. settled: no choice changed in the last.
@@ -142,6 +157,7 @@ class SizingReport(Shown):
     result: InverseResult
     result_without_masses: InverseResult
     duty: Schedule
+    judge: Judge = field(repr=False, compare=False)
     passes: int
     settled: bool
     notes: tuple[str, ...] = ()
@@ -179,19 +195,57 @@ class SizingReport(Shown):
         taken = (joint.taken for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
 
+    @cached_property
+    def standstills(self) -> tuple[Standstill, ...]:
+        """What keeps each joint in place without power, and its brake; in the order of `joints`."""
+        brakes = {} if self.catalog is None else self.catalog.brakes
+        return standstills(self.result, brakes, self.conditions)
+
+    @cached_property
+    def bus(self) -> BusPower:
+        """What the drives taken draw from their bus together, and what flows back."""
+        drives = {
+            joint.name: None if joint.taken is None or joint.motor is None
+            else (joint.taken.candidate.ratings, joint.motor) for joint in self.joints
+        }  # fmt: skip
+        t = self.result.t
+        assert t is not None  # size refuses a motion without times
+        return bus_power(drives, t, self.duty.stretched(t), self.conditions)
+
+    @cached_property
+    def sets(self) -> tuple[DriveSet, ...]:
+        """Sets of drives that none betters in mass, energy, peak power and price (`front`)."""
+        if any(joint.choice is None for joint in self.joints):
+            return ()
+        fitting = [[a for a in joint.assessments if a.fits] for joint in self.joints]
+        return trade_offs([joint.name for joint in self.joints], fitting,
+                          [joint.cycle for joint in self.joints], self.conditions,
+                          self.judge)  # fmt: skip
+
     @property
     def misses(self) -> tuple[str, ...]:
         """One line for each joint for which no candidate fits."""
         return tuple(joint.miss for joint in self.joints if joint.miss)
 
+    @property
+    def short(self) -> tuple[str, ...]:
+        """One line for each brake and for all of the bus that a condition asks for in vain."""
+        if self.catalog is None:
+            return ()
+        wanted = self.standstills if self.conditions.holding_brake != "any" else ()
+        found = [(joint.name, still.criteria)
+                 for joint, still in zip(self.joints, wanted, strict=False)]  # fmt: skip
+        return tuple(f"{name}: {c.why}" for name, criteria in [*found, ("bus", self.bus.criteria)]
+                     for c in criteria if c.status == Status.FAILS)  # fmt: skip
+
     def check(self) -> None:
-        """Raise if a joint has no drive that fits.
+        """Raise if a joint has no drive that fits, or a brake or the bus is short of a condition.
 
         Raises:
             SizingError: names the joints, the nearest misses and by how much; holds the report.
         """
-        if self.misses:
-            raise SizingError("; ".join(self.misses), self)
+        if wrong := (*self.misses, *self.short):
+            raise SizingError("; ".join(wrong), self)
 
     def joint(self, name: str) -> JointSizing:
         """Return one joint's sizing by name.
@@ -251,7 +305,7 @@ def size(
     report = sizing.run()
     if on_miss == "raise":
         report.check()
-    for text in report.misses if on_miss == "warn" else ():
+    for text in (*report.misses, *report.short) if on_miss == "warn" else ():
         warnings.warn(text, PinfricWarning, stacklevel=2)
     return report
 
@@ -307,7 +361,8 @@ class _Sizing:
             scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
             trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without, duty=duty, passes=passes, settled=settled,
+            result_without_masses=without, duty=duty, judge=self.judge,
+            passes=passes, settled=settled,
             notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
             unclosed=gaps,
         )  # fmt: skip
@@ -319,6 +374,16 @@ class _Sizing:
         if (i, load) not in self.judged:
             self.judged[i, load] = self._judge(i, *self._solve(load, beyond))
         return self.judged[i, load]
+
+    def judge(self, taken: Mapping[int, Assessment]) -> list[tuple[Assessment, DriveCycle]]:
+        """Judge one drive for every joint, all of their masses in the model."""
+        load = tuple(sorted((k, a.candidate.mass) for k, a in taken.items()))
+        solved, found = self._solve(load, taken), []
+        for i, assessment in taken.items():
+            demand, cycle, inertia = self._demanded(i, *solved)
+            found.append((judged(assessment.candidate, self.conditions, demand, cycle, inertia,
+                                 depth(self.scene, i) > BASE_AXES), cycle))  # fmt: skip
+        return found
 
     def _solve(
         self, load: _Load, taken: Mapping[int, Assessment]

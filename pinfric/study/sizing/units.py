@@ -30,9 +30,9 @@ UNITS = {
 }  # fmt: skip
 
 _OF_UNIT = {
-    "N m": "continuous_torque peak_torque stall_torque rated_torque average_torque "
-           "repeated_peak_torque momentary_peak_torque no_load_running_torque starting_torque "
-           "back_driving_torque bearing.max_moment",
+    "N m": "continuous_torque continuous_stall_torque peak_torque stall_torque rated_torque "
+           "average_torque repeated_peak_torque momentary_peak_torque no_load_running_torque "
+           "starting_torque back_driving_torque bearing.max_moment",
     "N": "bearing.max_radial bearing.max_axial bearing.dynamic_rating bearing.static_rating",
     "rad/s": "max_speed no_load_speed rated_speed average_input_speed max_input_speed",
     "kg m^2": "rotor_inertia input_inertia", "kg": "mass", "V": "nominal_voltage",
@@ -41,7 +41,7 @@ _OF_UNIT = {
     "K/W": "thermal.winding_housing thermal.housing_ambient", "h": "nominal_life",
     "s": "thermal.winding_time thermal.housing_time", "N m/rad": "stiffness", "price": "price",
     "m": "stroke bearing.pitch_diameter bearing.spacing bearing.offset",
-    "1": "ratio efficiency back_efficiency bearing.static_safety",
+    "1": "ratio efficiency back_efficiency bearing.static_safety momentary_peaks",
 }  # fmt: skip
 #: Figure -> its unit; `thermal.` and `bearing.` lead into these parts of an entry.
 FIGURES = {figure: unit for unit, figures in _OF_UNIT.items() for figure in figures.split()}

@@ -62,7 +62,8 @@ def test_json_has_the_promised_figures_of_every_joint(panda):
         assert entry["choice"] == joint.choice.candidate.name
         assert min(m for m in entry["margins"].values() if m is not None) >= 0
         assert entry["margins"]["winding temperature"] is None  # not checked: never a number
-        assert entry["not_checked"] >= list(entry["margins"].values()).count(None) - 1
+        states = [criterion["status"] for criterion in entry["criteria"]]
+        assert entry["not_checked"] == states.count("not checked")
         assert {"name", "why"} == entry["rejected"][0].keys()
         assert all(r["why"] for r in entry["rejected"])
         names = {r["name"] for r in entry["rejected"]} | {a["name"] for a in entry["alternatives"]}
@@ -265,10 +266,10 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
         capture_output=True, text=True, timeout=90,
     )  # fmt: skip
     dom = done.stdout
-    assert 'data-drawn="4"' in dom  # envelope, effort, temperature, candidates
-    for kind in ("envelope-0", "effort-0", "heat-0", "trade-0"):
+    assert 'data-drawn="5"' in dom  # envelope, effort, temperature, candidates, bus
+    for kind in ("envelope-0", "effort-0", "heat-0", "trade-0", "bus"):
         assert re.search(rf'<div id="{kind}"[^>]*class="js-plotly-plot"', dom)
-    assert dom.count('class="main-svg"') >= 4
+    assert dom.count('class="main-svg"') >= 5
     # the mouse reaches the plot, not a mode bar that covers it
     (hit,) = re.findall(r'data-hit="([^"]*)"', dom)
     assert "drag" in hit

@@ -33,7 +33,11 @@ def test_bundled_catalogue_has_the_figures_of_its_sources_and_no_doubts():
 
 def test_every_bundled_entry_has_a_source_and_a_grade_and_missing_figures_stay_missing():
     catalog = pf.load_catalog()
-    for section in (catalog.motors, catalog.gears, catalog.gearmotors, catalog.bearings):
+    assert len(catalog.brakes) == 18
+    assert {brake.voltage for brake in catalog.brakes.values()} == {24.0}
+    assert catalog.brakes["Mitsubishi HC-MF 23, 43"].stop_energy == 22.0
+    for section in (catalog.motors, catalog.gears, catalog.gearmotors, catalog.bearings,
+                    catalog.brakes):  # fmt: skip
         for entry in section.values():
             assert len(entry.source) > 5
             assert entry.grade in ("R", "T")

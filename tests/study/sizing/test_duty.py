@@ -11,10 +11,12 @@ from sizing_cases import (
     ACCELERATION,
     COULOMB,
     CYCLE,
+    GEAR,
     INERTIA,
     PAUSE,
     PLATEAU,
     RAMP,
+    RATE,
     hour_with_a_stall,
     one_drive,
     trapezoid,
@@ -22,7 +24,7 @@ from sizing_cases import (
 )
 
 import pinfric as pf
-from pinfric.errors import SizingError
+from pinfric.errors import CatalogError, SizingError
 from pinfric.study.sizing.criteria import Status
 
 
@@ -107,6 +109,43 @@ def test_five_minutes_of_stall_fail_with_their_reason(tmp_path):
     assert by_name["overloaded standstill"].required == pytest.approx(300.0)
     assert "overloaded standstill: needs 300 s, has 20 s" in report.misses[0]
     assert "does not begin where" in report.notes[0]
+
+
+def test_continuous_torque_follows_the_makers_curve_at_the_mean_speed(tmp_path):
+    curve = [[0.0, 0.5], [600.0, 0.1]]
+    catalog = one_drive(tmp_path, motor={"continuous_torque": None, "continuous_curve": curve})
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    mean_speed = GEAR["ratio"] * RATE * (RAMP + PLATEAU) / CYCLE
+    found = joint.assessments[0].criteria[0]
+    assert found.available == pytest.approx(0.5 - 0.4 * mean_speed / 600.0, rel=1e-6)
+    assert "of the maker's curve at the mean speed, 56.25 rad/s" in found.note
+    with pytest.raises(CatalogError, match="speeds ascending"):
+        one_drive(tmp_path, motor={"continuous_curve": curve[::-1]})
+
+
+@pytest.mark.parametrize(("rating", "longest"), [(1.24, 300.0), (1.26, 0.0)])
+def test_a_stall_rating_counts_at_a_standstill(tmp_path, rating, longest):
+    scene, hour, drive = hour_with_a_stall()
+    drive["motor"]["continuous_stall_torque"] = rating  # 1.25 N m are asked for
+    (joint,) = pf.size(scene, hour, one_drive(tmp_path, **drive), on_miss="ignore").joints
+    found = next(c for c in joint.taken.criteria if c.name == "overloaded standstill")
+    assert found.required == pytest.approx(longest, abs=0.3)
+    assert "continuous stall torque" in found.formula
+
+
+@pytest.mark.parametrize(("gear", "borne"), [({"kind": "strain wave"}, 1047.2),
+                                             ({"momentary_peaks": 1000}, 1000)])  # fmt: skip
+def test_overloads_are_counted_against_what_the_gear_bears(tmp_path, gear, borne):
+    """150 rad/s at its input are 23.873 turns a second: 1e4/(2 x 23.873 x 0.2 s)."""
+    conditions = {"collision_effort": {"table": 80.0},
+                  "collisions": {"count": 1020, "duration": 0.2}}  # fmt: skip
+    catalog = one_drive(tmp_path, gear=gear, conditions=conditions)
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog, on_miss="ignore").joints
+    found = next(c for c in joint.assessments[0].criteria if c.name == "gear momentary peaks")
+    assert found.available == pytest.approx(borne, rel=1e-4)
+    assert (found.status == Status.PASSES) == (borne > 1020)
 
 
 def two_joints():

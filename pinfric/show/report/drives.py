@@ -1,0 +1,137 @@
+"""What stands beside the choice of drives: next smaller ones, brakes, the bus, other sets."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields
+from typing import Any
+
+from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, span
+from pinfric.study.sizing.assess import Assessment
+from pinfric.study.sizing.brake import Standstill
+from pinfric.study.sizing.front import DriveSet
+from pinfric.study.sizing.power import BusPower
+from pinfric.study.sizing.size import SizingReport
+
+#: Criteria that a table names of a drive that misses several.
+_MOST_MISSES = 3
+#: N m; torques of brakes below print as 0.
+_ROUNDING = 1e-9
+
+
+def smaller_table(report: SizingReport) -> Table | None:
+    """Say what the next smaller drive of each joint lacks; None where no joint has one."""
+    rows = [
+        (joint.name, small.candidate.name, digits(small.candidate.mass or 0.0), shortfall(small))
+        for joint in report.joints if (small := joint.next_smaller) is not None
+    ]  # fmt: skip
+    columns = (Column("joint", Kind.NAME), Column("next smaller", Kind.WORDS), Column("mass\nkg"),
+               Column("would fit,\nbut is short by", Kind.WORDS))  # fmt: skip
+    return Table("the next smaller drives", columns, rows) if rows else None
+
+
+def shortfall(assessment: Assessment) -> str:
+    """Return the criteria that a drive fails and by how much, the worst first."""
+    failed = assessment.failed
+    parts = [f"{c.name}: {c.shortfall}" for c in failed[:_MOST_MISSES]]
+    return "; ".join(parts + [f"{len(failed) - _MOST_MISSES} more"] * (len(failed) > _MOST_MISSES))
+
+
+def brake_table(report: SizingReport) -> Table:
+    """Say which joints hold without power, what their brakes must bear, and which ones do."""
+    rows = []
+    for joint, still in zip(report.joints, report.standstills, strict=True):
+        brake = still.criteria[-1]
+        rows.append((
+            joint.name, span(*still.effort, zero=_ROUNDING),
+            "-" if still.shaft is None else span(*still.shaft, zero=_ROUNDING),
+            holds_alone(still),
+            still.brake or ("none bears it" if brake.available else "-"),
+            "-" if brake.margin is None else f"{100 * brake.margin:.0f} %",
+        ))  # fmt: skip
+    units = {joint.demand.unit for joint in report.joints}
+    unit = units.pop() if len(units) == 1 else "N m, N"
+    columns = (Column("joint", Kind.NAME), Column(f"at the\njoint\n{unit}"),
+               Column("at the\nmotor\nN m"), Column("without\nbrake", Kind.LABEL),
+               Column("smallest brake", Kind.WORDS), Column("\nmargin"))  # fmt: skip
+    return Table("without power, anywhere along the cycle: friction helping most–least",  # noqa: RUF001
+                 columns, rows)  # fmt: skip
+
+
+def holds_alone(still: Standstill) -> str:
+    """Return whether friction alone holds a joint, and which part of it that takes."""
+    if still.held is None:
+        return "not known"
+    return "moves" if still.use is None else f"holds, {100 * (1 - still.use):.0f} % left"
+
+
+def turn(report: SizingReport) -> str:
+    """Return what is repeated: a cycle, or a period of several."""
+    return "period" if len(report.duty.repeats) > 1 else "cycle"
+
+
+def bus_lines(report: SizingReport) -> list[str]:
+    """Return what all drives take from the bus, in words."""
+    bus, each = report.bus, turn(report)
+    lines = [
+        f"bus: {digits(bus.peak)} W at most ({digits(bus.current)} A), {digits(bus.mean)} W on "
+        f"average ({digits(bus.rms_current)} A RMS); {digits(bus.drawn)} J a {each}",
+        f"braking: {digits(bus.braking)} W at most, {digits(bus.returned)} J a {each}, "
+        f"{digits(bus.burst)} J in one go: {bus.remedy}"
+        if bus.resistor is not None else f"braking: {bus.remedy}",
+    ]  # fmt: skip
+    if bus.mechanical:
+        lines.append(f"{len(bus.mechanical)} of the drives without copper loss: no torque constant "
+                     "or resistance")  # fmt: skip
+    if bus.left_out:
+        lines.append(f"the bus without {', '.join(bus.left_out)}: no motor")
+    return lines
+
+
+def sets_table(report: SizingReport) -> Table | None:
+    """List the sets that trade mass for energy, power or price; None without a second one."""
+    if len(report.sets) < 2:
+        return None
+    priced = any(found.price is not None for found in report.sets)
+    rows = [
+        (digits(found.mass), _bounded(found.energy, found), _bounded(found.peak_power, found),
+         *([_price(found)] if priced else []), exchanged(found, report))
+        for found in report.sets
+    ]  # fmt: skip
+    least = " (≥: without the copper loss of some)"
+    title = "sets of drives that no other betters"
+    title += least * any(not found.copper for found in report.sets)
+    columns = (Column("mass\nkg"), Column(f"energy a\n{turn(report)}, J"),
+               Column("peak of\nthe bus, W"), *([Column("price")] if priced else []),
+               Column("instead of the lightest", Kind.WORDS))  # fmt: skip
+    return Table(title, columns, rows, keys=0)
+
+
+def exchanged(found: DriveSet, report: SizingReport) -> str:
+    """Return the drives in which a set differs from the lightest."""
+    chosen = {j.name: j.choice.candidate.name for j in report.joints if j.choice is not None}
+    parts = [f"{name}: {drive}" for name, drive in found.drives.items() if drive != chosen[name]]
+    return "; ".join(parts) or "the lightest"
+
+
+def _bounded(x: float, found: DriveSet) -> str:
+    return digits(x) if found.copper else f"≥{digits(x)}"
+
+
+def _price(found: DriveSet) -> str:
+    return "-" if found.price is None else f"{found.price:.2f}"
+
+
+def drives_json(report: SizingReport) -> dict[str, Any]:
+    """Return bus and sets for `pinfric size --json`."""
+    bus: dict[str, Any] = {f.name: getattr(report.bus, f.name) for f in fields(BusPower)
+                           if f.name not in ("power", "criteria")}  # fmt: skip
+    bus |= {"remedy": report.bus.remedy, "criteria": [asdict(c) for c in report.bus.criteria]}
+    return {"bus": bus, "sets": [asdict(found) for found in report.sets]}
+
+
+def standstill_json(still: Standstill) -> dict[str, Any]:
+    """Return what holds a joint without power, for `pinfric size --json`."""
+    entry = asdict(still)
+    del entry["criteria"]  # among the joint's
+    return entry

@@ -1,0 +1,144 @@
+"""What else could be chosen: sets of drives that trade mass for energy, peak power or price.
+
+Of every joint's drives that fit, those stay that no other betters in all of these; sets are built
+joint by joint, keeping what none betters and, of many, some over the whole range of masses. Each
+set that is left is then sized by itself, with its own masses in the model; those that no longer fit
+are left out. Differences below 1 % count as none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.study.sizing.assess import Assessment
+from pinfric.study.sizing.catalog import Conditions
+from pinfric.study.sizing.demand import DriveCycle, positive_part
+from pinfric.study.sizing.drivetrain import motor_cycle
+from pinfric.study.sizing.power import copper_known, drive_power
+
+#: Sets kept while they are built, and sets sized in the end.
+_BUILT, _SIZED = 64, 24
+#: Figures are compared in steps of this part.
+_STEP = 0.01
+
+#: Every joint's drive -> how it does, and its samples, with all their masses in the model.
+Judge = Callable[[Mapping[int, Assessment]], Sequence[tuple[Assessment, DriveCycle]]]
+
+
+@dataclass(frozen=True)
+class DriveSet:
+    """A drive for every joint, all of which fit.
+
+    Attributes:
+        drives: joint -> name of its drive. mass: kg.
+        energy: drawn from the bus over a period, J. peak_power: of the bus, W.
+        price: of motors and gears; None where one is not known.
+        copper: all copper losses are in energy and power; else they are those of some motors.
+    """
+
+    drives: dict[str, str]
+    mass: float
+    energy: float
+    peak_power: float
+    price: float | None
+    copper: bool
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Drives of the first joints: who, kg, price, the sum of their power (T,), all copper in it."""
+
+    taken: tuple[Assessment, ...]
+    mass: float
+    price: float | None
+    power: np.ndarray
+    copper: bool
+
+    def with_drive(self, other: _Part) -> _Part:
+        prices = self.price, other.price
+        return _Part(
+            self.taken + other.taken, self.mass + other.mass,
+            None if prices[0] is None or prices[1] is None else prices[0] + prices[1],
+            self.power + other.power, self.copper and other.copper,
+        )  # fmt: skip
+
+
+def trade_offs(
+    names: Sequence[str],
+    fitting: Sequence[Sequence[Assessment]],
+    cycles: Sequence[DriveCycle],
+    conditions: Conditions,
+    judge: Judge,
+) -> tuple[DriveSet, ...]:
+    """Return the sets of drives that no other betters in mass, energy, peak power and price.
+
+    Args:
+        names: of the joints. fitting: each one's drives that fit; none of a joint: no sets.
+        cycles: each one's samples. conditions: of the sizing.
+        judge: sizes a whole set with its own masses.
+    """
+    if not fitting or not all(fitting):
+        return ()
+    t = cycles[0].stretched
+    parts = [_Part((), 0.0, 0.0, np.zeros(len(t)), True)]
+    for options, cycle in zip(fitting, cycles, strict=True):
+        drives = _best([_part(a, cycle, conditions) for a in options], t)
+        parts = _spread(_best([p.with_drive(d) for p in parts for d in drives], t), _BUILT)
+    sized = []
+    for part in _spread(parts, _SIZED):
+        found = judge(dict(enumerate(part.taken)))
+        if all(assessment.fits for assessment, _ in found):
+            total = _Part((), 0.0, 0.0, np.zeros(len(t)), True)
+            for assessment, cycle in found:
+                total = total.with_drive(_part(assessment, cycle, conditions))
+            sized.append(total)
+    return tuple(
+        DriveSet(
+            {name: a.candidate.name for name, a in zip(names, part.taken, strict=True)},
+            part.mass, positive_part(t, part.power), float(part.power.max()), part.price,
+            part.copper,
+        )
+        for part in _best(sized, t)
+    )  # fmt: skip
+
+
+def _part(assessment: Assessment, cycle: DriveCycle, conditions: Conditions) -> _Part:
+    candidate = assessment.candidate
+    motor = motor_cycle(candidate, cycle, conditions)
+    power = drive_power(candidate.ratings, motor)
+    return _Part((assessment,), candidate.mass or 0.0, candidate.price, power,
+                 copper_known(candidate.ratings, motor))  # fmt: skip
+
+
+def _best(parts: Sequence[_Part], t: np.ndarray) -> list[_Part]:
+    """Those that no other betters, the lightest first; of equals the first.
+
+    Losses that are not known make a set better than it is: it betters none whose are.
+    """
+    parts = sorted(parts, key=lambda part: part.mass)
+    figures = np.array([
+        (part.mass, positive_part(t, part.power), part.power.max(),
+         1.0 if part.price is None else part.price) for part in parts
+    ]).reshape(-1, 4)  # fmt: skip
+    if any(part.price is None for part in parts):
+        figures[:, 3] = 1.0
+    steps = np.floor(np.log(np.maximum(figures, 1e-9)) / _STEP)
+    copper = np.array([part.copper for part in parts])
+    kept: list[int] = []
+    for i in range(len(parts)):
+        no_worse = (steps <= steps[i]).all(axis=1) & (copper | ~copper[i])
+        better = (steps < steps[i]).any(axis=1) | (copper & ~copper[i])
+        same = [k for k in kept if (steps[k] == steps[i]).all() and copper[k] == copper[i]]
+        if not (no_worse & better).any() and not same:
+            kept.append(i)
+    return [parts[i] for i in kept]
+
+
+def _spread(parts: Sequence[_Part], most: int) -> list[_Part]:
+    """At most so many, over the whole range of masses."""
+    if len(parts) <= most:
+        return list(parts)
+    return [parts[i] for i in np.unique(np.linspace(0, len(parts) - 1, most).round().astype(int))]

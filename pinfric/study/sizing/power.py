@@ -1,0 +1,148 @@
+"""The bus that feeds all drives: its power over time, what flows back, and what takes that.
+
+    P(t) = sum over drives of T_m omega + R(T_w) i^2
+
+Energy fed back in one go lifts the bus from U to at most U_max where its capacitors take it,
+C (U_max^2 - U^2)/2; the rest is a resistor's, or a supply's that feeds back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics.result import runs
+from pinfric.study.sizing.catalog import REFERENCE_TEMPERATURE, Conditions
+from pinfric.study.sizing.criteria import Criterion, compare
+from pinfric.study.sizing.demand import positive_part
+from pinfric.study.sizing.drivetrain import MotorCycle, Ratings
+from pinfric.study.sizing.thermal import COPPER, power_figures
+from pinfric.study.summary import ends_by_magnitude, rms
+
+
+@dataclass(frozen=True)
+class BusPower:
+    """The sum of all drives' electrical power over the period.
+
+    Attributes:
+        power: (T,) W, into the drives; each cycle once.
+        left_out: drives without motor. mechanical: drives whose copper loss is not known.
+        peak, braking: greatest power into and out of the drives, W.
+        drawn, returned: energy into and out of them over a period, J. mean: W.
+        burst: J, the most that flows back without a break.
+        current, rms_current: greatest and root mean square of P/U, A.
+        resistor: ohm at most, which takes the greatest braking power at the highest voltage;
+            resistor_power: W on average. None where nothing flows back.
+        capacitance: F, that takes the burst in place of a resistor; None where the bus has no
+            limit, or nothing flows back.
+        criteria: of the supply and of the bus.
+    """
+
+    power: np.ndarray
+    left_out: tuple[str, ...]
+    mechanical: tuple[str, ...]
+    peak: float
+    braking: float
+    drawn: float
+    returned: float
+    mean: float
+    burst: float
+    current: float
+    rms_current: float
+    resistor: float | None
+    resistor_power: float | None
+    capacitance: float | None
+    criteria: tuple[Criterion, ...]
+
+    @property
+    def remedy(self) -> str:
+        """What takes the energy that flows back, in words."""
+        if self.resistor is None or self.resistor_power is None:
+            return "nothing flows back: neither resistor nor regeneration is needed"
+        resistor = (f"a resistor of at most {self.resistor:.3g} ohm, {self.resistor_power:.3g} W "
+                    f"on average and {self.braking:.3g} W at most")  # fmt: skip
+        if self.capacitance is None:
+            return f"{resistor}, or a supply that feeds back"
+        if self.criteria[1].margin is not None and self.criteria[1].margin >= 0:
+            return "the bus capacitors take it"
+        return f"capacitors of {self.capacitance:.3g} F, or {resistor}, or a supply that feeds back"
+
+
+def copper_known(ratings: Ratings, motor: MotorCycle) -> bool:
+    """Whether a motor's copper loss is in `drive_power`."""
+    return motor.current is not None and ratings.resistance is not None
+
+
+def drive_power(ratings: Ratings, motor: MotorCycle) -> np.ndarray:
+    """Return (T,) T_m omega + R(T_w) i^2, W; without torque constant and resistance T_m omega.
+
+    Args:
+        ratings: of the motor. motor: over the cycle; the end of larger magnitude counts.
+    """
+    torque = ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0]
+    power = torque * motor.speed
+    if motor.current is None or ratings.resistance is None:  # `copper_known`
+        return np.asarray(power)
+    hot = np.ones(1)
+    if motor.winding is not None and not motor.winding.runaway:
+        hot = 1.0 + COPPER * (motor.winding.winding - REFERENCE_TEMPERATURE)
+    return np.asarray(power + ratings.resistance * hot * motor.current**2)
+
+
+def bus_power(
+    drives: Mapping[str, tuple[Ratings, MotorCycle] | None],
+    t: np.ndarray,
+    stretched: np.ndarray,
+    conditions: Conditions,
+) -> BusPower:
+    """Return what all drives take from their bus together.
+
+    Args:
+        drives: name -> its motor over the period; None where there is none.
+        t, stretched: (T,) s, each cycle once, and as long as its repetitions.
+        conditions: voltages, capacitance, supply.
+    """
+    power = np.zeros(len(t))
+    known = {name: motor for name, motor in drives.items() if motor is not None}
+    for motor in known.values():
+        power += drive_power(*motor)
+    one, none = np.ones(len(t)), np.zeros(len(t))
+    figures = power_figures(stretched, power, one, none, 0.0, np.empty(0))
+    peak, braking, drawn, returned = figures
+    burst = max((positive_part(t[part], -power[part]) for part in _braking(power)),
+                default=0.0)  # fmt: skip
+    voltage, period = conditions.bus_voltage, float(stretched[-1] - stretched[0])
+    limit = conditions.bus_limit
+    room = None if limit is None else (limit**2 - voltage**2) / 2
+    taken = None
+    if room is not None and conditions.bus_capacitance is not None:
+        taken = conditions.bus_capacitance * room
+    flows = braking > 0
+    return BusPower(
+        power=power,
+        left_out=tuple(name for name in drives if name not in known),
+        mechanical=tuple(name for name, (ratings, motor) in known.items()
+                         if not copper_known(ratings, motor)),
+        peak=peak, braking=braking, drawn=drawn, returned=returned,
+        mean=(drawn - returned) / period, burst=burst,
+        current=peak / voltage, rms_current=rms(stretched, power) / voltage,
+        resistor=(limit or voltage) ** 2 / braking if flows else None,
+        resistor_power=returned / period if flows else None,
+        capacitance=burst / room if room and flows else None,
+        criteria=(
+            compare("supply power", peak, conditions.supply_power, "W",
+                    "max sum(T_m omega + R i^2) <= power of the supply",
+                    "power balance of the bus", "conditions.supply_power"),
+            compare("braking energy", burst, taken, "J",
+                    "energy fed back in one go <= C (U_max^2 - U^2)/2",
+                    "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
+                    "conditions.bus_capacitance and bus_limit"),
+        ),
+    )  # fmt: skip
+
+
+def _braking(power: np.ndarray) -> list[slice]:
+    """The samples of each time in which power flows back, with one more on each side."""
+    return [slice(max(first - 1, 0), last + 2) for first, last in runs(power < 0)]

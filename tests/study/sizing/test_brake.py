@@ -1,0 +1,119 @@
+"""Brakes, against a search over friction within its limits that shares no code with ours."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from sizing_cases import one_drive
+
+import pinfric as pf
+from pinfric.errors import SizingError
+from pinfric.study.sizing.criteria import Status
+
+MASS, LENGTH, G = 2.0, 0.6, 9.81
+MU, RADIUS = 0.3, (0.05, 0.7)  # of the pins' friction circles: the second joint's is large
+RATIO, ETA, NO_LOAD = 20.0, 0.8, 0.02
+POSES = np.array([[0.3, -1.2], [1.0, 0.4], [0.1, 1.3], [-0.8, 1.7]])
+
+
+def arm():
+    """Two links in a vertical plane on pins, whose loads at rest are the weights they carry."""
+    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
+    for j in range(2):
+        parent = model.addJoint(parent, pin.JointModelRY(), place, f"joint_{j + 1}")
+        body = pin.Inertia(MASS, np.array([LENGTH / 2, 0, 0]), 0.01 * np.eye(3))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        place = pin.SE3(np.eye(3), np.array([LENGTH, 0, 0]))
+    friction = {
+        f"joint_{j + 1}": {"bearing": {"kind": "pin", "radius": RADIUS[j]},
+                           "coulomb": {"static": 0.0, "kinetic": 0.0},
+                           "mu": {"static": MU, "kinetic": MU}}
+        for j in range(2)
+    }  # fmt: skip
+    gear = {"ratio": RATIO, "efficiency": ETA, "back_efficiency": 2 - 1 / ETA,
+            "no_load_torque": NO_LOAD}  # fmt: skip
+    actuators = [{"joint": f"joint_{j + 1}", "transmission": gear} for j in range(2)]
+    return pf.Scene(model=model, friction=friction, actuators=actuators)
+
+
+def searched(joint):
+    """(least, worst) effort and motor torque, and the use of friction, by trying frictions."""
+    least, worst, least_motor, worst_motor, use = 0.0, 0.0, 0.0, 0.0, 0.0
+    limit = MU * RADIUS[joint] * (2 - joint) * MASS * G
+    for q1, q2 in POSES:
+        outer = MASS * G * LENGTH / 2 * np.cos(q1 + q2)
+        load = -(outer if joint else outer + 1.5 * MASS * G * LENGTH * np.cos(q1))
+        efforts = load + np.linspace(-limit, limit, 2001)
+        motors = [(u + share * (1 / ETA - 1) * abs(u)) / RATIO + no_load
+                  for u, share, no_load in product(efforts[::20], (-1.0, 1.0, 0.0),
+                                                   np.linspace(-NO_LOAD, NO_LOAD, 5))]  # fmt: skip
+        ends = min(motors), max(motors)
+        least = max(least, np.abs(efforts).min())
+        worst = max(worst, np.abs(efforts).max())
+        least_motor = max(least_motor, 0.0 if ends[0] < 0 < ends[1] else np.abs(ends).min())
+        worst_motor = max(worst_motor, np.abs(ends).max())
+        # a gear alone bears what its losses do: t = no-load + (1/eta - 1) t
+        use = max(use, abs(load) / (limit + NO_LOAD * RATIO / (2 - 1 / ETA)))
+    return (least, worst), (least_motor, worst_motor), use
+
+
+def still(scene):
+    t, zero = np.arange(4.0), np.zeros((4, 2))
+    return pf.Trajectory.from_arrays(scene, t, POSES, zero, zero)
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_what_a_brake_must_bear_is_what_a_search_over_friction_finds(joint):
+    scene = arm()
+    # it moves while power fails: what it does then, and how fast, must not matter
+    moving = pf.Trajectory.from_arrays(
+        scene, np.arange(4.0), POSES, np.full((4, 2), 2.0), np.full((4, 2), 5.0)
+    )
+    for motion in (still(scene), moving):
+        found = pf.size(scene, motion).standstills[joint]
+        effort, motor, use = searched(joint)
+        assert found.effort == pytest.approx(effort, abs=2e-3 * effort[1])
+        assert found.shaft == pytest.approx(motor, rel=1e-6, abs=2e-3 * motor[1])
+        assert found.held == (use <= 1) == (joint == 1)
+        assert (found.criteria[0].status == Status.PASSES) == found.held
+        if found.held:
+            assert found.use == pytest.approx(use, rel=1e-6)
+
+
+def brakes(*torques):
+    return {f"B{torque:g}": {"source": "invented", "grade": "R", "torque": torque, "voltage": 24.0}
+            for torque in torques}  # fmt: skip
+
+
+def sized(tmp_path, torques, wanted, on_miss="ignore"):
+    catalog = one_drive(tmp_path, brakes=brakes(*torques))
+    scene = arm()
+    given = {"holding_brake": wanted, "inertia_ratio": 1e3, "thermal_time": 1.0}
+    return pf.size(scene, still(scene), catalog, conditions=given, on_miss=on_miss)
+
+
+def test_the_smallest_brake_that_bears_it_is_taken(tmp_path):
+    report = sized(tmp_path, (0.01, 0.05, 0.1, 0.4, 0.8, 5.0), "required")
+    for still, joint in zip(report.standstills, report.joints, strict=True):
+        brake = still.criteria[1]
+        assert brake.required == pytest.approx(1.5 * still.shaft[1])
+        # at the shaft of the drive that was chosen: its gear, not the scene's
+        ends = np.abs([joint.motor.torque_lower, joint.motor.torque_upper])
+        assert still.shaft[1] == pytest.approx(ends.max())
+        torque = float(still.brake.removeprefix("B"))
+        assert torque == min(x for x in (0.01, 0.05, 0.1, 0.4, 0.8, 5.0) if x >= brake.required)
+    assert report.short == ()
+
+
+@pytest.mark.parametrize(("wanted", "short"), [("any", 0), ("where_needed", 1), ("required", 2)])
+def test_a_brake_that_is_too_weak_is_missed_where_one_is_wanted(tmp_path, wanted, short):
+    report = sized(tmp_path, (0.01,), wanted)
+    missed = [miss for miss in report.short if "holding brake: needs" in miss]
+    assert len(missed) == short
+    assert not any(still.brake for still in report.standstills)
+    if wanted == "required":
+        with pytest.raises(SizingError, match=r"joint_1: holding brake: needs .*, has 0.01 N m"):
+            report.check()
