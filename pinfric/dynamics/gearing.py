@@ -66,7 +66,7 @@ def write_lines(t: Tables, w: Work, v: np.ndarray, given: np.ndarray, step: floa
                 w.slope[d] = 1.0 + share * (slope - 1.0)
                 w.offset[d] += share * offset
         if c >= 0 and not (w.stuck[c] or w.at_rest[c]):
-            w.coulomb_slip[e, 0] = w.coulomb_slip[e, 1] = 0.0
+            w.problem.coulomb_slip[e, 0] = w.problem.coulomb_slip[e, 1] = 0.0
         elif c >= 0:
             at_rest = given[d] - spent
             if step > 0.0:
@@ -86,7 +86,7 @@ def _write_limits(
         arriving: what arrives while it rests.
         given: the same, with what `w.offset` takes off.
     """
-    never = _NEVER * (w.push_size[0] + abs(arriving) + 1e-300)
+    p, never = w.problem, _NEVER * (w.push_size[0] + abs(arriving) + 1e-300)
     w.arriving[d] = arriving
     w.held[d, 0], w.held[d, 1] = held(gears, d, arriving, True, w.delivered[d])
     least, greatest = held(gears, d, arriving, False, w.delivered[d])
@@ -94,15 +94,15 @@ def _write_limits(
     if way == 0.0:  # what the gear holds without friction of its own, as near as it can
         on_line = min(max(on_line, w.held[d, 0]), w.held[d, 1])
         w.offset[d] = given - on_line
-    w.coulomb_stick[e, 0] = on_line - w.held[d, 0]
-    w.coulomb_stick[e, 1] = w.held[d, 1] - on_line
+    p.coulomb_stick[e, 0] = on_line - w.held[d, 0]
+    p.coulomb_stick[e, 1] = w.held[d, 1] - on_line
     forward = on_line - least if least > -np.inf else never
     backward = greatest - on_line if greatest < np.inf else never
     wedged = (least == -np.inf and arriving >= 0.0) or (greatest == np.inf and arriving <= 0.0)
     if wedged or (way == 0.0 and w.gear_way[d] != 0.0):
         forward = backward = never  # from here it slips along a line that falls only
-    w.coulomb_slip[e, 0] = 0.0 if way > 0.0 else forward
-    w.coulomb_slip[e, 1] = 0.0 if way < 0.0 else backward
+    p.coulomb_slip[e, 0] = 0.0 if way > 0.0 else forward
+    p.coulomb_slip[e, 1] = 0.0 if way < 0.0 else backward
 
 
 @kernel
@@ -231,7 +231,7 @@ def write_efforts(t: Tables, w: Work) -> None:
     Where a gear holds whatever the load, how it shares with a bearing is not known: what the
     bearing's limits leave in the middle.
     """
-    layout, x = t.layout, w.friction
+    layout, x, p = t.layout, w.friction, w.problem
     for d in range(w.effort.size):
         w.effort[d] = w.delivered_map[d, 0]
         for k in range(x.size):
@@ -242,7 +242,7 @@ def write_efforts(t: Tables, w: Work) -> None:
             continue
         if not w.most[c] - w.least[c] < np.inf:
             w.entry_phi[e] = x[c]
-            for other in range(w.coordinate.size):
-                if other != e and w.coordinate[other] == c:
-                    w.entry_phi[e] -= w.entry_ratio[other] * w.entry_phi[other]
+            for other in range(p.coordinate.size):
+                if other != e and p.coordinate[other] == c:
+                    w.entry_phi[e] -= p.ratio[other] * w.entry_phi[other]
         w.effort[d] += w.entry_phi[e]

@@ -86,7 +86,7 @@ class Supply(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Buffers of one scene, overwritten by every solve; the last columns belong to `Problem`.
+    """Buffers of one scene, overwritten by every solve.
 
     Attributes:
         R, p, velocity, acceleration: (1, nj, ...), of the links in world axes (`relate_pairs`).
@@ -112,6 +112,7 @@ class Work(NamedTuple):
             where efforts are given.
         line, held: (na, 2) efforts at which each line holds, and which the gear holds at rest.
         arriving: (na,) r T_m - drag at rest.
+        problem: the coupled problem.
         locking: (1,) int, how many lines do not rise. push_size: (1,) sum of all |h|, |given|.
     """
 
@@ -178,20 +179,7 @@ class Work(NamedTuple):
     arriving: np.ndarray
     locking: np.ndarray
     push_size: np.ndarray
-    rate_free: np.ndarray
-    rate_slope: np.ndarray
-    rate_scale: np.ndarray
-    contact_free: np.ndarray
-    contact_slope: np.ndarray
-    contact_site: np.ndarray
-    constant: np.ndarray
-    coordinate: np.ndarray
-    entry_ratio: np.ndarray
-    mu_slip: np.ndarray
-    mu_stick: np.ndarray
-    coulomb_slip: np.ndarray
-    coulomb_stick: np.ndarray
-    drag: np.ndarray
+    problem: Problem
 
 
 class Machine(NamedTuple):
@@ -234,13 +222,3 @@ def box_work(values: tuple[Any, ...]) -> Any:
 def box_machine(values: tuple[Any, ...]) -> Any:
     """Return `Machine`, of records, as one argument of kernels."""
     return MachineRecord(*values)
-
-
-@kernel
-def problem_of(w: Work) -> Problem:
-    """The coupled problem that `Work` holds."""
-    return Problem(
-        w.rate_free, w.rate_slope, w.rate_scale, w.contact_free, w.contact_slope, w.contact_site,
-        w.constant, w.coordinate, w.entry_ratio, w.mu_slip, w.mu_stick, w.coulomb_slip,
-        w.coulomb_stick, w.drag,
-    )  # fmt: skip

@@ -25,7 +25,7 @@ from pinfric.dynamics.gearing import (
     write_efforts,
     write_lines,
 )
-from pinfric.dynamics.machine import Machine, Supply, Tables, Work, problem_of
+from pinfric.dynamics.machine import Machine, Supply, Tables, Work
 from pinfric.friction.consistency import site_friction, stick_limits, try_modes
 from pinfric.friction.dense import eliminate_full_pivot, factorize, solve_dense
 from pinfric.friction.given_modes import slip_law
@@ -205,13 +205,8 @@ def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
 @kernel
 def write_laws(t: Tables, w: Work, implicit: bool) -> None:
     """Write the friction coefficients of every entry at its present speed (see `laws`)."""
-    layout = t.layout
-    laws, rate, ratio, coordinate = (
-        layout.laws,
-        w.coordinate_rate,
-        w.entry_ratio,
-        layout.entry_coordinate,
-    )
+    layout, p = t.layout, w.problem
+    laws, rate, ratio, coordinate = layout.laws, w.coordinate_rate, p.ratio, layout.entry_coordinate
     for e in range(coordinate.size):
         c, s = coordinate[e], layout.entry_site[e]
         velocity = ratio[e] * rate[c]
@@ -219,15 +214,15 @@ def write_laws(t: Tables, w: Work, implicit: bool) -> None:
         if layout.ball[c]:
             speed = _ball_speed(t, rate, c)
         moving = friction_at(laws, s, speed)
-        w.mu_stick[e] = laws.mu_static[s]
-        w.mu_slip[e] = moving.mu + moving.drag_mu
+        p.mu_stick[e] = laws.mu_static[s]
+        p.mu_slip[e] = moving.mu + moving.drag_mu
         for side in range(2):
-            w.coulomb_stick[e, side] = laws.coulomb_static[s, side]
-        w.coulomb_slip[e, 0], w.coulomb_slip[e, 1] = moving.forward, moving.backward
-        w.drag[e] = 0.0 if implicit else laws.viscous[s] * velocity
+            p.coulomb_stick[e, side] = laws.coulomb_static[s, side]
+        p.coulomb_slip[e, 0], p.coulomb_slip[e, 1] = moving.forward, moving.backward
+        p.drag[e] = 0.0 if implicit else laws.viscous[s] * velocity
         if speed > 0.0:  # a ball's drag lies along its velocity
             one_way = moving.drag_forward if velocity > 0.0 else moving.drag_backward
-            w.drag[e] += one_way * (velocity / speed)
+            p.drag[e] += one_way * (velocity / speed)
 
 
 @kernel
@@ -406,6 +401,7 @@ def _write_problem_rates(
         related: whether there are pairs, along which coordinates may depend on each other.
     """
     D, a_map, factor, action, d = w.D, w.a_map, w.factor, t.layout.coordinate_action, w.freedoms[0]
+    p = w.problem
     nc, nv = D.shape
     scale = step if step > 0.0 else 1.0
     root = np.sqrt(scale)
@@ -421,7 +417,7 @@ def _write_problem_rates(
         if step == 0.0 and action[c] >= 0:
             offset = w.rate_derivative[0, action[c]]
             size += abs(offset)
-        w.rate_free[c], w.rate_scale[c] = scale * total + offset, size
+        p.rate_free[c], p.rate_scale[c] = scale * total + offset, size
         for f in range(d):
             factor[f, c] *= root
     if related:
@@ -434,7 +430,7 @@ def _write_problem_rates(
             if w.locking[0] > 0:  # there is no such factor
                 for i in range(nv):
                     total += scale * D[c, i] * a_map[i, 1 + e]
-            w.rate_slope[c, e] = w.rate_slope[e, c] = total
+            p.rate_slope[c, e] = p.rate_slope[e, c] = total
 
 
 @kernel
@@ -664,7 +660,7 @@ def write_contact(
 @kernel
 def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
     """Write contact forces as maps of friction; False: not finite."""
-    layout = t.layout
+    layout, p = t.layout, w.problem
     G, total = w.wrench_map, 0.0
     columns = G.shape[2]
     force = w.force
@@ -677,11 +673,11 @@ def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
         write_contact(t.contact_map[i], t.contact_map_moved[i], t.contact_rank[i], moved,
                       G[t.contact_row[i]], force)  # fmt: skip
         for e in range(3):
-            w.contact_free[i, e] = force[e, 0]
+            p.contact_free[i, e] = force[e, 0]
             for n in range(columns):
                 total += abs(force[e, n])
                 if n > 0:
-                    w.contact_slope[i, n - 1, e] = force[e, n]
+                    p.contact_slope[i, n - 1, e] = force[e, n]
     return total < np.inf
 
 
@@ -848,7 +844,7 @@ def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     t, w = machine.tables, machine.work
     layout = t.layout
-    problem, x, a_map, G = problem_of(w), w.friction, w.a_map, w.wrench_map
+    problem, x, a_map, G = w.problem, w.friction, w.a_map, w.wrench_map
     nc = x.size
     for i in range(w.a.size):
         w.a[i] = a_map[i, 0]
@@ -868,7 +864,7 @@ def finish(machine: Machine) -> None:
         e = layout.first_entry[s]
         c, row = layout.entry_coordinate[e], t.site_row[s]
         w.load[s], w.phi[s] = w.entry_load[e], w.entry_phi[e]
-        w.site_modes[s] = np.sign(w.direction[c] * w.entry_ratio[e])
+        w.site_modes[s] = np.sign(w.direction[c] * w.problem.ratio[e])
         if layout.ball[c]:
             w.phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
             w.site_modes[s] = 0 if w.stuck[c] else 1
@@ -886,10 +882,10 @@ def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
     """
     t, w = machine.tables, machine.work
     L, a = w.lower, np.empty((v.size, 1))
-    gain, x = np.empty(w.constant.size), np.empty(w.stuck.size)
-    slip_law(problem_of(w), w.stuck, w.direction, gain, x)
+    gain, x = np.empty(w.problem.constant.size), np.empty(w.stuck.size)
+    slip_law(w.problem, w.stuck, w.direction, gain, x)
     for e in range(len(t.layout.entry_site)):
-        x[w.coordinate[e]] += gain[e] * w.entry_load[e]
+        x[w.problem.coordinate[e]] += gain[e] * w.entry_load[e]
     for _ in range(FEW_PASSES):
         write_lines(t, w, v, effort, 0.0)
         _write_given(w, effort)
@@ -950,7 +946,7 @@ def solve_instant(
                 if w.stuck[c]:
                     return UNDECIDED, 0, 0, resting
         found, obeying = try_modes(
-            problem_of(w), w.stuck, w.direction, w.at_rest, w.friction, w.friction, w.entry_load,
+            w.problem, w.stuck, w.direction, w.at_rest, w.friction, w.friction, w.entry_load,
             w.mode_rate, w.verdict, w.figures
         )  # fmt: skip
         if found <= 0 or refit(machine, passes >= FEW_PASSES) == 0:

@@ -241,14 +241,10 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         gear_way=np.zeros(na), delivered=np.zeros(na), delivered_map=np.zeros((na, 1 + nc)),
         slope=np.ones(na), offset=np.zeros(na), reflected=np.zeros(na), line=np.zeros((na, 2)),
         held=np.zeros((na, 2)), arriving=np.zeros(na), locking=np.zeros(1, dtype=np.int64),
-        push_size=np.zeros(1),
-        **dict(zip(PROBLEM_FIELDS, problem, strict=True)),
+        push_size=np.zeros(1), problem=problem,
     )  # fmt: skip
     return out, work
 
 
 MODE_FIELDS = ("stuck", "direction", "at_rest", "friction", "entry_load", "mode_rate", "verdict",
                 "figures")  # fmt: skip
-PROBLEM_FIELDS = ("rate_free", "rate_slope", "rate_scale", "contact_free", "contact_slope",
-                   "contact_site", "constant", "coordinate", "entry_ratio", "mu_slip", "mu_stick",
-                   "coulomb_slip", "coulomb_stick", "drag")  # fmt: skip

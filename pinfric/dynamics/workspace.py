@@ -38,7 +38,7 @@ from pinfric.dynamics.maps import (
     solve_instant,
 )
 from pinfric.dynamics.reactions import AppliedWrench
-from pinfric.dynamics.records import MODE_FIELDS, PROBLEM_FIELDS, Supplier, make_tables, make_work
+from pinfric.dynamics.records import MODE_FIELDS, Supplier, make_tables, make_work
 from pinfric.errors import (
     AccelerationError,
     AmbiguousAcceleration,
@@ -60,7 +60,6 @@ from pinfric.friction.modes import (
     search,
     solve,
 )
-from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
 from pinfric.model.compiled import KernelArgument, is_ready
@@ -135,7 +134,7 @@ class Workspace:
         w = self.work
         ready = is_ready(box_work, (tuple(w),))
         self._argument = KernelArgument(Machine(tables, self.supplier.supply, w), _box, ready)
-        self.problem = Problem(*(getattr(w, name) for name in PROBLEM_FIELDS))
+        self.problem = w.problem
         self.modes = Modes(*(getattr(w, name) for name in MODE_FIELDS))
         self.mechanism = Mechanism(w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry)))
         self.a, self.effort, self.phi, self.load, self.wrench = (
