@@ -178,8 +178,8 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[G
     trajectory = Trajectory.from_arrays(loaded, motion.t, q, motion.velocity, motion.acceleration)
     recording = Recording.of(loaded, "", trajectory, 1.0 / _RATE, np.zeros_like(motion.velocity),
                              found.prepared[0].recording.slowest)  # fmt: skip
-    one, rigid = reloaded(replace(found, scene=loaded), prepare(loaded, recording))
-    rows = [joint_rows([one], [rigid], j, 0.0) for j in range(scene.model.nv)]
+    one = reloaded(replace(found, scene=loaded), prepare(loaded, recording))
+    rows = [joint_rows([one], j, 0.0) for j in range(scene.model.nv)]
     return [Grams.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1)
             for r in rows]  # fmt: skip
 

@@ -74,12 +74,10 @@ class Choice:
         def moved(law: Law, motor: bool) -> Law:
             return replace(law, side="motor") if motor else law
 
-        return replace(
-            self,
-            laws=tuple(moved(law, bool(m)) for law, m in zip(self.laws, there, strict=True)),
-            errors=tuple({moved(law, bool(m)): error for law, error in errors.items()}
-                         for errors, m in zip(self.errors, there, strict=True)),
-        )  # fmt: skip
+        laws = tuple(moved(law, bool(m)) for law, m in zip(self.laws, there, strict=True))
+        errors = tuple({moved(law, bool(m)): error for law, error in own.items()}
+                       for own, m in zip(self.errors, there, strict=True))  # fmt: skip
+        return replace(self, laws=laws, errors=errors)
 
 
 def held_out_parts(block: NDArray[np.int64], log: NDArray[np.int64]) -> NDArray[np.int64]:

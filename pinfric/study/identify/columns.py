@@ -8,6 +8,7 @@ All columns and the effort pass the same low pass, so that it takes nothing away
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -88,6 +89,7 @@ class Prepared:
         effort: time -> (., nj) low-passed, payloads' part taken out. A cubic spline: between
             samples, means of two would have less noise, and delays be drawn there.
         payload: (T, nj) what payloads take, N m or N.
+        load: (T, nj) effort without friction of the present estimate, N m or N.
     """
 
     recording: Recording
@@ -97,6 +99,7 @@ class Prepared:
     slots: FloatArray
     effort: CubicSpline
     payload: FloatArray
+    load: FloatArray
 
 
 def prepare(scene: Scene, recording: Recording) -> Prepared:
@@ -128,7 +131,7 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
         for name, column in columns.items():
             slots[:, j, SLOT[name]] = _passed(np.asarray(column, dtype=float), step)[kept]
     return Prepared(recording, kept, slides, _rigid_columns(scene, recording, kept), slots, effort,
-                    payload)  # fmt: skip
+                    payload, rigid_effort)  # fmt: skip
 
 
 def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) -> FloatArray:
@@ -167,8 +170,8 @@ def _sliding(recording: Recording, known: NDArray[np.bool_]) -> NDArray[np.bool_
     return slides
 
 
-def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Prepared, FloatArray]:
-    """Return the columns with those of loads, and the rigid effort (T, nj) that made them.
+def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
+    """Return the columns with those of loads, by the rigid effort of an estimate.
 
     Args:
         prepared: one log.
@@ -192,7 +195,7 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> tuple[Pre
                 columns[f"gear {way}, {side} side"] = column
         for slot, column in columns.items():
             slots[:, j, SLOT[slot]] = _passed(column, step)[prepared.kept]
-    return replace(prepared, slots=slots), rigid
+    return replace(prepared, slots=slots, load=rigid)
 
 
 def bearings_only(scene: Scene) -> Scene:
@@ -207,19 +210,18 @@ def bearings_only(scene: Scene) -> Scene:
     })  # fmt: skip
 
 
-def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay: float) -> Rows:
+def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
     """Return one joint's rows in all logs.
 
     Args:
         every: the logs.
-        rigid: their rigid efforts, (T, nj) each.
         joint: its column.
         delay: s by which the logged effort lags behind the motion.
 
     In a direction in which it hardly slides Coulomb friction is taken as in the other one.
     """
     parts, first = [], 0
-    for number, (one, effort) in enumerate(zip(every, rigid, strict=True)):
+    for number, one in enumerate(every):
         t = one.recording.trajectory.t
         rows = one.kept[one.slides[:, joint]]
         count, block = blocks(t)
@@ -227,7 +229,7 @@ def joint_rows(every: list[Prepared], rigid: list[FloatArray], joint: int, delay
             one.rigid[one.slides[:, joint], joint], one.slots[one.slides[:, joint], joint],
             one.effort(t[rows] + delay)[:, joint], first + block[rows],
             np.full(rows.size, number), t[rows], one.recording.velocity[rows, joint],
-            effort[rows, joint],
+            one.load[rows, joint],
         ))  # fmt: skip
         first += count
     joined = Rows(*(np.concatenate([getattr(part, name) for part in parts])

@@ -74,13 +74,12 @@ def common_delay(logs: Sequence[tuple[float, float]]) -> Delay:
 
 
 def log_delay(
-    one: Prepared, rigid: FloatArray, slots: Sequence[Sequence[int]], prior: Prior, start: float
+    one: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
 ) -> tuple[float, float]:
     """Return by how much one log's efforts lag, and the standard error of that, s.
 
     Args:
         one: the log's columns.
-        rigid: (T, nj) its rigid efforts.
         slots: of each joint's law.
         prior: of the links' parameters.
         start: a delay nearby, s.
@@ -95,7 +94,7 @@ def log_delay(
         known = -delay, 1.0 / (_USUAL**2 * max(float(one.slides.sum()), 1.0)), _USUAL
         links = prior.center, prior.weight, prior.deviation
         now = Prior(*(np.append(own, last) for own, last in zip(links, known, strict=True)))
-        rows = [_with_slope(joint_rows([one], [rigid], j, delay), slopes[j][one.slides[:, j]])
+        rows = [_with_slope(joint_rows([one], j, delay), slopes[j][one.slides[:, j]])
                 for j in joints]  # fmt: skip
         if row_weights is None:
             row_weights = tuple(np.ones(own.effort.size) for own in rows)

@@ -79,7 +79,6 @@ class Estimate:
         fit: with links that can exist.
         delay: by which logged efforts lag behind.
         scene: the question's, with the links' inertias found.
-        rigid: of each log, (T, nj) effort without friction, N m or N.
         prepared: of each log.
         errors: (nj,) of the laws taken and of plain friction, on blocks that neither their choice
             nor their fit has seen, N m or N.
@@ -95,7 +94,6 @@ class Estimate:
     fit: Fit
     delay: Delay
     scene: Scene
-    rigid: tuple[FloatArray, ...]
     prepared: tuple[Prepared, ...]
     errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
     distrusted: bool = False
@@ -138,12 +136,12 @@ def _trusted(found: Estimate) -> Estimate:
 def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
     """Plain friction on every joint, loads by the URDF's inertias."""
     scene = question.scene
-    loaded = [with_loads(one, scene, np.zeros_like(one.payload)) for one in prepared]
+    loaded = tuple(with_loads(one, scene, np.zeros_like(one.payload)) for one in prepared)
     plain = (PLAIN,) * scene.model.nv
     start = Estimate(question, (), Problem((), np.ones(0), urdf_prior(
         scene.model, question.keep_inertias), (), np.zeros(0, dtype=np.int64), question.motor),
         (), Choice(plain, ()), Fit(np.zeros(0), np.zeros((0, 0))), Delay(0.0, np.inf, ()), scene,
-        tuple(rigid for _, rigid in loaded), tuple(one for one, _ in loaded))  # fmt: skip
+        loaded)  # fmt: skip
     fitted = _fitted(start, [(PLAIN,)] * scene.model.nv)
     check_efforts(scene, fitted.rows, question.gains)
     return _fitted(replace(fitted, delay=_delay(fitted)), [(PLAIN,)] * scene.model.nv)
@@ -151,9 +149,7 @@ def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
 
 def _next_pass(before: Estimate) -> Estimate:
     """Loads by the inertias found, and with them the laws."""
-    loaded = [reloaded(before, one) for one in before.prepared]
-    now = replace(before, rigid=tuple(rigid for _, rigid in loaded),
-                  prepared=tuple(one for one, _ in loaded))  # fmt: skip
+    now = replace(before, prepared=tuple(reloaded(before, one) for one in before.prepared))
     now = replace(now, delay=_delay(now))
     return _fitted(now, [offered(now, j) for j in range(before.scene.model.nv)])
 
@@ -161,8 +157,7 @@ def _next_pass(before: Estimate) -> Estimate:
 def _fitted(before: Estimate, laws: Sequence[Sequence[Law]]) -> Estimate:
     """Return the estimate from the columns as they are, with laws chosen among those offered."""
     nj = before.scene.model.nv
-    rows = tuple(joint_rows(list(before.prepared), list(before.rigid), j, before.delay.value)
-                 for j in range(nj))  # fmt: skip
+    rows = tuple(joint_rows(before.prepared, j, before.delay.value) for j in range(nj))
     every = np.concatenate([r.block for r in rows]), np.concatenate([r.log for r in rows])
     folds = held_out_parts(*every)
     row_weights = tuple(np.ones(r.effort.size) for r in rows)
@@ -197,9 +192,8 @@ def _delay(found: Estimate) -> Delay:
     slots = found.problem.slots(found.choice.laws)
     # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
     prior = urdf_prior(found.question.scene.model, kept=False)
-    logs = zip(found.prepared, found.rigid, strict=True)
-    return common_delay([log_delay(one, rigid, slots, prior, found.delay.value)
-                         for one, rigid in logs])  # fmt: skip
+    return common_delay([log_delay(one, slots, prior, found.delay.value)
+                         for one in found.prepared])  # fmt: skip
 
 
 def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
@@ -218,7 +212,7 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     bearing = entry is not None and entry.bearing is not None
     laws = candidates(bearing, found.question.motor and varied, both)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
-        laws = tuple(law for law in laws if not law.load or law.side == "motor")
+        laws = tuple(law for law in laws if not law.load or law.side == "motor" != law.load)
     return laws
 
 
@@ -232,8 +226,8 @@ def _scale_is_known(found: Estimate) -> bool:
         one.recording.trajectory.attached.any() for one in found.prepared)  # fmt: skip
 
 
-def reloaded(found: Estimate, one: Prepared) -> tuple[Prepared, FloatArray]:
-    """Return one log's columns with loads by the present estimate, and its rigid effort (T, nj)."""
+def reloaded(found: Estimate, one: Prepared) -> Prepared:
+    """Return one log's columns with loads by the present estimate."""
     v = one.recording.velocity
     inner = np.zeros_like(v)
     for j, values in enumerate(found.fit.slots):

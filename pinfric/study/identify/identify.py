@@ -262,10 +262,10 @@ def _errors(found: Estimate) -> dict[str, HeldOut]:
 
 def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
     """Errors on a log that was not fitted."""
-    one, rigid = reloaded(found, prepare(found.question.scene, recording))
+    one = reloaded(found, prepare(found.question.scene, recording))
     result = {}
     for j, name in enumerate(found.scene.joint_names):
-        rows = joint_rows([one], [rigid], j, found.delay.value)
+        rows = joint_rows([one], j, found.delay.value)
         if rows.effort.size:
             size, error = (float(np.sqrt(np.mean(x**2)))
                            for x in (rows.effort, residuals(rows, found.fit, j)))  # fmt: skip

@@ -99,9 +99,9 @@ def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
     result = {}
     for j, law in enumerate(found.choice.laws):
         peaks: dict[str, list[float]] = {FORWARD: [], BACKWARD: []}
-        for one, rigid in zip(found.prepared, found.rigid, strict=True):
+        for one in found.prepared:
             if law.load != "bearing":
-                for way, peak in _peaks(found, one, rigid[:, j], j):
+                for way, peak in _peaks(found, one, j):
                     peaks[way].append(peak)
         for way, values in peaks.items():
             if len(values) >= _FEWEST:
@@ -111,11 +111,9 @@ def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
     return result
 
 
-def _peaks(
-    found: Estimate, one: Prepared, rigid: FloatArray, joint: int
-) -> Iterator[tuple[str, float]]:
+def _peaks(found: Estimate, one: Prepared, joint: int) -> Iterator[tuple[str, float]]:
     """Direction and largest friction of each departure that was slow enough."""
-    recording = one.recording
+    recording, rigid = one.recording, one.load[:, joint]
     t, step, v = recording.trajectory.t, recording.step, recording.velocity[:, joint]
     effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
     if step * _PEAK_PASS < 0.45:

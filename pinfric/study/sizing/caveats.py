@@ -88,18 +88,7 @@ def caveats(
         catalog, conditions: what was chosen from; None: nothing was.
         gaps: of `unclosed`. jumps: of `apart`.
     """
-    opening = []
-    if jumps:
-        opening.append(f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as "
-                       "a cycle.")  # fmt: skip
-    if gaps:
-        more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
-        opening.append(
-            f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
-            "temperatures, overload and gear life take it as repeated without a pause all the "
-            "same, as if the way back took no time and no torque: complete the trajectory by its "
-            "way back and its pause for figures that hold."
-        )
+    opening = _of_the_motion(gaps, jumps)
     if catalog is None:
         return tuple(opening)
     notes = [
@@ -112,20 +101,7 @@ def caveats(
         "output flange; conditions.bearings puts another bearing of the catalogue in their place.",
         "Magnets are taken as cold: the torque constant does not fall with temperature.",
     ]
-    replaced = [name for name, entry in scene.friction.items() if entry.includes_drive]
-    if replaced:
-        notes.append(
-            f"Coulomb and viscous friction of {', '.join(replaced)} were measured through the old "
-            "drives (`includes_drive`) and are left out: the candidates' losses take their place. "
-            "That leaves out what the joints' own bearings and seals have of them, and all "
-            "where a candidate's no-load torque is not known; without `includes_drive` both count."
-        )
-    else:
-        notes.append(
-            "Friction of the scene stays as it is beside the candidates' losses: what was "
-            "identified through motor currents holds the old drive's, and `includes_drive: true` "
-            "beside it leaves that out."
-        )
+    notes.append(_of_friction(scene))
     if not conditions.mass_in_urdf:
         text = ("The URDF's links are taken to be without drives: if they have some, these count "
                 "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
@@ -134,3 +110,35 @@ def caveats(
     if any(drive.transmission is not None for drive in scene.drives):
         notes.append("The scene's transmissions are replaced by the candidates'.")
     return tuple(notes)
+
+
+def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
+    opening = []
+    if jumps:
+        opening.append(f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as "
+                       "a cycle.")  # fmt: skip
+    if gaps:
+        more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
+        opening.append(
+            f"The cycle does not close: {'; '.join(gaps[:_MOST_GAPS])}{more}. RMS, energies, "
+            "temperatures, overload and gear life take it as repeated without a pause all the "
+            "same, as if the way back took no time and no torque: complete the trajectory by its "
+            "way back and its pause for figures that hold."
+        )
+    return opening
+
+
+def _of_friction(scene: Scene) -> str:
+    replaced = [name for name, entry in scene.friction.items() if entry.includes_drive]
+    if replaced:
+        return (
+            f"Coulomb and viscous friction of {', '.join(replaced)} were measured through the old "
+            "drives (`includes_drive`) and are left out: the candidates' losses take their place. "
+            "That leaves out what the joints' own bearings and seals have of them, and all "
+            "where a candidate's no-load torque is not known; without `includes_drive` both count."
+        )
+    return (
+        "Friction of the scene stays as it is beside the candidates' losses: what was "
+        "identified through motor currents holds the old drive's, and `includes_drive: true` "
+        "beside it leaves that out."
+    )
