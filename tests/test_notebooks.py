@@ -56,7 +56,8 @@ def printed(outputs):
 
 def same_text(now, kept, measured):
     """Equal words, and numbers to 0.2 % or their last digit; rounding alone differs by machine."""
-    assert NUMBER.sub("#", now).replace(" ", "") == NUMBER.sub("#", kept).replace(" ", "")
+    words = [NUMBER.sub("#", text).replace(" ", "") for text in (now, kept)]
+    assert words[0] == words[1], "python notebooks/make_outputs.py renews what is kept"
     for a, b in zip(NUMBER.finditer(now), NUMBER.finditer(kept), strict=True):
         digit = 10.0 ** (int(b[2] or 0) - len(b[1] or ""))
         x, y = float(a[0]), float(b[0])
@@ -97,7 +98,7 @@ def test_runs_from_top_to_bottom(file, tmp_path, monkeypatch):
         line.startswith(("pinfric: wrote", "pinfric: compiling")) for line in errors.splitlines()
     ), errors
     for now, kept in zip(notebook.cells, read(file).cells, strict=True):
-        if now.cell_type == "code":  # `python notebooks/make_outputs.py` renews what is kept
+        if now.cell_type == "code":
             measured = "measured" in kept.metadata.get("tags", ())
             same_text(printed(now.outputs), printed(kept.outputs), measured)
             for ours, theirs in zip(pictures(now.outputs), pictures(kept.outputs), strict=True):
