@@ -6,12 +6,11 @@
 from __future__ import annotations
 
 import importlib
-import inspect
 import json
 import re
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Union, get_args
 
 import jsonschema
 import pytest
@@ -23,11 +22,12 @@ from pinfric import cli
 from pinfric.errors import PinfricError
 from pinfric.model.bearings import KINDS, Bearing
 from pinfric.model.entry import Entry, documented
-from pinfric.model.friction_terms import FrictionTerm
+from pinfric.model.friction_terms import Stribeck
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.formats import FORMATS, json_schema
 from pinfric.study.new_scene import write_new
-from pinfric.study.sweep.distributions import Column, Distribution
+from pinfric.study.sizing.catalog import Brake, CatalogFile
+from pinfric.study.sweep.distributions import Steps
 
 ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "notebooks"
@@ -104,19 +104,25 @@ def test_no_sentence_refers_to_a_document_that_is_not_here():
                 assert (file.parent / link).exists(), f"{file}: {link}"
 
 
-def entries(cls=Entry):
-    """All classes of entries that a file can hold."""
-    for sub in cls.__subclasses__():
-        if not inspect.isabstract(sub) and not sub.__name__.startswith("_"):
-            yield sub
-        yield from entries(sub)
+def entries(annotation, found):
+    """Add all classes of entries that may stand where an annotation does."""
+    if isinstance(annotation, type) and issubclass(annotation, Entry):
+        kinds = KINDS.values() if annotation is Bearing else [annotation]
+        for cls in set(kinds) - found:
+            found.add(cls)
+            for field in cls.model_fields.values():
+                entries(Annotated[field.annotation, Field(), *field.metadata], found)
+    for part in get_args(annotation):
+        entries(getattr(part, "json_schema_input_type", part), found)
+    return found
 
 
-#: Bases without keys of their own in a file, and what no file holds.
-NOT_IN_FILES = {Bearing, FrictionTerm, Distribution, Column}
-ELSEWHERE = ("pinfric.study.sizing", "pinfric.study.sweep.cycle")
-ENTRIES = [cls for cls in dict.fromkeys(entries()) if cls not in NOT_IN_FILES
-           and not cls.__module__.startswith(ELSEWHERE)]  # fmt: skip
+ENTRIES = sorted(entries(Union[*FORMATS.values()], set()), key=lambda cls: cls.__name__)
+
+
+def test_these_are_all_files_keys():
+    assert {*KINDS.values()} | {CatalogFile, Brake, Stribeck, Steps} <= set(ENTRIES)
+    assert len(ENTRIES) > 60
 
 
 @pytest.mark.parametrize("cls", ENTRIES, ids=lambda cls: cls.__name__)
@@ -135,10 +141,14 @@ def test_every_key_of_every_file_says_what_it_is_with_unit_and_example(cls):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_every_format_has_a_page_made_from_its_classes(name):
+def test_every_format_has_a_page_made_from_its_classes(name, monkeypatch):
+    monkeypatch.syspath_prepend(PAGES)
     page = (PAGES / "reference" / f"{name}.md").read_text(encoding="utf-8")
     assert f"```{{format}} {name}\n```" in page
     assert f"reference/{name}\n" in (PAGES / "index.md").read_text(encoding="utf-8")
+    lines = importlib.import_module("file_keys").FormatPage(name).lines
+    for cls in entries(FORMATS[name], set()):
+        assert {f"`{key}`" for key in documented(cls)} <= set(lines), cls
 
 
 BUNDLED = {

@@ -128,7 +128,7 @@ class Key(NamedTuple):
         return f"{self.text} ({self.unit})" if self.unit else self.text
 
 
-_KEY = re.compile(r"    (\w+)(?: \((.+?)\))?: (.+), e\.g\.\s(.+)", re.DOTALL)
+_KEY = re.compile(r"    (\w+)(?: \((.+?)\))?: (.+),\s+e\.g\.\s+(.+)", re.DOTALL)
 
 
 def _text(cls: type[BaseModel]) -> str:

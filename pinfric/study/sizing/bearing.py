@@ -25,7 +25,14 @@ BALL, ROLLER = 3.0, 10.0 / 3.0
 
 
 class Factors(Entry):
-    """P = X P_r + Y F_a, (X, Y) by F_a/P_r up to `limit` and above; P_0 = X_0 P_r + Y_0 F_a."""
+    """P = X P_r + Y F_a, (X, Y) by F_a/P_r up to `limit` and above; P_0 = X_0 P_r + Y_0 F_a.
+
+    Attributes:
+        limit (1): of F_a/P_r, e.g. 1.5
+        below (1): X and Y up to it, e.g. [1.0, 0.45]
+        above (1): X and Y above it, e.g. [0.67, 0.67]
+        static (1): X_0 and Y_0, e.g. [1.0, 0.44]
+    """
 
     limit: NonNegative
     below: tuple[NonNegative, NonNegative]
@@ -60,12 +67,23 @@ KINDS = {
 
 
 class BearingRatings(Entry):
-    """What a maker lets a bearing, or a screw's nut, carry: N, N m, m.
+    """What a maker lets a bearing, or a screw's nut, carry.
 
-    `pitch_diameter`: of one bearing that takes the tilting moment itself; `spacing`: between the
-    two bearings of a pair that do it together, each of these ratings. `offset`: from the output
-    flange to the rolling elements. `static_safety`: C_0/P_0 asked for. `source`: of the ratings
-    where it is another than the entry's.
+    Attributes:
+        kind: which rule its life follows, e.g. crossed roller
+        dynamic_rating (N): C, of the life, e.g. 21800.0
+        static_rating (N): C_0, e.g. 35800.0
+        pitch_diameter (m): of one bearing that takes the tilting moment itself, e.g. 0.077
+        spacing (m): between the two bearings of a pair that do it together, each of these ratings,
+            e.g. 0.06
+        offset (m): from the output flange to the rolling elements, e.g. 0.013
+        max_moment (N m): permissible tilting moment, e.g. 187.0
+        max_radial (N): permissible radial force, e.g. 3200.0
+        max_axial (N): permissible axial force, e.g. 4800.0
+        static_safety (1): C_0/P_0 asked for, e.g. 1.5
+        factors: of the equivalent load, where the maker prints others, e.g. {limit: 1.5, below:
+            [1.0, 0.45], above: [0.67, 0.67], static: [1.0, 0.44]}
+        source: of the ratings where it is another than the entry's, e.g. data sheet of the bearing
     """
 
     kind: Literal["crossed roller", "ball", "roller", "ball screw"]

@@ -46,9 +46,15 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Sourced(Entry):
-    """Where an entry's figures come from; `stand_ins`: figure -> whose it is, if another's.
+    """Where an entry's figures come from.
 
-    `price`: of one, in whatever currency the whole catalogue has. `dimensions`: in words.
+    Attributes:
+        source: maker's document and page, e.g. a maker's catalogue, p. 197
+        grade: R read at the maker's own document, T retyped by a third party, e.g. R
+        note: what else is to be known of it, e.g. peak printed without a duration
+        price (of the catalogue's currency): of one, e.g. 310.0
+        dimensions: in words, e.g. 60 mm x 88 mm
+        stand_ins: figures that are another's, and whose, e.g. {stiffness: the next smaller size}
     """
 
     source: Text
@@ -67,10 +73,14 @@ class Sourced(Entry):
 
 
 class Thermal(Entry):
-    """Two-node model of a motor: resistances in K/W, time constants R C in s, limit in deg C.
+    """Two-node model of a motor: winding and housing.
 
-    winding_housing, winding_time: between winding and housing, and the winding's time constant;
-    housing_ambient, housing_time: between housing and surroundings, and the motor's.
+    Attributes:
+        winding_housing (K/W): thermal resistance between winding and housing, e.g. 1.2
+        housing_ambient (K/W): between housing and surroundings, e.g. 3.0
+        winding_time (s): time constant of the winding, e.g. 30.0
+        housing_time (s): of the motor, e.g. 900.0
+        max_winding (deg C): highest permissible temperature of the winding, e.g. 155.0
     """
 
     winding_housing: Positive
@@ -81,10 +91,25 @@ class Thermal(Entry):
 
 
 class Motor(Sourced):
-    """A motor: torques and speeds at its shaft; resistance from terminal to terminal at 25 C.
+    """A motor: torques and speeds at its shaft.
 
-    `continuous_curve`: where the continuous torque falls with speed, points [rad/s, N m] of it.
-    `continuous_stall_torque`: what it bears for ever at a standstill.
+    Attributes:
+        continuous_torque (N m): that it bears for ever, e.g. 0.45
+        continuous_curve: where that falls with speed, points of speed (rad/s) and torque (N m),
+            e.g. [[0.0, 0.45], [400.0, 0.30]]
+        continuous_stall_torque (N m): that it bears for ever at a standstill, e.g. 0.40
+        continuous_current (A): that goes with the continuous torque, e.g. 6.0
+        peak_torque (N m): that it gives for a short time, e.g. 1.3
+        torque_constant (N m/A): torque per current, e.g. 0.075
+        resistance (Ohm): from terminal to terminal at 25 C, e.g. 0.35
+        rotor_inertia (kg m^2): of the rotor, e.g. 3.0e-5
+        mass (kg): of the motor, e.g. 0.6
+        max_speed (rad/s): permissible, e.g. 600.0
+        nominal_voltage (V): at which the speeds and the stall torque hold, e.g. 48.0
+        no_load_speed (rad/s): at nominal voltage without load, e.g. 550.0
+        rated_speed (rad/s): at nominal voltage and continuous torque, e.g. 450.0
+        stall_torque (N m): at nominal voltage, where the speed-torque line begins, e.g. 3.2
+        thermal: for the winding's temperature, e.g. {winding_housing: 1.2, housing_ambient: 3.0}
     """
 
     continuous_torque: Positive | None = None
@@ -118,7 +143,13 @@ class Motor(Sourced):
 
 
 class OutputFriction(Entry):
-    """Friction of a gearmotor at its output: base + load_dependent |effort| + viscous |v|."""
+    """Friction of a gearmotor at its output: base + load_dependent |effort| + viscous |v|.
+
+    Attributes:
+        base (N m or N): whatever the load, e.g. 0.5
+        load_dependent (1): share of the effort, below 1, e.g. 0.1
+        viscous (N m s/rad or N s/m): per speed of the output, e.g. 0.2
+    """
 
     base: NonNegative = 0.0
     load_dependent: Annotated[Number, Field(ge=0, lt=1)] = 0.0
@@ -130,6 +161,21 @@ class GearMotor(Sourced):
 
     Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves
     with its force (kg, as `rotor_inertia`).
+
+    Attributes:
+        ratio (1): motor turns per turn of the output; rad/m of a linear one, e.g. 64.0
+        output: what it moves, e.g. rotary
+        continuous_torque (N m or N): that it bears for ever, e.g. 48.0
+        peak_torque (N m or N): that it gives for a short time, e.g. 120.0
+        nominal_voltage (V): at which the speeds hold, e.g. 48.0
+        no_load_speed (rad/s or m/s): without load, e.g. 6.0
+        rated_speed (rad/s or m/s): at continuous torque, e.g. 5.0
+        max_speed (rad/s or m/s): permissible, e.g. 7.0
+        rotor_inertia (kg m^2): of the rotor, at the motor's speed, e.g. 5.0e-5
+        mass (kg): of the whole, e.g. 0.85
+        friction: at the output, e.g. {base: 0.5, load_dependent: 0.1}
+        back_driving_torque (N m or N): at the output that starts it without current, e.g. 1.5
+        bearing: what its output bearing carries, e.g. {kind: crossed roller, max_moment: 40.0}
     """
 
     ratio: Positive
@@ -159,11 +205,33 @@ class Gear(Sourced):
     """A gear: torques at its output unless named input; speeds and inertia at its input.
 
     `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
-    scene's transmission takes them (`transmission.MakersEfficiency`). `ratio` in motor turns per
-    output turn (in rad/m where `output` is linear, efforts in N then), or a list of ratios with
-    the same figures. `nominal_life`: L50 in hours at rated torque and speed. `momentary_peaks`: how
-    often it bears the momentary peak torque (else, of strain wave gears, their maker's rule).
-    `bearing`: of its output; of a screw, its nut. `stroke`: of a linear output, m.
+    scene's transmission takes them (`transmission.MakersEfficiency`).
+
+    Attributes:
+        ratio (1): motor turns per output turn, or a list of ratios with the same figures; rad/m
+            where the output is linear, e.g. [50, 80, 100]
+        kind: for the reader, and for rules of strain wave gears, e.g. strain wave
+        output: rotary, or linear with efforts in N, e.g. rotary
+        rated_torque (N m or N): at which life and efficiency hold, e.g. 40.0
+        average_torque (N m or N): limit of the mean, weighted by speed, e.g. 49.0
+        repeated_peak_torque (N m or N): limit of a cycle's peaks, e.g. 82.0
+        momentary_peak_torque (N m or N): limit in a collision or an emergency stop, e.g. 147.0
+        momentary_peaks (1): how often it bears that in its life, e.g. 10000
+        rated_speed (rad/s): of the input, at which the life holds, e.g. 209.4
+        average_input_speed (rad/s): limit of the mean, e.g. 366.0
+        max_input_speed (rad/s): limit, e.g. 680.0
+        input_inertia (kg m^2): of all that turns with the input, e.g. 1.9e-5
+        mass (kg): of the gear, e.g. 0.9
+        nominal_life (h): L50 at rated torque and speed, e.g. 35000.0
+        efficiency (1): at rated torque, or the maker's curves, e.g. 0.77
+        back_efficiency (1): where the load drives; below 0 of a self-locking gear, e.g. 0.7
+        no_load_running_torque (N m): at the input, at `no_load_speed`, e.g. 0.05
+        no_load_speed (rad/s): of the input, of the running torque, e.g. 209.4
+        starting_torque (N m): at the input, that starts it without load, e.g. 0.037
+        back_driving_torque (N m or N): at the output, that starts it without load, e.g. 3.9
+        stiffness (N m/rad): of the output, N/m of a linear one, e.g. 16000.0
+        stroke (m): of a linear output, e.g. 0.3
+        bearing: of its output; of a screw, its nut, e.g. {kind: crossed roller, max_moment: 91.0}
     """
 
     ratio: Positive | tuple[Positive, ...]
@@ -182,7 +250,10 @@ class Gear(Sourced):
     nominal_life: Positive | None = None
     efficiency: Annotated[
         float | MakersEfficiency | None,
-        BeforeValidator(number_or(MakersEfficiency.model_validate, Share)),
+        BeforeValidator(
+            number_or(MakersEfficiency.model_validate, Share),
+            json_schema_input_type=Share | MakersEfficiency | None,
+        ),
     ] = None
     back_efficiency: Annotated[Number, Field(le=1)] | None = None
     no_load_running_torque: NonNegative | None = None
@@ -256,7 +327,14 @@ class Gear(Sourced):
 class BearingEntry(Sourced):
     """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter.
 
-    `ratings`: what it carries, for a joint that `conditions.bearings` gives it to.
+    Attributes:
+        mu (1): coefficient in motion, e.g. 0.0015
+        mu_range (1): least and greatest where the maker prints a range, e.g. [0.001, 0.003]
+        radial (1): lever of the radial force per bore or raceway diameter, e.g. 0.5
+        axial (1): of the axial force, e.g. 0.5
+        moment (1): of the tilting moment, per m, e.g. 2.05
+        ratings: what it carries, for a joint that `conditions.bearings` gives it to, e.g. {kind:
+            crossed roller, max_moment: 91.0}
     """
 
     mu: Positive | None = None
@@ -277,9 +355,17 @@ class BearingEntry(Sourced):
 
 
 class Brake(Sourced):
-    """A brake that holds without power, at a motor's shaft: N m, V, W while open, s to open, close.
+    """A brake that holds without power, at a motor's shaft.
 
-    `stop_energy`: J, that it bears in one emergency stop.
+    Attributes:
+        torque (N m): that it holds, e.g. 0.5
+        voltage (V): that opens it, e.g. 24.0
+        power (W): while it is open, e.g. 7.0
+        release_time (s): until it is open, e.g. 0.025
+        engage_time (s): until it holds, e.g. 0.015
+        stop_energy (J): that it bears in one emergency stop, e.g. 150.0
+        rotor_inertia (kg m^2): of what turns with the motor, e.g. 1.0e-6
+        mass (kg): of the brake, e.g. 0.2
     """
 
     torque: Positive
@@ -293,7 +379,12 @@ class Brake(Sourced):
 
 
 class Collisions(Entry):
-    """Overloads that a gear must bear in its life: how many, each of `duration` s."""
+    """Overloads that a gear must bear in its life.
+
+    Attributes:
+        count (1): how many, e.g. 100
+        duration (s): of each, e.g. 0.15
+    """
 
     count: Positive
     duration: Positive
@@ -303,30 +394,35 @@ class Conditions(Entry):
     """What the drives must stand, with the defaults of common practice.
 
     Attributes:
-        bus_voltage: V, at the motors' terminals.
-        ambient: deg C.
-        peak_factor: reserve on the peak torque (20 to 30 % are usual).
-        inertia_ratio: largest J_load/(ratio^2 (J_motor + J_gear input)).
-        life: L10 of gears and bearings, hours (default: a strain wave gear at its rated torque and
-            speed).
-        shock: factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2 to
-            1.5 normal, 1.5 to 3 with shocks.
-        bearings: joint -> name of the catalogue's bearing that carries it, in place of the bearing
-            at the gear's output.
-        back_driving: whether the load must be able to move the motor, must not, or may.
-        max_winding: deg C, for motors whose maker prints no limit; None leaves it unchecked.
-        thermal_time: s, in place of the winding's time constant where it is not known: overload
-            counts within it (small motors have 15 to 50 s).
-        collision_effort: joint -> effort in a collision or an emergency stop, N m or N.
-        collisions: how many of them a gear must bear in its life, and for how long each, s.
+        bus_voltage (V): at the motors' terminals, e.g. 48.0
+        ambient (deg C): temperature of the surroundings, e.g. 40.0
+        peak_factor (1): reserve on the peak torque; 20 to 30 % are usual, e.g. 1.2
+        inertia_ratio (1): largest J_load/(ratio^2 (J_motor + J_gear input)), e.g. 10.0
+        life (h): L10 of gears and bearings; by default a strain wave gear's at rated torque and
+            speed, e.g. 10000.0
+        shock (1): factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2
+            to 1.5 normal, 1.5 to 3 with shocks, e.g. 1.2
+        bearings: catalogue's bearing that carries a joint, in place of that at the gear's output,
+            by joint, e.g. {elbow: THK RB 5013}
+        back_driving: whether the load must be able to move the motor, must not, or may, e.g.
+            required
+        max_winding (deg C): for motors whose maker prints no limit; left out, it is not checked,
+            e.g. 155.0
+        thermal_time (s): in place of a winding's time constant that is not known: overload counts
+            within it; small motors have 15 to 50 s, e.g. 20.0
+        collision_effort (N m or N): in a collision or an emergency stop, by joint, e.g. {elbow:
+            120.0}
+        collisions: of them that a gear must bear in its life, e.g. {count: 100, duration: 0.15}
         holding_brake: whether every joint must have a brake, those that friction does not hold, or
-            any may do without.
-        brake_factor: reserve on the brakes' torque (1.5 to 3 are usual).
-        bus_limit: V, the highest the bus may reach while motors brake. bus_capacitance: F.
-        supply_power: W, the most that the supply gives.
-        resonance_base, resonance_hand: Hz, of the first three joints and of those beyond.
-        mass_in_urdf: joint -> mass of the drive that the URDF's link already has at the joint's
-            origin, kg; it is taken off there.
+            any may do without, e.g. where_needed
+        brake_factor (1): reserve on the brakes' torque; 1.5 to 3 are usual, e.g. 1.5
+        bus_limit (V): highest the bus may reach while motors brake, e.g. 56.0
+        bus_capacitance (F): of the bus, e.g. 0.0047
+        supply_power (W): most that the supply gives, e.g. 960.0
+        resonance_base (Hz): least resonance of the first three joints, e.g. 8.0
+        resonance_hand (Hz): of those beyond, e.g. 15.0
+        mass_in_urdf (kg): of the drive that the URDF's link already has at the joint's origin, by
+            joint; it is taken off there, e.g. {elbow: 1.4}
     """
 
     bus_voltage: Positive = 48.0
@@ -352,7 +448,18 @@ class Conditions(Entry):
 
 
 class CatalogFile(Entry):
-    """A whole catalogue file."""
+    """A whole catalogue file.
+
+    Attributes:
+        pinfric_catalog: version of the format, e.g. 1
+        extends: the bundled catalogue, whose entries stand beside those of the file, e.g. default
+        motors: by name, e.g. {M 48: {source: data sheet, grade: R, continuous_torque: 0.45}}
+        gears: by name, e.g. {G 100: {source: data sheet, grade: R, ratio: 100}}
+        gearmotors: by name, e.g. {A 80: {source: data sheet, grade: R, ratio: 64}}
+        bearings: by name, e.g. {ring: {source: data sheet, grade: R, mu: 0.0015}}
+        brakes: by name, e.g. {B 5: {source: data sheet, grade: R, torque: 0.5}}
+        conditions: what the drives must stand, e.g. {bus_voltage: 24.0}
+    """
 
     pinfric_catalog: Literal[1]
     extends: Literal["default"] | None = None
