@@ -453,11 +453,12 @@ class CatalogFile(Entry):
     Attributes:
         pinfric_catalog: version of the format, e.g. 1
         extends: the bundled catalogue, whose entries stand beside those of the file, e.g. default
-        motors: by name, e.g. {M 48: {source: data sheet, grade: R, continuous_torque: 0.45}}
-        gears: by name, e.g. {G 100: {source: data sheet, grade: R, ratio: 100}}
-        gearmotors: by name, e.g. {A 80: {source: data sheet, grade: R, ratio: 64}}
-        bearings: by name, e.g. {ring: {source: data sheet, grade: R, mu: 0.0015}}
-        brakes: by name, e.g. {B 5: {source: data sheet, grade: R, torque: 0.5}}
+        motors: to choose from, e.g. {M 48: {source: data sheet, grade: R, continuous_torque: 0.45}}
+        gears: to put behind them, e.g. {G 100: {source: data sheet, grade: R, ratio: 100}}
+        gearmotors: both in one, e.g. {A 80: {source: data sheet, grade: R, ratio: 64}}
+        bearings: for joints with one of their own, e.g. {ring: {source: data sheet, grade: R, mu:
+            0.0015}}
+        brakes: for motors' shafts, e.g. {B 5: {source: data sheet, grade: R, torque: 0.5}}
         conditions: what the drives must stand, e.g. {bus_voltage: 24.0}
     """
 
