@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -97,9 +99,10 @@ def test_interpreted_maps_are_the_compiled_ones(case):
     assert maps.assemble(compiled._machine, q, v, u, 0.0) == 0
     machine = interpreted._argument._given
     assert plain(maps.assemble)(machine, q, v, u, 0.0) == 0
-    for name in ("M", "a_map", "wrench_map", "multiplier_map", "rate_free", "rate_slope",
-                 "contact_free", "contact_slope", "mu_slip", "coulomb_slip", "drag"):  # fmt: skip
-        ours, theirs = getattr(compiled.work, name), getattr(interpreted.work, name)
+    for name in ("M", "a_map", "wrench_map", "multiplier_map", "problem.rate_free",
+                 "problem.rate_slope", "problem.contact_free", "problem.contact_slope",
+                 "problem.mu_slip", "problem.coulomb_slip", "problem.drag"):  # fmt: skip
+        ours, theirs = (attrgetter(name)(ws.work) for ws in (compiled, interpreted))
         size = np.abs(ours).max(initial=1e-9)
         np.testing.assert_allclose(theirs, ours, atol=1e-12 * size, err_msg=name)
 
