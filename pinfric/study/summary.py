@@ -169,7 +169,7 @@ def integral(t: np.ndarray, x: np.ndarray) -> float:
 def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of largest and that of smallest magnitude in each [lower, upper], (T,)."""
     worst = np.where(np.abs(upper) >= np.abs(lower), upper, lower)
-    return worst, np.clip(0.0, lower, upper)
+    return worst, np.minimum(np.maximum(0.0, lower), upper)
 
 
 def sites_on(scene: Scene, actuator: int) -> list[int]:

@@ -10,7 +10,7 @@ from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions
 from pinfric.study.sizing.criteria import Criterion, Status, check
-from pinfric.study.sizing.demand import DriveCycle, JointDemand
+from pinfric.study.sizing.demand import DriveCycle, GearDemand
 from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, candidates, motor_cycle
 
 #: A candidate whose continuous torque cannot be checked is not offered: nothing speaks for it.
@@ -65,7 +65,7 @@ class Assessment:
         return "; ".join([c.why for c in self.failed] or list(self.lacking))
 
 
-def offered(catalog: Catalog, conditions: Conditions, demand: JointDemand) -> tuple[Candidate, ...]:
+def offered(catalog: Catalog, conditions: Conditions, demand: GearDemand) -> tuple[Candidate, ...]:
     """Return every candidate for one joint.
 
     Args:
@@ -80,7 +80,7 @@ def offered(catalog: Catalog, conditions: Conditions, demand: JointDemand) -> tu
 def assess(
     offers: Sequence[Candidate],
     conditions: Conditions,
-    demand: JointDemand,
+    demand: GearDemand,
     cycle: DriveCycle,
     load_inertia: float | None,
     hand: bool,
@@ -100,7 +100,7 @@ def assess(
 def lightest(
     offers: Sequence[Candidate],
     conditions: Conditions,
-    demand: JointDemand,
+    demand: GearDemand,
     cycle: DriveCycle,
     load_inertia: float | None,
     hand: bool,
@@ -155,7 +155,7 @@ def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:
 def judged(
     candidate: Candidate,
     conditions: Conditions,
-    demand: JointDemand,
+    demand: GearDemand,
     cycle: DriveCycle,
     load_inertia: float | None,
     hand: bool,

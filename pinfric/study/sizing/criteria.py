@@ -27,7 +27,7 @@ from pinfric.study.sizing.bearing import (
     static_load,
 )
 from pinfric.study.sizing.catalog import Conditions, Gear
-from pinfric.study.sizing.demand import DriveCycle, JointDemand, largest
+from pinfric.study.sizing.demand import DriveCycle, GearDemand, largest
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, Ratings, too_hot
 from pinfric.study.sizing.overload import overload_window
 from pinfric.study.summary import rms
@@ -137,7 +137,7 @@ def compare(
 
 def check(
     candidate: Candidate,
-    demand: JointDemand,
+    demand: GearDemand,
     cycle: DriveCycle,
     motor: MotorCycle | None,
     load_inertia: float | None,
@@ -310,7 +310,7 @@ def _temperature(
 
 
 def _gear_criteria(
-    gear: Gear | None, ratio: float, demand: JointDemand, conditions: Conditions
+    gear: Gear | None, ratio: float, demand: GearDemand, conditions: Conditions
 ) -> list[Criterion]:
     if gear is None:
         return []
@@ -371,7 +371,7 @@ def momentary_peaks(speed: float, duration: float) -> float:
     return 1e4 / (2 * speed / (2 * np.pi) * duration) if speed > 0 else np.inf
 
 
-def _life(gear: Gear, ratio: float, demand: JointDemand, conditions: Conditions) -> Criterion:
+def _life(gear: Gear, ratio: float, demand: GearDemand, conditions: Conditions) -> Criterion:
     figures = gear.nominal_life, gear.rated_speed, gear.rated_torque
     available = None
     if None not in figures:

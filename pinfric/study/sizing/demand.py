@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pinfric.dynamics.motor_torques import drive_stick_velocity
-from pinfric.dynamics.result import InverseResult, runs
+from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.reversals import reversals
 from pinfric.errors import StateError
 from pinfric.model.coordinates import one_number
@@ -35,19 +35,39 @@ class Power:
 
 
 @dataclass(frozen=True)
-class JointDemand:
-    """What one drive must do, at its joint; magnitudes, worst case over the effort interval.
+class GearDemand:
+    """What criteria ask of one drive's demand, at its joint; worst case over the effort interval.
+
+    Attributes:
+        name: the drive's. unit: of its efforts, "N m" or "N".
+        peak: largest effort.
+        speed, mean_speed: largest and mean |v|, rad/s or m/s.
+        mean_cubic: cube root of the speed-weighted mean of |u|^3 (`average_output_effort`).
+        bearing: what the joint's bearing (a sliding joint's screw) carries; None: not known.
+        travel: of a sliding joint, max q - min q over the cycle, m; else None.
+    """
+
+    name: str
+    unit: str
+    peak: float
+    speed: float
+    mean_speed: float
+    mean_cubic: float
+    bearing: BearingLoad | None
+    travel: float | None
+
+
+@dataclass(frozen=True)
+class JointDemand(GearDemand):
+    """All that one drive must do, at its joint; magnitudes, worst case over the effort interval.
 
     `least` figures take the number of smallest magnitude in each sample's interval instead: what is
     needed if friction at rest happens to help as much as it can. `frictionless` ones leave out all
     friction of the joints.
 
     Attributes:
-        name: the drive's. unit: of its efforts, "N m" or "N".
-        peak, peak_time, speed_at_peak: largest effort, when (s), and the joint's speed then.
+        peak_time, speed_at_peak: when the effort is largest (s), and the joint's speed then.
         rms, rms_least: root mean square over the cycle.
-        speed, mean_speed: largest and mean |v|, rad/s or m/s.
-        mean_cubic: cube root of the speed-weighted mean of |u|^3 (`average_output_effort`).
         holding: (least, worst) largest effort over the holds, in which every joint of the robot
             stands still; None without a hold.
         holding_frictionless: the same without friction.
@@ -56,20 +76,12 @@ class JointDemand:
         duty: part of the time in which the joint moves. hold_share: part spent in holds.
         power, power_frictionless: at the joint.
         peak_frictionless, rms_frictionless: of the effort without friction.
-        bearing: what the joint's bearing (a sliding joint's screw) carries; None: not known.
-        travel: of a sliding joint, max q - min q over the cycle, m; else None.
     """
 
-    name: str
-    unit: str
-    peak: float
     peak_time: float
     speed_at_peak: float
     rms: float
     rms_least: float
-    speed: float
-    mean_speed: float
-    mean_cubic: float
     holding: tuple[float, float] | None
     holding_frictionless: float | None
     breakaway: float | None
@@ -80,8 +92,6 @@ class JointDemand:
     power_frictionless: Power
     peak_frictionless: float
     rms_frictionless: float
-    bearing: BearingLoad | None = None
-    travel: float | None = None
 
 
 @dataclass(frozen=True)
@@ -118,6 +128,11 @@ class DriveCycle:
     def stretched(self) -> np.ndarray:
         """(T,) time spent in a period, s: means over it are means over the period."""
         return self.schedule.stretched(self.t)
+
+    @cached_property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """(T,) of the effort: the end of largest magnitude, and the number of smallest."""
+        return ends_by_magnitude(self.effort_lower, self.effort_upper)
 
     @cached_property
     def powered(self) -> np.ndarray:
@@ -186,33 +201,48 @@ def hold_samples(scene: Scene, v: np.ndarray) -> np.ndarray:
 
 def _lasting(still: np.ndarray) -> np.ndarray:
     """The mask (T,) without lone samples: a zero of the velocity at a reversal is no rest."""
-    for first, last in runs(still):
-        if first == last:
-            still[first] = False
-    return still
+    beside = np.zeros_like(still)
+    beside[1:] |= still[:-1]
+    beside[:-1] |= still[1:]
+    return still & beside
 
 
-def joint_demand(
+def gear_demand(
     result: InverseResult, actuator: int, cycle: DriveCycle, carried: bool = True
-) -> JointDemand:
-    """Return the figures of one drive (see `JointDemand`); what its bearing carries if asked."""
-    t, v = cycle.stretched, cycle.velocity
-    worst, least = ends_by_magnitude(cycle.effort_lower, cycle.effort_upper)
+) -> GearDemand:
+    """Return the figures of one drive that criteria ask for (see `GearDemand`).
+
+    Args:
+        result: of inverse dynamics. actuator: the drive's column. cycle: its samples.
+        carried: whether to say what its bearing carries.
+    """
+    t, speed, (worst, _) = cycle.stretched, np.abs(cycle.velocity), cycle.ends
+    unit = effort_unit(result.scene, actuator)
+    return GearDemand(
+        name=result.scene.drives[actuator].name,
+        unit=unit,
+        peak=largest(worst),
+        speed=float(speed.max()),
+        mean_speed=mean(t, speed),
+        mean_cubic=average_output_effort(t, worst, speed),
+        bearing=carried_load(result, actuator, cycle) if carried else None,
+        travel=_travel(result, actuator) if unit == "N" else None,
+    )
+
+
+def joint_demand(result: InverseResult, actuator: int, cycle: DriveCycle) -> JointDemand:
+    """Return all figures of one drive (see `JointDemand`); arguments as `gear_demand`."""
+    t, v, (worst, least) = cycle.stretched, cycle.velocity, cycle.ends
     top = int(np.argmax(np.abs(worst)))
     rest, hold = cycle.at_rest, cycle.holding
     bare = cycle.effort_frictionless
     friction = np.maximum(cycle.effort_upper - bare, bare - cycle.effort_lower)
     return JointDemand(
-        name=result.actuator_names[actuator],
-        unit=effort_unit(result.scene, actuator),
-        peak=float(np.abs(worst[top])),
+        **vars(gear_demand(result, actuator, cycle)),
         peak_time=float(cycle.t[top]),
         speed_at_peak=float(np.abs(v[top])),
         rms=rms(t, worst),
         rms_least=rms(t, least),
-        speed=float(np.abs(v).max()),
-        mean_speed=mean(t, np.abs(v)),
-        mean_cubic=average_output_effort(t, worst, v),
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         holding_frictionless=largest(bare[hold]) if hold.any() else None,
         breakaway=largest(worst[rest]) if rest.any() else None,
@@ -223,8 +253,6 @@ def joint_demand(
         power_frictionless=_power(t, bare * v, bare * v),
         peak_frictionless=largest(bare),
         rms_frictionless=rms(t, bare),
-        bearing=carried_load(result, actuator, cycle) if carried else None,
-        travel=_travel(result, actuator),
     )
 
 
@@ -240,7 +268,7 @@ def carried_load(result: InverseResult, actuator: int, cycle: DriveCycle) -> Bea
 
     None for a cylinder, one of a joint's several directions, and where the wrench is not known.
 
-    Args: as `joint_demand`.
+    Args: as `gear_demand`.
     """
     if effort_unit(result.scene, actuator) == "N":
         return screw_load(cycle)
@@ -251,14 +279,14 @@ def carried_load(result: InverseResult, actuator: int, cycle: DriveCycle) -> Bea
 
 def _travel(result: InverseResult, actuator: int) -> float | None:
     joint = driven_joint(result.scene, actuator)
-    if joint is None or effort_unit(result.scene, actuator) != "N":
+    if joint is None:
         return None
     return float(np.ptp(one_number(result.scene.model.joints[joint], result.states.q)))
 
 
 def screw_load(cycle: DriveCycle) -> BearingLoad:
     """Return what a screw's nut carries: the joint's effort, the worst of its interval."""
-    worst = ends_by_magnitude(cycle.effort_lower, cycle.effort_upper)[0]
+    worst, _ = cycle.ends
     none = np.zeros_like(worst)
     return bearing_load(cycle.stretched, cycle.velocity, none, worst, none)
 
@@ -276,7 +304,8 @@ def average_output_effort(t: np.ndarray, effort: np.ndarray, velocity: np.ndarra
     weight = integral(t, np.abs(velocity))
     if not weight > 0:
         return 0.0
-    return float(np.cbrt(integral(t, np.abs(velocity * effort**3)) / weight))
+    wear = np.abs(velocity * effort * effort * effort)  # a power takes ten times as long
+    return float(np.cbrt(integral(t, wear) / weight))
 
 
 def mean(t: np.ndarray, x: np.ndarray) -> float:

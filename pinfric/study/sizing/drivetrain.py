@@ -395,7 +395,7 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         conditions: ambient temperature.
     """
     assert candidate.transmission is not None
-    t, schedule = cycle.stretched, cycle.schedule
+    t = cycle.stretched
     lower, upper = gear_torque_bounds(
         candidate.gears, cycle.effort_lower, cycle.effort_upper, cycle.velocity,
         cycle.acceleration, cycle.at_rest,
@@ -423,9 +423,9 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         driving_power=power[0], braking_power=power[1], energy=power[2], regenerated=power[3],
         standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
         window=window,
-        short_term=moving_rms(cycle.t, worst, window, schedule),
+        short_term=moving_rms(cycle.t, worst, window, cycle.duty),
         overloaded_standstill=None if limit is None else longest_above(
-            cycle.t, worst, limit, cycle.standing, schedule),
+            cycle.t, worst, limit, cycle.standing, cycle.duty),
     )  # fmt: skip
     return MotorCycle(lower, upper, speed, current, winding, figures)
 

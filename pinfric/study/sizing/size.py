@@ -44,6 +44,7 @@ from pinfric.study.sizing.caveats import apart, caveats, unclosed
 from pinfric.study.sizing.criteria import Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
+    GearDemand,
     JointDemand,
     average_output_effort,
     drive_cycle,
@@ -407,7 +408,7 @@ class _Sizing:
         tree = driven_joint(self.scene, i) is not None and not self.scene.loops
         return demand, cycle, float(inertias[i]) if tree else None
 
-    def _offers(self, i: int, demand: JointDemand) -> tuple[Candidate, ...]:
+    def _offers(self, i: int, demand: GearDemand) -> tuple[Candidate, ...]:
         """What the catalogue has for a joint."""
         if self.catalog is None or driven_joint(self.scene, i) is None:
             return ()
@@ -442,7 +443,7 @@ class _Sizing:
         if joint.taken is not None and joint.taken.motor is not None:
             motor = motor_cycle(joint.taken.candidate, joint.cycle, self.conditions)
         hand, cycle = depth(self.scene, i) > BASE_AXES, joint.cycle.without_friction()
-        bare = joint_demand_frictionless(joint.demand, cycle)
+        bare = gear_demand_frictionless(joint.demand, cycle)
         frictionless = lightest(offers, self.conditions, bare, cycle, joint.load_inertia, hand)
         if (i, ()) in self.judged:  # no drive weighs on it
             demand, choice = self.judged[i, ()].demand, self.judged[i, ()].choice
@@ -463,8 +464,8 @@ def holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
     return mask if mask.any() else hold_samples(scene, v)  # a log is never at rest exactly
 
 
-def joint_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> JointDemand:
-    """Return the figures that gear criteria take, of the same cycle without friction.
+def gear_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> GearDemand:
+    """Return the figures that criteria ask for, of the same cycle without friction.
 
     Args:
         demand: with friction.
@@ -472,9 +473,8 @@ def joint_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> JointDe
     """
     cubic = average_output_effort(cycle.stretched, cycle.effort_frictionless, cycle.velocity)
     carried = screw_load(cycle) if demand.unit == "N" else demand.bearing
-    return replace(demand, peak=demand.peak_frictionless, rms=demand.rms_frictionless,
-                   rms_least=demand.rms_frictionless, mean_cubic=cubic,
-                   bearing=carried)  # fmt: skip
+    return GearDemand(demand.name, demand.unit, demand.peak_frictionless, demand.speed,
+                      demand.mean_speed, cubic, carried, demand.travel)  # fmt: skip
 
 
 def load_inertias(result: InverseResult) -> np.ndarray:

@@ -22,7 +22,7 @@ from pinfric.model.schema import Transmission
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import Status, check
-from pinfric.study.sizing.demand import drive_cycle, joint_demand
+from pinfric.study.sizing.demand import drive_cycle, gear_demand
 from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
 from pinfric.study.sizing.size import holds, load_inertias
 from pinfric.study.summary import ends_by_magnitude
@@ -68,11 +68,11 @@ class Judge:
         """
         drive = result.scene.drives[actuator]
         assert isinstance(drive, Drive)
-        candidate, losses = self.candidate, dict(drive.transmission or ())
-        if losses != {**dict(candidate.transmission or ()), "judge": self}:  # those of the sample
-            candidate = replace(candidate, transmission=drive.transmission)
+        candidate = self.candidate
+        if vars(drive.transmission) != {**vars(candidate.transmission), "judge": self}:
+            candidate = replace(candidate, transmission=drive.transmission)  # the sample's losses
         cycle = drive_cycle(result, actuator, holding)
-        demand = joint_demand(result, actuator, cycle, carried=candidate.bearing is not None)
+        demand = gear_demand(result, actuator, cycle, carried=candidate.bearing is not None)
         motor = motor_cycle(candidate, cycle, self.conditions)
         found = check(candidate, demand, cycle, motor, inertia, self.hand, self.conditions)
         bits = {name: 2.0**k for k, name in enumerate(self.criteria)}

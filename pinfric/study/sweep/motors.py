@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from pinfric.study.sizing.assess import Assessment, own_bearing
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
 from pinfric.study.sizing.criteria import Status, check
-from pinfric.study.sizing.demand import DriveCycle, JointDemand, Power
+from pinfric.study.sizing.demand import DriveCycle, GearDemand
 from pinfric.study.sizing.drivetrain import Candidate, Ratings, candidates
 from pinfric.study.sizing.size import (
     BASE_AXES,
@@ -238,10 +237,8 @@ def _required(candidate: Candidate, conditions: Conditions, hand: bool) -> tuple
     cycle = DriveCycle(
         np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
     )
-    values: dict[str, Any] = {f.name: 0.0 for f in dataclasses.fields(JointDemand)}
-    values |= {"name": "", "unit": "", "holding": None, "bearing": None, "power": Power(0, 0, 0, 0),
-               "power_frictionless": Power(0, 0, 0, 0)}  # fmt: skip
-    found = check(candidate, JointDemand(**values), cycle, None, None, hand, conditions)
+    demand = GearDemand("", "", 0.0, 0.0, 0.0, 0.0, bearing=None, travel=0.0)
+    found = check(candidate, demand, cycle, None, None, hand, conditions)
     return tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
 
 
