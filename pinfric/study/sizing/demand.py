@@ -217,7 +217,9 @@ def gear_demand(
         carried: whether to say what its bearing carries.
     """
     t, speed, (worst, _) = cycle.stretched, np.abs(cycle.velocity), cycle.ends
-    unit = effort_unit(result.scene, actuator)
+    unit, bearing = effort_unit(result.scene, actuator), None
+    if carried:
+        bearing = screw_load(cycle) if unit == "N" else carried_load(result, actuator, cycle)
     return GearDemand(
         name=result.scene.drives[actuator].name,
         unit=unit,
@@ -225,7 +227,7 @@ def gear_demand(
         speed=float(speed.max()),
         mean_speed=mean(t, speed),
         mean_cubic=average_output_effort(t, worst, speed),
-        bearing=carried_load(result, actuator, cycle) if carried else None,
+        bearing=bearing,
         travel=_travel(result, actuator) if unit == "N" else None,
     )
 
@@ -264,14 +266,12 @@ def driven_joint(scene: Scene, actuator: int) -> int | None:
 
 
 def carried_load(result: InverseResult, actuator: int, cycle: DriveCycle) -> BearingLoad | None:
-    """Return what the bearing of a drive's joint carries, of a sliding joint its screw.
+    """Return what the bearing of a drive's turning joint carries.
 
     None for a cylinder, one of a joint's several directions, and where the wrench is not known.
 
     Args: as `gear_demand`.
     """
-    if effort_unit(result.scene, actuator) == "N":
-        return screw_load(cycle)
     joint = driven_joint(result.scene, actuator)
     loads = None if joint is None else joint_loads(result, joint - 1)
     return None if loads is None else bearing_load(cycle.stretched, cycle.velocity, *loads)

@@ -49,6 +49,7 @@ from pinfric.study.sizing.demand import (
     average_output_effort,
     drive_cycle,
     driven_joint,
+    gear_demand,
     hold_samples,
     joint_demand,
     screw_load,
@@ -379,9 +380,10 @@ class _Sizing:
     def judge(self, taken: Mapping[int, Assessment]) -> list[tuple[Assessment, DriveCycle]]:
         """Judge one drive for every joint, all of their masses in the model."""
         load = tuple(sorted((k, a.candidate.mass) for k, a in taken.items()))
-        solved, found = self._solve(load, taken), []
+        (result, inertias), found = self._solve(load, taken), []
         for i, assessment in taken.items():
-            demand, cycle, inertia = self._demanded(i, *solved)
+            cycle, inertia = self._cycle(i, result, inertias)
+            demand = gear_demand(result, i, cycle)
             found.append((judged(assessment.candidate, self.conditions, demand, cycle, inertia,
                                  depth(self.scene, i) > BASE_AXES), cycle))  # fmt: skip
         return found
@@ -397,16 +399,15 @@ class _Sizing:
             self.solved[load] = result, load_inertias(result)
         return self.solved[load]
 
-    def _demanded(
+    def _cycle(
         self, i: int, result: InverseResult, inertias: np.ndarray
-    ) -> tuple[JointDemand, DriveCycle, float | None]:
-        """What a joint's drive must do, its samples, and the inertia about the joint."""
+    ) -> tuple[DriveCycle, float | None]:
+        """A drive's samples, and the inertia about its joint."""
         if self.hold is None:
             self.hold = holds(self.scene, self.trajectory, result.states.v)
-        cycle = drive_cycle(result, i, self.hold, self.duty)
-        demand = joint_demand(result, i, cycle)
         tree = driven_joint(self.scene, i) is not None and not self.scene.loops
-        return demand, cycle, float(inertias[i]) if tree else None
+        cycle = drive_cycle(result, i, self.hold, self.duty)
+        return cycle, float(inertias[i]) if tree else None
 
     def _offers(self, i: int, demand: GearDemand) -> tuple[Candidate, ...]:
         """What the catalogue has for a joint."""
@@ -418,7 +419,8 @@ class _Sizing:
         return self.offered[key]
 
     def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
-        demand, cycle, inertia = self._demanded(i, result, inertias)
+        cycle, inertia = self._cycle(i, result, inertias)
+        demand = joint_demand(result, i, cycle)
         hand = depth(self.scene, i) > BASE_AXES
         ranked = assess(self._offers(i, demand), self.conditions, demand, cycle, inertia, hand)
         choice = ranked[0] if ranked and ranked[0].fits else None
@@ -448,7 +450,9 @@ class _Sizing:
         if (i, ()) in self.judged:  # no drive weighs on it
             demand, choice = self.judged[i, ()].demand, self.judged[i, ()].choice
         else:
-            demand, alone, inertia = self._demanded(i, *self._solve((), {}))
+            result, inertias = self._solve((), {})
+            alone, inertia = self._cycle(i, result, inertias)
+            demand = joint_demand(result, i, alone)
             choice = lightest(offers, self.conditions, demand, alone, inertia, hand)
         return replace(
             joint, demand_without_masses=demand, motor=motor,
