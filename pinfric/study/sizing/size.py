@@ -496,7 +496,7 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     Payloads count while they are carried; rotors (Pinocchio's armature) do not. Of coupled drives
     it is what moves with one while the others stand, (P M P^T)_jj.
     """
-    own = [drive.velocity_index for drive in scene.drives]
+    own = np.array([drive.velocity_index for drive in scene.drives], dtype=np.int64)
     P, found = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
     for start, stop, carried in states.phases(scene):
         model, q = scene.loaded_model(carried), states.q[start:stop]

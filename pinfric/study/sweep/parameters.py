@@ -265,7 +265,7 @@ def apply(
         change["actuators"] = [_with_losses(a, losses) for a in scene.actuators or ()]
     if "mounting" in sections:
         change["model"] = mounted(scene.model, angles["roll"], angles["pitch"])
-    return _varied(scene, change), trajectory
+    return (_varied(scene, change) if change else scene), trajectory
 
 
 def _varied(scene: Scene, change: dict[str, Any]) -> Scene:

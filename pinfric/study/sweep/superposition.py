@@ -101,12 +101,13 @@ class Superposition:
         varied = Varied((bodies[:, :, None] * causes[:, None, :]).reshape(n, -1), speed,
                         laws_of_samples(self.scene, self.targets, values),
                         gears_of_samples(self.scene, self.targets, values))  # fmt: skip
+        movable = self._can_move(speed)
         for start, stop in [(0, n)] if each is None else pairwise(range(n + 1)):
             with np.errstate(all="ignore"):
                 write_figures(*self.basis, self.path, varied, now, found, start, stop)
             size = found[start:stop, :, :4]
             fine = (size == 0.0) | ((size > _LEAST_EFFORT) & (size < _LARGEST_EFFORT))
-            plain = fine.all(axis=(1, 2)) & self._can_move(speed[start:stop])
+            plain = fine.all(axis=(1, 2)) & movable[start:stop]
             found[start:stop][~plain] = np.nan
             if each is not None and plain.all():
                 try:
