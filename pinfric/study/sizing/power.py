@@ -18,6 +18,7 @@ from pinfric.study.sizing.catalog import REFERENCE_TEMPERATURE, Conditions
 from pinfric.study.sizing.criteria import Criterion, compare
 from pinfric.study.sizing.demand import positive_part
 from pinfric.study.sizing.drivetrain import MotorCycle, Ratings
+from pinfric.study.sizing.duty import Schedule
 from pinfric.study.sizing.thermal import COPPER, power_figures
 from pinfric.study.summary import ends_by_magnitude, rms
 
@@ -94,25 +95,24 @@ def drive_power(ratings: Ratings, motor: MotorCycle) -> np.ndarray:
 def bus_power(
     drives: Mapping[str, tuple[Ratings, MotorCycle] | None],
     t: np.ndarray,
-    stretched: np.ndarray,
+    duty: Schedule,
     conditions: Conditions,
 ) -> BusPower:
     """Return what all drives take from their bus together.
 
     Args:
         drives: name -> its motor over the period; None where there is none.
-        t, stretched: (T,) s, each cycle once, and as long as its repetitions.
+        t: (T,) s, each cycle once. duty: which samples are which cycle of the period.
         conditions: voltages, capacitance, supply.
     """
-    power = np.zeros(len(t))
+    power, stretched = np.zeros(len(t)), duty.stretched(t)
     known = {name: motor for name, motor in drives.items() if motor is not None}
     for motor in known.values():
         power += drive_power(*motor)
     one, none = np.ones(len(t)), np.zeros(len(t))
     figures = power_figures(stretched, power, one, none, 0.0, np.empty(0))
     peak, braking, drawn, returned = figures
-    burst = max((positive_part(t[part], -power[part]) for part in _braking(power)),
-                default=0.0)  # fmt: skip
+    burst = _burst(t, power, duty)
     voltage, period = conditions.bus_voltage, float(stretched[-1] - stretched[0])
     limit = conditions.bus_limit
     room = None if limit is None else (limit**2 - voltage**2) / 2
@@ -141,6 +141,16 @@ def bus_power(
                     "conditions.bus_capacitance and bus_limit"),
         ),
     )  # fmt: skip
+
+
+def _burst(t: np.ndarray, power: np.ndarray, duty: Schedule) -> float:
+    """The most energy (J) that flows back without a break, also from one cycle into the next."""
+    order, times = duty.played(t, 1e-9)  # each cycle into itself, if it is run again
+    order = np.concatenate([order, order])  # a period into the next
+    times = np.concatenate([times, times[-1] + times])
+    played = power[order]
+    return max((positive_part(times[part], -played[part]) for part in _braking(played)),
+               default=0.0)  # fmt: skip
 
 
 def _braking(power: np.ndarray) -> list[slice]:

@@ -49,7 +49,7 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
     fine = np.linspace(t[0], t[-1], 400_001)
     at = np.interp(fine, t, power)
     back, bursts, run = np.maximum(-at, 0) * (fine[1] - fine[0]), [0.0], 0.0
-    for x in back:
+    for x in np.concatenate([back, back]):  # a cycle into the next
         run = run + x if x > 0 else 0.0
         bursts.append(run)
     bus = report.bus
