@@ -10,6 +10,7 @@ import pytest
 from sizing_cases import GEAR, MOTOR, load_catalog, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
+from pinfric.errors import CatalogError
 from pinfric.study.sizing.criteria import Status
 from pinfric.study.summary import ends_by_magnitude
 
@@ -64,6 +65,12 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
     assert supply.status == (Status.PASSES if power.max() <= 40 else Status.FAILS)
     assert capacitors.available == pytest.approx(1e-3 / 2 * (60**2 - 48**2))
     assert ("bus: supply power: needs" in " ".join(report.short)) == (power.max() > 40)
+
+
+def test_a_bus_may_rise_to_its_limit_only():
+    scene = turntable()
+    with pytest.raises(CatalogError, match="bus_limit 40 V is not above bus_voltage 48 V"):
+        pf.size(scene, trapezoid(scene), conditions={"bus_limit": 40.0})
 
 
 def test_a_bus_into_which_nothing_flows_needs_nothing(tmp_path):
