@@ -58,6 +58,11 @@ class BusPower:
     criteria: tuple[Criterion, ...]
 
     @property
+    def at_least(self) -> bool:
+        """Whether what is drawn is only the part of it that is known."""
+        return bool(self.left_out or self.mechanical)
+
+    @property
     def remedy(self) -> str:
         """What takes the energy that flows back, in words."""
         if self.resistor is None or self.resistor_power is None:
@@ -120,11 +125,11 @@ def bus_power(
     if room is not None and conditions.bus_capacitance is not None:
         taken = conditions.bus_capacitance * room
     flows = braking > 0
+    left_out = tuple(name for name in drives if name not in known)
+    mechanical = tuple(name for name, drive in known.items() if not copper_known(*drive))
     return BusPower(
         power=power,
-        left_out=tuple(name for name in drives if name not in known),
-        mechanical=tuple(name for name, (ratings, motor) in known.items()
-                         if not copper_known(ratings, motor)),
+        left_out=left_out, mechanical=mechanical,
         peak=peak, braking=braking, drawn=drawn, returned=returned,
         mean=(drawn - returned) / period, burst=burst,
         current=peak / voltage, rms_current=rms(stretched, power) / voltage,
@@ -132,15 +137,24 @@ def bus_power(
         resistor_power=returned / period if flows else None,
         capacitance=burst / room if room and flows else None,
         criteria=(
-            compare("supply power", peak, conditions.supply_power, "W",
-                    "max sum(T_m omega + R i^2) <= power of the supply",
-                    "power balance of the bus", "conditions.supply_power"),
+            _supply(peak, conditions.supply_power, bool(left_out or mechanical)),
             compare("braking energy", burst, taken, "J",
                     "energy fed back in one go <= C (U_max^2 - U^2)/2",
                     "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
                     "conditions.bus_capacitance and bus_limit"),
         ),
     )  # fmt: skip
+
+
+def _supply(peak: float, supply: float | None, at_least: bool) -> Criterion:
+    """Power that is known in part can fail a supply, not pass it."""
+    decided = not at_least or (supply is not None and peak > supply)
+    missing = "conditions.supply_power" if supply is None else (
+        f"of all drives; without some of them, or their copper loss, it is {peak:.4g} W"
+    )  # fmt: skip
+    return compare("supply power", peak if decided else None, supply, "W",
+                   "max sum(T_m omega + R i^2) <= power of the supply",
+                   "power balance of the bus", missing)  # fmt: skip
 
 
 def _burst(t: np.ndarray, power: np.ndarray, duty: Schedule) -> float:

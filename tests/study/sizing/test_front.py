@@ -67,6 +67,15 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
     assert ("bus: supply power: needs" in " ".join(report.short)) == (power.max() > 40)
 
 
+@pytest.mark.parametrize(("supply", "status"), [(1.0, Status.FAILS), (1e3, Status.NOT_CHECKED)])
+def test_power_known_in_part_passes_no_supply(tmp_path, supply, status):
+    scene, catalog = turntable(), one_drive(tmp_path, {"resistance": None, "thermal": None})
+    conditions = {"supply_power": supply}
+    bus = pf.size(scene, trapezoid(scene), catalog, conditions=conditions, on_miss="ignore").bus
+    assert bus.at_least
+    assert bus.criteria[0].status == status
+
+
 def test_a_bus_may_rise_to_its_limit_only():
     scene = turntable()
     with pytest.raises(CatalogError, match="bus_limit 40 V is not above bus_voltage 48 V"):
