@@ -412,13 +412,22 @@ class Scene:
             self._variants[names] = model, make_twin(model)
         return self._variants[names]
 
+    def __copy__(self) -> Scene:
+        """Return the scene without what it has derived, in this process: mimic joints and all."""
+        made = object.__new__(type(self))
+        made.__setstate__(self._given())
+        return made
+
     def __getstate__(self) -> dict[str, Any]:
-        self.check_unchanged()
         if len(self.model.mimicking_joints):
             raise SceneError(
                 f"{self.source}: a robot with mimic joints cannot be sent to another process: "
                 "Pinocchio loses what they follow; take one process, or lock them"
             )
+        return self._given()
+
+    def _given(self) -> dict[str, Any]:
+        self.check_unchanged()
         derived = {"_variants", "_made_of", "sites", "site_tables", "drives", "linkage"}
         kept = {key: value for key, value in self.__dict__.items() if key not in derived}
         return kept | {"friction": dict(self.friction), "payloads": dict(self.payloads)}

@@ -74,8 +74,9 @@ def bus_lines(report: SizingReport) -> list[str]:
     """Return what all drives take from the bus, in words."""
     bus, each = report.bus, turn(report)
     lines = [
-        f"bus: {digits(bus.peak)} W at most ({digits(bus.current)} A), {digits(bus.mean)} W on "
-        f"average ({digits(bus.rms_current)} A RMS); {digits(bus.drawn)} J a {each}",
+        f"bus: peak {'of at least ' if bus.at_least else ''}{digits(bus.peak)} W "
+        f"({digits(bus.current)} A), {digits(bus.mean)} W on average "
+        f"({digits(bus.rms_current)} A RMS); {digits(bus.drawn)} J a {each}",
         f"braking: {digits(bus.braking)} W at most, {digits(bus.returned)} J a {each}, "
         f"{digits(bus.burst)} J in one go: {bus.remedy}"
         if bus.resistor is not None else f"braking: {bus.remedy}",

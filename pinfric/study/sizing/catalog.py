@@ -446,6 +446,13 @@ class Conditions(Entry):
     resonance_hand: Positive = 15.0
     mass_in_urdf: dict[str, NonNegative] = Field(default_factory=dict)
 
+    @model_validator(mode="after")
+    def _bus_can_rise(self) -> Conditions:
+        if self.bus_limit is not None and self.bus_limit <= self.bus_voltage:
+            raise ValueError(f"bus_limit {self.bus_limit:g} V is not above bus_voltage "
+                             f"{self.bus_voltage:g} V: how high may the bus rise?")  # fmt: skip
+        return self
+
 
 class CatalogFile(Entry):
     """A whole catalogue file.

@@ -143,6 +143,11 @@ class Duty:
         weights = [float(weight) for _, weight in self.cycles]
         shares = abs(sum(weights) - 1) <= _SUM
         if all(weight.is_integer() for weight in weights) and not (shares and self.on < 1):
+            if self.period != PERIOD:
+                raise SizingError(
+                    f"duty: a period of {self.period:g} s beside counts, which make their own: "
+                    "give shares of the time, or no period"
+                )
             return tuple(weights)
         if not shares:
             raise SizingError(

@@ -18,6 +18,7 @@ from pinfric.study.sizing.catalog import REFERENCE_TEMPERATURE, Conditions
 from pinfric.study.sizing.criteria import Criterion, compare
 from pinfric.study.sizing.demand import positive_part
 from pinfric.study.sizing.drivetrain import MotorCycle, Ratings
+from pinfric.study.sizing.duty import Schedule
 from pinfric.study.sizing.thermal import COPPER, power_figures
 from pinfric.study.summary import ends_by_magnitude, rms
 
@@ -57,6 +58,11 @@ class BusPower:
     criteria: tuple[Criterion, ...]
 
     @property
+    def at_least(self) -> bool:
+        """Whether what is drawn is only the part of it that is known."""
+        return bool(self.left_out or self.mechanical)
+
+    @property
     def remedy(self) -> str:
         """What takes the energy that flows back, in words."""
         if self.resistor is None or self.resistor_power is None:
@@ -94,25 +100,24 @@ def drive_power(ratings: Ratings, motor: MotorCycle) -> np.ndarray:
 def bus_power(
     drives: Mapping[str, tuple[Ratings, MotorCycle] | None],
     t: np.ndarray,
-    stretched: np.ndarray,
+    duty: Schedule,
     conditions: Conditions,
 ) -> BusPower:
     """Return what all drives take from their bus together.
 
     Args:
         drives: name -> its motor over the period; None where there is none.
-        t, stretched: (T,) s, each cycle once, and as long as its repetitions.
+        t: (T,) s, each cycle once. duty: which samples are which cycle of the period.
         conditions: voltages, capacitance, supply.
     """
-    power = np.zeros(len(t))
+    power, stretched = np.zeros(len(t)), duty.stretched(t)
     known = {name: motor for name, motor in drives.items() if motor is not None}
     for motor in known.values():
         power += drive_power(*motor)
     one, none = np.ones(len(t)), np.zeros(len(t))
     figures = power_figures(stretched, power, one, none, 0.0, np.empty(0))
     peak, braking, drawn, returned = figures
-    burst = max((positive_part(t[part], -power[part]) for part in _braking(power)),
-                default=0.0)  # fmt: skip
+    burst = _burst(t, power, duty)
     voltage, period = conditions.bus_voltage, float(stretched[-1] - stretched[0])
     limit = conditions.bus_limit
     room = None if limit is None else (limit**2 - voltage**2) / 2
@@ -120,11 +125,11 @@ def bus_power(
     if room is not None and conditions.bus_capacitance is not None:
         taken = conditions.bus_capacitance * room
     flows = braking > 0
+    left_out = tuple(name for name in drives if name not in known)
+    mechanical = tuple(name for name, drive in known.items() if not copper_known(*drive))
     return BusPower(
         power=power,
-        left_out=tuple(name for name in drives if name not in known),
-        mechanical=tuple(name for name, (ratings, motor) in known.items()
-                         if not copper_known(ratings, motor)),
+        left_out=left_out, mechanical=mechanical,
         peak=peak, braking=braking, drawn=drawn, returned=returned,
         mean=(drawn - returned) / period, burst=burst,
         current=peak / voltage, rms_current=rms(stretched, power) / voltage,
@@ -132,15 +137,34 @@ def bus_power(
         resistor_power=returned / period if flows else None,
         capacitance=burst / room if room and flows else None,
         criteria=(
-            compare("supply power", peak, conditions.supply_power, "W",
-                    "max sum(T_m omega + R i^2) <= power of the supply",
-                    "power balance of the bus", "conditions.supply_power"),
+            _supply(peak, conditions.supply_power, bool(left_out or mechanical)),
             compare("braking energy", burst, taken, "J",
                     "energy fed back in one go <= C (U_max^2 - U^2)/2",
                     "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
                     "conditions.bus_capacitance and bus_limit"),
         ),
     )  # fmt: skip
+
+
+def _supply(peak: float, supply: float | None, at_least: bool) -> Criterion:
+    """Power that is known in part can fail a supply, not pass it."""
+    decided = not at_least or (supply is not None and peak > supply)
+    missing = "conditions.supply_power" if supply is None else (
+        f"of all drives; without some of them, or their copper loss, it is {peak:.4g} W"
+    )  # fmt: skip
+    return compare("supply power", peak if decided else None, supply, "W",
+                   "max sum(T_m omega + R i^2) <= power of the supply",
+                   "power balance of the bus", missing)  # fmt: skip
+
+
+def _burst(t: np.ndarray, power: np.ndarray, duty: Schedule) -> float:
+    """The most energy (J) that flows back without a break, also from one cycle into the next."""
+    order, times = duty.played(t, 1e-9)  # each cycle into itself, if it is run again
+    order = np.concatenate([order, order])  # a period into the next
+    times = np.concatenate([times, times[-1] + times])
+    played = power[order]
+    return max((positive_part(times[part], -played[part]) for part in _braking(played)),
+               default=0.0)  # fmt: skip
 
 
 def _braking(power: np.ndarray) -> list[slice]:

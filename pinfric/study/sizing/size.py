@@ -212,7 +212,7 @@ class SizingReport(Shown):
         }  # fmt: skip
         t = self.result.t
         assert t is not None  # size refuses a motion without times
-        return bus_power(drives, t, self.duty.stretched(t), self.conditions)
+        return bus_power(drives, t, self.duty, self.conditions)
 
     @cached_property
     def sets(self) -> tuple[DriveSet, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, Literal
 
@@ -141,7 +142,7 @@ def _row_problems(
     entries: dict[str, Any], comma: bool,
 ) -> Iterator[str]:  # fmt: skip
     """Put a row's entry into `entries`; yield what is wrong with it."""
-    entry: dict[str, Any] = dict(wanted.every)
+    entry: dict[str, Any] = deepcopy(wanted.every)  # its parts, too: each row adds its own
     linear = (row[cells["output"].column] if "output" in cells else entry.get("output")) == "linear"
     if not name or name in entries:
         yield "this name stands twice" if name else "no name"

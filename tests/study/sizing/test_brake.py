@@ -83,6 +83,26 @@ def test_what_a_brake_must_bear_is_what_a_search_over_friction_finds(joint):
             assert found.use == pytest.approx(use, rel=1e-6)
 
 
+def test_a_brake_bears_a_payload_where_it_is_carried_and_only_there():
+    whole = arm()
+    model, mass = whole.model.copy(), 4.0
+    tip = pin.SE3(np.eye(3), np.array([LENGTH, 0, 0]))
+    model.addFrame(pin.Frame("hand", 2, tip, pin.FrameType.BODY))
+    box = {"link": "hand", "mass": mass, "com": [0.0, 0.0, 0.0], "attached": False}
+    scene = pf.Scene(model=model, friction=whole.friction, actuators=whole.actuators,
+                     payloads={"box": box})  # fmt: skip
+    t, zero = np.arange(4.0), np.zeros((4, 2))
+    for carried in ([False, True, False, False], [False] * 4):
+        motion = pf.Trajectory.from_arrays(scene, t, POSES, zero, zero, {"box": carried})
+        found = pf.size(scene, motion).standstills[1]
+        extra = mass * np.array(carried)
+        load = G * (MASS / 2 + extra) * LENGTH * np.cos(POSES.sum(axis=1))
+        limit = MU * RADIUS[1] * G * (MASS + extra)
+        assert found.effort[1] == pytest.approx((abs(load) + limit).max())
+        gear = NO_LOAD * RATIO / (2 - 1 / ETA)
+        assert found.use == pytest.approx((abs(load) / (limit + gear)).max(), rel=1e-6)
+
+
 def brakes(*torques):
     return {f"B{torque:g}": {"source": "invented", "grade": "R", "torque": torque, "voltage": 24.0}
             for torque in torques}  # fmt: skip

@@ -73,6 +73,20 @@ def test_the_mapping_of_the_reference_page_is_one(tmp_path):
     assert motor["thermal"] == {"winding_housing": 1.35, "housing_ambient": 7.17}
 
 
+def test_what_every_row_has_is_not_shared_between_rows(tmp_path):
+    """Rows add to the same part: none may write into another's, nor inherit what it left out."""
+    thermal = "thermal: {winding_housing: 1.0, housing_ambient: 2.0}"
+    mapping = MAPPING.partition("  thermal.")[0] + (
+        "  thermal.winding_time: {column: tau, unit: s}\n"
+        f"every: {{source: a maker, grade: R, {thermal}}}\n"
+    )
+    path = table(tmp_path, "A,9,9,9,9,9,20\nB,9,9,9,9,9,40\nC,9,9,9,9,9,-\n",
+                 "Type,Mn,Mmax,J,n,Weight,tau\n", mapping)  # fmt: skip
+    motors = import_table(path)["motors"]
+    times = [motors[name]["thermal"].get("winding_time") for name in "ABC"]
+    assert times == [20.0, 40.0, None]
+
+
 def test_semicolons_and_decimal_commas(tmp_path):
     head = HEAD.replace(",", ";")
     path = table(tmp_path, "M;224,5;1.200,5;44;6'000;390;;;;;\n", head)

@@ -10,6 +10,7 @@ import pytest
 from sizing_cases import GEAR, MOTOR, load_catalog, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
+from pinfric.errors import CatalogError
 from pinfric.study.sizing.criteria import Status
 from pinfric.study.summary import ends_by_magnitude
 
@@ -49,7 +50,7 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
     fine = np.linspace(t[0], t[-1], 400_001)
     at = np.interp(fine, t, power)
     back, bursts, run = np.maximum(-at, 0) * (fine[1] - fine[0]), [0.0], 0.0
-    for x in back:
+    for x in np.concatenate([back, back]):  # a cycle into the next
         run = run + x if x > 0 else 0.0
         bursts.append(run)
     bus = report.bus
@@ -64,6 +65,21 @@ def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
     assert supply.status == (Status.PASSES if power.max() <= 40 else Status.FAILS)
     assert capacitors.available == pytest.approx(1e-3 / 2 * (60**2 - 48**2))
     assert ("bus: supply power: needs" in " ".join(report.short)) == (power.max() > 40)
+
+
+@pytest.mark.parametrize(("supply", "status"), [(1.0, Status.FAILS), (1e3, Status.NOT_CHECKED)])
+def test_power_known_in_part_passes_no_supply(tmp_path, supply, status):
+    scene, catalog = turntable(), one_drive(tmp_path, {"resistance": None, "thermal": None})
+    conditions = {"supply_power": supply}
+    bus = pf.size(scene, trapezoid(scene), catalog, conditions=conditions, on_miss="ignore").bus
+    assert bus.at_least
+    assert bus.criteria[0].status == status
+
+
+def test_a_bus_may_rise_to_its_limit_only():
+    scene = turntable()
+    with pytest.raises(CatalogError, match="bus_limit 40 V is not above bus_voltage 48 V"):
+        pf.size(scene, trapezoid(scene), conditions={"bus_limit": 40.0})
 
 
 def test_a_bus_into_which_nothing_flows_needs_nothing(tmp_path):
