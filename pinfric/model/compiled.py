@@ -234,14 +234,19 @@ class _CheckedFile(IndexDataCacheFile):
         return self._intact(os.path.join(self._cache_path, name), 0)
 
     def _intact(self, path: str, start: int) -> Any:
-        """What stands in a file from byte `start` on; None of one that is damaged, which goes."""
+        """What stands in a file from byte `start` on; None of one that is damaged, which goes.
+
+        None, too, of one by another version of pinfric, from which it names a class gone since.
+        """
         try:
             content = Path(path).read_bytes()
         except OSError:  # not there yet, or another process has just removed it
             return None
         body, digest = content[start:-_DIGEST_SIZE], content[-_DIGEST_SIZE:]
         if _digest(body) == digest:
-            return pickle.loads(body)
+            with suppress(AttributeError, ImportError):
+                return pickle.loads(body)
+            return None
         warnings.warn(
             f"{path}: a compiled kernel in numba's cache is damaged; it is compiled anew",
             PinfricWarning, stacklevel=2,

@@ -8,8 +8,11 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+
+from pinfric.model.compiled import _CheckedFile
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
@@ -65,6 +68,20 @@ def test_a_damaged_cache_is_said_and_compiled_anew(suffix, damage, tmp_path, mon
     assert (answer, hits) == (42.0, 0)
     assert f"{file}: a compiled kernel in numba's cache is damaged" in said
     assert run(tmp_path) == (42.0, 1, "")  # mended
+
+
+def test_a_cache_that_names_a_class_gone_since_is_compiled_anew(tmp_path, monkeypatch):
+    """Types of kernels' arguments are pickled beside the sources' stamp, and read before it."""
+    module = ModuleType("of_an_older_version")
+    module.Gone = type("Gone", (), {"__module__": module.__name__})
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    before, now = (_CheckedFile(str(tmp_path), "kernel", stamp) for stamp in ("before", "now"))
+    before.save(module.Gone(), 42.0)
+    assert now.load("key") is None
+    del module.Gone
+    assert now.load("key") is None
+    now.save("key", 42.0)
+    assert now.load("key") == 42.0
 
 
 def test_what_compiles_is_said_on_a_pipe_and_once(tmp_path):

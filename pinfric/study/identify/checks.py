@@ -25,6 +25,8 @@ FloatArray = NDArray[np.float64]
 _SLOPES, _CORRELATION = (0.6, 1.6), 0.8
 #: Share of an effort that loads must make for a slope to say anything.
 _LEAST_LOAD = 0.1
+#: An effort that changes by less than this share of itself is always the same.
+_CONSTANT = 1e-9
 #: How far the rigid efforts of two logs of one robot may differ, as a share.
 _ONE_ROBOT = 0.3
 
@@ -45,11 +47,10 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
         if one.effort.size < 50:
             continue
         slope, correlation = _slope(one, theta)
-        if _against_friction(one, theta):
+        if np.ptp(one.effort) <= _CONSTANT * np.abs(one.effort).max():
             problems.append(
-                f"joint {name}: its effort pushes against its motion, as if friction drove it: "
-                "sign of the effort or of the angle turned; say so by `sign` in a file given by "
-                "--columns"
+                f"joint {name}: its effort is {one.effort[0]:.3g} however it moves, so it was not "
+                "measured; log it, or lock the joint (robot: locked)"
             )
         elif slope < 0.0 and correlation < -_CORRELATION:
             problems.append(
@@ -57,6 +58,12 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
                 f"{slope:.2f}, correlation {correlation:.2f}): sign of the effort or of the angle "
                 "turned, or zero displaced; say so by `sign` and `offset` in a file given by "
                 "--columns"
+            )
+        elif _turned(one, theta):
+            problems.append(
+                f"joint {name}: its effort pushes against its motion, as if friction or inertia "
+                "drove it: sign of the effort or of the angle turned; say so by `sign` in a file "
+                "given by --columns"
             )
         elif (correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1]
               and name not in given):  # fmt: skip
@@ -69,15 +76,19 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
         raise IdentificationError(problems_line(scene.source, problems))
 
 
-def _against_friction(rows: Rows, theta: FloatArray) -> bool:
-    """Whether what the URDF's masses leave of a joint's effort acts against its motion.
+def _turned(rows: Rows, theta: FloatArray) -> bool:
+    """Whether the URDF's masses, friction and a rotor make the effort's negative, and not it.
 
-    Only where their part is small: else the slope on them says more.
+    +-effort = A x,    x >= 0: factors on the rigid effort, friction and acceleration
     """
-    load, way = rows.rigid @ theta, rows.slots[:, SLOT[FORWARD]] + rows.slots[:, SLOT[BACKWARD]]
-    off = rows.effort - load
-    return bool(load @ load < 0.5 * (rows.effort @ rows.effort)
-                and way @ off < -_CORRELATION * np.sqrt((way @ way) * (off @ off)))  # fmt: skip
+    from scipy.optimize import nnls
+
+    slots = [SLOT[name] for name in (FORWARD, BACKWARD, "speed^1", INERTIA)]
+    made = np.column_stack((rows.rigid @ theta, rows.slots[:, slots]))
+    made = made / np.maximum(np.linalg.norm(made, axis=0), 1e-12)
+    left, turned = (nnls(made, y)[1] / max(float(np.linalg.norm(y)), 1e-300)
+                    for y in (rows.effort, -rows.effort))  # fmt: skip
+    return bool(turned**2 < 1.0 - _CORRELATION**2 < left**2)
 
 
 def _slope(rows: Rows, theta: FloatArray) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.errors import IdentificationError
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
 from pinfric.study.identify.checks import check_efforts
@@ -23,7 +24,7 @@ from pinfric.study.identify.choice import (
     held_out_parts,
     nested_errors,
 )
-from pinfric.study.identify.columns import Prepared, Rows, joint_rows, prepare, with_loads
+from pinfric.study.identify.columns import Prepared, Rows, blocks, joint_rows, prepare, with_loads
 from pinfric.study.identify.delay import Delay, common_delay, log_delay
 from pinfric.study.identify.inertias import consistent_fit, urdf_prior, with_parameters
 from pinfric.study.identify.laws import (
@@ -36,13 +37,15 @@ from pinfric.study.identify.laws import (
     candidates,
 )
 from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, weighted
-from pinfric.study.identify.recordings import Recording
+from pinfric.study.identify.recordings import STILL, Recording
 
 FloatArray = NDArray[np.float64]
 
 #: A gear's loss shows where load varies by more than Coulomb friction; two losses where the load
 #: drives and is driven in at least this share of the rows.
 _LEAST_SHARE = 0.15
+#: Blocks in which something slides: those of the shortest log.
+_FEWEST_BLOCKS = 4
 
 
 @dataclass(frozen=True)
@@ -105,12 +108,16 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     Args:
         question: scene, logs and freedom.
         progress: called with the number of finished steps and of all.
+
+    Raises:
+        IdentificationError: next to nothing slides; an effort with a wrong sign or unit.
     """
     steps = len(question.recordings) + 3
     prepared = []
     for recording in question.recordings:
         prepared.append(prepare(question.scene, recording))
         progress(len(prepared), steps)
+    _check_slides(question, prepared)
     found = _first_pass(question, prepared)
     for number in (2, 1):
         progress(steps - number, steps)
@@ -118,6 +125,19 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     found = _trusted(replace(found, errors=nested_errors(found.problem, found.rows)))
     progress(steps, steps)
     return found
+
+
+def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
+    """Refuse logs in which next to nothing slides: blocks are the samples of all that follows."""
+    held = [np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
+            for one in prepared]  # fmt: skip
+    if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
+        names = ", ".join(one.name for one in question.recordings)
+        raise IdentificationError(
+            f"{names}: joints slide in {found} of the logs' blocks of 2 to 5 s, at least "
+            f"{_FEWEST_BLOCKS} are needed (faster than {STILL:g} rad/s or m/s, and than noise); "
+            "log more motion"
+        )
 
 
 def _trusted(found: Estimate) -> Estimate:

@@ -24,6 +24,9 @@ FloatArray = NDArray[np.float64]
 _RIDGE = 1e-8
 #: Residuals beyond so many median absolute deviations count less (Huber).
 _HUBER = 2.5
+#: No effort is fitted better than to this share of itself: from a simulation it may be, and weights
+#: without end would drown the links' prior in rounding.
+_EXACT = 1e-3
 #: Multiplications from which BLAS takes several threads. These wait for each other by spinning: on
 #: cores that others use, too, a product of this size then takes a hundred times as long.
 _ALONE = 2**18
@@ -226,7 +229,8 @@ def weighted(rows: Sequence[Rows], fit: Fit) -> tuple[tuple[FloatArray, ...], Fl
         most = _HUBER * 1.4826 * float(np.median(off)) + 1e-12
         weight = np.minimum(1.0, most / np.maximum(off, 1e-12))
         of_rows.append(weight)
-        of_joints.append(1.0 / max(float(np.mean(weight * off**2)), 1e-12))
+        least = _EXACT**2 * float(np.mean(one.effort**2)) + 1e-12
+        of_joints.append(1.0 / max(float(np.mean(weight * off**2)), least))
     return tuple(of_rows), np.array(of_joints)
 
 

@@ -368,6 +368,28 @@ def test_currents_without_a_gain_and_turned_signs_are_refused_by_name():
         pf.identify(guess(0), turned)
 
 
+def test_a_turned_sign_shows_by_inertia_where_it_is_more_than_friction():
+    model, t = pin.Model(), np.arange(0.0, 12.0, 0.01)
+    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turntable")
+    model.appendBodyToJoint(joint, pin.Inertia(5.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    effort = 0.5 * np.sign(np.cos(3.0 * t)) - 9.0 * np.sin(3.0 * t)
+    given = pf.Log(t, np.sin(3.0 * t)[:, None], effort[:, None])
+    found = pf.identify(pf.Scene(model), given, laws={"turntable": Law()})
+    assert found.errors["turntable"].error < 0.05 * found.errors["turntable"].rms
+    with pytest.raises(IdentificationError, match="turntable: its effort pushes against"):
+        pf.identify(pf.Scene(model), replace(given, effort=-effort[:, None]))
+
+
+def test_efforts_that_were_not_measured_and_logs_that_hardly_move_are_refused():
+    dead = short().effort * np.array([1, 1, 0, 1, 1, 1])
+    with pytest.raises(IdentificationError, match=f"joint {NAMES[2]}: its effort is 0 however"):
+        pf.identify(guess(0), replace(short(), effort=dead))
+    after = np.asarray(short().t) > short().t[500]  # 5 s of 20: then it stays where it is
+    stays = np.where(after[:, None], short().q[500], short().q)
+    with pytest.raises(IdentificationError, match="slide in 3 of the logs' blocks"):
+        pf.identify(guess(0), replace(short(), q=stays))
+
+
 def test_a_gain_makes_n_m_of_currents():
     laws = dict.fromkeys(NAMES, Law())
     current = replace(short(), effort=short().effort * np.array([1, 0.07, 1, 1, 1, 1]))
