@@ -154,7 +154,7 @@ def _balance(
             free[order[r], f] = -A[r, nr + f]
     if t.shifts > 0:
         left = np.empty((ny, free.shape[1] - t.shifts))
-        if not _share_work(t, total_effort, J, free, y, left):
+        if not share_work(t, total_effort, J, free, y, left):
             return False
         free = left
         if free.shape[1] == 0:
@@ -166,7 +166,7 @@ def _balance(
 
 
 @kernel
-def _share_work(
+def share_work(
     t: EffortTables, total_effort: np.ndarray, J: np.ndarray, free: np.ndarray, y: np.ndarray,
     left: np.ndarray,
 ) -> bool:  # fmt: skip

@@ -127,8 +127,7 @@ def solve_state(
         if ws.scene.loops:  # what an integrator hands to an effort function obeys them roughly
             check_closed(ws.scene, q, v, slack=1e3)
         ws.solve(q, v, effort, applied)
-    if ws.tables.guides.size:
-        ws.check_roll_moments(ws.wrench)
+    ws.check_roll_moments(ws.wrench)
 
 
 def _solved_as_given(

@@ -54,14 +54,14 @@ def solve_linkage(
         scene, layout, states, applied, whole, velocity, reversal, threads
     )
     check_roll_moments(scene, wrench, whole.start)
-    drive_rates = actuator_rates(scene, states, rates, around)
+    rates_of_drives = actuator_rates(scene, states, rates, around)
     if scene.mobility.undriven:  # friction at rest must balance it, too: what it can do is less
         rests = reversal | (site_speeds(layout, velocity) <= layout.laws.stick_velocity)
         answer.exact[(rests & layout.laws.dry).any(axis=1)] = False
     na, undriven = len(scene.drives), answer.lower[:, len(scene.drives) :]
     check_undriven(scene, states, whole, undriven, answer.upper[:, na:])
     efforts = answer.lower[:, :na], answer.upper[:, :na]
-    torques = motor_torques(scene, states, whole, efforts, *drive_rates)
+    torques = motor_torques(scene, states, whole, efforts, *rates_of_drives)
     return InverseResult(
         scene=scene,
         states=states.part(whole),
@@ -83,8 +83,8 @@ def solve_linkage(
         multipliers=multipliers,
         interval_exact=answer.exact,
         redundant=layout.solved - layout.off_joint > scene.model.nv - layout.freedoms,
-        actuator_velocity=drive_rates[0][inner],
-        actuator_acceleration=drive_rates[1][inner],
+        actuator_velocity=rates_of_drives[0][inner],
+        actuator_acceleration=rates_of_drives[1][inner],
     )
 
 

@@ -132,7 +132,7 @@ def make_layout(scene: Scene, motors: bool = False) -> Layout:
     linkage, sites, t = scene.linkage, scene.sites, scene.site_tables
     n_tree = scene.model.njoints - 1
     drive_v = np.array([d.velocity_index for d in scene.drives], dtype=np.int64)
-    drive_action = np.array([getattr(d, "column", -1) for d in scene.drives], dtype=np.int64)
+    drive_action = np.array([d.column for d in scene.drives], dtype=np.int64)
     part, cost, shifts = _shares(scene, drive_v)
     bearings = [site.friction.bearing for site in sites]
     levers = [None if bearing is None else bearing.roll_lever() for bearing in bearings]
@@ -277,7 +277,7 @@ def _gear_coordinates(
     gears = scene_gears(scene) if motors else gear_table([], [])
     entry, coordinate = np.full((2, len(drives)), -1, dtype=np.int64)
     for d in np.flatnonzero(loses(gears)):
-        key = int(drives[d].velocity_index), int(getattr(drives[d], "column", -1))
+        key = int(drives[d].velocity_index), drives[d].column
         if drives[d].couples:
             key = -1, -2 - int(d)
         if key[1] >= 0 and scene.linkage is not None:  # friction acts along the same line

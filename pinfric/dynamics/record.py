@@ -56,11 +56,10 @@ class Recorder:
             SimulationError: a guide without width is loaded by a moment about its axis.
         """
         ws = self.system.ws
-        if ws.tables.guides.size:
-            try:
-                ws.check_roll_moments(ws.wrench)
-            except RollMomentError as problem:
-                raise timed(problem, t) from None
+        try:
+            ws.check_roll_moments(ws.wrench)
+        except RollMomentError as problem:
+            raise timed(problem, t) from None
         torque = (
             self.system.u / ws.tables.gears.ratio if ws.given == "motor_torque" else np.zeros(0)
         )

@@ -256,8 +256,7 @@ class Solver:
         while not rub(self._argument.now):
             self._mend()
             self._ws.supplier.balance(self._q, self._v, self._a)
-        if self._ws.tables.guides.size:
-            self._ws.check_roll_moments(self._found.wrench)
+        self._ws.check_roll_moments(self._found.wrench)
         return self._found
 
     def _inverse_of_batch(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:

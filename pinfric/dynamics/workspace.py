@@ -6,7 +6,6 @@ import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import product
 from math import hypot
 from typing import NoReturn, cast
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from pinfric.dynamics.gearing import FEW_PASSES, MOST_PASSES, refit
 from pinfric.dynamics.layout import make_layout
+from pinfric.dynamics.locking import LockingGears
 from pinfric.dynamics.machine import (
     Machine,
     box_layout,
@@ -63,15 +63,10 @@ from pinfric.friction.modes import (
 from pinfric.friction.rest import Mechanism
 from pinfric.model.closure import RANK, close
 from pinfric.model.compiled import KernelArgument, is_ready
-from pinfric.model.drives import gear_jam, may_lock
+from pinfric.model.drives import gear_jam
 from pinfric.model.loops import Linkage, no_linkage, stand_still
 from pinfric.model.scene import Scene
 
-#: So many self-locking gears at rest are let hold and slip in all ways (3^n searches at most, of
-#: six 0.7 s); loads that are more than any.
-_MOST_WEDGED, _MUCH = 6, 1e6
-#: How: beyond the loads at which it slips, on the other side; between them, on a line that falls.
-_OTHERWISE, _FALLS = 1, 2
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
 _STOP = 100.0
 
@@ -141,7 +136,7 @@ class Workspace:
             w.a, w.effort, w.phi, w.load, w.wrench
         )  # fmt: skip
         self._geared = bool((t.gear_coordinate >= 0).any())
-        self._locks = np.flatnonzero(may_lock(t.gears))
+        self._locking = LockingGears(t, w, self.modes)
         self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
         self.multipliers = w.multiplier
         names = zip(scene.site_names, t.coordinate.tolist(), strict=True)
@@ -467,99 +462,17 @@ class Workspace:
         return self._settle_or_slip(attempt, thorough=True)
 
     def _settle_or_slip(self, attempt: Callable[[], Found], thorough: bool) -> Found:
-        """Settle a search; where things slip, let self-locking gears hold or slip otherwise, too.
-
-        One that motor and load push the same way holds little and much load, and slips between: on
-        lines that fall, which a search does not find that takes what slips to oppose its push.
-
-        Args:
-            attempt: searches the modes of what is at rest.
-            thorough: True: of all answers the one in which least slips; False: the first.
-        """
-        start, m, w = self.modes.copy(), self.modes, self.work
-        found = self._settle(attempt)
-        if not self._locks.size or (
-            found == Found.SOLVED and not (thorough and self._slipping(start))
-        ):
-            return found
-        fewest = self._slipping(start) if found == Found.SOLVED else len(m.stuck) + 1
-        best = found, m.copy(), w.gear_way.copy(), w.delivered.copy()
-        lines = best[2:]
-        m.take(start)
-        self._couple()
-        wedged = self._wedged(start.at_rest)[:_MOST_WEDGED]
-        choices = sorted(product((0, _OTHERWISE, _FALLS), repeat=len(wedged)),
-                         key=lambda each: (each.count(_FALLS), sum(each)))  # fmt: skip
-        for choice in choices[1:]:
-            if choice.count(_FALLS) >= fewest:
-                break
-            m.take(start)
-            w.gear_way[:], w.delivered[:] = lines
-            for d, how in zip(wedged, choice, strict=True):
-                self._wedge(d, how)
-            self._couple()
-            other, slipping = self._settle(attempt), self._slipping(start)
-            falls = [self.tables.gear_coordinate[d] for d, how in zip(wedged, choice, strict=True)
-                     if how == _FALLS]  # fmt: skip
-            slips = bool((m.direction[falls] * m.rate[falls] >= 0.0).all())
-            if other == Found.SOLVED and slips and slipping < fewest:
-                fewest = slipping
-                best = other, m.copy(), w.gear_way.copy(), w.delivered.copy()
-        return self._settled(*best)
-
-    def _settled(
-        self, found: Found, modes: Modes, gear_way: np.ndarray, delivered: np.ndarray
-    ) -> Found:
-        """Return to an answer, and write its coupled problem and solution."""
-        m, w, c_of = self.modes, self.work, self.tables.gear_coordinate
-        m.take(modes)
-        w.gear_way[:], w.delivered[:] = gear_way, delivered
-        m.at_rest[c_of[self._locks]] = False  # it is decided: lines that fall are followed
-        self._couple()
-        if found != Found.SOLVED:
+        """Settle a search, with self-locking gears in every way: `LockingGears.search`."""
+        found, again = self._locking.search(lambda: self._settle(attempt), self._couple, thorough)
+        if not again:
             return found
         if self.closed:
-            return only_candidate(*rest.solve(self.problem, m, self.mechanism))
-        return only_candidate(*solve(self.problem, m))
+            return only_candidate(*rest.solve(self.problem, self.modes, self.mechanism))
+        return only_candidate(*solve(self.problem, self.modes))
 
     def ways_to_hold(self) -> Iterator[bool]:
-        """Yield with each choice of loads that self-locking gears hold; then the first again.
-
-        What is yielded: whether these are all choices that there are.
-        """
-        wedged, delivered = self._wedged(self.modes.stuck), self.work.delivered.copy()
-        every = len(wedged) <= _MOST_WEDGED
-        wedged = wedged[:_MOST_WEDGED]
-        yield every
-        for choice in list(product((0, _OTHERWISE), repeat=len(wedged)))[1:]:
-            self.work.delivered[:] = delivered
-            for d, how in zip(wedged, choice, strict=True):
-                self._wedge(d, how)
-            self._couple()
-            yield every
-        self.work.delivered[:] = delivered
-        self._couple()
-
-    def _wedged(self, rests: np.ndarray) -> list[int]:
-        """The self-locking gears at rest (nc,) that motor and load push the same way, or may."""
-        c_of, held = self.tables.gear_coordinate, self.work.held
-        return [int(d) for d in self._locks if c_of[d] >= 0 and rests[c_of[d]]
-                and np.isfinite(held[d]).any()]  # fmt: skip
-
-    def _slipping(self, start: Modes) -> int:
-        """How many coordinates slip that were at rest."""
-        return int((start.at_rest & ~self.modes.stuck).sum())
-
-    def _wedge(self, d: int, how: int) -> None:
-        """Let a self-locking gear hold the load beyond those at which it slips, or slip there."""
-        m, w, c = self.modes, self.work, self.tables.gear_coordinate[d]
-        much = _MUCH * w.push_size[0]
-        if how == _OTHERWISE:
-            w.delivered[d] = much if w.held[d, 0] == -np.inf else -much
-        elif how == _FALLS:
-            m.at_rest[c] = m.stuck[c] = False
-            m.direction[c] = w.gear_way[d] = np.sign(w.arriving[d])
-            w.delivered[d] = -m.direction[c] * much
+        """Let self-locking gears hold in one way after the other: `LockingGears.ways_to_hold`."""
+        return self._locking.ways_to_hold(self._couple)
 
     def _settle(self, attempt: Callable[[], Found]) -> Found:
         """Repeat a search until every gear follows the line that it was made with."""
@@ -683,10 +596,10 @@ class Workspace:
     # ------------------------------------------------------------ what cannot be
 
     def check_roll_moments(self, wrench: np.ndarray) -> None:
-        """Refuse a moment about the axis that a bearing cannot carry (beyond rounding).
+        """Do what `reactions.check_roll_moments` does, of one state: at a tenth of its cost.
 
         Args:
-            wrench: (ns, 6) at the sites.
+            wrench: (ns, 6) at the sites, N and N m.
 
         Raises:
             RollMomentError: see there.
@@ -753,14 +666,14 @@ class Workspace:
         Raises:
             GearJam: see `gear_jam`.
         """
-        if self._locks.size and (jam := self._jam()):
+        if self._locking.gears.size and (jam := self._jam()):
             raise jam
 
     def _jam(self) -> GearJam | None:
         """The error of a self-locking gear that moves, and may have no acceleration, or several."""
         t, w = self.tables, self.work
         moves = np.array([c < 0 or not w.stuck[c] for c in t.gear_coordinate], dtype=bool)
-        if not moves[self._locks].any():
+        if not moves[self._locking.gears].any():
             return None
         inertia, J = np.array(w.M), w.J[0, t.off_joint : t.solved]
         rises = w.slope > 0.0

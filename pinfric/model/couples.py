@@ -42,7 +42,7 @@ def drive_rates(drives: Sequence[Drive], v: np.ndarray, along: np.ndarray) -> np
     rates = np.empty((len(v), len(drives)))
     for d, drive in enumerate(drives):
         own = drive.velocity_index
-        rates[:, d] = v[:, own] if own >= 0 else along[:, getattr(drive, "column", 0)]
+        rates[:, d] = v[:, own] if own >= 0 else along[:, drive.column]
         for other, factor in drive.couples:
             rates[:, d] += factor * v[:, other]
     return rates

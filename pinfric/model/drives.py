@@ -38,6 +38,7 @@ class Drive:
         transmission: None for an ideal drive of ratio 1 (motor torque = effort).
         share: w of the sum of effort^2 / w that redundant drives make least; None: not said.
         couples: (column of v, factor) of other joints that turn it, too (`couples`).
+        column: of a drive off the joints, its column among the actions; -1 of one on a joint.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Drive:
     transmission: Transmission | None = None
     share: float | None = None
     couples: tuple[tuple[int, float], ...] = ()
+    column: int = -1
 
 
 class Gears(NamedTuple):

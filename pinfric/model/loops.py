@@ -58,12 +58,10 @@ class OffJointDrive(Drive):
     """A drive that does not sit on a joint of the tree; `velocity_index` is -1.
 
     Attributes:
-        column: its column among the actions.
         unit: of its effort: "N" along a cylinder, a force or a loop that slides, "N m" about a
             loop's axis.
     """
 
-    column: int = 0
     unit: str = "N"
 
 

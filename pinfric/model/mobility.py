@@ -82,7 +82,7 @@ def mobility_of_linkage(
                 raise SceneError(f"{source}: loops.{loop.name}: the axes of its sides differ by "
                                  f"{state.tilt[0, row]:.3g} rad; {doubts[loop.name]}")  # fmt: skip
         J = action_maps(twin, linkage, state.p, state.R)[1][0]
-        S = [J[getattr(drive, "column", 0)] if drive.velocity_index < 0
+        S = [J[drive.column] if drive.velocity_index < 0
              else np.eye(twin.nv)[drive.velocity_index] for drive in drives]  # fmt: skip
         closed = J[linkage.lambdas]
         rows = np.concatenate([closed, np.array(S).reshape(-1, twin.nv)])

@@ -8,6 +8,8 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
 from pinfric.dynamics.closure import working_rates
+from pinfric.dynamics.effort_maps import EffortTables, share_work
+from pinfric.dynamics.layout import make_inverse_layout
 from pinfric.errors import SceneError, StateError, UndrivenMotionError
 
 CART, POLE, LENGTH = 2.0, 0.5, 0.6
@@ -122,6 +124,17 @@ def test_a_motion_that_an_undriven_joint_does_not_do_is_refused_with_joint_sampl
 def test_a_pole_that_hangs_without_friction_needs_no_drive_whatever_its_digits(digits):
     q = np.array([0.0, round(-np.pi / 2, digits)])
     assert pf.inverse_dynamics(cart_pole({}), q, np.zeros(2), np.zeros(2)).effort_upper == 0.0
+
+
+def test_a_pole_swung_without_gravity_needs_no_drive_whatever_its_digits():
+    """Rounding is measured by what accelerates, too, not by weights alone."""
+    scene = cart_pole({}).with_(gravity=np.zeros(3))
+    q, v = np.array([0.0, 0.4]), np.array([0.5, 3.0])
+    a = pf.forward_dynamics(scene, q, v, np.array([5.0])).a
+    found = pf.inverse_dynamics(scene, q, v, a.round(6))
+    np.testing.assert_allclose(found.effort_lower, [[5.0]], rtol=1e-6)
+    with pytest.raises(UndrivenMotionError, match="pole"):
+        pf.inverse_dynamics(scene, q, v, a.round(2))
 
 
 def test_friction_at_rest_of_an_undriven_joint_is_what_balances_it():
@@ -258,6 +271,26 @@ def test_three_motors_of_a_four_bar_are_what_lstsq_makes_of_one_freedom(kind):
     np.testing.assert_allclose(found.effort_lower[0], with_friction, rtol=1e-9)
     back = pf.forward_dynamics(scene, q, v[0], found.effort_lower[0])
     np.testing.assert_allclose(back.a, a[0], rtol=1e-9, atol=1e-9)
+
+
+def test_what_sharing_leaves_free_moves_no_drive_in_any_basis():
+    """Unknowns that share work, mixed with redundant reactions: each solved in its own space."""
+    drives = [{"joint": joint, "share": w} for joint, w in zip("OAC", (1, 3, 0.5), strict=True)]
+    tables = EffortTables.of(make_inverse_layout(four_bar(kind="revolute")[0].with_(
+        actuators=drives)))  # fmt: skip
+    chance = np.random.default_rng(1)
+    ny, nv = 6, 3
+    J, y, total = (chance.normal(size=shape) for shape in ((ny, nv), (ny, 2), nv))
+    by_y = -tables.part[:, None] * J[:, tables.drive_v].T  # of the drives' efforts
+    still = np.linalg.svd(by_y)[2][3:].T
+    moving = chance.normal(size=(ny, tables.shifts))
+    free = np.hstack((moving, still)) @ chance.normal(size=(tables.shifts + still.shape[1],) * 2)
+    left = np.empty((ny, free.shape[1] - tables.shifts))
+    assert share_work(tables, total, J, free, y, left)
+    np.testing.assert_allclose(by_y @ left, 0.0, atol=1e-12)
+    assert np.linalg.matrix_rank(left) == still.shape[1]
+    effort = by_y @ y[:, 0] + tables.part * total[tables.drive_v]
+    np.testing.assert_allclose((by_y @ moving).T @ (tables.cost * effort), 0.0, atol=1e-12)
 
 
 def test_two_motors_at_the_joint_that_closes_a_loop():

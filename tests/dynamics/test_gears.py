@@ -79,6 +79,16 @@ def test_a_worm_at_rest_with_a_bearing_holds_over_the_whole_interval_of_its_load
     assert forward(scene, 0.0, -(22.62 + 1e3) / 50).a[0] < 0.0
 
 
+@pytest.mark.parametrize("u", [0.0, 100.0])
+def test_a_worm_that_holds_any_load_leaves_its_bearing_the_middle_of_its_limits(u):
+    """Bearing: -10 to 2, so -4; the gear has the rest, t - 4 = 98.1."""
+    ways = {"positive": {"static": 10.0, "kinetic": 8.0},
+            "negative": {"static": 2.0, "kinetic": 1.0}}  # fmt: skip
+    found = forward(hoist(WORM, friction=ways), 0.0, u / 50)
+    assert found.a[0] == 0.0
+    assert [found.effort[0], found.friction[0]] == pytest.approx([102.1, -4.0], rel=1e-12)
+
+
 @pytest.mark.parametrize("excess", [1e-9, -1e-9])
 def test_a_worm_lowers_its_load_if_its_rotor_is_heavy_enough_and_else_jams(excess):
     """t = M a + h, I a + eta_b t = u + n while lowering: I > -eta_b M = 2 decides.

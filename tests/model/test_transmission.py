@@ -86,6 +86,14 @@ def test_cold_is_a_factor_on_what_grows_with_the_speed():
     assert fitted.rise == pytest.approx(cold.rise, rel=1e-3)
 
 
+def test_losses_that_grow_faster_than_their_power_leave_no_gain_at_rest():
+    """1/eta - 1 = 0.10, 0.22 at w, 2 w: the line through them is -0.02 at 0; d = 0.54/(5 w)."""
+    curve = {"over_speed": [[100.0, 1 / 1.10], [200.0, 1 / 1.22]], "load": 40.0, "exponent": 1.0}
+    loss = driving_loss(transmission(efficiency=curve, back_efficiency=0.9))
+    assert loss.constant == 0.0
+    assert loss.rise == pytest.approx(0.54 / 500.0)
+
+
 CURVE = [[10.0, 0.55], [20.0, 0.70], [40.0, 0.80]]
 
 

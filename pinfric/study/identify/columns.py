@@ -213,12 +213,12 @@ def bearings_only(scene: Scene) -> Scene:
 def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
     """Return one joint's rows in all logs.
 
+    In a direction in which it hardly slides Coulomb friction is taken as in the other one.
+
     Args:
         every: the logs.
         joint: its column.
         delay: s by which the logged effort lags behind the motion.
-
-    In a direction in which it hardly slides Coulomb friction is taken as in the other one.
     """
     parts, first = [], 0
     for number, one in enumerate(every):

@@ -118,9 +118,9 @@ class Normal:
         p = grams[0].products.shape[1] - K - 1
         found = cls(np.zeros((p, p)), np.zeros((p, nj * K)), np.zeros((nj * K, nj * K)),
                     np.zeros(p), np.zeros(nj * K),
-                    sum(float(gram.count[blocks].sum()) for gram in grams))  # fmt: skip
-        for j, (gram, weight) in enumerate(zip(grams, weights, strict=True)):
-            s = weight * gram.products[blocks].sum(axis=0)
+                    sum(float(own.count[blocks].sum()) for own in grams))  # fmt: skip
+        for j, (own, weight) in enumerate(zip(grams, weights, strict=True)):
+            s = weight * own.products[blocks].sum(axis=0)
             place = slice(j * K, (j + 1) * K)
             found.rigid[:] += s[:p, :p]
             found.right_rigid[:] += s[:p, -1]

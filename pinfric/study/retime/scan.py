@@ -402,7 +402,10 @@ def _goes_on(s: Scan, j: int, x: float, limit: float) -> bool:
 
 @kernel
 def _greatest_start(s: Scan, j: int, guess: float, most: float, limit: float) -> float:
-    """The greatest x <= most that `_goes_on`, or -1: levels below a guess, then bisection."""
+    """The greatest x <= most that `_goes_on`, or -1: levels below a guess, then bisection.
+
+    A loop of its own: `_goes_on` calls `_greatest`, and kernels do not call themselves.
+    """
     for k in range(_LEVELS + 1):
         good, bad = guess * (1.0 - k / _LEVELS), min(guess * (1.0 - (k - 1) / _LEVELS), most)
         if _goes_on(s, j, good, limit):

@@ -80,10 +80,10 @@ class _Barrier:
     def __init__(self, problem: Problem, cycle: Cycle) -> None:
         grid = problem.grid
         constant = replace(problem, constant=np.ones(len(grid.step), dtype=bool))
-        self.scan, self.cycle = box_scan(tuple(constant.scan())), cycle
+        scan = constant.scan()
+        self.scan, self.cycle = box_scan(tuple(scan)), cycle
         self.names = problem.scene.actuator_names
         self.step, self.free = grid.step, ~grid.stop
-        scan = constant.scan()
         top = np.minimum(scan.top[np.append(scan.start, scan.end[-1])],
                          scan.top[np.append(scan.start[0], scan.end)])  # fmt: skip
         self.top = np.where(top < 1e14, top, np.inf)

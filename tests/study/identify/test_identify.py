@@ -30,6 +30,7 @@ from pinfric.errors import IdentificationError
 from pinfric.show.identification_page.page import identification_page
 from pinfric.show.replay.frames import make_frames
 from pinfric.study.identify.advice import advice_text
+from pinfric.study.identify.delay import common_delay
 from pinfric.study.identify.files import posterior_text
 from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.identify.laws import Law
@@ -261,6 +262,15 @@ def test_two_logs_say_how_much_friction_differs_between_them():
     assert "efforts' delay by each log alone, with standard error: log " in "\n".join(found.said)
     viscous = parameter(found, "friction", 5, "viscous")
     assert viscous.standard_error > 0.8 * found.spread[NAMES[5]] * viscous.value
+
+
+def test_logs_that_differ_in_their_delay_by_more_than_they_know_leave_it_open():
+    near = common_delay([(0.0040, 1e-3), (0.0050, 1e-3)])
+    assert near.value == pytest.approx(0.0045)
+    assert near.standard_error == pytest.approx(1e-3 / np.sqrt(2))
+    far = common_delay([(0.0, 1e-3), (0.010, 1e-3)])
+    assert far.standard_error == pytest.approx(0.010 / 2)  # of the two values' own mean
+    assert (far.value, far.determined) == (0.0, False)
 
 
 def test_a_log_that_never_is_fast_says_that_speeds_are_extrapolated():

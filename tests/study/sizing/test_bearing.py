@@ -16,6 +16,7 @@ from pinfric.study.sizing.bearing import (
     bearing_life,
     bearing_load,
     equivalent_load,
+    joint_loads,
     static_load,
 )
 from pinfric.study.sizing.catalog import load_catalog
@@ -128,6 +129,20 @@ def test_friction_and_payload_phases(tmp_path):
         joint, found = judged(other, motion, one_drive(tmp_path, gear={"bearing": CROSSED}))
         assert found["bearing axial force"].required == pytest.approx(5 * 9.81)
         assert joint.demand.bearing.moment == pytest.approx(5 * 9.81 * 0.4, rel=0.02)
+
+
+def test_friction_further_out_is_not_taken_for_the_joints_own():
+    """Wrenches are known where something rubs: here at the second of two joints only."""
+    model = boom().model.copy()
+    outer = model.addJoint(1, pin.JointModelRX(), pin.SE3(np.eye(3), np.ones(3)), "outer")
+    model.appendBodyToJoint(
+        outer, pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.eye(3)), pin.SE3.Identity()
+    )
+    pinned = {"bearing": {"kind": "pin", "radius": 0.02}, "mu": {"static": 0.1, "kinetic": 0.1}}
+    q, v, a = np.array([[0.3, 0.5], [0.1, 2.0], [1.0, -3.0]])
+    loads = [joint_loads(pf.inverse_dynamics(pf.Scene(model=model, friction=rubs), q, v, a), 0)
+             for rubs in ({}, {"outer": pinned})]  # fmt: skip
+    np.testing.assert_allclose(*loads, rtol=1e-12)
 
 
 def test_a_joints_own_bearing_carries_instead_of_the_gears(tmp_path):

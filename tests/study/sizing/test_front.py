@@ -133,6 +133,19 @@ def test_no_set_is_better_than_those_found(tmp_path):
     assert not any("poor" in drive for s in report.sets for drive in s.drives.values())
 
 
+def test_a_motor_whose_copper_loss_is_not_known_betters_none_whose_is(tmp_path):
+    """It seems to draw less, for its loss is not in the sum."""
+    silent = {k: v for k, v in MOTORS["light"].items() if k != "resistance"}
+    motors = {"light": MOTORS["light"], "silent": {**silent, "mass": 0.4, "price": 200.0}}
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors, {"G": {**GEAR, "price": 50}}))
+    scene = turntable()
+    report = pf.size(scene, trapezoid(scene), catalog, conditions={"inertia_ratio": 100})
+    silent, light = report.sets
+    assert (silent.copper, light.copper) == (False, True)
+    assert silent.mass < light.mass
+    assert silent.energy < light.energy
+
+
 def test_the_next_smaller_says_what_it_lacks(tmp_path):
     motors = {
         "small": {**MOTOR, "mass": 0.3, "continuous_torque": 0.06, "thermal": None},
