@@ -69,6 +69,8 @@ from pinfric.model.scene import Scene
 
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
 _STOP = 100.0
+#: Eigenvalues of slopes are rounding below this many times the largest.
+_ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -412,8 +414,10 @@ class Workspace:
             return
         here = self.modes.stuck | self.modes.at_rest
         size, axes = np.linalg.eigh(self.problem.rate_slope[np.ix_(here, here)])
-        self.mechanism.factor = np.zeros((len(size), len(here)))
-        self.mechanism.factor[:, here] = np.sqrt(np.maximum(size, 0.0))[:, None] * axes.T
+        size[size < _ROUNDING * size.max(initial=0.0)] = 0.0
+        rows = min(len(size), len(self.mechanism.factor))  # as many as freedoms, the largest
+        self.mechanism.factor = np.zeros_like(self.mechanism.factor)
+        self.mechanism.factor[:rows, here] = (np.sqrt(size)[:, None] * axes.T)[len(size) - rows :]
 
     def facing(self, rates: np.ndarray) -> np.ndarray:
         """Return the direction (nc,) in which each coordinate slips; a ball has a vector."""

@@ -37,11 +37,12 @@ def share(
     # with one freedom w is known
     w = b / size if len(b) == 1 else _weakest(A, b / size, limit, same, w)
     rounding = _SMOOTH * np.sqrt(same @ (A**2).sum(axis=0))
-    weight = limit / np.sqrt(same @ (A.T @ w) ** 2 + rounding**2 + 1e-300)
-    H, x = (A * weight) @ A.T, np.zeros(len(limit))
+    # as the root: weights differ by 1e12 where one limit is more than any, squares lose directions
+    root = np.sqrt(limit / np.sqrt(same @ (A.T @ w) ** 2 + rounding**2 + 1e-300))
+    scaled, x = A * root, np.zeros(len(limit))
     for _ in range(2):  # once more for what rounding left
-        x += weight * (A.T @ np.linalg.lstsq(H, b - A @ x, rcond=1e-15)[0])
-    return x, w
+        x += root * np.linalg.lstsq(scaled, b - A @ x, rcond=1e-15)[0]
+    return x + np.linalg.lstsq(A, b - A @ x, rcond=RANK)[0], w
 
 
 def share_one(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import gantry, random_friction, random_states, random_tree
+from scipy.optimize import linprog
 
 import pinfric as pf
 from pinfric.errors import PinfricError, SceneError
@@ -262,3 +264,84 @@ actuators: [{joint: wrist_2_joint}, {joint: wrist_3_joint, couples: {wrist_2_joi
     assert told.peak_change != 0.0
     with pytest.raises(PinfricError, match="the drive 'j2' is coupled with another joint"):
         pf.export(scene)
+
+
+def _wrist() -> pin.Model:
+    """Four joints: upright, two across, along the last link."""
+    model, parent = pin.Model(), 0
+    bodies = [(pin.JointModelRZ(), (0, 0, 0.3), 4.0, (0.02, 0, 0.1), (0.03, 0.04, 0.05)),
+              (pin.JointModelRY(), (0, 0, 0.2), 3.0, (0.2, 0.01, 0), (0.01, 0.05, 0.045)),
+              (pin.JointModelRY(), (0.4, 0, 0), 2.0, (0.15, 0, 0.02), (0.008, 0.02, 0.025)),
+              (pin.JointModelRX(), (0.3, 0, 0.02), 1.2, (0.05, 0.03, -0.02),
+               (0.004, 0.006, 0.005))]  # fmt: skip
+    for n, (kind, place, mass, com, inertia) in enumerate(bodies):
+        parent = model.addJoint(
+            parent, kind, pin.SE3(np.eye(3), np.array(place, float)), f"j{n + 1}"
+        )
+        body = pin.Inertia(mass, np.array(com, float), np.diag(inertia))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    return model
+
+
+def _something_holds(
+    S: np.ndarray, gravity: np.ndarray, most: np.ndarray, ratio: np.ndarray, torque: np.ndarray
+) -> bool:
+    """Whether efforts u exist, each held by its worm, and friction, that balance gravity.
+
+    A worm of efficiency 0.7 that nothing drives back holds x = u / ratio where the motor's torque
+    lies from 0 to x / 0.7, widened by 0.02 N m: linear for each choice of the signs of x.
+    """
+    for signs in product((1.0, -1.0), repeat=4):
+        rows, bounds = [], []
+        for i, sign in enumerate(signs):
+            x = np.zeros(8)
+            x[i] = sign / ratio[i]
+            rows += [-x, -x / 0.7]
+            bounds += [0.0, 0.02 - sign * torque[i]]
+            if sign * torque[i] < -0.02:
+                rows.append(0 * x)
+                bounds.append(-1.0)
+        found = linprog(np.zeros(8), A_ub=np.array(rows), b_ub=bounds, b_eq=gravity,
+                        A_eq=np.hstack([S.T, np.eye(4)]),
+                        bounds=[(None, None)] * 4 + [(-f, f) for f in most])  # fmt: skip
+        if found.status == 0:
+            return True
+    return False
+
+
+@pytest.mark.parametrize(("q", "torque"), [
+    ((-0.629198, 0.63182042, -1.52974933, 0.58649888),
+     (0.04366365, 0.4752141, -0.02715205, 0.10457133)),
+    ((-1.33137549, -0.01821387, -0.47555035, -1.36471367),
+     (0.1070537, 0.38480338, -0.26479378, 0.09757029)),
+    ((0.735286691243179, 0.37541423630285253, 0.48453662476500625, 1.458235566779575),
+     (0.13083736386044004, 0.5718054253571943, 0.02803052705379918, 0.004354420561207932)),
+    ((0.2, 1.5707963, 0.0, 0.3), (0.0, 0.05, -0.05, 0.0)),
+])  # fmt: skip
+def test_coupled_worms_hold_where_something_holds(
+    q: tuple[float, ...], torque: tuple[float, ...]
+) -> None:
+    """Against linear programs; a limit without bound hid what the others cannot hold."""
+    most, ratio = np.array([4.0, 5.0, 2.0, 1.0]), np.array([60.0, -60.0, 60.0, -60.0])
+    gear = {
+        "efficiency": 0.7,
+        "back_efficiency": 0.0,
+        "no_load_torque": 0.02,
+        "rotor_inertia": 1e-4,
+    }
+    names = [f"j{n}" for n in range(1, 5)]
+    scene = pf.Scene(
+        _wrist(),
+        friction={name: {"coulomb": {"static": f, "kinetic": 0.7 * f}}
+                  for name, f in zip(names, most, strict=True)},
+        actuators=[{"joint": name, "couples": {"j2": -0.45} if name == "j4" else {},
+                    "transmission": {"ratio": r, **gear}}
+                   for name, r in zip(names, ratio, strict=True)],
+    )  # fmt: skip
+    S, state = np.eye(4), np.array(q)
+    S[3, 1] = -0.45
+    gravity = pin.computeGeneralizedGravity(scene.model, scene.model.createData(), state)
+    holds = _something_holds(S, gravity, most, ratio, np.array(torque))
+    found = pf.forward_dynamics(scene, state, np.zeros(4), motor_torque=np.array(torque))
+    assert (np.abs(found.a).max() < 1e-9) == holds
+    assert pf.holds(scene, state, motor_torque=np.array(torque)).held == holds
