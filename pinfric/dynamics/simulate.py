@@ -103,7 +103,8 @@ def simulate(
         SimulationError: an argument that cannot be, an effort function that raises, an integration
             that cannot go on. StateError: q0, v0 of a wrong shape or not finite.
         NoConsistentAcceleration, AmbiguousAcceleration, GearJam: with time and state. Until then
-            there is the error's `motion`; after Ctrl-C it is returned, status `interrupted`.
+            there is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
+            (before the first sample the interrupt goes on).
     """
     if unknown := numbers.keys() - Numbers.__annotations__.keys():
         raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
@@ -145,6 +146,8 @@ def _run(
         else:
             RegularizedIntegration(system, settings, record).run(q, v)
     except KeyboardInterrupt:
+        if not record.rows:  # before the first sample
+            raise
         return record.motion(INTERRUPTED, "stopped by the user")
     except (AccelerationError, SimulationError) as problem:
         if record.rows:

@@ -194,6 +194,15 @@ def test_ctrl_c_returns_what_was_computed(method):
     assert len(motion.t) == len(motion.q) == len(motion.friction) > 400
 
 
+def test_ctrl_c_before_the_first_sample_goes_on(monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pinfric.dynamics.simulate.EventIntegration", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        pf.simulate(slope(), [0.0], [3.0], [1.0], 1.0)
+
+
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
 def test_progress_is_told(method, capsys):
     seen: list[float] = []
