@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.crossing import first_crossing
+from pinfric.dynamics.integration import Integration, begin
 from pinfric.dynamics.record import Recorder, along
-from pinfric.dynamics.system import Chart, Settings, System, difference, finite
+from pinfric.dynamics.system import Settings, System, finite
 from pinfric.errors import AccelerationError, SimulationError
 from pinfric.friction.modes import Found
 
@@ -28,11 +29,11 @@ _CLEARLY = 1e-9
 _SHORTEST = 1e-12
 
 
-class EventIntegration:
+class EventIntegration(Integration):
     """One simulation with located events.
 
     Attributes:
-        t, y: present time (s) and state: coordinates xi (nv,) in `chart`, then v (nv,).
+        t, y: present time (s) and state (2 nv,).
         forward: (nc,) direction in which each coordinate's speed is watched: that of its slip.
         allowance: (nc,) how far a guard that was just handled may stay below zero.
         changed: (nc,) when (s) each coordinate changed its mode last.
@@ -40,12 +41,9 @@ class EventIntegration:
     """
 
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
-        self.system, self.settings, self.record = system, settings, record
-        self.ws = system.ws
-        self.linked = system.ws.scene.linkage is not None
+        super().__init__(system, settings, record)
         self.nc = len(self.ws.tables.dry)
         self.t, self.y = 0.0, np.zeros(0)
-        self.chart: Chart
         self.forward = np.zeros(self.nc)
         self.allowance = np.zeros(self.nc)
         self.changed = np.full(self.nc, -np.inf)
@@ -57,49 +55,26 @@ class EventIntegration:
         Args:
             q, v: (nq,), (nv,) at the start; coordinates at rest are set to exactly 0 velocity.
         """
-        model = self.ws.scene.loaded_model()
-        self.chart = Chart.at(model, q)
-        q, v = begin(self.system, self.record, q, v)
-        self.y = np.concatenate([self.chart.coordinates(q), v])
+        self.y = self.start(*begin(self.system, self.record, q, v))
         self._allow()
-        breaks = self.system.effort.breakpoints
-        ends = [*breaks[(breaks > 0.0) & (breaks < self.settings.t_end)], self.settings.t_end]
         first_step: float | None = None
-        for end in ends:
-            self.system.within(self.t, float(end), end in breaks)
+        for end in self.ends():
             if self.t > 0.0 and self.record.rows[-1][0] == self.t:
                 self._sample_now()  # what holds after the breakpoint
             while self.t < end:
-                first_step = self._smooth(float(end), first_step)
+                first_step = self._smooth(end, first_step)
         self._sample_now()
 
     def _sample_now(self) -> None:
-        q, v = self._state(self.y)
+        q, v = self.state(self.y)
         self.system.solve_given_modes(self.t, q, v)
         self.record.sample(self.t, q, v)
 
-    def _state(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nv = self.ws.nv
-        return self.chart.configuration(np.ascontiguousarray(y[:nv])), np.ascontiguousarray(y[nv:])
-
-    def _obeying(self, y: np.ndarray) -> np.ndarray:
-        """The state nearest to y in which loops are closed and what sticks is at rest."""
-        nv = self.ws.nv
-        before, v = self._state(y)
-        q, v = self.ws.obey(before, v)
-        moved = self.chart.rate(y[:nv], difference(self.chart.model, before, q))
-        return np.concatenate([y[:nv] + moved, v])
-
-    def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
-        """Return d(xi, v)/dt (2 nv,) in the present modes."""
-        nv = self.ws.nv
-        q, v = self._state(y)
+    def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return a (nv,) in the present modes."""
         if self.ws.locked and not v.any():
-            return np.zeros(2 * nv)
-        out = np.empty(2 * nv)
-        out[nv:] = self.system.solve_given_modes(t, q, v)
-        out[:nv] = self.chart.rate(y[:nv], v)
-        return out
+            return np.zeros(self.ws.nv)
+        return self.system.solve_given_modes(t, q, v)
 
     def _smooth(self, end: float, first_step: float | None) -> float | None:
         """Integrate until the modes change, the chart must move or `end`; return the next step."""
@@ -126,7 +101,7 @@ class EventIntegration:
             self.t, self.y = solver.t, solver.y.copy()
             self.allowance[self._guards_at_end >= 0.0] = 0.0
             if self.linked:  # what the integration leaves open is closed: no drift
-                self.y = self._obeying(self.y)
+                self.y = self.obeying(self.y)
                 solver.y, solver.f = self.y.copy(), self.rhs(solver.t, self.y)
                 self._watch()
             solver.max_step = min(longest, 2.0 * solver.max_step)
@@ -167,7 +142,7 @@ class EventIntegration:
             record.step_t.append(end)
             record.steps.append((polynomial, self.chart, self.ws.standing))
         for t in record.due(start, end):
-            q, v = self._state(polynomial(t))
+            q, v = self.state(polynomial(t))
             if self.linked and not (self.ws.locked and not v.any()):
                 q, v = self.ws.obey(q, v)
             self.system.solve_given_modes(t, q, v)
@@ -187,18 +162,18 @@ class EventIntegration:
         slips = dry & ~modes.stuck
         guards[slips] = self._advance(y)[slips]
         if modes.stuck.any():
-            self.system.solve_given_modes(t, *self._state(y))
+            self.system.solve_given_modes(t, *self.state(y))
             guards[modes.stuck] = self.ws.guards[modes.stuck]
         return guards
 
     def _advance(self, y: np.ndarray) -> np.ndarray:
         """(nc,) speed in the direction that is watched; of a ball, for its three coordinates."""
-        ahead = self.forward * self.ws.rates(*self._state(y))
+        ahead = self.forward * self.ws.rates(*self.state(y))
         return self.ws.summed(ahead)
 
     def _watch(self) -> None:
         """Watch every coordinate's speed in the direction in which it slips now."""
-        self.forward = self.ws.facing(self.ws.rates(*self._state(self.y)))
+        self.forward = self.ws.facing(self.ws.rates(*self.state(self.y)))
 
     def _slack(self) -> np.ndarray:
         """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
@@ -245,7 +220,7 @@ class EventIntegration:
         """One guard at one time."""
         if not self.ws.modes.stuck[c]:
             return float(self._advance(y)[c])
-        self.system.solve_given_modes(t, *self._state(y))
+        self.system.solve_given_modes(t, *self.state(y))
         return float(self.ws.guards[c])
 
     # ------------------------------------------------------------ changes of modes
@@ -259,7 +234,7 @@ class EventIntegration:
         if not fired.size:  # a ball that turned on: nothing changes its mode
             self._watch()
             return
-        q, v = self._state(self.y)
+        q, v = self.state(self.y)
         forced: dict[int, float] = {}
         if len(stopped) < len(fired):
             self.system.solve_given_modes(self.t, q, v)
@@ -286,10 +261,11 @@ class EventIntegration:
             raise ws.failure(found, q, v, self.system.u).at(self.t)
         ws.finish()
         self.changed[(modes.stuck != before.stuck) | (modes.direction != before.direction)] = self.t
-        self._note(before, stopped)
+        turned = np.isin(np.arange(self.nc), stopped) & (modes.direction != before.direction)
+        self.record.changes(self.t, before, turned)
         if self.linked:
-            self.y = self._obeying(self.y)
-            q, v = self._state(self.y)
+            self.y = self.obeying(self.y)
+            q, v = self.state(self.y)
             self.ws.stand(q)
         self.record.sample(self.t, q, v)
         self._allow()
@@ -304,30 +280,15 @@ class EventIntegration:
         In a mechanism others stop along, or none does, where a joint passes its dead centre.
         """
         if self.linked:
-            self.y = self._obeying(self.y)
+            self.y = self.obeying(self.y)
         if not slow:
             return []
-        q, v = self._state(self.y)
+        q, v = self.state(self.y)
         stopped = np.zeros(self.nc, dtype=bool)
         stopped[slow] = True
         v, stopped = self.ws.stop(q, v, stopped)
         self.y[self.ws.nv :] = v
         return [int(c) for c in np.flatnonzero(stopped & ~self.ws.modes.stuck)]
-
-    def _note(self, before: object, stopped: list[int]) -> None:
-        """Record what changed."""
-        record, ws = self.record, self.ws
-        assert isinstance(before, type(ws.modes))
-        record.phase(self.t)
-        for (name, c, _), now in zip(ws.places, ws.place_modes.tolist(), strict=True):
-            if not ws.tables.dry[c]:
-                continue
-            if ws.modes.stuck[c] and not before.stuck[c]:
-                record.event(self.t, name, "stick", 0)
-            elif before.stuck[c] and not ws.modes.stuck[c]:
-                record.event(self.t, name, "slip", now)
-            elif c in stopped and ws.modes.direction[c] != before.direction[c]:
-                record.event(self.t, name, "reversal", now)
 
     def _watch_accumulation(self) -> None:
         """Stop where events come ever closer together, or there are too many of them."""
@@ -347,16 +308,3 @@ class EventIntegration:
             f"{self.recent[-1] - self.recent[-_MANY]:.3g} s at t = {self.t:.12g} s, at joint "
             f"{', '.join(names)}: they accumulate; method 'timestepping' passes such a point"
         )
-
-
-def begin(
-    system: System, record: Recorder, q: np.ndarray, v: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Record t = 0; return the state with exactly 0 where a coordinate is slow: it stands there."""
-    ws = system.ws
-    speed = ws.speeds(ws.rates(q, v))
-    v = ws.stop(q, v, ws.tables.dry & (speed <= ws.tables.stick_velocity))[0]
-    system.solve(0.0, q, v)
-    record.phase(0.0)
-    record.sample(0.0, q, v)
-    return ws.stand(q), v

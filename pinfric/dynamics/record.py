@@ -10,6 +10,7 @@ from pinfric.dynamics.motion import Dense, Event, Motion
 from pinfric.dynamics.system import Chart, System, timed
 from pinfric.dynamics.workspace import Standing
 from pinfric.errors import RollMomentError
+from pinfric.friction.modes import Modes
 from pinfric.model.scene import Scene
 
 #: So far beyond its range (rad or m) a joint still stands at its end: rounding.
@@ -93,6 +94,22 @@ class Recorder:
     def event(self, t: float, name: str, kind: str, direction: float) -> None:
         """Note an event."""
         self.events.append(Event(float(t), name, kind, int(np.sign(direction))))
+
+    def changes(self, t: float, before: Modes, turned: np.ndarray) -> None:
+        """Note what came to rest, what left it and what turned (nc,) through it since `before`."""
+        ws = self.system.ws
+        self.phase(t)
+        if not (turned.any() or (ws.modes.stuck != before.stuck).any()):
+            return
+        for (name, c, _), now in zip(ws.places, ws.place_modes.tolist(), strict=True):
+            if not ws.tables.dry[c]:
+                continue
+            if ws.modes.stuck[c] and not before.stuck[c]:
+                self.event(t, name, "stick", 0)
+            elif before.stuck[c] and not ws.modes.stuck[c]:
+                self.event(t, name, "slip", now)
+            elif turned[c]:
+                self.event(t, name, "reversal", now)
 
     def watch_limits(
         self, start: float, end: float, configuration: Callable[[float], np.ndarray]

@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.event import begin
+from pinfric.dynamics.integration import begin
 from pinfric.dynamics.record import Recorder
 from pinfric.dynamics.system import Settings, System
 from pinfric.dynamics.workspace import Workspace
@@ -65,7 +65,9 @@ def step_through(
         if stopped:
             _hold_or_turn(system, end, q, at_end, before)
         ws.stand(q)
-        _note_changes(record, system, before, end if stopped else t)
+        turned = (ws.modes.direction * before.direction < 0.0) & ~ws.tables.ball
+        # what came to rest did so at the step's end, what left at its start
+        record.changes(end if stopped else t, before, turned)
         before = ws.modes.copy()
         record.watch_limits(t, end, _between(model, t, dt, start, q))
         if (k + 1) % stride == 0 or k + 1 == steps:
@@ -105,20 +107,3 @@ def _hold_or_turn(system: System, t: float, q: np.ndarray, v: np.ndarray, before
     if ws.search(held=before.stuck) != Found.SOLVED:
         ws.modes.take(stopped)  # the next step decides
     ws.finish()
-
-
-def _note_changes(record: Recorder, system: System, before: Modes, when: float) -> None:
-    """Note mode changes: what came to rest did so at the step's end, what left at its start."""
-    ws = system.ws
-    if (ws.modes.stuck == before.stuck).all() and (ws.modes.direction == before.direction).all():
-        return
-    record.phase(when)
-    for (name, c, ball), now in zip(ws.places, ws.place_modes.tolist(), strict=True):
-        if not ws.tables.dry[c]:
-            continue
-        if ws.modes.stuck[c] and not before.stuck[c]:
-            record.event(when, name, "stick", 0)
-        elif before.stuck[c] and not ws.modes.stuck[c]:
-            record.event(when, name, "slip", now)
-        elif ws.modes.direction[c] * before.direction[c] < 0.0 and not ball:
-            record.event(when, name, "reversal", now)
