@@ -132,14 +132,6 @@ class Bearing(Entry):
         """
         return self
 
-    @classmethod
-    def keys_and_kinds(cls) -> dict[str, Any]:
-        """See `Entry.keys_and_kinds`; of `Bearing` itself, the keys of all kinds."""
-        keys = super().keys_and_kinds()
-        for kind in KINDS.values() if cls is Bearing else ():
-            keys |= kind.keys_and_kinds()
-        return keys
-
     @model_validator(mode="wrap")
     @classmethod
     def _of_its_kind(cls, value: Any, read: ValidatorFunctionWrapHandler) -> Bearing:
@@ -151,12 +143,15 @@ class Bearing(Entry):
         if cls is Bearing:
             return _class_of(given).model_validate(given)
         kind, keys = given.get("kind"), cls.model_fields
-        if given.keys() <= Bearing.keys_and_kinds().keys():  # else pydantic names the others
-            for key in sorted(given.keys() - keys):
-                raise ValueError(f"a {kind} has no `{key}`; {choose_from(key, list(keys)[1:])}")
-            for key, field in keys.items():
-                if field.is_required() and key not in given:
-                    raise ValueError(f"a {kind} needs `{key}`")
+        if foreign := sorted(given.keys() - keys, key=str):
+            raise ValidationError.from_exception_data("Bearing", [
+                InitErrorDetails(type="value_error", loc=(key,), input=given[key], ctx={
+                    "error": f"a {kind} has no `{key}`; {choose_from(key, list(keys)[1:])}"})
+                for key in foreign
+            ])  # fmt: skip
+        for key, field in keys.items():
+            if field.is_required() and key not in given:
+                raise ValueError(f"a {kind} needs `{key}`")
         made: Bearing = read(given)
         for key in cls.sizes:
             question(f"bearing.{key}", getattr(made, key), 1.0, "m")

@@ -154,6 +154,9 @@ class Scene:
         set_(self, "loops", tuple(parse(Loop, x, f"{where}[{i}]") for i, x in listed_loops))
         where = f"{self.source}: loop_tolerance"
         set_(self, "loop_tolerance", parse(LoopTolerance, self.loop_tolerance, where))
+        if self.simulation is not None:
+            where = f"{self.source}: simulation"
+            set_(self, "simulation", parse(Simulation, self.simulation, where))
         self._check_bodies()
         self._check_payloads()
         doubts = self._align() if self.loops else {}

@@ -164,7 +164,7 @@ def test_they_are_effects_by_their_keys(tmp_path):
     ("friction", "says"),
     [
         (COLLAR.replace("weight", "wieght"),
-         "unknown key `friction.turn.bearing.wieght`; did you mean 'weight'"),
+         "`friction.turn.bearing.wieght`: a collar has no `wieght`; did you mean 'weight'"),
         (COLLAR.replace("weight", "radius"), "a collar has no `radius`; there are: weight"),
         (COLLAR.replace(", weight: 2.0", ""), "a collar needs `weight`"),
         (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*greater than or equal to 0"),
