@@ -99,8 +99,8 @@ def sets_table(report: SizingReport) -> Table | None:
          *([_price(found)] if priced else []), exchanged(found, report))
         for found in report.sets
     ]  # fmt: skip
-    least = " (≥: without the copper loss of some)"
-    title = "sets of drives that no other betters"
+    least = " (≥: without the copper loss of some, and compared without it)"
+    title = "sets of drives that no other one tried betters"
     title += least * any(not found.copper for found in report.sets)
     columns = (Column("mass\nkg"), Column(f"energy a\n{turn(report)}, J"),
                Column("peak of\nthe bus, W"), *([Column("price")] if priced else []),

@@ -143,10 +143,13 @@ def _unpowered(use: float | None, held: bool | None) -> Criterion:
 def _braked(
     shaft: tuple[float, float] | None, brakes: Mapping[str, Brake], factor: float, needed: bool
 ) -> tuple[str | None, Criterion]:
-    """The smallest brake that bears the worst end, and its criterion."""
+    """The brake of least torque that bears the worst end, of equal ones the lightest, then that of
+    least power; and its criterion. (Stops at speed are not looked at: few makers print limits.)"""
     wanted = None if shaft is None else factor * shaft[1]
     formula = f"{factor:g} max |T_m| at rest, friction helping least <= torque of the brake"
-    ranked = sorted(brakes, key=lambda name: brakes[name].torque)
+    unknown = np.inf
+    ranked = sorted(brakes, key=lambda name: (brakes[name].torque, brakes[name].mass or unknown,
+                                              brakes[name].power or unknown))  # fmt: skip
     name = next((n for n in ranked if wanted is not None and brakes[n].torque >= wanted), None)
     if name is not None:
         return name, compare(_BRAKE, wanted, brakes[name].torque, "N m", formula, _SOURCE,

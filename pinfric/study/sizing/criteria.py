@@ -86,17 +86,25 @@ class Criterion:
         return self.name != "bus voltage" or self.status == Status.FAILS
 
     @property
+    def _boundless(self) -> bool:
+        """Whether it fails by more than any number: too much is asked for, or nothing is there."""
+        beyond = self.margin is not None and self.margin <= _LEAST_MARGIN
+        return beyond and (self.required == np.inf or (self.available or 0.0) <= 0.0)
+
+    @property
     def shortfall(self) -> str:
         """By how much it fails or passes, of the limit; what it says where no number does."""
-        if self.margin is None or self.margin <= _LEAST_MARGIN:
+        if self.margin is None or (self._boundless and self.note):
             return self.note
+        if self.margin <= _LEAST_MARGIN:
+            return f"a factor above {-_LEAST_MARGIN:.0e}"
         share = abs(self.margin) * 100
         return f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
 
     @property
     def why(self) -> str:
         """Say in words by how much it fails or passes, or what is missing."""
-        if self.margin is not None and self.margin <= _LEAST_MARGIN and self.note:
+        if self._boundless and self.note:
             return f"{self.name}: {self.note}"  # no number says more
         if self.margin is None or self.required is None or self.available is None:
             return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")

@@ -21,6 +21,9 @@ from pinfric.study.trajectory.trajectory import Trajectory
 _JOIN = 1e-9
 #: How far shares may miss a sum of 1.
 _SUM = 1e-6
+#: (n,) shares of the time switched off that are samples, close at first: the housing warms on
+#: while the winding cools, and is hottest some time after the current has gone.
+_OFF = np.linspace(0.0, 1.0, 33) ** 3
 #: Duration of an S3 duty period where nothing else is agreed, s (IEC 60034-1: 10 minutes).
 PERIOD = 600.0
 
@@ -181,7 +184,7 @@ class Duty:
 
     def schedule(self) -> Schedule:
         """Return which samples of `motion` are which cycle, and how often each is run."""
-        sizes = [len(cycle.t) for cycle, _ in self.cycles] + [2] * (self.on < 1)
+        sizes = [len(cycle.t) for cycle, _ in self.cycles] + [len(_OFF)] * (self.on < 1)
         return Schedule(
             starts=tuple(np.cumsum([0, *sizes]).tolist()),
             repeats=self.repeats + (1.0,) * (self.on < 1),
@@ -195,11 +198,10 @@ class Duty:
         if len(runs) == 1 and self.on == 1:
             return runs[0]
         if self.on < 1:
-            last, zero = runs[-1], np.zeros((2, runs[-1].v.shape[1]))
-            runs.append(replace(
-                last, t=np.array([0.0, self.off]), q=last.q[[-1, -1]], v=zero, a=zero,
-                attached=last.attached[[-1, -1]], reading=None,
-            ))  # fmt: skip
+            last, stay = runs[-1], np.full(len(_OFF), -1)
+            zero = np.zeros((len(_OFF), last.v.shape[1]))
+            runs.append(replace(last, t=self.off * _OFF, q=last.q[stay], v=zero, a=zero,
+                                attached=last.attached[stay], reading=None))  # fmt: skip
         ends = np.cumsum([0.0, *(cycle.duration + _JOIN for cycle in runs)])
         return replace(
             runs[0],

@@ -1,9 +1,12 @@
 """What else could be chosen: sets of drives that trade mass for energy, peak power or price.
 
-Of every joint's drives that fit, those stay that no other betters in all of these; sets are built
-joint by joint, keeping what none betters and, of many, some over the whole range of masses. Each
-set that is left is then sized by itself, with its own masses in the model; those that no longer fit
-are left out. Differences below 1 % count as none.
+Of every joint's drives that fit, those stay that no other betters in all of these by itself; sets
+are built joint by joint, keeping what none betters and, of many, some over the whole range of
+masses. Each set that is left is then sized by itself, with its own masses in the model; those that
+no longer fit are left out. Differences below 1 % count as none.
+
+Peaks and energies of a bus are none of its drives' sums, and a copper loss that is not known is in
+no comparison: a set that would be better still may be left out. Where sets are shown, that is said.
 """
 
 from __future__ import annotations

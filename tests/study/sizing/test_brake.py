@@ -11,6 +11,8 @@ from sizing_cases import one_drive
 
 import pinfric as pf
 from pinfric.errors import SizingError
+from pinfric.study.sizing.brake import standstills
+from pinfric.study.sizing.catalog import Brake, Conditions
 from pinfric.study.sizing.criteria import Status
 
 MASS, LENGTH, G = 2.0, 0.6, 9.81
@@ -126,6 +128,17 @@ def test_the_smallest_brake_that_bears_it_is_taken(tmp_path):
         torque = float(still.brake.removeprefix("B"))
         assert torque == min(x for x in (0.01, 0.05, 0.1, 0.4, 0.8, 5.0) if x >= brake.required)
     assert report.short == ()
+
+
+def test_of_brakes_with_equal_torque_the_lightest_is_taken():
+    same = {"source": "invented", "grade": "R", "torque": 9.0}
+    of_mass = {"weak": {"torque": 0.01}, "unknown": {}, "heavy": {"mass": 0.3, "power": 5.0},
+               "light": {"mass": 0.2, "power": 9.0}, "cool": {"mass": 0.2, "power": 8.0},
+               "strong": {"torque": 10.0, "mass": 0.1}}  # fmt: skip
+    brakes = {name: Brake(**same | more) for name, more in of_mass.items()}
+    scene = arm()
+    found = standstills(pf.inverse_dynamics(scene, still(scene)), brakes, Conditions())
+    assert [one.brake for one in found] == ["cool", "cool"]
 
 
 @pytest.mark.parametrize(("wanted", "short"), [("any", 0), ("where_needed", 1), ("required", 2)])

@@ -375,6 +375,22 @@ def test_margin_is_the_part_of_the_limit_that_is_left():
     assert compare("x", np.inf, 4.0, "N m", "", "").status == Status.FAILS
 
 
+@pytest.mark.parametrize(
+    ("needs", "has", "note", "said"),
+    [
+        (1e4, 1e-9, "", "x: needs 1e+04 h, has 1e-09 h (short by a factor above 1e+09)"),
+        (1e4, 1e-9, "P = 3 N", "x: needs 1e+04 h, has 1e-09 h (short by a factor above 1e+09)"),
+        (5.0, 0.0, "", "x: needs 5 h, has 0 h (short by a factor above 1e+09)"),
+        (5.0, 0.0, "too hot", "x: too hot"),
+        (np.inf, 4.0, "it never ends", "x: it never ends"),
+    ],
+)
+def test_a_margin_beyond_numbers_is_said_in_words(needs, has, note, said):
+    found = compare("x", needs, has, "h", "", "", note=note)
+    assert found.why == said
+    assert found.shortfall
+
+
 def test_candidate_says_whose_figures_it_uses(tmp_path):
     catalog = one_drive(tmp_path, gear={"stand_ins": {"efficiency": "gear H"}})
     candidate = motor_with_gear("M", catalog.motors["M"], "G", catalog.gears["G"], 100.0)

@@ -13,6 +13,7 @@ from sizing_cases import (
     CYCLE,
     GEAR,
     INERTIA,
+    MOTOR,
     PAUSE,
     PLATEAU,
     RAMP,
@@ -88,6 +89,23 @@ def test_switched_off_the_motor_cools_and_bears_nothing(tmp_path):
     assert off.figures.mean_temperature < off.figures.peak_temperature < figures.peak_temperature
     assert (off.torque_lower[-2:] == 0).all()
     assert (off.torque_upper[-2:] == 0).all()
+
+
+def test_the_housing_is_hottest_after_the_motor_was_switched_off(tmp_path):
+    scene = turntable()
+    duty = pf.Duty(((trapezoid(scene, samples=40), 1.0),), on=0.2, period=300.0)
+    (joint,) = pf.size(scene, duty, one_drive(tmp_path), conditions={"inertia_ratio": 20.0}).joints
+    winding, off = joint.motor.winding, ~joint.cycle.powered
+    first, thermal = np.flatnonzero(off)[0], MOTOR["thermal"]
+    # without current: x' = A x from where it was switched off, by eigenvectors
+    g1, g2 = 1 / thermal["winding_housing"], 1 / thermal["housing_ambient"]
+    c1, c2 = thermal["winding_time"] * g1, thermal["housing_time"] * g2
+    rates, ways = np.linalg.eig([[-g1 / c1, g1 / c1], [g1 / c2, -(g1 + g2) / c2]])
+    start = np.linalg.solve(ways, [winding.winding[first] - 25, winding.housing[first] - 25])
+    rise = np.exp(np.outer(np.linspace(0, 240, 20_001), rates)) * start @ ways[1]
+    assert rise.max() > 1.02 * max(rise[0], rise[-1])
+    assert winding.housing.max() - 25 == pytest.approx(rise.max(), rel=1e-3)
+    assert joint.cycle.t[off][-1] - joint.cycle.t[off][0] == pytest.approx(240.0)
 
 
 def test_five_minutes_of_stall_fail_with_their_reason(tmp_path):

@@ -11,6 +11,7 @@ from sizing_cases import GEAR, MOTOR, load_catalog, one_drive, trapezoid, turnta
 
 import pinfric as pf
 from pinfric.errors import CatalogError
+from pinfric.show.report.drives import sets_table
 from pinfric.study.sizing.criteria import Status
 from pinfric.study.summary import ends_by_magnitude
 
@@ -144,6 +145,7 @@ def test_a_motor_whose_copper_loss_is_not_known_betters_none_whose_is(tmp_path):
     assert (silent.copper, light.copper) == (False, True)
     assert silent.mass < light.mass
     assert silent.energy < light.energy
+    assert "tried betters (≥: without the copper loss of some, and" in sets_table(report).title
 
 
 def test_the_next_smaller_says_what_it_lacks(tmp_path):
