@@ -82,11 +82,7 @@ REFUSED = [
     (["friction", "joint_12", "bearing", "radius"], -0.1, "greater than or equal to 0"),
     (["friction", "joint_12", "bearing", "length"], 0.0, r"greater than 0, found 0\.0"),
     (["friction", "joint_12", "bearing", "length"], -1, r"greater than 0, found -1"),
-    (
-        ["friction", "joint_12", "bearing", "width"],
-        1.0,
-        "a pin has no `width`; there are: radius, length, thrust_radius, preload, offset$",
-    ),
+    (["friction", "joint_12", "bearing", "width"], 1.0, "pin has no `width`; there .*, offset$"),
     (["friction", "joint_12", "bearing", "kind"], "pinn", r"bearing\.kind.*'pinn'"),
     (["friction", "joint_12", "bearing"], None, "`mu` without `bearing`"),
     (["friction", "joint_12", "mu"], None, "`bearing` without `mu`"),
