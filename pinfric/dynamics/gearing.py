@@ -60,12 +60,12 @@ def write_lines(t: Tables, w: Work, v: np.ndarray, given: np.ndarray, step: floa
             slope, offset, w.line[d, 0], w.line[d, 1] = gear_line(
                 gears, d, sign, abs(rate), False, w.delivered[d]
             )
-            if slope <= 0.0 and (w.stuck[c] or w.at_rest[c]):
+            if slope <= 0.0 and (w.modes.stuck[c] or w.modes.at_rest[c]):
                 way = 0.0
             else:
                 w.slope[d] = 1.0 + share * (slope - 1.0)
                 w.offset[d] += share * offset
-        if c >= 0 and not (w.stuck[c] or w.at_rest[c]):
+        if c >= 0 and not (w.modes.stuck[c] or w.modes.at_rest[c]):
             w.problem.coulomb_slip[e, 0] = w.problem.coulomb_slip[e, 1] = 0.0
         elif c >= 0:
             at_rest = given[d] - spent
@@ -167,7 +167,7 @@ def guess_delivered(t: Tables, w: Work, given: np.ndarray, a: np.ndarray) -> int
     layout, wrong = t.layout, 0
     for d in range(layout.gear_coordinate.size):
         c = layout.gear_coordinate[d]
-        if c < 0 or w.stuck[c]:
+        if c < 0 or w.modes.stuck[c]:
             continue
         arriving = given[d] - w.offset[d]
         for i in range(a.size):
@@ -183,7 +183,7 @@ def face_gears(t: Tables, w: Work) -> None:
     for d in range(t.layout.gear_coordinate.size):
         c = t.layout.gear_coordinate[d]
         if c >= 0:
-            w.gear_way[d] = 0.0 if w.stuck[c] else w.direction[c]
+            w.gear_way[d] = 0.0 if w.modes.stuck[c] else w.modes.direction[c]
 
 
 @kernel
@@ -198,7 +198,7 @@ def refit(machine: Machine, cautious: bool) -> int:
         How many do not fit.
     """
     w, layout, wrong = machine.work, machine.tables.layout, 0
-    x = w.friction
+    x = w.modes.friction
     for d in range(layout.gear_coordinate.size):
         c = layout.gear_coordinate[d]
         if c < 0:
@@ -209,12 +209,12 @@ def refit(machine: Machine, cautious: bool) -> int:
             total += w.delivered_map[d, 1 + k] * x[k]
             terms += abs(w.delivered_map[d, 1 + k] * x[k])
         way = w.gear_way[d]
-        if w.stuck[c]:
+        if w.modes.stuck[c]:
             total += x[c]
             least, greatest = held(layout.gears, d, w.arriving[d], True, total)
             fits = least == w.held[d, 0] and greatest == w.held[d, 1]
         else:
-            way = w.direction[c]
+            way = w.modes.direction[c]
             beyond = max(w.line[d, 0] - total, total - w.line[d, 1])
             fits = way == w.gear_way[d] and beyond <= _ROUNDING * terms
         if not fits:
@@ -231,14 +231,14 @@ def write_efforts(t: Tables, w: Work) -> None:
     Where a gear holds whatever the load, how it shares with a bearing is not known: what the
     bearing's limits leave in the middle.
     """
-    layout, x, p = t.layout, w.friction, w.problem
+    layout, x, p = t.layout, w.modes.friction, w.problem
     for d in range(w.effort.size):
         w.effort[d] = w.delivered_map[d, 0]
         for k in range(x.size):
             w.effort[d] += w.delivered_map[d, 1 + k] * x[k]
     for d in range(layout.gear_entry.size):
         e, c = layout.gear_entry[d], layout.gear_coordinate[d]
-        if e < 0 or not w.stuck[c]:
+        if e < 0 or not w.modes.stuck[c]:
             continue
         if not w.most[c] - w.least[c] < np.inf:
             w.entry_phi[e] = x[c]

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.dynamics.layout import Layout
+from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel, record
 from pinfric.model.kinematics import Actions
@@ -102,7 +103,7 @@ class Work(NamedTuple):
         given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
             (1 + nc, 6), momentum_above: (6,), force: (3, 1 + nc): of intermediate results.
         freedoms: (1,) int.
-        stuck ... figures: see `Modes`. least, most: (nc,) static limits.
+        modes: of the coupled problem. least, most: (nc,) static limits.
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6), of the solution.
         multiplier: (nl,). entry_phi: (ne + gears,). site_modes: (ns,) int8. effort: (na,) what
             drives deliver.
@@ -150,14 +151,7 @@ class Work(NamedTuple):
     momentum_above: np.ndarray
     force: np.ndarray
     freedoms: np.ndarray
-    stuck: np.ndarray
-    direction: np.ndarray
-    at_rest: np.ndarray
-    friction: np.ndarray
-    entry_load: np.ndarray
-    mode_rate: np.ndarray
-    verdict: np.ndarray
-    figures: np.ndarray
+    modes: Modes
     least: np.ndarray
     most: np.ndarray
     a: np.ndarray

@@ -812,66 +812,66 @@ def _face(t: Tables, w: Work) -> int:
 
     At no speed at all the direction of what has no dry friction stays as it is.
     """
-    layout = t.layout
+    layout, m = t.layout, w.modes
     rate, resting = w.coordinate_rate, 0
     for c in range(rate.size):
         speed = _ball_speed(t, rate, c) if layout.ball[c] else abs(rate[c])
-        w.at_rest[c] = layout.dry[c] and speed <= layout.stick_velocity[c]
-        w.stuck[c] = w.at_rest[c]
-        if w.stuck[c]:
-            w.direction[c] = 0.0
+        m.at_rest[c] = layout.dry[c] and speed <= layout.stick_velocity[c]
+        m.stuck[c] = m.at_rest[c]
+        if m.stuck[c]:
+            m.direction[c] = 0.0
             resting += 1
         elif speed > 0.0:
-            w.direction[c] = rate[c] / speed
+            m.direction[c] = rate[c] / speed
         elif not layout.ball[c]:
-            w.direction[c] = 0.0
+            m.direction[c] = 0.0
     return resting
 
 
 @kernel
 def turn_balls(t: Tables, w: Work) -> None:
     """Point the friction of balls that slip against their motion; at no speed it stays."""
-    rate = w.coordinate_rate
+    rate, m = w.coordinate_rate, w.modes
     for c in range(rate.size):
-        if t.layout.ball[c] and not w.stuck[c]:
+        if t.layout.ball[c] and not m.stuck[c]:
             speed = _ball_speed(t, rate, c)
             if speed > 0.0:
-                w.direction[c] = rate[c] / speed
+                m.direction[c] = rate[c] / speed
 
 
 @kernel
 def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     t, w = machine.tables, machine.work
-    layout = t.layout
-    problem, x, a_map, G = w.problem, w.friction, w.a_map, w.wrench_map
+    layout, m = t.layout, w.modes
+    problem, x, a_map, G = w.problem, m.friction, w.a_map, w.wrench_map
     nc = x.size
     for i in range(w.a.size):
         w.a[i] = a_map[i, 0]
         for c in range(nc):
             w.a[i] += a_map[i, 1 + c] * x[c]
     for c in range(nc):
-        if w.stuck[c] and layout.coordinate_v[c] >= 0:
+        if m.stuck[c] and layout.coordinate_v[c] >= 0:
             w.a[layout.coordinate_v[c]] = 0.0
     for r in range(w.multiplier.size):
         w.multiplier[r] = w.multiplier_map[r, 0]
         for c in range(nc):
             w.multiplier[r] += w.multiplier_map[r, 1 + c] * x[c]
-    stick_limits(problem, w.entry_load, w.least, w.most)
-    site_friction(problem, w.stuck, w.direction, x, w.entry_load, w.least, w.most, w.entry_phi)
+    stick_limits(problem, m.load, w.least, w.most)
+    site_friction(problem, m, w.least, w.most, w.entry_phi)
     write_efforts(t, w)
     for s in range(w.phi.size):
         e = layout.first_entry[s]
         c, row = layout.entry_coordinate[e], t.site_row[s]
-        w.load[s], w.phi[s] = w.entry_load[e], w.entry_phi[e]
-        w.site_modes[s] = np.sign(w.direction[c] * w.problem.ratio[e])
+        w.load[s], w.phi[s] = m.load[e], w.entry_phi[e]
+        w.site_modes[s] = np.sign(m.direction[c] * w.problem.ratio[e])
         if layout.ball[c]:
             w.phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
-            w.site_modes[s] = 0 if w.stuck[c] else 1
-        for m in range(6):
-            w.wrench[s, m] = G[row, m, 0]
+            w.site_modes[s] = 0 if m.stuck[c] else 1
+        for i in range(6):
+            w.wrench[s, i] = G[row, i, 0]
             for n in range(nc):
-                w.wrench[s, m] += G[row, m, 1 + n] * x[n]
+                w.wrench[s, i] += G[row, i, 1 + n] * x[n]
 
 
 @kernel
@@ -881,11 +881,11 @@ def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
     At a fraction of a pass of `couple`, which then mostly is the only one.
     """
     t, w = machine.tables, machine.work
-    L, a = w.lower, np.empty((v.size, 1))
-    gain, x = np.empty(w.problem.constant.size), np.empty(w.stuck.size)
-    slip_law(w.problem, w.stuck, w.direction, gain, x)
+    L, a, m = w.lower, np.empty((v.size, 1)), w.modes
+    gain, x = np.empty(w.problem.constant.size), np.empty(m.stuck.size)
+    slip_law(w.problem, m.stuck, m.direction, gain, x)
     for e in range(len(t.layout.entry_site)):
-        x[w.problem.coordinate[e]] += gain[e] * w.entry_load[e]
+        x[w.problem.coordinate[e]] += gain[e] * m.load[e]
     for _ in range(FEW_PASSES):
         write_lines(t, w, v, effort, 0.0)
         _write_given(w, effort)
@@ -896,11 +896,11 @@ def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
             a[i, 0] = w.given[i] - machine.supply.h[i]
             for j in range(i + 1):
                 L[i, j] = w.M[i, j]
-        for c in range(w.stuck.size):
+        for c in range(m.stuck.size):
             for i in range(v.size):
                 a[i, 0] += w.D[c, i] * x[c]
             i = t.layout.coordinate_v[c]
-            if w.stuck[c] and i >= 0:
+            if m.stuck[c] and i >= 0:
                 L[i, i] *= _HELD
         if not factorize(L):
             return
@@ -923,14 +923,13 @@ def solve_instant(
         (outcome, number of solutions or -1, how many obey, how many are at rest); the outcome is
         `UNDECIDED` where joints that may share their friction stick: no modes were tried.
     """
-    t, w = machine.tables, machine.work
+    t, w, m = machine.tables, machine.work, machine.work.modes
     prepare(machine, v, effort, 0.0)
     resting = 0
     if choice == FREE:
         resting = _face(t, w)
     else:
-        for c in range(w.at_rest.size):
-            w.at_rest[c] = False
+        m.at_rest[:] = False
         if choice == TURNED:
             turn_balls(t, w)
     face_gears(t, w)
@@ -942,20 +941,16 @@ def solve_instant(
         if outcome != 0:
             return outcome, 0, 0, 0
         if t.dependent:
-            for c in range(w.stuck.size):
-                if w.stuck[c]:
+            for c in range(m.stuck.size):
+                if m.stuck[c]:
                     return UNDECIDED, 0, 0, resting
-        found, obeying = try_modes(
-            w.problem, w.stuck, w.direction, w.at_rest, w.friction, w.friction, w.entry_load,
-            w.mode_rate, w.verdict, w.figures
-        )  # fmt: skip
+        found, obeying = try_modes(w.problem, m)
         if found <= 0 or refit(machine, passes >= FEW_PASSES) == 0:
             break
         if passes == MOST_PASSES - 1:
             found = -1
     if found <= 0:
-        if w.friction.size > 0:
-            w.friction[0] = np.nan  # no guess for the next solve
+        m.friction[:1] = np.nan  # no guess for the next solve
     elif obeying == 1:
         finish(machine)
     return 0, found, obeying, resting

@@ -234,17 +234,12 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         lower=np.zeros((nv, nv)), right=np.zeros((nv, 1 + nc)), below=np.zeros((1 + nc, 6)),
         above=np.zeros((1 + nc, 6)), momentum_above=np.zeros(6), force=np.zeros((3, 1 + nc)),
         freedoms=np.zeros(1, dtype=np.int64),
-        **dict(zip(MODE_FIELDS, Modes.of(nc, np.zeros(ne)).arrays(), strict=True)),
-        least=np.zeros(nc), most=np.zeros(nc), a=a, effort=effort, phi=phi, load=load,
-        wrench=wrench.reshape(ns, 6),
-        multiplier=np.zeros(nl), entry_phi=np.zeros(ne), site_modes=np.zeros(ns, dtype=np.int8),
+        modes=Modes.of(nc, ne), least=np.zeros(nc), most=np.zeros(nc), a=a, effort=effort,
+        phi=phi, load=load, wrench=wrench.reshape(ns, 6), multiplier=np.zeros(nl),
+        entry_phi=np.zeros(ne), site_modes=np.zeros(ns, dtype=np.int8),
         gear_way=np.zeros(na), delivered=np.zeros(na), delivered_map=np.zeros((na, 1 + nc)),
         slope=np.ones(na), offset=np.zeros(na), reflected=np.zeros(na), line=np.zeros((na, 2)),
         held=np.zeros((na, 2)), arriving=np.zeros(na), locking=np.zeros(1, dtype=np.int64),
         push_size=np.zeros(1), problem=problem,
     )  # fmt: skip
     return out, work
-
-
-MODE_FIELDS = ("stuck", "direction", "at_rest", "friction", "entry_load", "mode_rate", "verdict",
-                "figures")  # fmt: skip

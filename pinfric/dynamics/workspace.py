@@ -38,7 +38,7 @@ from pinfric.dynamics.maps import (
     solve_instant,
 )
 from pinfric.dynamics.reactions import AppliedWrench
-from pinfric.dynamics.records import MODE_FIELDS, Supplier, make_tables, make_work
+from pinfric.dynamics.records import Supplier, make_tables, make_work
 from pinfric.errors import (
     AccelerationError,
     AmbiguousAcceleration,
@@ -49,18 +49,10 @@ from pinfric.errors import (
     StateError,
     ToggleError,
 )
-from pinfric.friction import rest
 from pinfric.friction.consistency import ROUNDING, limit_width
-from pinfric.friction.modes import (
-    MOST_ENUMERATED,
-    Found,
-    Modes,
-    only_candidate,
-    pivot,
-    search,
-    solve,
-)
-from pinfric.friction.rest import Mechanism
+from pinfric.friction.modes import Found
+from pinfric.friction.rest import Mechanism, solve
+from pinfric.friction.search import MOST_ENUMERATED, follow, outcome, search
 from pinfric.model.closure import RANK, close
 from pinfric.model.compiled import KernelArgument, is_ready
 from pinfric.model.drives import gear_jam
@@ -131,9 +123,10 @@ class Workspace:
         w = self.work
         ready = is_ready(box_work, (tuple(w),))
         self._argument = KernelArgument(Machine(tables, self.supplier.supply, w), _box, ready)
-        self.problem = w.problem
-        self.modes = Modes(*(getattr(w, name) for name in MODE_FIELDS))
-        self.mechanism = Mechanism(w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry)))
+        self.problem, self.modes = w.problem, w.modes
+        self.mechanism = Mechanism(
+            self.closed, w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry))
+        )
         self.a, self.effort, self.phi, self.load, self.wrench = (
             w.a, w.effort, w.phi, w.load, w.wrench
         )  # fmt: skip
@@ -319,7 +312,7 @@ class Workspace:
         if obeying == 1:
             self._check_jam()
             return
-        found = self.search() if resting else only_candidate(solutions, obeying)
+        found = self.search() if resting else outcome(solutions, obeying)
         if found != Found.SOLVED:
             raise self.failure(found, q, v, effort)
         self.finish()
@@ -339,11 +332,9 @@ class Workspace:
             return  # nothing moves and nothing has changed
         turned = TURNED if self._balls.size and self.turns_balls else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
-        found = only_candidate(solutions, obeying)
+        found = outcome(solutions, obeying)
         if resting < 0:
-            found = self._settle(
-                lambda: only_candidate(*rest.solve(self.problem, self.modes, self.mechanism))
-            )
+            found = self._settle(self._solve_as_given)
             if found == Found.SOLVED:
                 self.finish()
         elif found == Found.SOLVED:
@@ -453,10 +444,8 @@ class Workspace:
         """Search the modes of what is at rest; see `modes.search`, `rest.search`."""
 
         def attempt() -> Found:
-            if not self.closed:
-                return search(self.problem, self.modes, forced, held)
-            found = rest.search(self.problem, self.modes, self.mechanism, forced, held)
-            if found == Found.SOLVED:
+            found = search(self.problem, self.modes, self.mechanism, forced, held)
+            if found == Found.SOLVED and self.closed:
                 self._leave_dead_centres()
             return found
 
@@ -468,11 +457,11 @@ class Workspace:
     def _settle_or_slip(self, attempt: Callable[[], Found], thorough: bool) -> Found:
         """Settle a search, with self-locking gears in every way: `LockingGears.search`."""
         found, again = self._locking.search(lambda: self._settle(attempt), self._couple, thorough)
-        if not again:
-            return found
-        if self.closed:
-            return only_candidate(*rest.solve(self.problem, self.modes, self.mechanism))
-        return only_candidate(*solve(self.problem, self.modes))
+        return self._solve_as_given() if again else found
+
+    def _solve_as_given(self) -> Found:
+        """Solve the problem in the present modes."""
+        return outcome(*solve(self.problem, self.modes, self.mechanism))
 
     def ways_to_hold(self) -> Iterator[bool]:
         """Let self-locking gears hold in one way after the other: `LockingGears.ways_to_hold`."""
@@ -529,7 +518,7 @@ class Workspace:
         way = np.sign(self.problem.rate_free[dead])
         self.assemble(q, v, effort, applied)
         m.stuck[dead], m.direction[dead], m.at_rest[dead] = way == 0.0, way, False
-        if rest.solve(self.problem, m, self.mechanism)[1] != 1:
+        if solve(self.problem, m, self.mechanism)[1] != 1:
             m.take(kept)
 
     def search_step(self) -> Found:
@@ -538,21 +527,14 @@ class Workspace:
 
     def _search_step(self) -> Found:
         m, dry = self.modes, self.modes.at_rest.copy()
-        if not self.closed:
-            found = pivot(self.problem, m)
-        else:
-            start = m.copy()
-            found = rest.follow(self.problem, m, self.mechanism)
-            if found != Found.SOLVED:
-                m.take(start)
-                m.at_rest[:] = dry
-                m.stuck[dry], m.direction[dry] = True, 0.0
-                found = rest.follow(self.problem, m, self.mechanism)
+        start = m.copy()
+        found = follow(self.problem, m, self.mechanism)
+        if found != Found.SOLVED and self.closed:
+            m.take(start)
+            m.stuck[dry], m.direction[dry] = True, 0.0
+            found = follow(self.problem, m, self.mechanism)
         if found != Found.SOLVED and int(dry.sum()) <= MOST_ENUMERATED:
-            m.at_rest[:] = dry
-            if self.closed:
-                return rest.search(self.problem, m, self.mechanism)
-            return search(self.problem, m)
+            return search(self.problem, m, self.mechanism)
         return found
 
     @property
@@ -676,7 +658,7 @@ class Workspace:
     def _jam(self) -> GearJam | None:
         """The error of a self-locking gear that moves, and may have no acceleration, or several."""
         t, w = self.tables, self.work
-        moves = np.array([c < 0 or not w.stuck[c] for c in t.gear_coordinate], dtype=bool)
+        moves = np.array([c < 0 or not w.modes.stuck[c] for c in t.gear_coordinate], dtype=bool)
         if not moves[self._locking.gears].any():
             return None
         inertia, J = np.array(w.M), w.J[0, t.off_joint : t.solved]
@@ -684,7 +666,7 @@ class Workspace:
         rotors = np.where(rises, w.reflected / np.where(rises, w.slope, 1.0), 0.0)
         inertia -= (w.S * rotors[:, None]).T @ w.S
         q, v, effort, *_ = self._given
-        fixed = np.concatenate([J, w.D[w.stuck]])
+        fixed = np.concatenate([J, w.D[w.modes.stuck]])
         found = gear_jam(t.gears, moves, np.abs(w.S @ v), inertia, w.S, fixed)
         if found is None:
             return None

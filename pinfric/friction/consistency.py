@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.friction.given_modes import MOST_SOLUTIONS, solve_given_modes
+from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel
 
@@ -60,25 +61,19 @@ def limit_width(lower: float, upper: float) -> float:
 
 @kernel
 def site_friction(
-    problem: Problem,
-    stuck: np.ndarray,
-    direction: np.ndarray,
-    friction: np.ndarray,
-    load: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    phi: np.ndarray,
+    problem: Problem, modes: Modes, lower: np.ndarray, upper: np.ndarray, phi: np.ndarray
 ) -> None:
     """Write each site's friction (ns,); sites that share a sticking coordinate share its friction.
 
     In proportion to their limits: only the sum is determined by the motion.
 
     Args:
-        problem, stuck, direction: see `slip_law`.
-        friction, load: (nc,), (ns,) of the solution.
+        problem: `Problem`.
+        modes: `Modes`, solved.
         lower, upper: (nc,), `stick_limits`.
         phi: (ns,), overwritten.
     """
+    stuck, direction, friction, load = modes.stuck, modes.direction, modes.friction, modes.load
     for s in range(phi.size):
         c, ratio = problem.coordinate[s], problem.ratio[s]
         if stuck[c]:
@@ -98,88 +93,70 @@ def site_friction(
 
 
 @kernel
-def judge(
-    problem: Problem,
-    stuck: np.ndarray,
-    direction: np.ndarray,
-    at_rest: np.ndarray,
-    friction: np.ndarray,
-    load: np.ndarray,
-    rate: np.ndarray,
-    verdict: np.ndarray,
-) -> int:
+def judge(problem: Problem, modes: Modes) -> int:
     """Write what each coordinate does against its law, and return how many do (paper eq. 20, 21).
 
     Args:
-        problem, stuck, direction: see `slip_law`.
-        at_rest: (nc,) bool, the coordinates whose modes the law leaves open.
-        friction, load, rate: (nc,), (ns,), (nc,) of the solution.
-        verdict: (nc,) int, overwritten: 0 obeys; -1, 1 held beyond its static limit, the way it
-            would slip; `SHOULD_STICK` slips against its direction.
+        problem: `Problem`.
+        modes: `Modes`, solved; its `verdict` is overwritten.
     """
-    nc = friction.size
+    nc, verdict = modes.stuck.size, modes.verdict
     resting = 0
     for c in range(nc):
         verdict[c] = 0
-        resting += at_rest[c]
+        resting += modes.at_rest[c]
     if resting == 0:
         return 0
     lower, upper = np.empty(nc), np.empty(nc)
-    stick_limits(problem, load, lower, upper)
+    stick_limits(problem, modes.load, lower, upper)
     wrong = 0
     for c in range(nc):
-        if not at_rest[c]:
+        if not modes.at_rest[c]:
             continue
-        terms = problem.rate_scale[c]
+        x, terms = modes.friction[c], problem.rate_scale[c]
         for d in range(nc):
-            terms += abs(problem.rate_slope[c, d] * friction[d])
-        if stuck[c]:
+            terms += abs(problem.rate_slope[c, d] * modes.friction[d])
+        if modes.stuck[c]:
             slack = ROUNDING * (limit_width(lower[c], upper[c]) + terms / problem.rate_slope[c, c])
-            if friction[c] > upper[c] + slack:
+            if x > upper[c] + slack:
                 verdict[c] = -1
-            elif friction[c] < lower[c] - slack:
+            elif x < lower[c] - slack:
                 verdict[c] = 1
-        elif direction[c] * rate[c] < -ROUNDING * terms:
+        elif modes.direction[c] * modes.rate[c] < -ROUNDING * terms:
             verdict[c] = SHOULD_STICK
         wrong += verdict[c] != 0
     return wrong
 
 
 @kernel
-def try_modes(
-    problem: Problem,
-    stuck: np.ndarray,
-    direction: np.ndarray,
-    at_rest: np.ndarray,
-    guess: np.ndarray,
-    friction: np.ndarray,
-    load: np.ndarray,
-    rate: np.ndarray,
-    verdict: np.ndarray,
-    figures: np.ndarray,
-) -> tuple[int, int]:
+def try_modes(problem: Problem, modes: Modes) -> tuple[int, int]:
     """Solve given modes and judge the solutions; write the first that obeys, else the first.
 
     Args:
-        problem, stuck, direction, at_rest: see `slip_law`, `judge`.
-        guess: (nc,) friction to start from; NaN in the first place: none.
-        friction, load, rate, verdict: (nc,), (ns,), (nc,), (nc,) int, overwritten.
-        figures: (2,), overwritten: contraction, passes.
+        problem: `Problem`.
+        modes: `Modes`; its `friction` is where the solve starts from.
 
     Returns:
         (number of solutions or -1, how many of them obey), see `solve_given_modes`.
     """
+    friction = modes.friction
     solutions = np.empty((MOST_SOLUTIONS, friction.size))
-    found = solve_given_modes(problem, stuck, direction, guess, solutions, figures)
-    obeying = 0
+    found = solve_given_modes(
+        problem, modes.stuck, modes.direction, friction, solutions, modes.figures
+    )
+    first, obeying = 0, 0
     for i in range(found - 1, -1, -1):
-        evaluate(problem, solutions[i], load, rate)
-        if judge(problem, stuck, direction, at_rest, solutions[i], load, rate, verdict) == 0:
+        if look_at(problem, modes, solutions[i]) == 0:
+            first = i
             obeying += 1
-            friction[:] = solutions[i]
-    if found > 0 and obeying == 0:
-        friction[:] = solutions[0]
-    elif found > 1:
-        evaluate(problem, friction, load, rate)
-        judge(problem, stuck, direction, at_rest, friction, load, rate, verdict)
+    if first > 0:
+        look_at(problem, modes, solutions[first])
     return found, obeying
+
+
+@kernel
+def look_at(problem: Problem, modes: Modes, friction: np.ndarray) -> int:
+    """Write the solution with given friction (nc,); return how many coordinates break their law."""
+    modes.friction[:] = friction
+    evaluate(problem, friction, modes.load, modes.rate)
+    return judge(problem, modes)

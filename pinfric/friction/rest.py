@@ -17,24 +17,18 @@ it uses beyond the limits does not decide: whether another x holds is asked of `
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.friction import modes as independent
 from pinfric.friction.anderson import anderson
-from pinfric.friction.consistency import ROUNDING, SHOULD_STICK, evaluate, judge, stick_limits
+from pinfric.friction.consistency import ROUNDING, evaluate, judge, stick_limits, try_modes
 from pinfric.friction.given_modes import slip_law
 from pinfric.friction.holding import decide
-from pinfric.friction.modes import Found, Modes, Patience, only_candidate
+from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, bounded
-from pinfric.friction.sharing import RANK, secular_root, share, share_one
-
-#: Passes of the search.
-_CHANGES = 60
+from pinfric.friction.sharing import RANK, share, share_one
 
 
 class Group(NamedTuple):
@@ -55,6 +49,7 @@ class Mechanism:
     """How the coordinates of a `Problem` hang together.
 
     Attributes:
+        closed: whether coordinates may depend on each other: no friction is shared in a tree.
         factor: (d, nc) A of rate_slope = A^T A; d freedoms. Overwritten at every state.
         block: (nc,) number of the joint; the three coordinates of a ball have the same.
         ball: (nc,) bool.
@@ -63,6 +58,7 @@ class Mechanism:
         way: (nc,) overwritten: the direction in which what sticks would break away.
     """
 
+    closed: bool
     factor: np.ndarray
     block: np.ndarray
     ball: np.ndarray
@@ -76,6 +72,8 @@ class Mechanism:
 
         While nothing moves the answer stays: the last one is kept.
         """
+        if not self.closed:
+            return []
         key = stuck.tobytes(), self.factor.tobytes()
         if self._groups[0] != key:
             self._groups = key, [self._decomposed(group) for group in self._find_groups(stuck)]
@@ -92,8 +90,8 @@ class Mechanism:
             return False
         key = stuck.tobytes(), self.factor.tobytes()
         if self._locked[0] != key:
-            size = np.linalg.svd(self.factor[:, stuck], compute_uv=False)
-            self._locked = key, int((size > RANK * size[:1]).sum()) == len(self.factor)
+            rank = int(np.linalg.matrix_rank(self.factor[:, stuck], rtol=RANK))
+            self._locked = key, rank == len(self.factor)
         return self._locked[1]
 
     def _find_groups(self, stuck: np.ndarray) -> list[np.ndarray]:
@@ -102,7 +100,7 @@ class Mechanism:
             return []
         if held.size == 1 and not self.ball[held[0]] and self.factor[:, held[0]].any():
             return []
-        A = _normalized(self.factor[:, held])
+        A = self.normalized()[:, held]
         together = np.abs(A.T @ A) > RANK
         together |= np.equal.outer(self.block[held], self.block[held])
         found = []
@@ -113,9 +111,15 @@ class Mechanism:
             while (wider := together[group].any(axis=0) | group).sum() > group.sum():
                 group = wider
             left &= ~group
-            if self.ball[held[group]].any() or _rank(A[:, group]) < group.sum():
+            rank = np.linalg.matrix_rank(A[:, group], rtol=RANK)
+            if self.ball[held[group]].any() or rank < group.sum():
                 found.append(held[group])
         return found
+
+    def normalized(self) -> np.ndarray:
+        """Return the factor with columns of length 1, or 0."""
+        size = np.linalg.norm(self.factor, axis=0)
+        return np.asarray(self.factor / np.where(size > 0.0, size, 1.0))
 
     def companions(self, stuck: np.ndarray, fired: np.ndarray) -> np.ndarray:
         """Return `fired` and what sticks with them in a group of one freedom."""
@@ -131,27 +135,18 @@ class Mechanism:
         return bool(self.groups(stuck))
 
 
-def _normalized(A: np.ndarray) -> np.ndarray:
-    size = np.linalg.norm(A, axis=0)
-    return np.asarray(A / np.where(size > 0.0, size, 1.0))
-
-
-def _rank(A: np.ndarray) -> int:
-    size = np.linalg.svd(A, compute_uv=False)
-    return int((size > RANK * size[:1]).sum())
-
-
 def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, int]:
     """Solve the modes as they are; return (number of solutions or -1, how many obey the laws).
 
-    As `modes.solve`, and what can only move together shares its friction.
+    What can only move together shares its friction.
     """
     groups = mechanism.groups(modes.stuck)
     if not groups:
-        mechanism.way[:] = modes.direction
-        found, obeying = independent.solve(problem, modes)
-        mechanism.way[modes.stuck] = -np.sign(modes.friction[modes.stuck])
-        return found, obeying
+        found, obeying = try_modes(problem, modes)
+        if found <= 0:
+            modes.friction[:1] = np.nan  # what is there is no guess for the next solve
+        mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
+        return int(found), int(obeying)
     step = _Shared(problem, modes, mechanism, groups)
     start = np.zeros(len(modes.stuck))
     if step.sharp < 1e-12 and np.isfinite(modes.friction).all():
@@ -262,7 +257,7 @@ class _Shared:
         """Write `verdict` and `way`; return how many coordinates break their law."""
         p, m, way = self.problem, self.modes, self.mechanism.way
         at_rest = m.at_rest & ~self.shared
-        judge(p, m.stuck, m.direction, at_rest, m.friction, m.load, m.rate, m.verdict)
+        judge(p, m._replace(at_rest=at_rest))
         stick_limits(p, m.load, self.least, self.most)
         way[:] = np.where(m.stuck, -np.sign(m.friction), m.direction)
         for group, _, _ in self.groups:
@@ -298,223 +293,3 @@ class _Shared:
         strongest = int(np.argmax(slope))
         terms = p.rate_scale[group][strongest] / max(slope[strongest], 1e-300)
         return np.full(len(group), terms)
-
-
-def search(
-    problem: Problem,
-    modes: Modes,
-    mechanism: Mechanism,
-    forced: Mapping[int, float] | None = None,
-    held: np.ndarray | None = None,
-) -> Found:
-    """Find the modes of the coordinates at rest; those that move keep theirs.
-
-    Where the coordinates at rest are independent, that is `modes.search`. Else everything at rest
-    sticks, and what is beyond its limit breaks away, the way it is pushed, until all laws hold.
-
-    Args:
-        problem, modes, forced, held: see `modes.search`.
-        mechanism: `Mechanism`.
-    """
-    forced = forced or {}
-    if not mechanism.is_dependent(modes.at_rest):
-        return _search_independent(problem, modes, mechanism, forced, held)
-    passing = _passing(problem, modes, mechanism)
-    modes.at_rest[passing] = modes.stuck[passing] = False
-    modes.direction[passing] = np.sign(problem.rate_free[passing])
-    at_rest = modes.at_rest.copy()
-    for _ in range(3):
-        found = _search_dependent(problem, modes, mechanism, forced, held)
-        if (modes.direction[passing] * modes.rate[passing] >= 0.0).all():
-            break
-        modes.at_rest[:] = at_rest
-        modes.direction[passing] = np.sign(modes.rate[passing])
-    return found
-
-
-def _passing(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
-    """(nc,) bool: joints at rest only because the mechanism passes their dead centre."""
-    A, moves = _normalized(mechanism.factor), ~modes.at_rest
-    led = (np.abs(A.T @ A[:, moves]) > RANK).any(axis=1)
-    led |= ~A.any(axis=0) & (problem.rate_free != 0.0)
-    return modes.at_rest & mechanism.idle & led
-
-
-def _search_dependent(
-    problem: Problem,
-    modes: Modes,
-    mechanism: Mechanism,
-    forced: Mapping[int, float],
-    held: np.ndarray | None,
-) -> Found:
-    """Everything at rest sticks; what is beyond its limit breaks away. See `search`."""
-    free = modes.at_rest.copy()
-    if not mechanism.is_dependent(free):
-        return _search_independent(problem, modes, mechanism, forced, held)
-    modes.stuck[free], modes.direction[free] = True, 0.0
-    for c, direction in forced.items():
-        modes.stuck[c], modes.direction[c] = False, direction
-    found = follow(problem, modes, mechanism, set(forced))
-    if found in (Found.NONE, Found.NOT_CONVERGED):
-        found = _enumerate(problem, modes, mechanism, free, forced, found)
-    if forced and found in (Found.NONE, Found.NOT_CONVERGED):
-        # which way it breaks away was a first guess: a slow joint may rub along with the motion
-        found = _enumerate(problem, modes, mechanism, free, {}, found, fewest=1)
-    if found == Found.SOLVED and mechanism.factor.shape[0] == 1 and not modes.stuck[free].any():
-        return _unless_backwards(problem, modes, mechanism, free)
-    return found
-
-
-def _search_independent(
-    problem: Problem,
-    modes: Modes,
-    mechanism: Mechanism,
-    forced: Mapping[int, float],
-    held: np.ndarray | None,
-) -> Found:
-    """`modes.search`, but a joint that passes its dead centre turns round with the mechanism."""
-    idle = modes.at_rest & mechanism.idle
-    modes.at_rest[idle] = modes.stuck[idle] = False
-    modes.direction[idle] = np.sign(problem.rate_free[idle])
-    at_rest = modes.at_rest.copy()
-    found = Found.NONE
-    for _ in range(3):
-        found = independent.search(problem, modes, forced, held)
-        if (modes.direction[idle] * modes.rate[idle] >= 0.0).all():
-            break
-        modes.at_rest[:] = at_rest
-        modes.direction[idle] = np.sign(modes.rate[idle])
-    mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
-    return found
-
-
-def _unless_backwards(
-    problem: Problem, modes: Modes, mechanism: Mechanism, free: np.ndarray
-) -> Found:
-    """With one freedom there is one other way to slip: if it is consistent, too, say so."""
-    other = modes.copy()
-    other.direction[free] *= -1.0
-    backwards = solve(problem, other, mechanism)[1] > 0
-    mechanism.way[:] = modes.direction
-    return Found.AMBIGUOUS if backwards else Found.SOLVED
-
-
-def _enumerate(
-    problem: Problem,
-    modes: Modes,
-    mechanism: Mechanism,
-    free: np.ndarray,
-    forced: Mapping[int, float],
-    otherwise: Found,
-    fewest: int = 0,
-) -> Found:
-    """All modes of up to `MOST_ENUMERATED` joints, the fewest slipping first."""
-    joints = np.unique(mechanism.block[free])
-    if len(joints) > independent.MOST_ENUMERATED:
-        return otherwise
-    others = [int(j) for j in joints if j not in forced]
-    for level in range(fewest, len(others) + 1):
-        consistent: list[Modes] = []
-        for _ in _candidates(modes, mechanism, free, forced, others, level):
-            for _ in range(_CHANGES):
-                solutions, obeying = solve(problem, modes, mechanism)
-                if solutions <= 0 or not _turn_balls(problem, modes, mechanism):
-                    break
-            obeys = solutions > 0 and (obeying == 1 or not modes.verdict.any())
-            if obeys and not any(independent.same(modes, other) for other in consistent):
-                consistent.append(modes.copy())
-        if consistent:
-            modes.take(consistent[0])
-            return Found.SOLVED if len(consistent) == 1 else Found.AMBIGUOUS
-    return otherwise
-
-
-def _candidates(
-    modes: Modes,
-    mechanism: Mechanism,
-    free: np.ndarray,
-    forced: Mapping[int, float],
-    others: list[int],
-    level: int,
-) -> Iterator[None]:
-    """Write all modes with `level` joints slipping beside the forced ones, one after the other."""
-    for slipping in combinations(others, level):
-        for ways in product(*[(1.0,) if mechanism.ball[j] else (1.0, -1.0) for j in slipping]):
-            modes.at_rest[:], modes.friction[:1] = free, np.nan
-            modes.stuck[free], modes.direction[free] = True, 0.0
-            for c, way in (*forced.items(), *zip(slipping, ways, strict=True)):
-                modes.stuck[mechanism.block == mechanism.block[c]] = False
-                modes.direction[c] = way
-            yield
-
-
-def follow(
-    problem: Problem, modes: Modes, mechanism: Mechanism, fixed: set[int] | None = None
-) -> Found:
-    """Find consistent modes from those given: what breaks its law changes its mode, all at once.
-
-    A ball that slips from rest moves the way it is pushed, which changes with its friction: its
-    direction is followed until it stays.
-
-    Args:
-        problem, modes, mechanism: see `search`; the modes given are where it starts.
-        fixed: coordinates whose modes stay.
-    """
-    fixed, all_at_once = fixed or set(), Patience(len(modes.stuck) + 1)
-    for _ in range(_CHANGES + 4 * len(modes.stuck)):
-        solutions, obeying = solve(problem, modes, mechanism)
-        if solutions <= 0:
-            return only_candidate(solutions, 0)
-        if _turn_balls(problem, modes, mechanism):
-            continue
-        if obeying or not modes.verdict.any():
-            return only_candidate(solutions, max(obeying, 1))
-        wrong = [int(c) for c in np.flatnonzero(modes.verdict) if c not in fixed]
-        if not wrong:
-            return Found.NONE  # what must slip would not
-        if not all_at_once.lasts(len(wrong)):
-            last = mechanism.block[wrong[-1]]
-            wrong = [c for c in wrong if mechanism.block[c] == last]
-        alone = [c for c in wrong if mechanism.idle[c] and len(wrong) == 1 and not modes.stuck[c]]
-        modes.direction[alone] *= -1.0  # at its dead centre a joint turns round
-        for c in wrong if not alone else []:
-            sticks = modes.verdict[c] == SHOULD_STICK
-            modes.stuck[c] = sticks
-            modes.direction[c] = 0.0 if sticks else mechanism.way[c]
-        _agree(modes, mechanism, wrong)
-    return Found.NONE
-
-
-def _agree(modes: Modes, mechanism: Mechanism, changed: list[int]) -> None:
-    """The three coordinates of a ball stick or slip together."""
-    for c in changed:
-        if mechanism.ball[c]:
-            modes.stuck[mechanism.block == mechanism.block[c]] = modes.stuck[c]
-            if modes.stuck[c]:
-                modes.direction[mechanism.block == mechanism.block[c]] = 0.0
-
-
-def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
-    """Point the friction of balls that slip from rest against their motion; True if one turned.
-
-    With |x| = L given, x = -L r / |r| and r = r_0 + R x:  x = -(R + g 1)^-1 r_0 with g = |r| / L,
-    of which |x| falls with g: one root. At g = 0 the ball would be held.
-    """
-    turned = False
-    slipping = modes.at_rest & ~modes.stuck & mechanism.ball
-    for number in np.unique(mechanism.block[slipping]):
-        here = np.flatnonzero(mechanism.block == number)
-        x = modes.friction[here]
-        limit = float(np.linalg.norm(x))
-        R = problem.rate_slope[np.ix_(here, here)]
-        size, axes = np.linalg.eigh(R)
-        pull = axes.T @ (modes.rate[here] - R @ x)
-        modes.verdict[here] = 0
-        new = -axes @ (pull / (size + secular_root(pull, size, limit)))
-        if not np.linalg.norm(new) >= limit * (1.0 - 1e-9):
-            modes.verdict[here] = SHOULD_STICK
-            continue
-        towards = -new / np.linalg.norm(new)
-        turned = turned or bool(np.abs(towards - modes.direction[here]).max() > 1e-8)
-        modes.direction[here] = towards
-    return turned

@@ -107,22 +107,3 @@ def _weakest(
             if np.abs(step).max() <= 1e-13 * np.abs(w).max() or damping <= 1e-6:
                 break
     return w
-
-
-def secular_root(pull: np.ndarray, size: np.ndarray, limit: float) -> float:
-    """Return the g >= 0 at which |pull / (size + g)| = limit; next to 0 where it is below there.
-
-    Args:
-        pull, size: (3,), size >= 0.
-        limit: what is to be reached.
-    """
-    low, high = 1e-14 * float(size.max()), float(np.linalg.norm(pull)) / max(limit, 1e-300)
-    if np.linalg.norm(pull / (size + low)) <= limit:
-        return low
-    for _ in range(200):  # bisection on the exponent: decades apart at first
-        middle = np.sqrt(low * high)
-        if middle in (low, high):
-            break
-        inside = np.linalg.norm(pull / (size + middle)) <= limit
-        low, high = (low, middle) if inside else (middle, high)
-    return float(high)

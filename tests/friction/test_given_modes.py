@@ -11,11 +11,12 @@ from scipy.optimize import root
 
 import pinfric as pf
 from pinfric.dynamics.plain_laws import plain_normal_load
-from pinfric.friction import dense, modes
+from pinfric.friction import dense, search
 from pinfric.friction import given_modes as coupling
 from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_friction, stick_limits
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem, empty_problem
+from pinfric.friction.rest import Mechanism, solve
 
 
 def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Problem:
@@ -79,10 +80,16 @@ def plain_solve(p, stuck, direction):
     return found.x if np.abs(equations(found.x)).max() < 1e-9 else None
 
 
+def a_tree(nc):
+    """Coordinates that do not depend on each other."""
+    none = np.zeros(nc, dtype=bool)
+    return Mechanism(False, np.eye(nc), np.arange(nc), none, none, np.zeros(nc))
+
+
 def solved(p, stuck, direction):
-    m = Modes.of(len(stuck), np.zeros(len(p.ratio)))
+    m = Modes.of(len(stuck), len(p.ratio))
     m.stuck[:], m.direction[:] = stuck, direction
-    return modes.solve(p, m), m
+    return solve(p, m, a_tree(len(stuck))), m
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -163,7 +170,7 @@ def test_given_modes_against_scipy(seed):
         phi, lower, upper = np.empty(len(p.ratio)), np.empty(4), np.empty(4)
         stick_limits(p, m.load, lower, upper)
         np.testing.assert_allclose((lower, upper), plain_limits(p, m.load), rtol=1e-13)
-        site_friction(p, m.stuck, m.direction, m.friction, m.load, lower, upper, phi)
+        site_friction(p, m, lower, upper, phi)
         total = np.zeros(4)
         np.add.at(total, p.coordinate, p.ratio * phi)
         np.testing.assert_allclose(total, m.friction, rtol=1e-9, atol=1e-11)
@@ -230,9 +237,9 @@ def test_the_search_finds_what_brute_force_finds(seed):
     at_rest = np.ones(4, bool)
     at_rest[0] = seed % 5 != 0
     expected = brute_force(p, at_rest)
-    m = Modes.of(4, np.zeros(len(p.ratio)))
+    m = Modes.of(4, len(p.ratio))
     m.at_rest[:], m.direction[:] = at_rest, 1.0
-    status = modes.search(p, m)
+    status = search.search(p, m, a_tree(len(m.stuck)))
     assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
     if status == Found.SOLVED:
         np.testing.assert_array_equal(m.direction, expected[0][0])
@@ -245,32 +252,29 @@ def test_the_random_problems_have_every_number_of_slipping_coordinates():
     for seed in range(40):
         p = random_problem(seed, strength=0.1, static=1 + 0.4 * (seed % 3))
         p.rate_free[:] *= 0.1 if seed % 4 == 0 else 1.0
-        m = Modes.of(4, np.zeros(4))
+        m = Modes.of(4, 4)
         m.at_rest[:] = True
-        if modes.search(p, m) == Found.SOLVED:
+        if search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED:
             levels.add(int(np.count_nonzero(m.direction)))
     assert levels == {0, 1, 2, 3, 4}
 
 
 @pytest.mark.parametrize("seed", range(15))
-def test_pivoting_beyond_eight_finds_consistent_modes(seed, monkeypatch):
+def test_pivoting_beyond_eight_finds_consistent_modes(seed):
     p = random_problem(seed, nc=10, strength=0.03, static=1.0)
-    m = Modes.of(10, np.zeros(10))
+    m = Modes.of(10, 10)
     m.at_rest[:] = True
-    assert modes.search(p, m) == Found.SOLVED
-    verdict = np.empty(10, np.int64)
-    load, rate = np.empty(10), np.empty(10)
-    evaluate(p, m.friction, load, rate)
-    assert judge(p, m.stuck, m.direction, m.at_rest, m.friction, load, rate, verdict) == 0
+    assert search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED
+    evaluate(p, m.friction, m.load, m.rate)
+    assert judge(p, m) == 0
     if seed < 3:  # static = kinetic and weak coupling: the answer is the only one
-        other = Modes.of(10, np.zeros(10))
+        other = Modes.of(10, 10)
         other.at_rest[:] = True
-        monkeypatch.setattr(modes, "MOST_ENUMERATED", 10)
-        # enumeration of 3^10 is long: start where the pivoting ended, and go one level down
+        # enumeration of 3^10 is long: one level below where the pivoting ended
         level = int(np.count_nonzero(m.direction))
-        below = [modes.solve(p, other)[1] for _ in modes._candidates(
-            other, np.arange(10), max(level - 1, 0), {})] if level < 4 else []  # fmt: skip
-        assert not any(below)
+        for ways in search._ways(a_tree(10), list(range(10)), level - 1) if 0 < level < 4 else ():
+            search._stick(other, a_tree(10), other.at_rest, ways)
+            assert solve(p, other, a_tree(10))[1] == 0
 
 
 def test_judge_names_what_is_wrong():
@@ -280,10 +284,10 @@ def test_judge_names_what_is_wrong():
     (_, obeying), m = solved(p, np.array([True, True]), np.zeros(2))
     assert obeying == 1  # nothing was open
     m.at_rest[:] = True
-    assert modes.solve(p, m) == (1, 0)
+    assert solve(p, m, a_tree(2)) == (1, 0)
     assert m.verdict.tolist() == [1, 0]  # pulled forward by 5, held by 1
     m.stuck[:], m.direction[:] = False, [1.0, 1.0]
-    assert modes.solve(p, m) == (1, 0)
+    assert solve(p, m, a_tree(2)) == (1, 0)
     assert m.verdict.tolist() == [0, SHOULD_STICK]
 
 
@@ -291,14 +295,14 @@ def test_what_is_forced_to_slip_slips_even_where_stick_is_admissible():
     p = random_problem(1, nc=1, strength=0.0)
     p.coulomb_slip[:], p.coulomb_stick[:] = 1.0, 1.0
     p.rate_slope[:], p.rate_free[:], p.rate_scale[:] = 1.0, 1.0, 1.0  # exactly at the limit
-    m = Modes.of(1, np.zeros(1))
+    m = Modes.of(1, 1)
     m.at_rest[:] = True
-    assert modes.search(p, m) == Found.SOLVED
+    assert search.search(p, m, a_tree(len(m.stuck))) == Found.SOLVED
     assert m.stuck[0]
-    assert modes.search(p, m, {0: 1.0}) == Found.SOLVED
+    assert search.search(p, m, a_tree(len(m.stuck)), {0: 1.0}) == Found.SOLVED
     assert m.direction[0] == 1.0
     p.rate_free[:] = 0.5  # the slip would go backward
-    assert modes.search(p, m, {0: 1.0}) == Found.NONE
+    assert search.search(p, m, a_tree(len(m.stuck)), {0: 1.0}) == Found.NONE
 
 
 def test_what_was_sticking_decides_between_equally_few_slipping():
@@ -306,10 +310,16 @@ def test_what_was_sticking_decides_between_equally_few_slipping():
     at_rest = np.ones(3, bool)
     choices = [direction.tolist() for direction, _ in brute_force(p, at_rest)]
     assert choices == [[0, 0, -1], [0, 1, 0], [-1, 0, 0]]
-    m = Modes.of(3, np.zeros(3))
+    m = Modes.of(3, 3)
     m.at_rest[:] = True
-    assert modes.search(p, m) == Found.AMBIGUOUS
-    assert modes.search(p, m, held=np.array([True, True, False])) == Found.SOLVED
+    assert search.search(p, m, a_tree(len(m.stuck))) == Found.AMBIGUOUS
+    assert (
+        search.search(p, m, a_tree(len(m.stuck)), held=np.array([True, True, False]))
+        == Found.SOLVED
+    )
     assert m.direction.tolist() == [0, 0, -1]
-    assert modes.search(p, m, held=np.array([True, False, False])) == Found.AMBIGUOUS
-    assert modes.search(p, m, held=np.ones(3, bool)) == Found.AMBIGUOUS
+    assert (
+        search.search(p, m, a_tree(len(m.stuck)), held=np.array([True, False, False]))
+        == Found.AMBIGUOUS
+    )
+    assert search.search(p, m, a_tree(len(m.stuck)), held=np.ones(3, bool)) == Found.AMBIGUOUS

@@ -78,7 +78,7 @@ def test_what_rests_together_is_found_and_whether_anything_moves():
     """Coordinates 0 and 1 are one motion, 2 another; 3 cannot move at all."""
     factor = np.array([[1.0, -2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0]])
     four = np.arange(4)
-    mechanism = Mechanism(factor, four, np.zeros(4, bool), np.zeros(4, bool), np.zeros(4))
+    mechanism = Mechanism(True, factor, four, np.zeros(4, bool), np.zeros(4, bool), np.zeros(4))
     everything = np.ones(4, dtype=bool)
     together = [set(group.members.tolist()) for group in mechanism.groups(everything)]
     assert {0, 1} in together
