@@ -100,16 +100,19 @@ def judge(problem: Problem, modes: Modes) -> int:
         problem: `Problem`.
         modes: `Modes`, solved; its `verdict` is overwritten.
     """
-    nc, verdict = modes.stuck.size, modes.verdict
     resting = 0
-    for c in range(nc):
-        verdict[c] = 0
+    for c in range(modes.stuck.size):
+        modes.verdict[c] = 0
         resting += modes.at_rest[c]
-    if resting == 0:
-        return 0
+    return _judge_resting(problem, modes) if resting > 0 else 0
+
+
+@kernel
+def _judge_resting(problem: Problem, modes: Modes) -> int:
+    """Do what `judge` does where something rests: it costs more to begin with."""
+    nc, verdict, wrong = modes.stuck.size, modes.verdict, 0
     lower, upper = np.empty(nc), np.empty(nc)
     stick_limits(problem, modes.load, lower, upper)
-    wrong = 0
     for c in range(nc):
         if not modes.at_rest[c]:
             continue
