@@ -16,6 +16,8 @@ from pinfric.model.yamlfile import brief_path
 #: Writes a whole file to the path it is given.
 Writer = Callable[[Path], object]
 _UNFINISHED, _ALIVE = ".unfinished-", ".alive"
+#: What is named so is a file: who gives it as a folder expects one, too.
+_FILES = frozenset((".csv", ".html", ".json", ".png", ".urdf", ".xml", ".yaml", ".yml"))
 
 
 def write_file(path: str | Path, write: Writer) -> Path:
@@ -168,8 +170,8 @@ def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
         names: the files that will be written there.
 
     Raises:
-        PinfricError: `folder` is a file, or it (where it is not there: its parent) is read-only,
-            or a folder stands where a file should go.
+        PinfricError: `folder` is a file or named like one, or it (where it is not there: its
+            parent) is read-only, or a folder stands where a file should go.
     """
     folder = Path(folder)
     try:
@@ -180,6 +182,8 @@ def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
         ) from None
     if not there.is_dir():
         raise PinfricError(f"{folder}: cannot be written: {there} is a file; name a folder")
+    if folder.suffix.lower() in _FILES and not folder.is_dir():
+        raise PinfricError(f"{folder}: is named like a file; name a folder")
     if not os.access(there, os.W_OK | os.X_OK):
         raise PinfricError(f"{folder}: cannot be written: no permission to write in {there}")
     taken = [name for name in names if (folder / name).is_dir()]

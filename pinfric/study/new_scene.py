@@ -12,6 +12,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricError, RobotError
+from pinfric.model.files import write_folder
 from pinfric.model.robot import (
     Robot,
     example_robot_data,
@@ -133,16 +135,12 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     for file in contents:
         if (folder / file).exists():
             raise PinfricError(f"{folder / file}: is there already; name another folder (--out)")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        schemas = {f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
-                   for kind in ("scene", "waypoints")}  # fmt: skip
-        for file, text in {**schemas, **contents}.items():
-            unfinished = folder / f".{file}.unfinished"
-            unfinished.write_text(text, encoding="utf-8")
-            os.replace(unfinished, folder / file)
-    except OSError as problem:
-        raise PinfricError(f"{folder}: cannot be written: {problem.strerror}") from None
+    schemas = {f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
+               for kind in ("scene", "waypoints")}  # fmt: skip
+    write_folder(folder, {
+        file: partial(Path.write_text, data=text, encoding="utf-8")
+        for file, text in {**schemas, **contents}.items()
+    })  # fmt: skip
     return [folder / file for file in contents]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
@@ -175,13 +176,25 @@ def ends_by_magnitude(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray,
 def sites_on(scene: Scene, actuator: int) -> list[int]:
     """Return the columns of the sites whose friction a drive feels: its joint's, its followers'.
 
-    Of coupled drives those of the others' joints, too. With loops, cylinders or forces every site's
-    friction reaches every drive: all of them.
+    Of coupled drives those of the others' joints, too; with loops, cylinders or forces those of all
+    joints that these tie to it, each to the joints between its two ends.
     """
-    if scene.linkage is not None:
-        return list(range(len(scene.sites)))
-    felt = reaches(scene.drives, scene.model.nv)[actuator]
-    return [s for s, site in enumerate(scene.sites) if felt[site.velocity_index]]
+    nv, linkage = scene.model.nv, scene.linkage
+    if linkage is None:
+        felt = reaches(scene.drives, nv)[actuator]
+        return [s for s, site in enumerate(scene.sites) if felt[site.velocity_index]]
+    first = scene.twin().v_index  # a joint, with its followers, is its first velocity
+    ties = np.zeros((nv + len(linkage.pair_kind),) * 2, dtype=bool)
+    for pair, support in zip(linkage.column_pair, linkage.support, strict=True):
+        ties[nv + pair, first[support != 0]] = True
+    for coupled in scene.drives:
+        ties[coupled.velocity_index, [v for v, _ in coupled.couples]] = True
+    part = connected_components(ties, directed=False)[1]
+    drive = scene.drives[actuator]
+    own = first[first <= drive.velocity_index].max(initial=-1)
+    own = nv + linkage.column_pair[drive.column] if own < 0 else own
+    at = [nv + site.pair if site.pair >= 0 else site.velocity_index for site in scene.sites]
+    return np.flatnonzero(part[at] == part[own]).tolist() if at else []
 
 
 def rests(result: InverseResult, actuator: int) -> np.ndarray:

@@ -69,6 +69,15 @@ def test_name_no_file_system_takes(tmp_path):
     assert len(str(caught.value)) < 300
 
 
+def test_a_folder_named_like_a_file_is_not_made(tmp_path):
+    with pytest.raises(PinfricError, match=r"z1\.yaml: is named like a file; name a folder"):
+        write_folder(tmp_path / "z1.yaml", writers(a="new"))
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "z1.yaml").mkdir()
+    for there in ("z1.yaml", "run.v2"):  # it was made on purpose; no ending of a file
+        assert write_folder(tmp_path / there, writers(a="new"))
+
+
 def test_what_killed_runs_left_is_removed_and_what_others_write_stays(tmp_path):
     (tmp_path / ".unfinished-dead").mkdir()
     (tmp_path / ".unfinished-dead" / "half.csv").write_text("1,2")

@@ -11,7 +11,14 @@ import pytest
 
 import pinfric as pf
 from pinfric.errors import StateError
-from pinfric.study.summary import ActuatorSummary, effort_unit, payload_phases, rms, summarize
+from pinfric.study.summary import (
+    ActuatorSummary,
+    effort_unit,
+    payload_phases,
+    rms,
+    sites_on,
+    summarize,
+)
 
 INERTIA = 2.0  # kg m^2 about the joint; kg for the slider
 MIMIC = """<robot name="fingers">
@@ -129,6 +136,35 @@ def test_drive_sticks_with_its_mimic_follower():
     (s,) = summarize(result)
     assert (s.name, s.sticks, s.stick_time) == ("leader", 1, 2.0)
     assert s.max_interval == pytest.approx(4.0)  # 2 N m wide at the follower, geared 2 : 1
+
+
+def test_a_cylinder_rests_with_its_own_joint_and_not_with_every_other():
+    """The way-points hold for 1.5 s; boom, then bucket, stand while the others move on."""
+    scene = pf.load_scene("excavator")
+    result = pf.inverse_dynamics(scene, pf.load_trajectory("excavator", scene))
+    assert [s.stick_time for s in summarize(result)] == pytest.approx([5.0, 3.0, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "felt"),
+    [("excavator", {}, [[0], [1], [2]]), ("four_bar", {}, [[0, 1, 2, 3]]),
+     ("excavator", {"couples": {"stick_pin": 1.0}}, [[0], [1, 2], [1, 2]])],
+)  # fmt: skip
+def test_only_friction_that_a_drive_feels_changes_its_effort(name, changes, felt):
+    scene = pf.load_scene(name)
+    if changes:  # one cylinder, then drives on the joints, the last coupled to the one before
+        joints = [{"joint": "stick_pin"}, {"joint": "bucket_pin", **changes}]
+        scene = scene.with_(actuators=[scene.actuators[0], *joints])
+    assert [sites_on(scene, d) for d in range(len(scene.drives))] == felt
+    motion = pf.load_trajectory(name, scene)
+    row = [len(motion.t) // 3]
+    effort = pf.inverse_dynamics(scene, motion.q[row], motion.v[row], motion.a[row]).effort_upper
+    for s, site in enumerate(scene.sites):
+        other = scene.with_(friction={k: f for k, f in scene.friction.items() if k != site.name})
+        without = pf.inverse_dynamics(other, motion.q[row], motion.v[row], motion.a[row])
+        (changed,) = np.nonzero(np.abs(without.effort_upper - effort)[0] > 1e-9)
+        assert set(changed) <= {d for d, sites in enumerate(felt) if s in sites}
+        assert len(changed)
 
 
 def test_payload_phases_end_where_the_payload_is_let_go():

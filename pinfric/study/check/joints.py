@@ -111,8 +111,12 @@ def _masses(joint: Joint, facts: RobotFacts) -> Iterator[Finding]:
         yield Finding(Severity.WARNING, "no mass", f"joint {joint.name}", "moves no mass",
                       "its friction has no load, and it cannot be simulated")  # fmt: skip
     elif all(masses[link] == 0.0 for link in facts.fixed_to(joint.child)):
-        yield Finding(Severity.NOTE, "massless link", f"link {joint.child}", "has no mass",
-                      f"it moves with joint {joint.name}")  # fmt: skip
+        shaped = any(link in facts.shapes for link in facts.fixed_to(joint.child))
+        yield Finding(
+            Severity.WARNING if shaped else Severity.NOTE, "massless link", f"link {joint.child}",
+            "has shapes and no mass" if shaped else "has no mass",
+            f"it moves with joint {joint.name}",
+        )  # fmt: skip
 
 
 def _friction(joint: Joint) -> Iterator[Finding]:

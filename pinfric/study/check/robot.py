@@ -131,6 +131,12 @@ class RobotFacts:
         return {name: mass for name, mass in masses.items() if name in self.still and mass > 0}
 
     @cached_property
+    def shapes(self) -> dict[str, Extent]:
+        """Link -> box of its shapes, where they are no stand-in."""
+        least = _STAND_IN * self.reach
+        return {name: box for name, box in self.extents.items() if box.diagonal >= least}
+
+    @cached_property
     def links(self) -> tuple[LinkFacts, ...]:
         """The links that move and have an inertial."""
         bodies = {x.name: mass_and_inertia(x) for x in self.document.links}
@@ -146,9 +152,7 @@ class RobotFacts:
             total = whole[self._body(link.name)]
             shares = np.divide([mass, np.trace(inertia)], total, np.zeros(2), where=total > 0)
             com = link.inertial.com
-            shapes = self.extents.get(link.name)
-            if shapes is not None and shapes.diagonal < _STAND_IN * self.reach:
-                shapes = None
+            shapes = self.shapes.get(link.name)
             found.append(LinkFacts(
                 link.name, mass, inertia, np.zeros(3) if com is None else com, com is not None,
                 shapes or self._around(), shapes is not None, *map(float, shares),

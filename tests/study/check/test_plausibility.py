@@ -157,6 +157,20 @@ def test_single_findings(tmp_path, changes, severity, place, says):
     assert any(re.search(says, f.text) for f in found), report.findings
 
 
+@pytest.mark.parametrize(
+    ("shape", "severity"), [("0.05 0.05 0.4", "WARNING"), ("1e-3 " * 3, "NOTE")]
+)
+def test_a_link_with_shapes_should_have_a_mass(tmp_path, shape, severity):
+    """Without one it is a frame between two joints; its weight would be missing silently."""
+    file = arm(tmp_path)
+    rod = f'<inertial><origin xyz="0 0 0.2"/><mass value="2"/>{J}</inertial>'
+    text = file.read_text()
+    assert rod in text
+    file.write_text(text.replace(rod, "").replace("0.05 0.05 0.4", shape))
+    (found,) = (f for f in pf.check(file).findings if f.kind == "massless link")
+    assert (found.severity.name, found.place) == (severity, "link rod")
+
+
 def test_centre_of_mass_against_the_link_itself(tmp_path):
     """The rod is 0.05 x 0.05 x 0.4 about (0, 0, 0.2): 0.3 m beside it is 0.275 m outside."""
     file = arm(tmp_path)
