@@ -178,8 +178,10 @@ def _problem(entry: type[BaseModel], problem: Any) -> str:
         return f"`{key}` is missing"
     if problem["type"] in ("model_type", "dict_type", "model_attributes_type"):
         text = f"should be a mapping of keys, found {brief(problem['input'])}"
-    elif problem["type"] in ("too_short", "too_long", "tuple_type", "list_type"):
-        text = f"has a wrong length or is no list, found {brief(problem['input'])}"
+    elif problem["type"] in ("tuple_type", "list_type"):
+        text = f"should be a list, found {brief(problem['input'])}"
+    elif problem["type"] in ("too_short", "too_long"):
+        text = f"has a wrong length, found {brief(problem['input'])}"
     elif problem["type"] == "value_error":
         text = str(problem["ctx"]["error"])
     else:
