@@ -114,8 +114,6 @@ def _longest_above(t: np.ndarray, x: np.ndarray, limit: float, where: np.ndarray
     for k in range(2 * n):
         i = k % n
         step, a, b = t[i + 1] - t[i], x[i] - limit, x[i + 1] - limit
-        if i == 0 and not (where[0] and where[n]):
-            run = 0.0
         if not (where[i] and where[i + 1]) or (a <= 0.0 and b <= 0.0):
             run = 0.0
         elif a > 0.0 and b > 0.0:

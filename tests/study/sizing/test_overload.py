@@ -10,6 +10,7 @@ from sizing_cases import hour_with_a_stall, one_drive
 
 import pinfric as pf
 from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.duty import Schedule
 from pinfric.study.sizing.overload import longest_above, moving_rms
 
 EVER = np.ones(100, dtype=bool)
@@ -34,6 +35,16 @@ def test_windows_run_on_from_the_end_to_the_start():
     t = np.array([0.0, 2.0, 2.0 + 1e-9, 8.0, 8.0 + 1e-9, 10.0])
     x = np.array([1.0, 1.0, 0.0, 0.0, -1.0, -1.0])
     assert moving_rms(t, x, 4.0) == pytest.approx(1.0, rel=1e-8)
+
+
+@pytest.mark.parametrize("window", [5.0, 12.0, 19.0, 33.0])
+def test_repetitions_that_a_duty_leaves_out_hide_no_window(window):
+    """Ten cycles of 10 s with overload at both ends, then rest: it meets itself where they join."""
+    t = np.array([0.0, 1.0, 1.0 + 1e-9, 9.0 - 1e-9, 9.0, 10.0, 10.0 + 1e-9, 40.0])
+    x = np.array([2.0, 2.0, 0.0, 0.0, 2.0, 2.0, 0.0, 0.0])
+    duty = Schedule((0, 6, 8), (10.0, 1.0), ("work", "rest"))
+    order, every = duty.played(t)
+    assert moving_rms(t, x, window, duty) == pytest.approx(moving_rms(every, x[order], window))
 
 
 def test_a_window_longer_than_the_cycle_is_the_cycle():
