@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError
@@ -183,6 +182,8 @@ def sites_on(scene: Scene, actuator: int) -> list[int]:
     if linkage is None:
         felt = reaches(scene.drives, nv)[actuator]
         return [s for s, site in enumerate(scene.sites) if felt[site.velocity_index]]
+    from scipy.sparse.csgraph import connected_components  # 0.2 s to import
+
     first = scene.twin().v_index  # a joint, with its followers, is its first velocity
     ties = np.zeros((nv + len(linkage.pair_kind),) * 2, dtype=bool)
     for pair, support in zip(linkage.column_pair, linkage.support, strict=True):
