@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.dynamics.layout import Layout
-from pinfric.dynamics.maps import add_products, share_redundant, write_contact
+from pinfric.dynamics.maps import add_products, along, contact_row, share_redundant
 from pinfric.friction.dense import eliminate_full_pivot
 from pinfric.model.compiled import kernel
 
@@ -98,7 +98,8 @@ def map_friction(
         maps: overwritten.
     """
     columns = maps.effort.shape[2]
-    site_wrench, force = np.empty((6, columns)), np.empty((3, columns))
+    site_wrench = np.empty((1, 6, columns))
+    maps.contact[:] = 0.0
     for i in range(wrench.shape[0]):
         y = maps.y[i]
         maps.singular[i] = not _balance(t, wrench[i], total_effort[i], X[i], J[i], y)
@@ -112,13 +113,12 @@ def map_friction(
             s = t.contact_site[n]
             if s != site:
                 site = s
-                _write_wrench(t, t.joint[s], wrench[i], X[i], y, site_wrench)
+                _write_wrench(t, t.joint[s], wrench[i], X[i], y, site_wrench[0])
             moved = displacement[i, s] if displacement.size > 0 else 0.0
-            write_contact(t.contact_map[n], t.contact_map_moved[n], t.contact_rank[n], moved,
-                          site_wrench, force)  # fmt: skip
-            for k in range(columns):
-                for e in range(3):
-                    maps.contact[i, n, k, e] = force[e, k]
+            for e in range(t.contact_rank[n]):
+                row = contact_row(t.contact_map, t.contact_map_moved, n, e, moved)
+                for k in range(columns):
+                    maps.contact[i, n, k, e] = along(row, site_wrench, 0, k)
 
 
 @kernel

@@ -17,10 +17,11 @@ class Tables(NamedTuple):
     """A scene for the kernels: its layout, what its actions are, and the freedoms of its joints.
 
     Attributes:
-        carries: (nj, nj) int8, whether joint i carries joint j or is j itself.
+        parent: (nj,) the joint that carries each, -1: the ground.
         mass: (nj,) of all that each joint carries (kg).
         gravity: (3,) m/s^2.
-        freedom_joint, freedom_v, freedom_ratio: (nf,) whose joint, which velocity, times what.
+        first_freedom: (nj + 1,) where each joint's freedoms begin, one after the other.
+        freedom_v, freedom_ratio: (nf,) which velocity, times what.
         unit_q, unit_count: (nu,) where in q the parts of length 1 begin, and how long they are.
         armature: (nv,) rotor inertia reflected to the joints.
         freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
@@ -37,10 +38,10 @@ class Tables(NamedTuple):
     """
 
     layout: Layout
-    carries: np.ndarray
+    parent: np.ndarray
     mass: np.ndarray
     gravity: np.ndarray
-    freedom_joint: np.ndarray
+    first_freedom: np.ndarray
     freedom_v: np.ndarray
     freedom_ratio: np.ndarray
     freedom_axis: np.ndarray
@@ -101,7 +102,7 @@ class Work(NamedTuple):
         coordinate_rate: (nc,) relative velocity of each coordinate.
         idle: (nc,) whether a joint is near its dead centre.
         given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
-            (1 + nc, 6), momentum_above: (6,), force: (3, 1 + nc): of intermediate results.
+            (nj, 1 + nc, 6): of intermediate results.
         freedoms: (1,) int.
         modes: of the coupled problem. least, most: (nc,) static limits.
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6), of the solution.
@@ -148,8 +149,6 @@ class Work(NamedTuple):
     right: np.ndarray
     below: np.ndarray
     above: np.ndarray
-    momentum_above: np.ndarray
-    force: np.ndarray
     freedoms: np.ndarray
     modes: Modes
     least: np.ndarray

@@ -33,6 +33,7 @@ from pinfric.model.compiled import kernel
 from pinfric.model.kinematics import act_on_joints, relate_pairs
 from pinfric.model.laws import friction_at
 
+Vector6 = tuple[float, float, float, float, float, float]
 #: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
 #: face their motion.
 FREE, GIVEN, TURNED = range(3)
@@ -50,35 +51,36 @@ _HELD = 1e9
 
 
 @kernel
-def _carry(mass: float, c: np.ndarray, inertia: np.ndarray, s: np.ndarray, out: np.ndarray) -> None:
-    """Write the momentum (6,) of a body that moves by s (6,), both about the world's origin."""
-    x, y, z, wx, wy, wz = c[0], c[1], c[2], s[3], s[4], s[5]
-    fx = mass * (s[0] + wy * z - wz * y)
-    fy = mass * (s[1] + wz * x - wx * z)
-    fz = mass * (s[2] + wx * y - wy * x)
-    out[0], out[1], out[2] = fx, fy, fz
-    out[3] = inertia[0] * wx + inertia[1] * wy + inertia[3] * wz + y * fz - z * fy
-    out[4] = inertia[1] * wx + inertia[2] * wy + inertia[4] * wz + z * fx - x * fz
-    out[5] = inertia[3] * wx + inertia[4] * wy + inertia[5] * wz + x * fy - y * fx
+def _carry(t: Tables, k: Supply, j: int, s: Vector6) -> Vector6:
+    """Return the momentum of what joint j carries if it moves by s, about the world's origin."""
+    m, x, y, z = t.mass[j], k.lever[1 + j, 0], k.lever[1 + j, 1], k.lever[1 + j, 2]
+    vx, vy, vz, wx, wy, wz = s
+    fx, fy, fz = m * (vx + wy * z - wz * y), m * (vy + wz * x - wx * z), m * (vz + wx * y - wy * x)
+    xx, xy, yy = k.inertia[1 + j, 0], k.inertia[1 + j, 1], k.inertia[1 + j, 2]
+    xz, yz, zz = k.inertia[1 + j, 3], k.inertia[1 + j, 4], k.inertia[1 + j, 5]
+    return (fx, fy, fz,
+            xx * wx + xy * wy + xz * wz + y * fz - z * fy,
+            xy * wx + yy * wy + yz * wz + z * fx - x * fz,
+            xz * wx + yz * wy + zz * wz + x * fy - y * fx)  # fmt: skip
 
 
 @kernel
 def _move_freedoms(t: Tables, k: Supply, w: Work) -> None:
     """Write motion and momentum of every freedom."""
     R, p, S, A = k.R[1:], k.p[1:], w.motion, w.momentum
-    axis, joint, mass = t.freedom_axis, t.freedom_joint, t.mass
-    lever, inertia = k.lever[1:], k.inertia[1:]
-    for f in range(joint.size):
-        j = joint[f]
-        for r in range(3):
-            S[f, r] = S[f, 3 + r] = 0.0
-            for c in range(3):
-                S[f, r] += R[j, r, c] * axis[f, c]
-                S[f, 3 + r] += R[j, r, c] * axis[f, 3 + c]
-        S[f, 0] += p[j, 1] * S[f, 5] - p[j, 2] * S[f, 4]
-        S[f, 1] += p[j, 2] * S[f, 3] - p[j, 0] * S[f, 5]
-        S[f, 2] += p[j, 0] * S[f, 4] - p[j, 1] * S[f, 3]
-        _carry(mass[j], lever[j], inertia[j], S[f], A[f])
+    axis, first = t.freedom_axis, t.first_freedom
+    for j in range(t.parent.size):
+        for f in range(first[j], first[j + 1]):
+            for r in range(3):
+                S[f, r] = S[f, 3 + r] = 0.0
+                for c in range(3):
+                    S[f, r] += R[j, r, c] * axis[f, c]
+                    S[f, 3 + r] += R[j, r, c] * axis[f, 3 + c]
+            S[f, 0] += p[j, 1] * S[f, 5] - p[j, 2] * S[f, 4]
+            S[f, 1] += p[j, 2] * S[f, 3] - p[j, 0] * S[f, 5]
+            S[f, 2] += p[j, 0] * S[f, 4] - p[j, 1] * S[f, 3]
+            s = S[f, 0], S[f, 1], S[f, 2], S[f, 3], S[f, 4], S[f, 5]
+            A[f, 0], A[f, 1], A[f, 2], A[f, 3], A[f, 4], A[f, 5] = _carry(t, k, j, s)
 
 
 @kernel
@@ -88,22 +90,23 @@ def _write_mass_matrix(t: Tables, w: Work) -> None:
     Not `data.M`: `crba` takes for granted that joints are numbered depth first, which models made
     in Python need not be.
     """
-    M, S, A, joint, velocity, ratio = (
-        w.M, w.motion, w.momentum, t.freedom_joint, t.freedom_v, t.freedom_ratio
-    )  # fmt: skip
+    M, S, A, first, velocity = w.M, w.motion, w.momentum, t.first_freedom, t.freedom_v
     for i in range(M.shape[0]):
         for j in range(M.shape[0]):
             M[i, j] = t.armature[i] if i == j else 0.0
-    for f in range(joint.size):
-        for g in range(f, joint.size):  # joints follow those that carry them
-            if t.carries[joint[f], joint[g]]:
-                total = 0.0
-                for e in range(6):
-                    total += S[f, e] * A[g, e]
-                total *= ratio[f] * ratio[g]
-                M[velocity[f], velocity[g]] += total
-                if f != g:
-                    M[velocity[g], velocity[f]] += total
+    for j in range(t.parent.size):
+        for g in range(first[j], first[j + 1]):
+            i = j
+            while i >= 0:
+                for f in range(first[i], min(first[i + 1], g + 1)):
+                    total = 0.0
+                    for e in range(6):
+                        total += S[f, e] * A[g, e]
+                    total *= t.freedom_ratio[f] * t.freedom_ratio[g]
+                    M[velocity[f], velocity[g]] += total
+                    if f != g:
+                        M[velocity[g], velocity[f]] += total
+                i = t.parent[i]
 
 
 @kernel
@@ -500,40 +503,57 @@ def _balance(t: Tables, w: Work, push: np.ndarray, free: np.ndarray) -> int:
 
 
 @kernel
-def _write_tree_wrench(t: Tables, k: Supply, w: Work, j: int, out: np.ndarray) -> None:
+def _accelerate(t: Tables, w: Work) -> None:
+    """Write what W_j a is the sum of, columns as in a_map, about the world's origin.
+
+    The acceleration of joint j's link, and the momenta of the freedoms that it carries.
+    """
+    above, below, first = w.above, w.below, t.first_freedom
+    nj, columns = above.shape[0], above.shape[1]
+    for j in range(nj):
+        parent = t.parent[j]
+        for n in range(columns):
+            for e in range(6):
+                above[j, n, e] = above[parent, n, e] if parent >= 0 else 0.0
+                below[j, n, e] = 0.0
+        for f in range(first[j], first[j + 1]):
+            for n in range(columns):
+                share = t.freedom_ratio[f] * w.a_map[t.freedom_v[f], n]
+                for e in range(6):
+                    above[j, n, e] += share * w.motion[f, e]
+    for j in range(nj - 1, -1, -1):
+        parent = t.parent[j]
+        if parent < 0:
+            continue
+        for n in range(columns):
+            for e in range(6):
+                below[parent, n, e] += below[j, n, e]
+        for f in range(first[j], first[j + 1]):
+            for n in range(columns):
+                share = t.freedom_ratio[f] * w.a_map[t.freedom_v[f], n]
+                for e in range(6):
+                    below[parent, n, e] += share * w.momentum[f, e]
+
+
+@kernel
+def _write_tree_wrench(t: Tables, k: Supply, w: Work, row: int, j: int) -> None:
     """Write w_j = f_j + W_j a (6, 1 + nc) of a joint of the tree, in its child's frame."""
-    a_map, S, A = w.a_map, w.motion, w.momentum
-    joint, velocity, ratio, carries = t.freedom_joint, t.freedom_v, t.freedom_ratio, t.carries
-    columns = a_map.shape[1]
-    below, above, F = w.below, w.above, w.momentum_above
-    for n in range(columns):
-        for e in range(6):
-            below[n, e] = above[n, e] = 0.0
-    for f in range(joint.size):
-        b = joint[f]
-        if carries[j, b]:
-            for n in range(columns):
-                share = ratio[f] * a_map[velocity[f], n]
-                for e in range(6):
-                    below[n, e] += share * A[f, e]
-        elif carries[b, j]:
-            for n in range(columns):
-                share = ratio[f] * a_map[velocity[f], n]
-                for e in range(6):
-                    above[n, e] += share * S[f, e]
-    R, p = k.R[1 + j], k.p[1 + j]
-    for n in range(columns):
-        _carry(t.mass[j], k.lever[1 + j], k.inertia[1 + j], above[n], F)
-        for e in range(6):
-            F[e] += below[n, e]
-        F[3] -= p[1] * F[2] - p[2] * F[1]
-        F[4] -= p[2] * F[0] - p[0] * F[2]
-        F[5] -= p[0] * F[1] - p[1] * F[0]
+    R, above, below, G = k.R, w.above, w.below, w.wrench_map
+    x, y, z = k.p[1 + j, 0], k.p[1 + j, 1], k.p[1 + j, 2]
+    for n in range(G.shape[2]):
+        moves = (above[j, n, 0], above[j, n, 1], above[j, n, 2],
+                 above[j, n, 3], above[j, n, 4], above[j, n, 5])  # fmt: skip
+        fx, fy, fz, mx, my, mz = _carry(t, k, j, moves)
+        fx, fy, fz = fx + below[j, n, 0], fy + below[j, n, 1], fz + below[j, n, 2]
+        mx += below[j, n, 3] - y * fz + z * fy
+        my += below[j, n, 4] - z * fx + x * fz
+        mz += below[j, n, 5] - x * fy + y * fx
         for e in range(3):
-            out[e, n] = R[0, e] * F[0] + R[1, e] * F[1] + R[2, e] * F[2]
-            out[3 + e, n] = R[0, e] * F[3] + R[1, e] * F[4] + R[2, e] * F[5]
+            a, b, c = R[1 + j, 0, e], R[1 + j, 1, e], R[1 + j, 2, e]
+            G[row, e, n] = a * fx + b * fy + c * fz
+            G[row, 3 + e, n] = a * mx + b * my + c * mz
     for e in range(6):
-        out[e, 0] += k.force[1 + j, e]
+        G[row, e, 0] += k.force[1 + j, e]
 
 
 @kernel
@@ -541,10 +561,11 @@ def _write_wrenches(t: Tables, k: Supply, w: Work) -> None:
     """Write the wrenches wanted as maps of friction, all but the multipliers' part."""
     layout = t.layout
     G, X, nj, action = w.wrench_map, w.X, t.mass.size, layout.coordinate_action
+    _accelerate(t, w)
     for row in range(t.wrench_row.size):
         j = t.wrench_row[row]
         if j < nj:
-            _write_tree_wrench(t, k, w, j, G[row])
+            _write_tree_wrench(t, k, w, row, j)
         else:
             for e in range(6):
                 for n in range(G.shape[2]):
@@ -637,47 +658,39 @@ def add_products(A: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel
-def write_contact(
-    B: np.ndarray, C: np.ndarray, rank: int, moved: float, wrench: np.ndarray, force: np.ndarray
-) -> None:
-    """Write a contact force (3, columns), (B + moved C) w, of a wrench (6, columns).
+def contact_row(B: np.ndarray, C: np.ndarray, i: int, e: int, moved: float) -> Vector6:
+    """Return row e of B + moved C (nt, 3, 6), the map of a wrench to contact force i."""
+    return (B[i, e, 0] + moved * C[i, e, 0], B[i, e, 1] + moved * C[i, e, 1],
+            B[i, e, 2] + moved * C[i, e, 2], B[i, e, 3] + moved * C[i, e, 3],
+            B[i, e, 4] + moved * C[i, e, 4], B[i, e, 5] + moved * C[i, e, 5])  # fmt: skip
 
-    The first `rank` rows of B and C (3, 6) count.
-    """
-    for e in range(rank, 3):
-        for n in range(wrench.shape[1]):
-            force[e, n] = 0.0
-    for e in range(rank):
-        for n in range(wrench.shape[1]):
-            force[e, n] = 0.0
-        for m in range(6):
-            mapped = B[e, m] + moved * C[e, m]
-            if mapped != 0.0:
-                for n in range(wrench.shape[1]):
-                    force[e, n] += mapped * wrench[m, n]
+
+@kernel
+def along(row: Vector6, wrench: np.ndarray, j: int, n: int) -> float:
+    """Return the component of a wrench's column, wrench[j, :, n], that a row maps to."""
+    x, y, z, a, b, c = row
+    return (x * wrench[j, 0, n] + y * wrench[j, 1, n] + z * wrench[j, 2, n]
+            + a * wrench[j, 3, n] + b * wrench[j, 4, n] + c * wrench[j, 5, n])  # fmt: skip
 
 
 @kernel
 def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
     """Write contact forces as maps of friction; False: not finite."""
-    layout, p = t.layout, w.problem
+    layout, free, slope = t.layout, w.problem.contact_free, w.problem.contact_slope
     G, total = w.wrench_map, 0.0
-    columns = G.shape[2]
-    force = w.force
     for i in range(t.contact_row.size):
-        s = layout.entry_site[t.contact_site[i]]
+        s, j = layout.entry_site[t.contact_site[i]], t.contact_row[i]
         moved = (
             layout.displacement_shift[s]
             + layout.displacement_ratio[s] * q[layout.displacement_q[s]]
         )
-        write_contact(t.contact_map[i], t.contact_map_moved[i], t.contact_rank[i], moved,
-                      G[t.contact_row[i]], force)  # fmt: skip
-        for e in range(3):
-            p.contact_free[i, e] = force[e, 0]
-            for n in range(columns):
-                total += abs(force[e, n])
-                if n > 0:
-                    p.contact_slope[i, n - 1, e] = force[e, n]
+        for e in range(t.contact_rank[i]):
+            row = contact_row(t.contact_map, t.contact_map_moved, i, e, moved)
+            free[i, e] = along(row, G, j, 0)
+            total += abs(free[i, e])
+            for c in range(slope.shape[1]):
+                slope[i, c, e] = along(row, G, j, 1 + c)
+                total += abs(slope[i, c, e])
     return total < np.inf
 
 
@@ -704,7 +717,8 @@ def couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, s
     t, k, w = machine.tables, machine.supply, machine.work
     M, h, nv, nl = w.M, k.h, v.size, t.multipliers
     given, terms, push = w.given, w.size, w.push
-    write_lines(t, w, v, effort, step)
+    if t.layout.gear_entry.size > 0:
+        write_lines(t, w, v, effort, step)
     _write_given(w, effort)
     _write_mass_matrix(t, w)
     w.locking[0] = add_armature(t, w)

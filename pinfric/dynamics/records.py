@@ -138,11 +138,11 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
     """Tabulate a scene, with the masses of one payload, for the kernels."""
     model, nj = twin.model, twin.n_joints
     unit_q, unit_count = unit_parts(model)
-    carries = np.eye(nj, dtype=np.int8)
-    for j in range(nj):  # parents come before their children
-        if model.parents[j + 1] > 0:
-            carries[:, j] |= carries[:, model.parents[j + 1] - 1]
-    mass = carries @ np.array([y.mass for y in model.inertias[1:]]).reshape(nj)
+    parent = np.array(list(model.parents)[1:], dtype=np.int64) - 1
+    mass = np.array([y.mass for y in model.inertias[1:]]).reshape(nj)
+    for j in range(nj - 1, 0, -1):  # parents come before their children
+        if parent[j] >= 0:
+            mass[parent[j]] += mass[j]
     freedoms = _freedoms(twin)
     actions = actions_of(twin, linkage or no_linkage(twin.model))
     closed = linkage is not None and linkage.multipliers > 0
@@ -161,7 +161,7 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
             direction_size[c] = layout.scale
     return Tables(
         layout=layout,
-        carries=carries,
+        parent=parent,
         mass=mass,
         gravity=np.array(model.gravity.linear),
         **freedoms,
@@ -193,7 +193,7 @@ def _freedoms(twin: Twin) -> dict[str, np.ndarray]:
         for n, component in enumerate(c for c in twin.components[j] if c >= 0):
             found.append((j, int(twin.v_index[j]) + n, 1.0, np.eye(6)[component]))
     return {
-        "freedom_joint": np.array([j for j, *_ in found], dtype=np.int64),
+        "first_freedom": np.searchsorted([j for j, *_ in found], np.arange(twin.n_joints + 1)),
         "freedom_v": np.array([f[1] for f in found], dtype=np.int64),
         "freedom_ratio": np.array([f[2] for f in found], dtype=float),
         "freedom_axis": np.array([f[3] for f in found], dtype=float).reshape(-1, 6),
@@ -221,8 +221,8 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
     )  # fmt: skip
     work = Work(
         R=np.empty((1, nj, 3, 3)), p=np.empty((1, nj, 3)), velocity=np.empty((1, nj, 6)),
-        acceleration=np.empty((1, nj, 6)), motion=np.empty((len(tables.freedom_joint), 6)),
-        momentum=np.empty((len(tables.freedom_joint), 6)), X=np.empty((1, nj + pairs, 6, nx)),
+        acceleration=np.empty((1, nj, 6)), motion=np.empty((len(tables.freedom_v), 6)),
+        momentum=np.empty((len(tables.freedom_v), 6)), X=np.empty((1, nj + pairs, 6, nx)),
         J=np.empty((1, nx, nv)), gap=np.empty((1, nx)), rate=np.empty((1, nx)),
         rate_derivative=np.empty((1, nx)), tilt=np.empty((1, pairs)), terms=np.empty((1, pairs, 2)),
         D=layout.coordinate_row.copy(), S=layout.drive_row.copy(), Z=np.eye(nv),
@@ -231,8 +231,8 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         wrench_map=np.zeros((rows, 6, 1 + nc)), coordinate_rate=np.zeros(nc),
         idle=np.zeros(nc, dtype=bool),
         given=np.zeros(nv), size=np.zeros(nv), push=np.zeros(nv), a_closure=np.zeros(nv),
-        lower=np.zeros((nv, nv)), right=np.zeros((nv, 1 + nc)), below=np.zeros((1 + nc, 6)),
-        above=np.zeros((1 + nc, 6)), momentum_above=np.zeros(6), force=np.zeros((3, 1 + nc)),
+        lower=np.zeros((nv, nv)), right=np.zeros((nv, 1 + nc)), below=np.zeros((nj, 1 + nc, 6)),
+        above=np.zeros((nj, 1 + nc, 6)),
         freedoms=np.zeros(1, dtype=np.int64),
         modes=Modes.of(nc, ne), least=np.zeros(nc), most=np.zeros(nc), a=a, effort=effort,
         phi=phi, load=load, wrench=wrench.reshape(ns, 6), multiplier=np.zeros(nl),

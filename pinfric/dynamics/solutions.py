@@ -67,10 +67,7 @@ def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Sam
 
 
 def reduced_problem(solver: Solver) -> Reduced:
-    """Return what `given_modes` solves for a solver's only sample.
-
-    Its problem, `solver.base`, is left as they belong to.
-    """
+    """Return what `given_modes` solves for a solver's only sample."""
     law = solver.law
     code = np.where(law.choices > 1, LOWER, law.code)  # what sticks is at a limit
     solver.candidates(np.zeros(1, dtype=np.int64), code)
@@ -90,7 +87,7 @@ def find_jamming_site(result: InverseResult, sample: int) -> str | None:
     reduced = reduced_problem(solver)
     nz = reduced.contact.shape[1] - 1
     A, vector = np.empty((nz, nz)), np.empty(nz)
-    contraction_matrix(solver.base, reduced, A)
+    contraction_matrix(reduced, A)
     if spectral_radius_bound(A, vector) == 0.0:
         return None
     return result.site_names[int(np.flatnonzero(reduced.unknown == np.argmax(vector))[0])]
@@ -100,7 +97,7 @@ def _search(solver: Solver) -> np.ndarray:
     """Newton from many starts on every scale; (number found, ne) friction coordinates."""
     layout, law = solver.layout, solver.law
     reduced = reduced_problem(solver)
-    gain, _, unknown, X, contact = reduced
+    unknown, X, _, _, gain, contact = reduced
     nz = contact.shape[1] - 1
     rng = np.random.default_rng(0)
     scale = float(np.abs(contact[:, 0]).max(initial=0.0)) * float(np.abs(gain).max(initial=0.0))
@@ -110,9 +107,9 @@ def _search(solver: Solver) -> np.ndarray:
     found = []
     for start in range(_STARTS if nz else 1):
         z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)
-        error = newton(solver.base, reduced, z, False)[0] if nz else 0.0
+        error = newton(reduced, z, False)[0] if nz else 0.0
         if error <= _RESIDUAL:
-            found.append(X[:, 0] + X[:, 1 : nz + 1] @ z)
+            found.append(X[:, 0] + X[:, 1:] @ z)
     sites = np.repeat(np.arange(len(layout.first_entry)), layout.entry_count)
     x = np.array(found).reshape(len(found), len(layout.first_entry))
     return np.asarray(x[:, sites] * law.direction[0])

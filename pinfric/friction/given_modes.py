@@ -37,19 +37,22 @@ MOST_SOLUTIONS = 8
 class Reduced(NamedTuple):
     """A `Problem` in given modes: all that is left is the friction z that loads make implicit.
 
-        z = offset + gain load(z),     x = X (1, z),     p = contact (1, z)
+        z_k = offset_k + sum over its contacts of gain |p|,    x = X (1, z),    p = contact (1, z)
 
     Attributes:
-        gain, offset: (ns,), (nc,) of the slip laws, see `slip_law`.
         unknown: (nc,) int: place of each coordinate in z, or -1.
-        X: (nc, nc + 1), its first 1 + nz columns.
-        contact: (nt, 1 + nz, 3).
+        X: (nc, 1 + nz).
+        offset: (nz,).
+        place, gain: (n,) of the n contact forces that friction of a load follows: whose, and the
+            coefficient.
+        contact: (n, 1 + nz, 3).
     """
 
-    gain: np.ndarray
-    offset: np.ndarray
     unknown: np.ndarray
     X: np.ndarray
+    offset: np.ndarray
+    place: np.ndarray
+    gain: np.ndarray
     contact: np.ndarray
 
 
@@ -93,29 +96,32 @@ def reduce_problem(
     Returns:
         Length of z, or -1 where the sticking coordinates' equations are singular; `Reduced`.
     """
-    nc, nt, gain = stuck.size, problem.contact_site.size, np.empty(problem.constant.size)
-    offset, unknown, X = np.empty(nc), np.full(nc, -1, np.int64), np.zeros((nc, nc + 1))
-    slip_law(problem, stuck, direction, gain, offset)
-    nz = 0
-    for t in range(nt):
+    nc, ns = stuck.size, problem.constant.size
+    law, site_gain, unknown = np.empty(nc), np.empty(ns), np.full(nc, -1, np.int64)
+    slip_law(problem, stuck, direction, site_gain, law)
+    nz = count = sticking = 0
+    for t in range(problem.contact_site.size):
         s = problem.contact_site[t]
         c = problem.coordinate[s]
-        if gain[s] != 0.0 and unknown[c] < 0:
-            unknown[c] = nz
-            nz += 1
+        if site_gain[s] != 0.0:
+            count += 1
+            if unknown[c] < 0:
+                unknown[c] = nz
+                nz += 1
+    for s in range(ns):
+        law[problem.coordinate[s]] += site_gain[s] * problem.constant[s]
+    X, offset = np.zeros((nc, 1 + nz)), np.empty(nz)
     for c in range(nc):
+        sticking += stuck[c]
         if unknown[c] >= 0:
-            X[c, 1 + unknown[c]] = 1.0
+            X[c, 1 + unknown[c]], offset[unknown[c]] = 1.0, law[c]
         elif not stuck[c]:
-            X[c, 0] = offset[c]
-    for s in range(gain.size):  # a bearing with a preload only: its load is known
-        if unknown[problem.coordinate[s]] < 0:
-            X[problem.coordinate[s], 0] += gain[s] * problem.constant[s]
-    contact = np.empty((nt, nz + 1, 3))
-    reduced = Reduced(gain, offset, unknown, X, contact)
-    if not _hold(problem, stuck, X[:, : nz + 1]):
+            X[c, 0] = law[c]
+    place, gain, contact = np.empty(count, np.int64), np.empty(count), np.empty((count, 1 + nz, 3))
+    reduced = Reduced(unknown, X, offset, place, gain, contact)
+    if sticking > 0 and not _hold(problem, stuck, X):
         return -1, reduced
-    _reduce_contacts(problem, X, contact)
+    _reduce_contacts(problem, stuck, site_gain, reduced)
     return nz, reduced
 
 
@@ -130,8 +136,6 @@ def _hold(problem: Problem, stuck: np.ndarray, X: np.ndarray) -> bool:
     nc, columns = X.shape
     held = np.flatnonzero(stuck)
     nh = held.size
-    if nh == 0:
-        return True
     A, B = np.empty((nh, nh)), np.empty((nh, columns))
     for i in range(nh):
         c = held[i]
@@ -151,67 +155,61 @@ def _hold(problem: Problem, stuck: np.ndarray, X: np.ndarray) -> bool:
 
 
 @kernel
-def _reduce_contacts(problem: Problem, X: np.ndarray, contact: np.ndarray) -> None:
-    """Write the contact forces (nt, nz + 1, 3) as maps of z."""
-    contact[:] = 0.0
-    contact[:, 0] = problem.contact_free
-    for c in range(X.shape[0]):
-        for j in range(contact.shape[1]):
-            share = X[c, j]
-            if share != 0.0:
-                for t in range(contact.shape[0]):
-                    for e in range(3):
-                        contact[t, j, e] += share * problem.contact_slope[t, c, e]
+def _reduce_contacts(
+    problem: Problem, stuck: np.ndarray, site_gain: np.ndarray, reduced: Reduced
+) -> None:
+    """Write whose friction follows each contact force that counts, and the force as a map of z."""
+    unknown, X, _, place, gain, contact = reduced
+    columns, n = contact.shape[1], 0
+    for t in range(problem.contact_site.size):
+        s = problem.contact_site[t]
+        if site_gain[s] == 0.0:
+            continue
+        place[n], gain[n] = unknown[problem.coordinate[s]], site_gain[s]
+        for e in range(3):
+            contact[n, 0, e] = problem.contact_free[t, e]
+            for j in range(1, columns):
+                contact[n, j, e] = 0.0
+        for c in range(unknown.size):
+            # what slips is a number or one of z
+            first, last = (0, columns) if stuck[c] else (1 + unknown[c], 2 + unknown[c])
+            for j in range(first, last):
+                for e in range(3):
+                    contact[n, j, e] += X[c, j] * problem.contact_slope[t, c, e]
+        n += 1
 
 
 @kernel
-def residual(
-    problem: Problem, reduced: Reduced, z: np.ndarray, rest: np.ndarray, jacobian: np.ndarray
-) -> float:
-    """Write z - (offset + gain load(z)) and its Jacobian; return the largest relative residual.
+def _force(contact: np.ndarray, t: int, z: np.ndarray) -> tuple[float, float, float, float]:
+    """Return one contact force under z, and the size of the terms it is the sum of."""
+    px, py, pz = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
+    terms = abs(px) + abs(py) + abs(pz)
+    for j in range(z.size):
+        x, y = contact[t, 1 + j, 0] * z[j], contact[t, 1 + j, 1] * z[j]
+        w = contact[t, 1 + j, 2] * z[j]
+        px, py, pz = px + x, py + y, pz + w
+        terms += abs(x) + abs(y) + abs(w)
+    return px, py, pz, terms
 
-    A contact force of zero has no direction: it adds nothing to the Jacobian (an element of the
-    generalized Jacobian of the norm).
+
+@kernel
+def residual(reduced: Reduced, z: np.ndarray, rest: np.ndarray, size: np.ndarray) -> float:
+    """Write z - (offset + gain load(z)) and return the largest, relative to its terms.
 
     Args:
-        problem, reduced: see `reduce_problem`.
+        reduced: `Reduced`.
         z: (nz,).
-        rest, jacobian: (nz,), (nz, nz), overwritten.
+        rest, size: (nz,), overwritten: the residual, and the size of the terms it is the sum of.
     """
-    gain, offset, unknown, _, contact = reduced
-    nz, size, worst = z.size, np.empty(z.size), 0.0
-    jacobian[:] = 0.0
-    for c in range(unknown.size):
-        k = unknown[c]
-        if k >= 0:
-            rest[k] = z[k] - offset[c]
-            size[k] = abs(z[k]) + abs(offset[c])
-            jacobian[k, k] = 1.0
-    for s in range(gain.size):
-        k = unknown[problem.coordinate[s]]
-        if k >= 0:
-            rest[k] -= gain[s] * problem.constant[s]
-            size[k] += abs(gain[s]) * problem.constant[s]
-    for t in range(contact.shape[0]):
-        s = problem.contact_site[t]
-        k = unknown[problem.coordinate[s]]
-        if k < 0 or gain[s] == 0.0:
-            continue
-        px, py, pz = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
-        terms = abs(px) + abs(py) + abs(pz)
-        for j in range(1, nz + 1):
-            x = z[j - 1]
-            dx, dy, dz = contact[t, j, 0] * x, contact[t, j, 1] * x, contact[t, j, 2] * x
-            px, py, pz = px + dx, py + dy, pz + dz
-            terms += abs(dx) + abs(dy) + abs(dz)
-        norm = np.sqrt(px * px + py * py + pz * pz)
-        rest[k] -= gain[s] * norm
-        size[k] += abs(gain[s]) * terms
-        if norm > 0.0:
-            for j in range(1, nz + 1):
-                slope = px * contact[t, j, 0] + py * contact[t, j, 1] + pz * contact[t, j, 2]
-                jacobian[k, j - 1] -= gain[s] * slope / norm
-    for k in range(nz):
+    _, _, offset, place, gain, contact = reduced
+    worst = 0.0
+    for k in range(z.size):
+        rest[k], size[k] = z[k] - offset[k], abs(z[k]) + abs(offset[k])
+    for t in range(gain.size):
+        px, py, pz, terms = _force(contact, t, z)
+        rest[place[t]] -= gain[t] * np.sqrt(px * px + py * py + pz * pz)
+        size[place[t]] += abs(gain[t]) * terms
+    for k in range(z.size):
         if not abs(rest[k]) <= 1e300:
             return np.inf
         if rest[k] != 0.0:
@@ -220,11 +218,32 @@ def residual(
 
 
 @kernel
-def newton(problem: Problem, reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
+def residual_slope(reduced: Reduced, z: np.ndarray, J: np.ndarray) -> None:
+    """Write the Jacobian (nz, nz) of `residual`.
+
+    A contact force of zero has no direction: it adds nothing (an element of the generalized
+    Jacobian of the norm).
+    """
+    _, _, _, place, gain, contact = reduced
+    for k in range(z.size):
+        for j in range(z.size):
+            J[k, j] = 1.0 if j == k else 0.0
+    for t in range(gain.size):
+        px, py, pz, _ = _force(contact, t, z)
+        norm = np.sqrt(px * px + py * py + pz * pz)
+        if norm > 0.0:
+            for j in range(z.size):
+                along = (px * contact[t, 1 + j, 0] + py * contact[t, 1 + j, 1]
+                         + pz * contact[t, 1 + j, 2])  # fmt: skip
+                J[place[t], j] -= gain[t] * along / norm
+
+
+@kernel
+def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
     """Solve z = offset + gain load(z) from the given z: fixed point while fast, then Newton.
 
     Args:
-        problem, reduced: see `reduce_problem`.
+        reduced: `Reduced`.
         z: (nz,), overwritten.
         fast: False leaves the fixed point out: it can jump from one solution to another.
 
@@ -232,33 +251,35 @@ def newton(problem: Problem, reduced: Reduced, z: np.ndarray, fast: bool) -> tup
         (the relative residual reached, passes).
     """
     nz = z.size
-    rest, J = np.empty(nz), np.empty((nz, nz))
+    rest, size = np.empty(nz), np.empty(nz)
     tolerance = _RESIDUAL * (8 + nz)
-    error = residual(problem, reduced, z, rest, J)
+    error = residual(reduced, z, rest, size)
     if error <= tolerance:
         return error, 0
     trial_rest, trial = np.empty(nz), np.empty(nz)
-    trial_J, step = np.empty((nz, nz)), np.empty((nz, 1))
+    J, step = np.empty((nz, nz)), np.empty((nz, 1))
     # steps are judged by the residual itself: relative to its terms it is no smaller far out
-    size = largest(rest)
+    most = largest(rest)
     for passes in range(_NEWTON_PASSES):
         if error <= tolerance or not error < np.inf:
             return error, passes
         for k in range(nz):
             step[k, 0] = rest[k]
-        if not fast and not solve_dense(J, step):
-            return error, passes
-        damping, new, trial_size = 1.0, np.inf, np.inf
+        if not fast:
+            residual_slope(reduced, z, J)
+            if not solve_dense(J, step):
+                return error, passes
+        damping, new, trial_most = 1.0, np.inf, np.inf
         for _ in range(30):
             for k in range(nz):
                 trial[k] = z[k] - damping * step[k, 0]
-            new = residual(problem, reduced, trial, trial_rest, trial_J)
-            trial_size = largest(trial_rest)
-            if fast or trial_size < size or new <= tolerance:
+            new = residual(reduced, trial, trial_rest, size)
+            trial_most = largest(trial_rest)
+            if fast or trial_most < most or new <= tolerance:
                 break
             damping *= 0.5
-        better = trial_size < size or new <= tolerance
-        if fast and not trial_size < _FAST * size:
+        better = trial_most < most or new <= tolerance
+        if fast and not trial_most < _FAST * most:
             fast = False
             if not better:
                 continue  # a pass that leads away is not taken
@@ -266,18 +287,16 @@ def newton(problem: Problem, reduced: Reduced, z: np.ndarray, fast: bool) -> tup
             return error, passes + 1  # no way down: rounding, or no solution near
         for k in range(nz):
             z[k], rest[k] = trial[k], trial_rest[k]
-            for j in range(nz):
-                J[k, j] = trial_J[k, j]
-        error, size = new, trial_size
+        error, most = new, trial_most
     return error, _NEWTON_PASSES
 
 
 @kernel
-def fixed_point(problem: Problem, reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
+def fixed_point(reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
     """Iterate z = offset + gain load(z), certain to converge below contraction 1; return passes."""
-    rest, jacobian = np.empty(z.size), np.empty((z.size, z.size))
+    rest, size = np.empty(z.size), np.empty(z.size)
     for passes in range(_FIXED_POINT_PASSES):
-        if residual(problem, reduced, z, rest, jacobian) <= tolerance:
+        if residual(reduced, z, rest, size) <= tolerance:
             return passes
         for k in range(z.size):
             z[k] -= rest[k]
@@ -285,7 +304,7 @@ def fixed_point(problem: Problem, reduced: Reduced, z: np.ndarray, tolerance: fl
 
 
 @kernel
-def settles(problem: Problem, reduced: Reduced, z: np.ndarray) -> bool:
+def settles(reduced: Reduced, z: np.ndarray) -> bool:
     """Refine a z of small residual by Newton; return whether it is known to be a solution.
 
     Its error |J^-1| (|rest| + rounding) must be small. Where the contraction is 1, z and gain
@@ -293,23 +312,25 @@ def settles(problem: Problem, reduced: Reduced, z: np.ndarray) -> bool:
     solution is near or none exists.
 
     Args:
-        problem, reduced: see `reduce_problem`.
+        reduced: `Reduced`.
         z: (nz,), overwritten.
     """
-    gain, offset, _, _, contact = reduced
+    _, _, offset, _, gain, contact = reduced
     nz = z.size
-    rest, J, inverse = np.empty(nz), np.empty((nz, nz)), np.empty((nz, nz))
+    rest, terms = np.empty(nz), np.empty(nz)
+    J, inverse = np.empty((nz, nz)), np.empty((nz, nz))
     for _ in range(3):
-        residual(problem, reduced, z, rest, J)
+        residual(reduced, z, rest, terms)
+        residual_slope(reduced, z, J)
         for i in range(nz):
             for j in range(nz):
                 inverse[i, j] = 1.0 if i == j else 0.0
         if not solve_dense(J, inverse):
             return False
         size = largest(z) + largest(offset)
-        for t in range(contact.shape[0]):
+        for t in range(gain.size):
             force = abs(contact[t, 0, 0]) + abs(contact[t, 0, 1]) + abs(contact[t, 0, 2])
-            size = max(size, abs(gain[problem.contact_site[t]]) * force)
+            size = max(size, abs(gain[t]) * force)
         error = 0.0
         for i in range(nz):
             step, bound = 0.0, 0.0
@@ -324,20 +345,16 @@ def settles(problem: Problem, reduced: Reduced, z: np.ndarray) -> bool:
 
 
 @kernel
-def contraction_matrix(problem: Problem, reduced: Reduced, A: np.ndarray) -> None:
+def contraction_matrix(reduced: Reduced, A: np.ndarray) -> None:
     """Write A_kj = sum |gain| Lip(load along z_j): |G(z) - G(z')| <= A |z - z'|."""
-    gain, _, unknown, _, contact = reduced
+    _, _, _, place, gain, contact = reduced
     for k in range(A.shape[0]):
         for j in range(A.shape[0]):
             A[k, j] = 0.0
-    for t in range(contact.shape[0]):
-        s = problem.contact_site[t]
-        k = unknown[problem.coordinate[s]]
-        if k < 0 or gain[s] == 0.0:
-            continue
+    for t in range(gain.size):
         for j in range(A.shape[0]):
             x, y, z = contact[t, 1 + j, 0], contact[t, 1 + j, 1], contact[t, 1 + j, 2]
-            A[k, j] += abs(gain[s]) * np.sqrt(x * x + y * y + z * z)
+            A[place[t], j] += abs(gain[t]) * np.sqrt(x * x + y * y + z * z)
 
 
 @kernel
@@ -391,7 +408,7 @@ def solve_given_modes(
         solutions[0] = reduced.X[:, 0]
         return 1
     A, perron = np.empty((nz, nz)), np.empty(nz)
-    contraction_matrix(problem, reduced, A)
+    contraction_matrix(reduced, A)
     figures[0] = spectral_radius_bound(A, perron)
     tolerance = _FOUND * (8 + nz)
     z = np.zeros(nz)
@@ -399,24 +416,22 @@ def solve_given_modes(
         for c in range(guess.size):
             if reduced.unknown[c] >= 0:
                 z[reduced.unknown[c]] = guess[c]
-    error, passes = newton(problem, reduced, z, figures[0] < 1.0)
+    error, passes = newton(reduced, z, figures[0] < 1.0)
     figures[1] = passes
     if figures[0] >= 1.0:
-        return _search(problem, reduced, direction, z, error <= tolerance, perron, solutions,
-                       figures)  # fmt: skip
+        return _search(reduced, direction, z, error <= tolerance, perron, solutions, figures)
     if not error <= tolerance:
-        passes = fixed_point(problem, reduced, z, tolerance)
+        passes = fixed_point(reduced, z, tolerance)
         figures[1] += passes
         if passes == _FIXED_POINT_PASSES:
             return -1
-    if figures[0] > 1.0 - _CERTAIN and not settles(problem, reduced, z):
+    if figures[0] > 1.0 - _CERTAIN and not settles(reduced, z):
         return -1
     return keep(reduced.X, z, solutions, 0)
 
 
 @kernel
 def _search(
-    problem: Problem,
     reduced: Reduced,
     direction: np.ndarray,
     z: np.ndarray,
@@ -428,7 +443,8 @@ def _search(
     """Look for solutions where there may be none or several: at rest and far out on every side.
 
     Args:
-        problem, reduced, direction: see `reduce_problem`.
+        reduced: `Reduced`.
+        direction: see `slip_law`.
         z: (nz,) where Newton has come to, overwritten.
         small: whether the residual there is small.
         perron: (nz,) eigenvector of the contraction's matrix.
@@ -437,12 +453,12 @@ def _search(
     Returns:
         Number of solutions.
     """
-    gain, _, unknown, X, contact = reduced
+    unknown, X, _, _, gain, contact = reduced
     nz, tolerance, far, most, found = z.size, _FOUND * (8 + z.size), 1.0, 1.0, 0
-    if small and settles(problem, reduced, z):
+    if small and settles(reduced, z):
         found = keep(X, z, solutions, found)
     for t in range(contact.shape[0]):
-        most = max(most, abs(gain[problem.contact_site[t]]))
+        most = max(most, abs(gain[t]))
         for e in range(3):
             far = max(far, abs(contact[t, 0, e]))
     for start in range(nz + 2):
@@ -451,8 +467,8 @@ def _search(
             if k >= 0:
                 weight = start * perron[k] if start < 2 else 1.0 if k == start - 2 else 0.0
                 z[k] = -direction[c] * 1e4 * far * most * weight
-        error, passes = newton(problem, reduced, z, False)
+        error, passes = newton(reduced, z, False)
         figures[1] += passes
-        if error <= tolerance and settles(problem, reduced, z):
+        if error <= tolerance and settles(reduced, z):
             found = keep(X, z, solutions, found)
     return found

@@ -401,8 +401,8 @@ def test_iterations_of_fixed_point_and_newton_up_to_the_jam(capsys):
         solver = Solver(layout, samples.maps, velocity, result.reversal)
         reduced = reduced_problem(solver)
         z, w = np.zeros(1), np.zeros(1)
-        slow = fixed_point(solver.base, reduced, z, 1e-13)
-        error, fast = newton(solver.base, reduced, w, True)
+        slow = fixed_point(reduced, z, 1e-13)
+        error, fast = newton(reduced, w, True)
         assert error <= 1e-13
         if slow < 5000:
             assert z[0] == pytest.approx(w[0], rel=1e-8)

@@ -140,15 +140,16 @@ def test_the_jacobian_is_the_derivative_of_the_residual(seed):
     z = np.random.default_rng(seed).normal(size=nz)
 
     def at(z):
-        rest, J = np.empty(nz), np.empty((nz, nz))
-        coupling.residual(p, reduced, z, rest, J)
+        rest, size, J = np.empty(nz), np.empty(nz), np.empty((nz, nz))
+        coupling.residual(reduced, z, rest, size)
+        coupling.residual_slope(reduced, z, J)
         return rest, J
 
     step = 1e-6
     numeric = np.array([(at(z + step * e)[0] - at(z - step * e)[0]) / (2 * step)
                         for e in np.eye(nz)]).T  # fmt: skip
     np.testing.assert_allclose(at(z)[1], numeric, atol=1e-8)
-    x = reduced.X[:, 0] + reduced.X[:, 1 : nz + 1] @ z
+    x = reduced.X[:, 0] + reduced.X[:, 1:] @ z
     slip = x - plain_slip_friction(p, direction, plain_loads(p, x))
     np.testing.assert_allclose(at(z)[0], slip[~stuck], atol=1e-12)
     np.testing.assert_allclose((p.rate_free + p.rate_slope @ x)[stuck], 0, atol=1e-12)
