@@ -1,4 +1,4 @@
-"""What logs say of each other's friction, against figures worked out by hand."""
+"""What logs say of each other, and of friction at rest, against figures worked out by hand."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from pinfric.study.identify.columns import Rows
-from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS
+from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS
 from pinfric.study.identify.normal import Fit
+from pinfric.study.identify.rest import break_aways
 from pinfric.study.identify.uncertainty import between_logs
 
 
@@ -33,3 +34,30 @@ def test_what_blocks_of_one_log_scatter_is_no_difference_between_logs(factors, s
     fit = Fit(np.zeros(10), 2.0 * (np.arange(len(SLOTS)) == SLOT[FORWARD])[None, :])
     found = SimpleNamespace(prepared=[None, None], rows=[rows], fit=fit)
     assert between_logs(found) == pytest.approx([spread], abs=1e-9)
+
+
+@pytest.mark.parametrize("side", ["motor", "joint"])
+@pytest.mark.parametrize("way", [FORWARD, BACKWARD])
+def test_a_gears_loss_is_taken_out_of_what_a_joint_broke_away_at(side, way):
+    """A load of 10 N m, a gear that loses a tenth of it driving and driven, 2 N m of friction."""
+    sign, load, loss = (1.0 if way == FORWARD else -1.0), 10.0, 0.1
+    held, moved = np.minimum(np.arange(200) / 125, 1.0), np.full(75, 0.75)
+    friction = 2.0 * np.tile(np.concatenate((held, moved)), 3)
+    rests = np.tile(np.arange(275) < 200, 3)
+    losing = 1.0 + sign * loss  # the load is lifted forward, let down backward
+    effort = (
+        (load + sign * friction) * losing if side == "joint" else load * losing + sign * friction
+    )
+    slots = (loss * (np.arange(len(SLOTS)) == SLOT[f"gear both, {side} side"]))[None, :]
+    recording = SimpleNamespace(
+        trajectory=SimpleNamespace(t=0.004 * np.arange(825)), step=0.004, rests=rests[:, None],
+        velocity=np.where(rests, 0.0, sign)[:, None], effort=effort[:, None],
+    )  # fmt: skip
+    found = SimpleNamespace(
+        choice=SimpleNamespace(laws=[SimpleNamespace(load="gear", side=side)]),
+        fit=Fit(np.zeros(10), slots), delay=SimpleNamespace(value=0.0),
+        prepared=[SimpleNamespace(recording=recording, load=np.full((825, 1), load))],
+    )  # fmt: skip
+    ((key, broke),) = break_aways(found).items()
+    assert key == (0, way)
+    assert broke.mean == pytest.approx(2.0, rel=0.02)
