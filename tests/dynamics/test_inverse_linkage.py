@@ -310,6 +310,24 @@ def test_a_geared_cylinder_has_its_own_velocity_and_acceleration():
 # ---------------------------------------------------------------- what holds always
 
 
+def test_balls_reverse_with_the_arms_that_turn_them():
+    """A delta's arms turn back between two samples: its balls, whose axes differ, do so, too."""
+    scene = pf.load_scene("delta")
+    arms = ["arm_1", "arm_2", "arm_3"]
+    columns = [scene.joint_names.index(name) for name in arms]
+    way, t = np.array([10.0, -6.0, 3.0]), 0.004 * (np.arange(6) - 2.7)
+    q = np.tile(pf.load_trajectory("delta", scene).q[0], (6, 1))
+    q[:, columns] += np.outer(0.5 * t**2, way)
+    q = np.array([scene.close(row, arms) for row in q])
+    v, a = pf.consistent_motion(scene, q, arms, np.outer(t, way), np.tile(way, (6, 1)))
+    result = pf.inverse_dynamics(scene, q, v, a, t=t)
+    assert not result.sticking.any()
+    assert (result.reversal == (np.arange(6) == 3)[:, None]).all()  # 1.2 ms after; 2.8 before
+    assert (result.effort_upper > result.effort_lower + 0.1).any(axis=1).tolist() == [
+        False, False, False, True, False, False,
+    ]  # fmt: skip
+
+
 def test_chunks_threads_and_pickles_change_nothing():
     case = turning_four_bar(1300, friction=pin_friction(0.3, 0.01, static=0.4))
     t = np.linspace(0, 1, 1300)
