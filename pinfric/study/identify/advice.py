@@ -156,7 +156,7 @@ def _weighed(
     factors = {}
     for at, ratio in zip(place.tolist(), (then / now).tolist(), strict=True):
         j, slot = divmod(at, len(SLOTS))
-        if slot != SLOT[INERTIA]:
+        if slot != SLOT[INERTIA] and j in found.known:
             section, key, _ = scene_key(found.scene, j, found.choice.laws[j], slot)
             factors[f"{section}.{found.scene.joint_names[j]}.{key}"] = float(ratio)
     return Advice(name, points, load, factors)

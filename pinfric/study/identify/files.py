@@ -171,11 +171,10 @@ def _comments(found: Identified) -> dict[tuple[str, ...], str]:
         where += tuple(parameter.name.split("."))
         comments[where] = _interval(parameter)
     for name, law in found.laws.items():
-        if name in found.errors:
-            error = found.errors[name]
-            where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
-            comments[where] = (f"{law}: off by {error.share} where not "
-                               f"fitted ({error.error / error.plain:.2f} of {PLAIN})")  # fmt: skip
+        error = found.errors[name]
+        where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
+        comments[where] = (f"{law}: off by {error.share} where not "
+                           f"fitted ({error.error / error.plain:.2f} of {PLAIN})")  # fmt: skip
     return comments
 
 

@@ -75,7 +75,7 @@ class Identified(Shown):
 
     Attributes:
         scene: with the friction, and the links' inertias, that were found.
-        laws: joint -> law.
+        laws: joint -> law, of the joints that slid and that the model explains.
         parameters: every coefficient in the scene's terms, with its interval.
         posterior: key -> (n,) draws in the scene's terms, correlated: a row is one robot.
         errors: joint -> error on blocks that neither the choice of laws nor the fit has seen.
@@ -117,6 +117,10 @@ class Identified(Shown):
     def advice(self) -> tuple[Advice, ...]:
         """Recordings of 30 s each, that which would tell most first."""
         return advise(self.estimate)
+
+    def law_of(self, joint: str) -> str:
+        """Return a joint's law in words; "not explained" where the model says nothing of it."""
+        return str(self.laws.get(joint, "not explained"))
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write scene.yaml, robot.urdf if inertias changed, posterior.csv, sweep.yaml, advice.
@@ -208,7 +212,7 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     every = parameters(found, known, static)
     return Identified(
-        scene=better, laws=dict(zip(names, found.choice.laws, strict=True)), parameters=every,
+        scene=better, laws={names[j]: found.choice.laws[j] for j in found.known}, parameters=every,
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
         delay=found.delay.value, said=said(found, rest, every, static), entries=entries,
@@ -280,6 +284,8 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
     result = {}
     for at in known.place.tolist():
         j, slot = divmod(at, len(SLOTS))
+        if j not in found.known:
+            continue
         law = found.choice.laws[j]
         values = np.asarray(scene_value(law, slot, draws[:, at], float(r[j])))
         # what moved one way only has this friction the other way, too

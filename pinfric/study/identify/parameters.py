@@ -150,7 +150,7 @@ def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
 def parameters(
     found: Estimate, known: Uncertainty, static: Mapping[tuple[int, str], BreakAway]
 ) -> tuple[Parameter, ...]:
-    """Return every coefficient of the laws taken, in the scene's terms.
+    """Return every coefficient of the laws found, in the scene's terms.
 
     Args:
         found: the estimate.
@@ -160,11 +160,10 @@ def parameters(
     result, r = [], ratios(found.scene)
     errors = dict(zip(known.place.tolist(), np.sqrt(np.diag(known.covariance)), strict=True))
     reach = known.quantile()
-    for j, slots in enumerate(found.problem.slots(found.choice.laws)):
+    slots = found.problem.slots(found.choice.laws)
+    for j in found.known:
         law = found.choice.laws[j]
-        if found.rows[j].effort.size == 0:
-            continue
-        for slot in slots:
+        for slot in slots[j]:
             x, error = float(found.fit.slots[j, slot]), errors.get(j * len(SLOTS) + slot, 0.0)
             low, high = sorted(float(scene_value(law, slot, max(x + side * reach * error, 0.0),
                                                  float(r[j]))) for side in (-1, 1))  # fmt: skip
@@ -214,7 +213,7 @@ def identified_scene(found: Estimate, entries: Mapping[str, JointEntries]) -> Sc
 def scene_entries(
     found: Estimate, static: Mapping[tuple[int, str], BreakAway]
 ) -> dict[str, JointEntries]:
-    """Return what the identified scene says of every joint that moved, as a scene file would.
+    """Return what the identified scene says of every joint that is known, as a scene file would.
 
     Args:
         found: the estimate.
@@ -223,9 +222,8 @@ def scene_entries(
     scene, r = found.question.scene, ratios(found.scene)
     bearing_scene = found.question.scene.friction
     result = {}
-    for j, (name, law) in enumerate(zip(scene.joint_names, found.choice.laws, strict=True)):
-        if found.rows[j].effort.size == 0:
-            continue
+    for j in found.known:
+        name, law = scene.joint_names[j], found.choice.laws[j]
         value = {slot: _rounded(scene_value(law, SLOT[slot], float(found.fit.slots[j, SLOT[slot]]),
                                             float(r[j]))) for slot in SLOTS}  # fmt: skip
         extra = _rest_excess(found.rows[j], law, found.fit.slots[j])

@@ -29,7 +29,9 @@ from pinfric import cli
 from pinfric.errors import IdentificationError
 from pinfric.show.identification_page.page import identification_page
 from pinfric.show.replay.frames import make_frames
+from pinfric.show.report.identify import identify_json
 from pinfric.study.identify.advice import advice_text
+from pinfric.study.identify.choice import smallest_good
 from pinfric.study.identify.delay import common_delay
 from pinfric.study.identify.files import posterior_text
 from pinfric.study.identify.identify import Identified, beside_measured
@@ -208,6 +210,7 @@ def test_the_page_shows_every_joint_its_laws_and_what_is_left(found):
         assert f'id="velocity-{k}"' in page
         assert f"{name}: {found.laws[name]}" in page.replace("&#39;", "'")
     assert "one log only" in page
+    assert "overflow-wrap: break-word" in page  # keys in lists of them are wider than a phone
     assert "https://" not in page.replace("https://plotly.com", "").split("<script>")[0]
 
 
@@ -327,15 +330,32 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     assert ways[1] in posterior_text(found).splitlines()[0].split(",")
 
 
-def test_a_joint_of_which_nothing_is_predicted_keeps_plain_friction():
-    effort, motion = short().effort.copy(), excitation(0, 20.0, 100.0)
-    effort[:, 5] = np.sign(motion.v[:, 5]) * np.where(np.sin(2.0 * motion.t) > 0.0, 3.0, -3.0)
-    laws = dict.fromkeys(NAMES[:5], Law())
-    found = pf.identify(guess(0), replace(short(), effort=effort), laws=laws)
-    assert found.laws[NAMES[5]] == Law()
-    line = next(line for line in found.said if line.startswith("no law predicts"))
-    assert line.endswith(f": {NAMES[5]}")
-    assert min(found.estimate.choice.errors[5].values()) > found.errors[NAMES[5]].rms
+def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws():
+    turned = replace(short(), q=short().q * np.array([1, -1, 1, 1, 1, 1]))
+    laws = dict.fromkeys(NAMES, Law())
+    found = pf.identify(guess(0), turned, inertia="keep", laws=laws)
+    line = next(line for line in found.said if line.startswith("the model does not explain it"))
+    assert NAMES[1] in line
+    assert NAMES[2] in line
+    assert (
+        set(found.laws) == {NAMES[j] for j in (0, 3, 4, 5)} == {p.joint for p in found.parameters}
+    )
+    assert found.law_of(NAMES[1]) == "not explained"
+    assert found.scene.friction[NAMES[2]] == guess(0).friction[NAMES[2]]
+    assert not any(NAMES[1] in key for key in (*found.posterior, *found.advice[0].factors))
+    text = identify_json(found)["joints"][1]
+    assert (text["law"], text["error"]["error"] > 0.5 * text["error"]["rms"]) == (None, True)
+    noise = np.random.default_rng(0).normal(size=short().effort.shape)
+    with pytest.raises(IdentificationError, match="the model explains no joint's effort"):
+        pf.identify(guess(0), replace(short(), effort=noise), inertia="keep", laws=laws)
+
+
+def test_of_laws_that_are_as_good_the_viscous_one_is_taken():
+    rows, powers = np.full(4, 100.0), {1.0: 101.0, 0.8: 100.0, 0.5: 150.0}
+    noise = np.array([-1.0, 1.0, -2.0, 2.0])
+    errors = {Law(exponent=p): total / 4 + (0.1 + p) * noise for p, total in powers.items()}
+    assert smallest_good(errors, rows) == Law()
+    assert smallest_good(errors | {Law(): np.full(4, 40.0)}, rows) == Law(exponent=0.8)
 
 
 def test_a_payload_is_of_the_log_at_its_path(tmp_path):
