@@ -81,9 +81,10 @@ def test_dialects_give_the_motion_of_the_plain_file(dialect, tmp_path):
     np.testing.assert_allclose(motion.a, plain.a, atol=1e-4)
 
 
-def test_decimal_commas_beside_points_are_refused(tmp_path):
-    text = DIALECTS["decimal commas"].replace("0,3", "1.000,3", 1)
-    assert "has both commas and points" in refused(tmp_path, text)
+@pytest.mark.parametrize("row", ["0;0;1.000,5", "0;0;12.500"])
+def test_points_where_commas_are_decimal_are_refused(row, tmp_path):
+    text = DIALECTS["decimal commas"].replace("0;0;0,5", row)
+    assert "line 2 has a point, and the file writes decimal commas" in refused(tmp_path, text)
 
 
 def test_extra_columns_are_named_in_one_line(tmp_path):

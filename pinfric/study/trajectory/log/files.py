@@ -191,10 +191,11 @@ def _split(path: Path, rows: list[tuple[int, str]]) -> _Text:
                               "columns' names above them, t and the joints")  # fmt: skip
     numbers, texts = [n for n, _ in rows[1:]], [line for _, line in rows[1:]]
     if separator != "," and any("," in line for line in texts):
-        both = [n for n, line in zip(numbers, texts, strict=True) if "," in line and "." in line]
-        if both:
-            raise TrajectoryError(f"{path}: line {both[0]} has both commas and points in its "
-                                  "numbers; write decimal points")  # fmt: skip
+        points = [n for n, line in zip(numbers, texts, strict=True) if "." in line]
+        if points:
+            raise TrajectoryError(f"{path}: line {points[0]} has a point, and the file writes "
+                                  "decimal commas: thousands, or decimals? write decimal points "
+                                  "throughout, and nothing between thousands")  # fmt: skip
         texts = [line.replace(",", ".") for line in texts]
     return _Text(path, header, numbers, texts, separator)
 
