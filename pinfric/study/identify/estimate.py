@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,14 +105,14 @@ class Estimate:
     errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
     distrusted: bool = False
 
-    @property
+    @cached_property
     def unexplained(self) -> dict[int, float]:
         """Joint -> held-out error over that of the mean effort, where it is hardly smaller."""
         best = np.minimum(*self.errors)
         spread = [float(np.std(own.effort)) if own.effort.size else np.inf for own in self.rows]
         return {j: x for j, x in enumerate((best / spread).tolist()) if x > _UNEXPLAINED}
 
-    @property
+    @cached_property
     def known(self) -> tuple[int, ...]:
         """The joints of which the logs say something: they slid, and the model explains them."""
         return tuple(j for j, own in enumerate(self.rows)

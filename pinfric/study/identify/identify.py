@@ -26,12 +26,11 @@ from pinfric.study.identify.files import identified_files
 from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
-    JointEntries,
     Parameter,
     identified_scene,
+    on_motor,
     parameters,
     ratios,
-    scene_entries,
     scene_key,
     scene_value,
 )
@@ -84,7 +83,6 @@ class Identified(Shown):
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.
         delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
         said: what was read, repaired, left out, and what the logs cannot tell.
-        entries: joint -> its entries in a scene file.
         estimate: rows and coefficients behind all this.
         uncertainty: covariance of the coefficients.
     """
@@ -99,7 +97,6 @@ class Identified(Shown):
     spread: Mapping[str, float]
     delay: float
     said: tuple[str, ...]
-    entries: Mapping[str, JointEntries]
     estimate: Estimate
     uncertainty: Uncertainty
 
@@ -205,8 +202,7 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
     check_one_robot(scene.joint_names, found.rows, found.fit, [r.name for r in recordings])
     known = uncertainty(found)
     static = break_aways(found)
-    entries = scene_entries(found, static)
-    better = identified_scene(found, entries)
+    better = identified_scene(found, static)
     names = scene.joint_names
     rest = dict(zip(names, rest_bounds(found, better), strict=True))
     spread = dict(zip(names, known.spread.tolist(), strict=True))
@@ -215,7 +211,7 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
         scene=better, laws={names[j]: found.choice.laws[j] for j in found.known}, parameters=every,
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
-        delay=found.delay.value, said=said(found, rest, every, static), entries=entries,
+        delay=found.delay.value, said=said(found, rest, every, static),
         estimate=found, uncertainty=known,
     )  # fmt: skip
 
@@ -247,34 +243,32 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
         raise IdentificationError(f"--effort-at joint: sensors at joints do not measure what the "
                                   f"drive {scene.drives[coupled[0]].name!r} delivers, which is "
                                   "coupled; leave the `couples` out")  # fmt: skip
-    for name in laws:
+    for name, law in laws.items():
         if name not in scene.joint_names:
             raise IdentificationError(f"laws: there is no joint {name!r}; "
                                       f"{choose_from(name, scene.joint_names)}")  # fmt: skip
+        if effort_at == "joint" and (law.load == "gear" or on_motor(law)):
+            raise IdentificationError(f"laws: {name}: {law}: does not show in an effort that was "
+                                      "measured after the gear (--effort-at joint)")  # fmt: skip
 
 
 def _errors(found: Estimate) -> dict[str, HeldOut]:
-    chosen, plain = found.errors
-    result = {}
-    for j, name in enumerate(found.scene.joint_names):
-        effort = found.rows[j].effort
-        if effort.size:
-            size = float(np.sqrt(np.mean(effort**2)))
-            result[name] = HeldOut(size, float(chosen[j]), float(plain[j]))
-    return result
+    named = zip(found.scene.joint_names, found.rows, *found.errors, strict=True)
+    return {name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
+            for name, rows, chosen, plain in named if rows.effort.size}  # fmt: skip
 
 
 def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
     """Errors on a log that was not fitted."""
     one = reloaded(found, prepare(found.question.scene, recording))
-    result = {}
-    for j, name in enumerate(found.scene.joint_names):
-        rows = joint_rows([one], j, found.delay.value)
-        if rows.effort.size:
-            size, error = (float(np.sqrt(np.mean(x**2)))
-                           for x in (rows.effort, residuals(rows, found.fit, j)))  # fmt: skip
-            result[name] = HeldOut(size, error, np.nan)
-    return result
+    rows = [joint_rows([one], j, found.delay.value) for j in range(len(found.rows))]
+    return {name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)
+            for j, (name, own) in enumerate(zip(found.scene.joint_names, rows, strict=True))
+            if own.effort.size}  # fmt: skip
+
+
+def _rms(x: FloatArray) -> float:
+    return float(np.sqrt(np.mean(x**2)))
 
 
 def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:

@@ -21,6 +21,9 @@ MIN_HOLD_SAMPLES = 3
 #: through v = a = 0 at most 8: what looks still there is only the rounding of the file.
 HOLD_DEPARTURE = 10.0
 _DEGREE = 5
+#: Gains of the quintic spline's first and second derivative for white noise, times step and step
+#: squared: the 2-norms of the cardinal spline's derivatives.
+SPLINE_GAINS = 1.38, 4.8
 
 
 def hold_tolerance(position: ArrayLike, resolution: float = 0.0) -> float:
@@ -142,15 +145,14 @@ def acceleration_noise(t: ArrayLike, resolution: float) -> float:
 
     sigma_a = 4.8 resolution / (sqrt(12) h^2) = 1.4 resolution / h^2, h the median time step: the
     rounding error is uniform (sigma = resolution / sqrt(12)), the quintic spline's second
-    derivative passes white noise with a gain of 4.8 / h^2 (the 2-norm of the cardinal
-    spline's second derivative).
+    derivative passes white noise with a gain of 4.8 / h^2 (`SPLINE_GAINS`).
 
     Args:
         t: (T,) increasing times, s.
         resolution: the last digit printed in the file, rad or m.
     """
     step = float(np.median(np.diff(np.asarray(t, dtype=np.float64))))
-    return 4.8 * resolution / (np.sqrt(12.0) * step**2)
+    return SPLINE_GAINS[1] * resolution / (np.sqrt(12.0) * step**2)
 
 
 def _moving_pieces(

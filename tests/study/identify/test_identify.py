@@ -152,7 +152,8 @@ def test_the_files_run_as_they_are(found, tmp_path):
     motion = excitation(98, 2.0, 100.0)
     assert motor_effort(read, motion) == pytest.approx(motor_effort(found.scene, motion), abs=1e-5)
     text = (tmp_path / "scene.yaml").read_text()
-    assert f"viscous: {found.entries[NAMES[0]].friction['viscous']:.10g}  #" in text
+    viscous = found.scene.friction[NAMES[0]].viscous.coefficient
+    assert f"viscous: {viscous:.10g}  #" in text
     header, *rows = (tmp_path / "posterior.csv").read_text().splitlines()
     assert f"friction.{NAMES[1]}.coulomb.positive" in header.split(",")
     assert len(rows) >= 200
@@ -294,8 +295,8 @@ def test_static_friction_shows_where_joints_break_away_slowly():
         for way, kinetic in zip(("positive", "negative"), COULOMB[joint], strict=True):
             static = parameter(found, "friction", joint, f"coulomb.{way}.static")
             assert static.value == pytest.approx(1.3 * kinetic, rel=0.05)
-            entry = found.entries[NAMES[joint]].friction["coulomb"][way]
-            assert entry["static"] == pytest.approx(static.value, rel=1e-5)
+            entry = getattr(found.scene.friction[NAMES[joint]].coulomb, way)
+            assert entry.static == pytest.approx(static.value, rel=1e-5)
     # joint 6 rested all the time, and what held it says little
     assert found.rest[NAMES[5]].seconds > 20.0
     assert found.rest[NAMES[5]].share < 1.0
@@ -320,9 +321,9 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     assert f"hardly slides backward, Coulomb friction there is taken as the other way: {NAMES[5]}" \
         in found.said  # fmt: skip
     assert not any((p.joint, p.name) == (NAMES[5], "coulomb.negative") for p in found.parameters)
-    coulomb = found.entries[NAMES[5]].friction["coulomb"]
-    assert coulomb["negative"] == coulomb["positive"]
-    assert coulomb["positive"]["kinetic"] == pytest.approx(COULOMB[5][0], rel=0.05)
+    coulomb = found.scene.friction[NAMES[5]].coulomb
+    assert coulomb.negative == coulomb.positive
+    assert coulomb.positive.kinetic == pytest.approx(COULOMB[5][0], rel=0.05)
     assert all(np.isfinite(x) for one in found.advice for x in one.factors.values())
     ways = [f"friction.{NAMES[5]}.coulomb.{way}" for way in ("positive", "negative")]
     assert (found.posterior[ways[0]] == found.posterior[ways[1]]).all()

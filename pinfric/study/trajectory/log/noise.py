@@ -13,6 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.study.trajectory.derivatives import SPLINE_GAINS
+
 FloatArray = NDArray[np.float64]
 
 _ORDER = 6
@@ -28,8 +30,6 @@ _HARMLESS_SHARE, _ROUNDED_SHARE = 0.01, 0.05
 _WHITE_SHARE = 0.7
 #: Differences below which nothing can be said about noise.
 _FEWEST = 10
-#: Gain of the quintic spline's second derivative for white noise, times the step squared.
-_SPLINE_GAIN = 4.8
 _SEGMENT = 512
 #: How much farther than 80 % of its power 95 % reach, where an acceleration jumps (3 to 4 times;
 #: smoother motions: less than 2).
@@ -79,7 +79,7 @@ def _spoils(position: FloatArray, step: float, resolution: float) -> bool:
     large = float(np.quantile(curvature[curvature > 0.0], 0.9))  # a glitch would be the peak
     noise = typical_noise(position)
     harmless = _ROUNDED_SHARE if noise < 0.5 * resolution else _HARMLESS_SHARE
-    return _SPLINE_GAIN * noise / step**2 > harmless * large
+    return SPLINE_GAINS[1] * noise / step**2 > harmless * large
 
 
 def _flickers(position: FloatArray) -> bool:
