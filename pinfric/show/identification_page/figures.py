@@ -34,11 +34,10 @@ def over_time(found: Identified) -> list[Figure]:
         {"data": [], "layout": axes_layout("time, s", f"effort, {unit}")} for unit in units
     ]
     start = 0.0
-    at = "motor" if found.estimate.question.motor else "joint"
     for number, recording in enumerate(found.recordings):
         motion, first = recording.trajectory, number == 0
         result = inverse_dynamics(found.scene, motion)
-        lower, upper = measured_interval(result, at)
+        lower, upper = measured_interval(result, found.estimate.question.at)
         time = motion.t - motion.t[0] + start
         for j, figure in enumerate(figures):
             measured = np.interp(motion.t + found.delay, motion.t, recording.effort[:, j])

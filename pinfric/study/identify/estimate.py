@@ -59,7 +59,7 @@ class Question:
     Attributes:
         scene: the robot; its bearings are candidates.
         recordings: the logs.
-        motor: the effort is measured before gear and rotor.
+        at: where the effort is measured: "motor", before gear and rotor, or "joint".
         keep_inertias: the URDF's are right.
         laws: joint -> its law, where it is not to be chosen.
         gains: joints whose efforts' unit a person has said.
@@ -67,10 +67,15 @@ class Question:
 
     scene: Scene
     recordings: Sequence[Recording]
-    motor: bool = True
+    at: str = "motor"
     keep_inertias: bool = False
     laws: Mapping[str, Law] = field(default_factory=dict)
     gains: Collection[str] = ()
+
+    @property
+    def motor(self) -> bool:
+        """Whether gear and rotor are in the effort."""
+        return self.at == "motor"
 
 
 @dataclass(frozen=True)

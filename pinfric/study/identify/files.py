@@ -48,7 +48,7 @@ def identified_files(found: Identified, folder: Path) -> dict[str, Callable[[Pat
              "sweep.yaml": _SWEEP,
              "advice.waypoints.yaml": advice_text(found.advice[0], found.scene)}  # fmt: skip
     if not found.keeps_inertias:
-        texts["robot.urdf"] = robot_text(robot, found.scene.model)
+        texts["robot.urdf"] = _robot_text(robot, found.scene.model)
 
     def writer(text: str) -> Callable[[Path], object]:
         return lambda path: path.write_text(text, encoding="utf-8")
@@ -122,8 +122,8 @@ def _heading(found: Identified) -> Iterator[str]:
     yield "# marked `not determined` are what fits best, and these logs do not tell them."
     yield "# static: at what a joint broke away, where that has its own interval; else the kinetic"
     yield "# value, or, where the law is steep at rest, friction at the slowest logged sliding."
-    at = "motor" if found.estimate.question.motor else "joint"
     yield "#"
+    at = found.estimate.question.at
     yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
     yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
     yield "#"
@@ -218,14 +218,10 @@ def _flow(value: Any) -> str:
     return scalar(str(value))
 
 
-def robot_text(robot: Robot, model: pin.Model) -> str:
-    """Return the URDF with the model's inertias: each body's at the link its joint moves.
+def _robot_text(robot: Robot, model: pin.Model) -> str:
+    """The URDF with the model's inertias: each body's at the link its joint moves.
 
     Links that are fixed to that link give theirs up: logs cannot tell them apart.
-
-    Args:
-        robot: the URDF as it was read.
-        model: with the inertias to write.
     """
     root = copy.deepcopy(read_xml(robot.urdf))
     links = {str(link.get("name")): link for link in root.findall("link")}

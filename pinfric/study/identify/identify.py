@@ -30,7 +30,6 @@ from pinfric.study.identify.parameters import (
     identified_scene,
     on_motor,
     parameters,
-    ratios,
     scene_key,
     scene_value,
 )
@@ -84,7 +83,6 @@ class Identified(Shown):
         delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
         said: what was read, repaired, left out, and what the logs cannot tell.
         estimate: rows and coefficients behind all this.
-        uncertainty: covariance of the coefficients.
     """
 
     scene: Scene
@@ -98,7 +96,6 @@ class Identified(Shown):
     delay: float
     said: tuple[str, ...]
     estimate: Estimate
-    uncertainty: Uncertainty
 
     @property
     def keeps_inertias(self) -> bool:
@@ -190,8 +187,7 @@ def identify(
     logs = [logs] if isinstance(logs, str | Path | Log) else logs
     recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
     unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
-    question = Question(scene, recordings, effort_at == "motor", inertia == "keep", laws or {},
-                        gain or {})  # fmt: skip
+    question = Question(scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {})
     found = estimate(question, progress or (lambda done, total: None))
     return _identified(found, unseen, seed)
 
@@ -212,7 +208,7 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
         delay=found.delay.value, said=said(found, rest, every, static),
-        estimate=found, uncertainty=known,
+        estimate=found,
     )  # fmt: skip
 
 
@@ -225,7 +221,7 @@ def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, Jud
     """
     recording = found.recordings[log]
     result = inverse_dynamics(found.scene, recording.trajectory)
-    at = "motor" if found.estimate.question.motor else "joint"
+    at = found.estimate.question.at
     effort = dict(zip(found.scene.joint_names, recording.effort.T, strict=True))
     reading = replace(recording.reading, effort=effort)
     measured = {
@@ -273,7 +269,7 @@ def _rms(x: FloatArray) -> float:
 
 def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
     """Draws of every coefficient above zero, in the scene's terms."""
-    draws, r = known.draws(found.fit.slots, _DRAWS, seed), ratios(found.scene)
+    draws = known.draws(found.fit.slots, _DRAWS, seed)
     slots, ways = found.problem.slots(found.choice.laws), {SLOT[FORWARD], SLOT[BACKWARD]}
     result = {}
     for at in known.place.tolist():
@@ -281,7 +277,8 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
         if j not in found.known:
             continue
         law = found.choice.laws[j]
-        values = np.asarray(scene_value(law, slot, draws[:, at], float(r[j])))
+        ratio = abs(found.scene.drives[j].ratio)
+        values = np.asarray(scene_value(law, slot, draws[:, at], ratio))
         # what moved one way only has this friction the other way, too
         for own in ways if slot in ways and not ways <= set(slots[j]) else {slot}:
             section, name, _ = scene_key(found.scene, j, law, own)

@@ -77,12 +77,6 @@ class Parameter:
         return f"{self.section}.{self.joint}.{self.name}"
 
 
-def ratios(scene: Scene) -> FloatArray:
-    """Return (nj,) |motor turns per joint turn| of the drives; 1 where there is no transmission."""
-    return np.array([abs(drive.transmission.ratio) if drive.transmission else 1.0
-                     for drive in scene.drives])  # fmt: skip
-
-
 def couples(scene: Scene, drive: Drive) -> dict[str, float]:
     """Return what a drive's `couples` say: other joint -> factor."""
     return {scene.joint_names[v]: factor for v, factor in drive.couples}
@@ -99,8 +93,8 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
     section = "transmission" if motor else "friction"
     if name in (FORWARD, BACKWARD):
         # a negative ratio turns the motor backwards where the joint moves forwards
-        turned = motor and (gear := scene.drives[joint].transmission) and gear.ratio < 0.0
-        way = "positive" if (name == FORWARD) != bool(turned) else "negative"
+        turned = motor and scene.drives[joint].ratio < 0.0
+        way = "positive" if (name == FORWARD) != turned else "negative"
         return section, f"{'no_load_torque' if motor else 'coulomb'}.{way}", (
             "N m" if motor else effort)  # fmt: skip
     if name in SPEEDS:
@@ -144,17 +138,17 @@ def parameters(
         known: how far its coefficients are known.
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
-    result, r = [], ratios(found.scene)
+    result = []
     errors = dict(zip(known.place.tolist(), np.sqrt(np.diag(known.covariance)), strict=True))
     reach = known.quantile()
     slots = found.problem.slots(found.choice.laws)
     for j in found.known:
-        law = found.choice.laws[j]
+        law, r = found.choice.laws[j], abs(found.scene.drives[j].ratio)
         for slot in slots[j]:
             x, error = float(found.fit.slots[j, slot]), errors.get(j * len(SLOTS) + slot, 0.0)
             low, high = sorted(float(scene_value(law, slot, max(x + side * reach * error, 0.0),
-                                                 float(r[j]))) for side in (-1, 1))  # fmt: skip
-            value = float(scene_value(law, slot, x, float(r[j])))
+                                                 r)) for side in (-1, 1))  # fmt: skip
+            value = float(scene_value(law, slot, x, r))
             section, name, unit = scene_key(found.scene, j, law, slot)
             why = ""
             if x == 0.0:
@@ -163,12 +157,12 @@ def parameters(
                 why = "its interval holds zero"
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
-            slope = abs(float(scene_value(law, slot, x + 1e-6, float(r[j]))) - value) / 1e-6
+            slope = abs(float(scene_value(law, slot, x + 1e-6, r)) - value) / 1e-6
             result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, low,
                                     high, float(slope * error), not why, why))  # fmt: skip
             if (j, SLOTS[slot]) in static:
                 broke = static[j, SLOTS[slot]]
-                mean, low, high, error = (float(scene_value(law, slot, x, float(r[j])))
+                mean, low, high, error = (float(scene_value(law, slot, x, r))
                                           for x in astuple(broke))  # fmt: skip
                 result.append(Parameter(section, found.scene.joint_names[j], f"{name}.static", unit,
                                         mean, low, high, error, True))  # fmt: skip
@@ -203,10 +197,9 @@ def _entries(
     scene, law, fitted = found.scene, found.choice.laws[joint], found.fit.slots[joint]
     friction: dict[str, Any] = {}
     gear: dict[str, Any] = {}
-    ratio = float(ratios(scene)[joint])
+    ratio = abs(scene.drives[joint].ratio)
     if found.question.motor:  # an effort measured after the gear says nothing of it
-        own = scene.drives[joint].transmission
-        gear["ratio"] = 1.0 if own is None else own.ratio
+        gear["ratio"] = scene.drives[joint].ratio
     excess = _rest_excess(found.rows[joint], law, fitted)
     dry = law.coulomb and fitted[[SLOT[FORWARD], SLOT[BACKWARD]]].any()
     for slot in (SLOT[INERTIA], *law.slots):

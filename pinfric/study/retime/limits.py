@@ -212,14 +212,6 @@ def scaled(limits: DriveLimits, kind: int, factor: float) -> DriveLimits:
     return limits.model_copy(update={field: factor * getattr(limits, field)})
 
 
-def with_ratio(limits: DriveLimits, own: Transmission | None, ratio: float) -> DriveLimits:
-    """Return the limits behind a gear of another ratio, its other figures as they are."""
-    transmission = limits.transmission or own or Transmission(ratio=1.0)
-    return limits.model_copy(
-        update={"transmission": transmission.model_copy(update={"ratio": ratio})}
-    )
-
-
 class _Shop:
     """A catalogue, read at the first name that is asked for."""
 
@@ -280,11 +272,5 @@ def joint_speeds(scene: Scene) -> np.ndarray:
 
 def drive_speeds(drives: Sequence[Drive], limits: Sequence[DriveLimits]) -> np.ndarray:
     """Return (na,) the greatest speeds behind the gears: limits, motor and gear (rad/s or m/s)."""
-    ratio = [1.0 if d.transmission is None else abs(d.transmission.ratio) for d in drives]
-    return np.array([min(x.velocity, min(x.max_speed, x.input_speed) / r)
-                     for r, x in zip(ratio, limits, strict=True)])  # fmt: skip
-
-
-def replaced(limits: Sequence[DriveLimits], i: int, new: DriveLimits) -> tuple[DriveLimits, ...]:
-    """Return the limits with one drive's exchanged."""
-    return (*limits[:i], new, *limits[i + 1 :])
+    return np.array([min(x.velocity, min(x.max_speed, x.input_speed) / abs(drive.ratio))
+                     for drive, x in zip(drives, limits, strict=True)])  # fmt: skip

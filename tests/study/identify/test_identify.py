@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 from identify_cases import (
     BACK_EFFICIENCY,
     COULOMB,
@@ -400,9 +401,8 @@ def test_currents_without_a_gain_and_turned_signs_are_refused_by_name():
 
 
 def test_a_turned_sign_shows_by_inertia_where_it_is_more_than_friction():
-    model, t = pin.Model(), np.arange(0.0, 12.0, 0.01)
-    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turntable")
-    model.appendBodyToJoint(joint, pin.Inertia(5.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    t = np.arange(0.0, 12.0, 0.01)
+    model = chain(("turntable", pin.JointModelRZ(), pin.Inertia(5.0, np.zeros(3), np.eye(3))))
     effort = 0.5 * np.sign(np.cos(3.0 * t)) - 9.0 * np.sin(3.0 * t)
     given = pf.Log(t, np.sin(3.0 * t)[:, None], effort[:, None])
     found = pf.identify(pf.Scene(model), given, laws={"turntable": Law()})

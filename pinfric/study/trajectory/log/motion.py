@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.model.brief import counted
 from pinfric.study.trajectory.derivatives import SPLINE_GAINS, find_holds, position_derivatives
 from pinfric.study.trajectory.joint_columns import JointColumn
+from pinfric.study.trajectory.log.files import FEWEST
 from pinfric.study.trajectory.log.noise import (
     acceleration_jumps,
     low_pass,
@@ -24,10 +26,8 @@ from pinfric.study.trajectory.log.noise import (
 )
 from pinfric.study.trajectory.log.reading import DerivativeNoise, Reading, ReadingOptions
 from pinfric.study.trajectory.log.rows import (
-    FEWEST,
     ROUNDED,
     Timing,
-    counted,
     gap_problems,
     held_rate,
     regular_time,
