@@ -137,6 +137,8 @@ def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:
     """Derivatives (rows, p) of a bearing's column in one log by the links that it carries."""
     scene, motion = found.scene, one.recording.trajectory
     at = one.kept[one.slides[:, joint]]
+    if not at.size:  # it stands still in this log
+        return np.zeros((0, found.fit.theta.size))
     q, v, a = (np.ascontiguousarray(x[at]) for x in (motion.q, motion.v, motion.a))
     probe, theta = bearings_only(scene), found.fit.theta
 
