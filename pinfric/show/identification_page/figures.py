@@ -18,7 +18,7 @@ from pinfric.study.trajectory.log.judged import measured_interval
 Figure = dict[str, Any]
 
 # Okabe and Ito's palette, as in `sizing_page.figures`.
-_BLUE, _BAND, _ORANGE, _RED, _QUIET = "#0072B2", "#A9CFE8", "#E69F00", "#D55E00", "#6B6B6B"
+_BLUE, _BAND, _ORANGE, _RED = "#0072B2", "#A9CFE8", "#E69F00", "#D55E00"
 _SHADE = "rgba(230,159,0,0.16)"
 #: Pieces a log is cut into, each kept with its extremes; dots of a cloud.
 _PIECES, _DOTS = 500, 1500
