@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, Field
 
 from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
-from pinfric.model.entry import Entry, Positive, parse, strict_number
+from pinfric.model.entry import Entry, Positive, Version, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import read_yaml
@@ -102,7 +102,7 @@ class MotorsFile(Entry):
         others: the same for all drives that are not named, e.g. {peak_torque: 0.5}
     """
 
-    pinfric_motors: Annotated[Literal[1], BeforeValidator(strict_number)]
+    pinfric_motors: Version
     catalog: str = "default"
     conditions: Annotated[dict[str, Any], _Conditions] = Field(default_factory=dict)
     drives: dict[str, _Given] = Field(default_factory=dict)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
 from pinfric.errors import TrajectoryError, choose_from
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, parse
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, parse
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.trajectory.joint_columns import refuse
 from pinfric.study.trajectory.table import TrajectoryTable
@@ -43,13 +43,6 @@ _MAX_SAMPLES = 20_000_000
 
 def _as_names(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
-
-
-def _not_a_truth(value: Any) -> Any:
-    """Refuse `true`, which Python takes for 1."""
-    if isinstance(value, bool):
-        raise ValueError(f"should be 1, the version of the format, found {str(value).lower()}")
-    return value
 
 
 Names = Annotated[
@@ -94,7 +87,7 @@ class WayPointFile(Entry):
             {q: [0.5, -0.3, 1.0], duration: 1.0}]
     """
 
-    pinfric_trajectory: Annotated[Literal[1], BeforeValidator(_not_a_truth)]
+    pinfric_trajectory: Version
     profile: Literal["quintic", "trapezoidal"] = "quintic"
     sample_rate: Annotated[Number, Field(ge=1e-3, le=1e6)] = 1000.0
     joints: tuple[str, ...] | None = None

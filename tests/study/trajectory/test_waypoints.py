@@ -87,11 +87,3 @@ def test_sample_rates_that_cannot_be_meant(tmp_path, rate):
 def test_a_way_beyond_all_bounds_is_refused_for_its_samples():
     with pytest.raises(TrajectoryError, match="samples; at most"):
         sampled({"q": [0]}, {"q": [1e12]})
-
-
-@pytest.mark.parametrize("version", ["true", "2", "'1'"])
-def test_other_versions_are_refused(tmp_path, version):
-    path = tmp_path / "w.yaml"
-    path.write_text(f"{{pinfric_trajectory: {version}, points: [{{q: [0]}}]}}")
-    with pytest.raises(TrajectoryError, match="pinfric_trajectory"):
-        read_waypoints(path)
