@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from pinfric.study.trajectory.waypoints import quintic
+
 _ALIGNED = [pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ]
 _SLIDING = [pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ]
 
@@ -110,6 +112,21 @@ def _random_bearing(rng: np.random.Generator, slides: bool) -> dict:
     }  # fmt: skip
 
 
+def chain(*links: tuple, gravity: float = 9.81) -> pin.Model:
+    """A model of joints one behind the other: name, joint, body, (3,) m from the one before.
+
+    Body and place may be left out; without limits.
+    """
+    model = pin.Model()
+    for parent, (name, joint, *rest) in enumerate(links):
+        place = np.array(rest[1] if len(rest) > 1 else [0.0, 0.0, 0.0])
+        model.addJoint(parent, joint, pin.SE3(np.eye(3), place), name)
+        if rest:
+            model.appendBodyToJoint(parent + 1, rest[0], pin.SE3.Identity())
+    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    return model
+
+
 def block(angle: float = 0.0, mass: float = 2.0) -> pin.Model:
     """A block sliding along x of a plane tilted by `angle` about y, downhill for angle > 0."""
     model = pin.Model()
@@ -146,3 +163,11 @@ def gantry(turned: bool, gear: dict) -> tuple[pin.Model, list[dict]]:
     couples = [{}, {}] if turned else [{"z": -1.0}, {"x": 1.0}]
     return model, [{"joint": joint, "couples": other, "transmission": gear}
                    for joint, other in zip("xz", couples, strict=True)]  # fmt: skip
+
+
+def pick_and_place(digits: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Hold 1 s, quintic 1.1 rad in 1 s, hold 0.5 s, back 0.7 rad in 1 s, hold; at 1 kHz."""
+    t = np.arange(4001) / 1000
+    first, second = (quintic(np.clip(t - start, 0, 1)) for start in (1.0, 2.5))
+    q, v, a = (1.1 * x - 0.7 * y for x, y in zip(first, second, strict=True))
+    return t, np.round(q + 0.3, digits), v, a

@@ -48,6 +48,11 @@ class Drive:
     couples: tuple[tuple[int, float], ...] = ()
     column: int = -1
 
+    @property
+    def ratio(self) -> float:
+        """Motor turns per turn of the joint (rad/rad or rad/m), negative where it turns back."""
+        return 1.0 if self.transmission is None else self.transmission.ratio
+
 
 class Gears(NamedTuple):
     """Transmissions as arrays for kernels; an ideal drive has ratio 1 and loses nothing.

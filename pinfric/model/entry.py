@@ -11,7 +11,7 @@ import math
 import re
 import warnings
 from collections.abc import Callable
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import yaml
 from pydantic import (
@@ -52,6 +52,8 @@ def not_vanishing(value: float) -> float:
 Number = Annotated[FiniteFloat, BeforeValidator(strict_number)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Positive = Annotated[Number, Field(gt=0), AfterValidator(not_vanishing)]
+#: The version of a file's format; `true`, which Python takes for 1, is none.
+Version = Annotated[Literal[1], BeforeValidator(strict_number)]
 #: What reads the value of a key, before pydantic checks its type.
 Reader = Callable[[Any], Any]
 

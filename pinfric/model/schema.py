@@ -26,9 +26,9 @@ from pinfric.model.entry import (
     Number,
     Positive,
     Vector3,
+    Version,
     number_or,
     question,
-    strict_number,
 )
 from pinfric.model.friction_terms import (
     TERMS,
@@ -442,7 +442,7 @@ class SceneFile(Entry):
         simulation: what `pinfric simulate` runs, e.g. {t_end: 1.0}
     """
 
-    pinfric: Annotated[Literal[1], BeforeValidator(strict_number)]
+    pinfric: Version
     robot: RobotEntry
     friction: dict[str, Friction] = Field(default_factory=dict)
     loops: list[Loop] = Field(default_factory=list)

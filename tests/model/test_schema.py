@@ -10,12 +10,13 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pinfric.errors import PinfricWarning, SceneError
+from pinfric.errors import PinfricError, PinfricWarning, SceneError
 from pinfric.model.bearings import KINDS, Bearing
 from pinfric.model.entry import parse
 from pinfric.model.friction_terms import LoadFriction
 from pinfric.model.schema import Friction, SceneFile, Transmission
 from pinfric.model.yamlfile import read_yaml
+from pinfric.study.formats import FORMATS
 
 WHOLE = {
     "pinfric": 1,
@@ -235,3 +236,11 @@ def test_malformed_yaml_is_placed(tmp_path, text, says):
     file.write_text(text)
     with pytest.raises(SceneError, match=says):
         read_yaml(file, SceneError)
+
+
+@pytest.mark.parametrize("version", [True, 2, "1"])
+@pytest.mark.parametrize("name", ["scene", "waypoints", "sweep", "motors", "catalog"])
+def test_other_versions_are_refused(name, version):
+    key = next(key for key in FORMATS[name].model_fields if key.startswith("pinfric"))
+    with pytest.raises(PinfricError, match=f"`{key}`: (should be a number|input should be 1)"):
+        parse(FORMATS[name], {key: version}, "file", PinfricError)

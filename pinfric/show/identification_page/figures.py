@@ -18,7 +18,7 @@ from pinfric.study.trajectory.log.judged import measured_interval
 Figure = dict[str, Any]
 
 # Okabe and Ito's palette, as in `sizing_page.figures`.
-_BLUE, _BAND, _ORANGE, _RED, _QUIET = "#0072B2", "#A9CFE8", "#E69F00", "#D55E00", "#6B6B6B"
+_BLUE, _BAND, _ORANGE, _RED = "#0072B2", "#A9CFE8", "#E69F00", "#D55E00"
 _SHADE = "rgba(230,159,0,0.16)"
 #: Pieces a log is cut into, each kept with its extremes; dots of a cloud.
 _PIECES, _DOTS = 500, 1500
@@ -34,11 +34,10 @@ def over_time(found: Identified) -> list[Figure]:
         {"data": [], "layout": axes_layout("time, s", f"effort, {unit}")} for unit in units
     ]
     start = 0.0
-    at = "motor" if found.estimate.question.motor else "joint"
     for number, recording in enumerate(found.recordings):
         motion, first = recording.trajectory, number == 0
         result = inverse_dynamics(found.scene, motion)
-        lower, upper = measured_interval(result, at)
+        lower, upper = measured_interval(result, found.estimate.question.at)
         time = motion.t - motion.t[0] + start
         for j, figure in enumerate(figures):
             measured = np.interp(motion.t + found.delay, motion.t, recording.effort[:, j])

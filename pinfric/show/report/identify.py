@@ -24,8 +24,8 @@ def identify_json(found: Identified, warnings: Sequence[str] = ()) -> dict[str, 
         found: of `identify`.
         warnings: what was noticed on the way.
     """
-    tables = zip(found.laws, found.estimate.choice.errors, strict=True)
-    errors = {name: {str(law): error for law, error in table.items()} for name, table in tables}
+    tables = zip(found.scene.joint_names, found.estimate.choice.errors, strict=True)
+    considered = {name: {str(law): x for law, x in table.items()} for name, table in tables}
     return json_safe({
         "pinfric": __version__,
         "scene": found.scene.source,
@@ -36,10 +36,10 @@ def identify_json(found: Identified, warnings: Sequence[str] = ()) -> dict[str, 
         "delay": found.delay,
         "delay_standard_error": found.estimate.delay.standard_error,
         "joints": [
-            {"name": name, "law": str(law), "error": asdict(found.errors[name]),
-             "held_out": errors[name], "rest": asdict(found.rest[name]),
-             "spread_between_logs": found.spread[name]}
-            for name, law in found.laws.items() if name in found.errors
+            {"name": name, "law": str(found.laws[name]) if name in found.laws else None,
+             "error": asdict(error), "held_out": considered[name],
+             "rest": asdict(found.rest[name]), "spread_between_logs": found.spread[name]}
+            for name, error in found.errors.items()
         ],
         "parameters": [asdict(parameter) for parameter in found.parameters],
         "unseen": {log: {name: asdict(error) for name, error in joints.items()}
@@ -62,7 +62,7 @@ def identify_report(found: Identified) -> list[RenderableType]:
     laws = Table(title, [
         Column("joint", Kind.NAME), Column("law", Kind.WORDS), Column("effort\nRMS"),
         Column("off, where\nnot fitted"), Column("of Coulomb\n+ viscous"),
-    ], [(name, str(found.laws[name]), f"{digits(error.rms)} {units[name]}", error.share,
+    ], [(name, found.law_of(name), f"{digits(error.rms)} {units[name]}", error.share,
          f"{error.error / error.plain:.2f}") for name, error in found.errors.items()])  # fmt: skip
     figures = Table("coefficients, with 95 % intervals; (in brackets): not determined", [
         Column("joint", Kind.NAME), Column("coefficient", Kind.LABEL), Column("value"),

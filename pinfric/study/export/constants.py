@@ -17,6 +17,7 @@ from pinfric.dynamics.motor_torques import drive_stick_velocity
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import PinfricError
 from pinfric.study.trajectory.joint_columns import JointColumn
+from pinfric.study.trajectory.log.judged import measured_interval
 
 #: The constants, in the order of the columns sign(v), v, a.
 TERMS = ("frictionloss", "damping", "armature")
@@ -82,6 +83,7 @@ def joint_constants(
         PinfricError: a joint with no drive or several: no torque says what its friction takes.
     """
     scene, found = result.scene, []
+    torque = measured_interval(result, "motor")
     for column in columns:
         drives = [d for d, x in enumerate(scene.drives) if x.velocity_index == column.index_v]
         if len(drives) != 1:
@@ -89,17 +91,19 @@ def joint_constants(
                 f"{scene.source}: joint {column.name!r} has {len(drives)} drives, and constants "
                 "come from what one gives; name one for it under `actuators`, or lock it"
             )
-        found.append(_constants(result, drives[0], column, terms))
+        found.append(_constants(result, drives[0], column, torque, terms))
     return tuple(found)
 
 
 def _constants(
-    result: InverseResult, d: int, column: JointColumn, terms: tuple[str, ...]
+    result: InverseResult,
+    d: int,
+    column: JointColumn,
+    torque: tuple[np.ndarray, np.ndarray],
+    terms: tuple[str, ...],
 ) -> JointConstants:
     drive = result.scene.drives[d]
-    ratio = 1.0 if drive.transmission is None else drive.transmission.ratio
-    ends = ratio * result.motor_torque_lower[:, d], ratio * result.motor_torque_upper[:, d]
-    lower, upper = np.minimum(*ends), np.maximum(*ends)
+    lower, upper = (end[:, d] for end in torque)
     load = result.effort_frictionless[:, d]
     velocity, acceleration = result.actuator_velocity[:, d], result.actuator_acceleration[:, d]
     slow = np.abs(velocity) <= drive_stick_velocity(result.scene, drive)
@@ -111,7 +115,7 @@ def _constants(
     missed = (lower - load)[moving] - regressors @ constants
     worst = np.flatnonzero(moving)[np.abs(missed).argmax()] if moving.any() else None
     return JointConstants(
-        joint=column.name, unit="N" if column.unit == "m" else "N m", ratio=ratio,
+        joint=column.name, unit="N" if column.unit == "m" else "N m", ratio=drive.ratio,
         **dict(zip(TERMS, constants.tolist(), strict=True)),
         moving=int(moving.sum()), apart=apart,
         **_figures(missed, lower[moving]),

@@ -18,7 +18,7 @@ from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, reloaded
 from pinfric.study.identify.laws import INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import Grams, Normal, places
+from pinfric.study.identify.normal import Grams, Normal, Reduced, above_zero
 from pinfric.study.identify.parameters import scene_key
 from pinfric.study.identify.recordings import Recording
 from pinfric.study.trajectory.joint_columns import configurations, joint_columns
@@ -150,13 +150,16 @@ def _weighed(
     """Standard errors with one more recording, over those of now."""
     grams = _grams(found, points, load)
     more = Normal.of(grams, np.ones(1, dtype=bool), found.problem.weights)
-    place, prior = _places(found), found.problem.prior
-    now, then = (_standard_errors(one, place, normal.rows * prior.weight, prior.kept)
-                 for one in (normal, _sum(normal, more)))  # fmt: skip
+    both = Normal(*(getattr(normal, name) + getattr(more, name)
+                    for name in Normal.__dataclass_fields__))  # fmt: skip
+    both = replace(both, rows=normal.rows)  # which weigh the prior: a recording is none of it
+    place = above_zero(found.fit, found.problem.slots(found.choice.laws))
+    now, then = (_standard_errors(Reduced(one, found.problem.prior).left[np.ix_(place, place)])
+                 for one in (normal, both))  # fmt: skip
     factors = {}
     for at, ratio in zip(place.tolist(), (then / now).tolist(), strict=True):
         j, slot = divmod(at, len(SLOTS))
-        if slot != SLOT[INERTIA]:
+        if slot != SLOT[INERTIA] and j in found.known:
             section, key, _ = scene_key(found.scene, j, found.choice.laws[j], slot)
             factors[f"{section}.{found.scene.joint_names[j]}.{key}"] = float(ratio)
     return Advice(name, points, load, factors)
@@ -168,8 +171,7 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[G
     columns = joint_columns(scene.model)
     file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)
     motion = sample_waypoints(file, [c.name for c in columns],
-                              np.array([c.velocity_limit for c in columns]), {}, [])  # fmt: skip
-    assert motion is not None  # postures of a log, durations of ours
+                              np.array([c.velocity_limit for c in columns]), {}, "")  # fmt: skip
     q = configurations(columns, motion.position, scene.model.nq)
     loaded = scene.with_(payloads={})
     if load > 0.0:
@@ -184,24 +186,8 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[G
             for r in rows]  # fmt: skip
 
 
-def _sum(one: Normal, other: Normal) -> Normal:
-    return Normal(*(getattr(one, name) + getattr(other, name)
-                    for name in Normal.__dataclass_fields__))  # fmt: skip
-
-
-def _places(found: Estimate) -> NDArray[np.int64]:
-    place = places(found.problem.slots(found.choice.laws))
-    return place[found.fit.slots.ravel()[place] > 0.0]
-
-
-def _standard_errors(
-    normal: Normal, place: NDArray[np.int64], strength: FloatArray, kept: bool
-) -> FloatArray:
-    """Square roots of the diagonal of H^-1 at the coefficients."""
-    left = normal.slots[np.ix_(place, place)]
-    if not kept:
-        cross = normal.cross[:, place]
-        left = left - cross.T @ np.linalg.solve(normal.rigid + np.diag(strength), cross)
+def _standard_errors(left: FloatArray) -> FloatArray:
+    """Square roots of the diagonal of the inverse."""
     size = np.sqrt(np.diag(left))
     inverse = np.linalg.inv(left / np.outer(size, size))
     return np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size

@@ -27,6 +27,8 @@ _SLOPES, _CORRELATION = (0.6, 1.6), 0.8
 _LEAST_LOAD = 0.1
 #: An effort that changes by less than this share of itself is always the same.
 _CONSTANT = 1e-9
+#: The columns of friction and rotor that every drive may have.
+_OWN = [SLOT[name] for name in (FORWARD, BACKWARD, "speed^1", INERTIA)]
 #: How far the rigid efforts of two logs of one robot may differ, as a share.
 _ONE_ROBOT = 0.3
 
@@ -83,8 +85,7 @@ def _turned(rows: Rows, theta: FloatArray) -> bool:
     """
     from scipy.optimize import nnls
 
-    slots = [SLOT[name] for name in (FORWARD, BACKWARD, "speed^1", INERTIA)]
-    made = np.column_stack((rows.rigid @ theta, rows.slots[:, slots]))
+    made = np.column_stack((rows.rigid @ theta, rows.slots[:, _OWN]))
     made = made / np.maximum(np.linalg.norm(made, axis=0), 1e-12)
     left, turned = (nnls(made, y)[1] / max(float(np.linalg.norm(y)), 1e-300)
                     for y in (rows.effort, -rows.effort))  # fmt: skip
@@ -94,8 +95,7 @@ def _turned(rows: Rows, theta: FloatArray) -> bool:
 def _slope(rows: Rows, theta: FloatArray) -> tuple[float, float]:
     """Slope and correlation of effort on rigid effort, friction, inertia and offset taken out."""
     load = rows.rigid @ theta
-    slots = [SLOT[name] for name in (FORWARD, BACKWARD, "speed^1", INERTIA)]
-    others = np.column_stack((rows.slots[:, slots], np.ones(load.size)))
+    others = np.column_stack((rows.slots[:, _OWN], np.ones(load.size)))
     others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
     basis = np.linalg.qr(others)[0]
     y, t = (x - basis @ (basis.T @ x) for x in (rows.effort, load))

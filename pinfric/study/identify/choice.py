@@ -61,12 +61,10 @@ class Choice:
     Attributes:
         laws: of each joint.
         errors: of each joint: law -> RMS on held-out rows, N m or N.
-        hopeless: joints of which no law predicts more than nothing would; they keep plain friction.
     """
 
     laws: tuple[Law, ...]
     errors: tuple[Mapping[Law, float], ...]
-    hopeless: frozenset[int] = frozenset()
 
     def on_motors(self, there: NDArray[np.bool_]) -> Choice:
         """Return the choice with the friction of some drives (nj,) on their motors' sides."""
@@ -121,8 +119,7 @@ def choose(problem: Problem) -> Choice:
             break
     errors = tuple({law: float(np.sqrt(e.sum() / max(judge.rows[j].sum(), 1.0)))
                     for law, e in table.items()} for j, table in enumerate(tables))  # fmt: skip
-    hopeless = frozenset(j for j, table in enumerate(tables) if judge.hopeless(j, table))
-    return Choice(tuple(chosen), errors, hopeless)
+    return Choice(tuple(chosen), errors)
 
 
 def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, FloatArray]:
@@ -174,21 +171,9 @@ class _Judge:
                           for products, fit in zip(self._grams[j], fits, strict=True)])
                 for j in joints]  # fmt: skip
 
-    def hopeless(self, joint: int, errors: Mapping[Law, FloatArray]) -> bool:
-        """Whether no law's prediction of a joint is nearer than that its effort is zero."""
-        effort = sum(float(products[0, -1, -1]) for products in self._grams[joint])
-        return effort < min(float(error.sum()) for error in errors.values())
-
     def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
-        """Return the joint's law by the candidates' errors; a hopeless joint's is plain friction.
-
-        Args:
-            joint: its number.
-            errors: law -> (parts,) sum of squared errors.
-        """
+        """Return the joint's law by the candidates' sums of squared errors in every part."""
         own = self._problem.laws[joint]
-        if PLAIN in own and self.hopeless(joint, errors):
-            return PLAIN
         return smallest_good({law: errors[law] for law in own}, self.rows[joint])
 
 
@@ -196,7 +181,8 @@ def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
     """Return the law of fewest coefficients that is not worse than the best one.
 
     Not worse: the mean of the parts' differences in squared error is within one standard error, or
-    the RMS error within 2 %.
+    the RMS error within 2 %. Among as many coefficients viscous friction goes before other powers
+    of the speed, which noise prefers as often as not; then the smaller error decides.
 
     Args:
         errors: law -> (parts,) sum of squared errors.
@@ -212,4 +198,5 @@ def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
         return bool(difference.sum() <= max(spread, ((1.0 + MARGIN) ** 2 - 1.0) * least))
 
     fine = [law for law in errors if good(law)]
-    return min(fine, key=lambda law: (len(law.slots), float(errors[law].sum())))
+    return min(fine, key=lambda law: (len(law.slots), law.exponent not in (None, 1.0),
+                                      float(errors[law].sum())))  # fmt: skip

@@ -122,14 +122,13 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
     measured = np.where(known, recording.effort, rigid_effort) - payload
     kept = np.arange(0, motion.t.size, max(1, int(1.0 / (_PER_PERIOD * PASS * step))))
     slides = _sliding(recording, known)[kept]
-    effort = CubicSpline(motion.t, np.column_stack([_passed(y, step) for y in measured.T]))
-    slots = np.zeros((kept.size, nj, len(SLOTS)))
-    for j in range(nj):
-        v, a = recording.velocity[:, j], recording.acceleration[:, j]
-        columns = {INERTIA: a, FORWARD: v > 0.0, BACKWARD: -1.0 * (v < 0.0)}
-        columns |= {name: np.sign(v) * np.abs(v) ** p for name, p in SPEEDS.items()}
-        for name, column in columns.items():
-            slots[:, j, SLOT[name]] = _passed(np.asarray(column, dtype=float), step)[kept]
+    effort = CubicSpline(motion.t, _passed(measured, step))
+    slots, v = np.zeros((kept.size, nj, len(SLOTS))), recording.velocity
+    columns = {INERTIA: recording.acceleration, FORWARD: (v > 0.0).astype(np.float64),
+               BACKWARD: -(v < 0.0).astype(np.float64)}  # fmt: skip
+    columns |= {name: np.sign(v) * np.abs(v) ** p for name, p in SPEEDS.items()}
+    for name, column in columns.items():
+        slots[:, :, SLOT[name]] = _passed(column, step)[kept]
     return Prepared(recording, kept, slides, _rigid_columns(scene, recording, kept), slots, effort,
                     payload, rigid_effort)  # fmt: skip
 
@@ -149,13 +148,13 @@ def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) 
             every[i] = P @ every[i]
     thin = np.zeros((kept.size, nj, 10 * nj))
     for j in range(nj):
-        for p in np.flatnonzero(every[:, j].any(axis=0)):
-            thin[:, j, p] = _passed(np.ascontiguousarray(every[:, j, p]), recording.step)[kept]
+        used = every[:, j].any(axis=0)
+        thin[:, j, used] = _passed(every[:, j, used], recording.step)[kept]
     return thin
 
 
-def _passed(column: FloatArray, step: float) -> FloatArray:
-    return low_pass(column, step, PASS) if step * PASS < 0.45 else column
+def _passed(columns: FloatArray, step: float) -> FloatArray:
+    return low_pass(columns, step, PASS) if step * PASS < 0.45 else columns
 
 
 def _sliding(recording: Recording, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -181,20 +180,22 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     recording = prepared.recording
     motion, step = recording.trajectory, recording.step
     found = inverse_dynamics(bearings_only(scene), motion)
-    rigid, slots = found.effort_frictionless, prepared.slots.copy()
-    for j, name in enumerate(scene.joint_names):
-        sign = np.sign(recording.velocity[:, j])
-        columns = {}
-        if name in found.site_names:
-            columns[BEARING] = sign * found.normal_load[:, found.site_names.index(name)]
-        for side in SIDES:
-            x = rigid[:, j] + (inner[:, j] if side == "joint" else 0.0)
-            driving = sign * np.abs(x) * (x * sign > 0.0)
-            driven = sign * np.abs(x) * (x * sign < 0.0)
-            for way, column in (("driving", driving), ("driven", driven), ("both", sign * abs(x))):
-                columns[f"gear {way}, {side} side"] = column
-        for slot, column in columns.items():
-            slots[:, j, SLOT[slot]] = _passed(column, step)[prepared.kept]
+    rigid, slots, sign = (
+        found.effort_frictionless,
+        prepared.slots.copy(),
+        np.sign(recording.velocity),
+    )
+    load = np.zeros_like(rigid)
+    for site, name in enumerate(found.site_names):
+        load[:, scene.joint_names.index(name)] = found.normal_load[:, site]
+    columns = {BEARING: sign * load}
+    for side, x in zip(SIDES, (rigid, rigid + inner), strict=True):
+        both = sign * np.abs(x)
+        columns |= {f"gear driving, {side} side": both * (x * sign > 0.0),
+                    f"gear driven, {side} side": both * (x * sign < 0.0),
+                    f"gear both, {side} side": both}  # fmt: skip
+    for slot, column in columns.items():
+        slots[:, :, SLOT[slot]] = _passed(column, step)[prepared.kept]
     return replace(prepared, slots=slots, load=rigid)
 
 

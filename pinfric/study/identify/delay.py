@@ -22,8 +22,8 @@ from pinfric.study.identify.normal import (
     Normal,
     Prior,
     Reduced,
+    above_zero,
     moves,
-    places,
     weighted,
 )
 
@@ -102,8 +102,8 @@ def log_delay(
         grams = [Grams.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
         normal = Normal.of(grams, np.ones(blocks, dtype=bool), weights)
         fit = Reduced(normal, now).fit(slots)
-        place = places(slots)
-        place = place[(fit.slots.ravel() * normal.slots.diagonal())[place] > 0.0]
+        place = above_zero(fit, slots)
+        place = place[normal.slots.diagonal()[place] > 0.0]  # of joints that slide in this log
         moved, count = moves(grams, weights, now, fit, place)
         wider = float(stdtrit(max(count - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
         error = wider * float(np.linalg.norm(moved[:, fit.theta.size - 1]))

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import IdentificationError
+from pinfric.model.entry import Entry
 from pinfric.model.robot import Robot, example_robot_data
 from pinfric.model.schema import Simulation, TableEffort
 from pinfric.model.urdf import mesh_file
@@ -47,7 +48,7 @@ def identified_files(found: Identified, folder: Path) -> dict[str, Callable[[Pat
              "sweep.yaml": _SWEEP,
              "advice.waypoints.yaml": advice_text(found.advice[0], found.scene)}  # fmt: skip
     if not found.keeps_inertias:
-        texts["robot.urdf"] = robot_text(robot, found.scene.model)
+        texts["robot.urdf"] = _robot_text(robot, found.scene.model)
 
     def writer(text: str) -> Callable[[Path], object]:
         return lambda path: path.write_text(text, encoding="utf-8")
@@ -97,10 +98,17 @@ def scene_text(found: Identified, robot: Robot, folder: Path) -> str:
     if robot.locked:
         section["locked"] = dict(robot.locked)
     if scene.payloads:
-        section["payloads"] = {name: payload.model_dump(exclude_defaults=True)
-                               for name, payload in scene.payloads.items()}  # fmt: skip
-    content: dict[str, Any] = {"pinfric": 1, "robot": section, "friction": _friction(found),
-                               "actuators": _actuators(found)}  # fmt: skip
+        section["payloads"] = {name: _dump(payload) for name, payload in scene.payloads.items()}
+    content: dict[str, Any] = {
+        "pinfric": 1, "robot": section,
+        "friction": {name: _dump(scene.friction[name]) for name in scene.joint_names
+                     if name in scene.friction},
+        "actuators": [
+            {"joint": drive.name} | ({"couples": couples(scene, drive)} if drive.couples else {})
+            | ({"transmission": _dump(drive.transmission)} if drive.transmission else {})
+            for drive in scene.drives
+        ],
+    }  # fmt: skip
     content["stick"] = {"velocity": scene.stick_velocity}
     if scene.simulation is not None:
         content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
@@ -114,46 +122,24 @@ def _heading(found: Identified) -> Iterator[str]:
     yield "# marked `not determined` are what fits best, and these logs do not tell them."
     yield "# static: at what a joint broke away, where that has its own interval; else the kinetic"
     yield "# value, or, where the law is steep at rest, friction at the slowest logged sliding."
-    at = "motor" if found.estimate.question.motor else "joint"
     yield "#"
+    at = found.estimate.question.at
     yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
     yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
     yield "#"
     yield from (f"#   {line}" for line in found.said)
 
 
-def _friction(found: Identified) -> dict[str, Any]:
-    """The friction of all joints: found, or the scene's own where a joint has not moved."""
-    section = {}
-    for name in found.scene.joint_names:
-        if name in found.entries:
-            entry: Any = found.entries[name].friction
-        else:
-            own = found.scene.friction.get(name)
-            entry = {} if own is None else own.model_dump(exclude_defaults=True)
-        if entry:
-            section[name] = entry
-    return section
-
-
-def _actuators(found: Identified) -> list[dict[str, Any]]:
-    section = []
-    for drive in found.scene.drives:
-        entry: dict[str, Any] = {"joint": drive.name}
-        if drive.couples:
-            entry["couples"] = couples(found.scene, drive)
-        given = found.entries[drive.name].transmission if drive.name in found.entries else {}
-        if given:
-            entry["transmission"] = given
-        elif drive.transmission is not None:
-            entry["transmission"] = drive.transmission.model_dump(exclude_defaults=True)
-        section.append(entry)
-    return section
+def _dump(entry: Entry) -> dict[str, Any]:
+    """An entry as a file has it: what is not said is left out, a number stands by itself."""
+    content = entry.model_dump(exclude_defaults=True)
+    return {key: value["coefficient"] if isinstance(value, dict) and set(value) == {"coefficient"}
+            else value for key, value in content.items()}  # fmt: skip
 
 
 def _simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     """The scene's own, with its tables named in full."""
-    content = simulation.model_dump(exclude_defaults=True)
+    content = _dump(simulation)
     for name, effort in simulation.effort.items():
         if isinstance(effort, TableEffort):
             content["effort"][name] = {"table": str((folder / effort.table).resolve())}
@@ -171,11 +157,10 @@ def _comments(found: Identified) -> dict[tuple[str, ...], str]:
         where += tuple(parameter.name.split("."))
         comments[where] = _interval(parameter)
     for name, law in found.laws.items():
-        if name in found.errors:
-            error = found.errors[name]
-            where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
-            comments[where] = (f"{law}: off by {error.share} where not "
-                               f"fitted ({error.error / error.plain:.2f} of {PLAIN})")  # fmt: skip
+        error = found.errors[name]
+        where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
+        comments[where] = (f"{law}: off by {error.share} where not "
+                           f"fitted ({error.error / error.plain:.2f} of {PLAIN})")  # fmt: skip
     return comments
 
 
@@ -233,14 +218,10 @@ def _flow(value: Any) -> str:
     return scalar(str(value))
 
 
-def robot_text(robot: Robot, model: pin.Model) -> str:
-    """Return the URDF with the model's inertias: each body's at the link its joint moves.
+def _robot_text(robot: Robot, model: pin.Model) -> str:
+    """The URDF with the model's inertias: each body's at the link its joint moves.
 
     Links that are fixed to that link give theirs up: logs cannot tell them apart.
-
-    Args:
-        robot: the URDF as it was read.
-        model: with the inertias to write.
     """
     root = copy.deepcopy(read_xml(robot.urdf))
     links = {str(link.get("name")): link for link in root.findall("link")}

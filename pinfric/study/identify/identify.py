@@ -26,12 +26,10 @@ from pinfric.study.identify.files import identified_files
 from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
-    JointEntries,
     Parameter,
     identified_scene,
+    on_motor,
     parameters,
-    ratios,
-    scene_entries,
     scene_key,
     scene_value,
 )
@@ -75,7 +73,7 @@ class Identified(Shown):
 
     Attributes:
         scene: with the friction, and the links' inertias, that were found.
-        laws: joint -> law.
+        laws: joint -> law, of the joints that slid and that the model explains.
         parameters: every coefficient in the scene's terms, with its interval.
         posterior: key -> (n,) draws in the scene's terms, correlated: a row is one robot.
         errors: joint -> error on blocks that neither the choice of laws nor the fit has seen.
@@ -84,9 +82,7 @@ class Identified(Shown):
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.
         delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
         said: what was read, repaired, left out, and what the logs cannot tell.
-        entries: joint -> its entries in a scene file.
         estimate: rows and coefficients behind all this.
-        uncertainty: covariance of the coefficients.
     """
 
     scene: Scene
@@ -99,9 +95,7 @@ class Identified(Shown):
     spread: Mapping[str, float]
     delay: float
     said: tuple[str, ...]
-    entries: Mapping[str, JointEntries]
     estimate: Estimate
-    uncertainty: Uncertainty
 
     @property
     def keeps_inertias(self) -> bool:
@@ -117,6 +111,10 @@ class Identified(Shown):
     def advice(self) -> tuple[Advice, ...]:
         """Recordings of 30 s each, that which would tell most first."""
         return advise(self.estimate)
+
+    def law_of(self, joint: str) -> str:
+        """Return a joint's law in words; "not explained" where the model says nothing of it."""
+        return str(self.laws.get(joint, "not explained"))
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write scene.yaml, robot.urdf if inertias changed, posterior.csv, sweep.yaml, advice.
@@ -189,8 +187,7 @@ def identify(
     logs = [logs] if isinstance(logs, str | Path | Log) else logs
     recordings = read_recordings(scene, logs, gain or {}, payloads or {}, options)
     unseen = read_recordings(scene, held_out, gain or {}, {}, options) if held_out else ()
-    question = Question(scene, recordings, effort_at == "motor", inertia == "keep", laws or {},
-                        gain or {})  # fmt: skip
+    question = Question(scene, recordings, effort_at, inertia == "keep", laws or {}, gain or {})
     found = estimate(question, progress or (lambda done, total: None))
     return _identified(found, unseen, seed)
 
@@ -201,18 +198,17 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
     check_one_robot(scene.joint_names, found.rows, found.fit, [r.name for r in recordings])
     known = uncertainty(found)
     static = break_aways(found)
-    entries = scene_entries(found, static)
-    better = identified_scene(found, entries)
+    better = identified_scene(found, static)
     names = scene.joint_names
     rest = dict(zip(names, rest_bounds(found, better), strict=True))
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     every = parameters(found, known, static)
     return Identified(
-        scene=better, laws=dict(zip(names, found.choice.laws, strict=True)), parameters=every,
+        scene=better, laws={names[j]: found.choice.laws[j] for j in found.known}, parameters=every,
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
-        delay=found.delay.value, said=said(found, rest, every, static), entries=entries,
-        estimate=found, uncertainty=known,
+        delay=found.delay.value, said=said(found, rest, every, static),
+        estimate=found,
     )  # fmt: skip
 
 
@@ -225,7 +221,7 @@ def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, Jud
     """
     recording = found.recordings[log]
     result = inverse_dynamics(found.scene, recording.trajectory)
-    at = "motor" if found.estimate.question.motor else "joint"
+    at = found.estimate.question.at
     effort = dict(zip(found.scene.joint_names, recording.effort.T, strict=True))
     reading = replace(recording.reading, effort=effort)
     measured = {
@@ -243,45 +239,46 @@ def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str
         raise IdentificationError(f"--effort-at joint: sensors at joints do not measure what the "
                                   f"drive {scene.drives[coupled[0]].name!r} delivers, which is "
                                   "coupled; leave the `couples` out")  # fmt: skip
-    for name in laws:
+    for name, law in laws.items():
         if name not in scene.joint_names:
             raise IdentificationError(f"laws: there is no joint {name!r}; "
                                       f"{choose_from(name, scene.joint_names)}")  # fmt: skip
+        if effort_at == "joint" and (law.load == "gear" or on_motor(law)):
+            raise IdentificationError(f"laws: {name}: {law}: does not show in an effort that was "
+                                      "measured after the gear (--effort-at joint)")  # fmt: skip
 
 
 def _errors(found: Estimate) -> dict[str, HeldOut]:
-    chosen, plain = found.errors
-    result = {}
-    for j, name in enumerate(found.scene.joint_names):
-        effort = found.rows[j].effort
-        if effort.size:
-            size = float(np.sqrt(np.mean(effort**2)))
-            result[name] = HeldOut(size, float(chosen[j]), float(plain[j]))
-    return result
+    named = zip(found.scene.joint_names, found.rows, *found.errors, strict=True)
+    return {name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
+            for name, rows, chosen, plain in named if rows.effort.size}  # fmt: skip
 
 
 def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
     """Errors on a log that was not fitted."""
     one = reloaded(found, prepare(found.question.scene, recording))
-    result = {}
-    for j, name in enumerate(found.scene.joint_names):
-        rows = joint_rows([one], j, found.delay.value)
-        if rows.effort.size:
-            size, error = (float(np.sqrt(np.mean(x**2)))
-                           for x in (rows.effort, residuals(rows, found.fit, j)))  # fmt: skip
-            result[name] = HeldOut(size, error, np.nan)
-    return result
+    rows = [joint_rows([one], j, found.delay.value) for j in range(len(found.rows))]
+    return {name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)
+            for j, (name, own) in enumerate(zip(found.scene.joint_names, rows, strict=True))
+            if own.effort.size}  # fmt: skip
+
+
+def _rms(x: FloatArray) -> float:
+    return float(np.sqrt(np.mean(x**2)))
 
 
 def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, FloatArray]:
     """Draws of every coefficient above zero, in the scene's terms."""
-    draws, r = known.draws(found.fit.slots, _DRAWS, seed), ratios(found.scene)
+    draws = known.draws(found.fit.slots, _DRAWS, seed)
     slots, ways = found.problem.slots(found.choice.laws), {SLOT[FORWARD], SLOT[BACKWARD]}
     result = {}
     for at in known.place.tolist():
         j, slot = divmod(at, len(SLOTS))
+        if j not in found.known:
+            continue
         law = found.choice.laws[j]
-        values = np.asarray(scene_value(law, slot, draws[:, at], float(r[j])))
+        ratio = abs(found.scene.drives[j].ratio)
+        values = np.asarray(scene_value(law, slot, draws[:, at], ratio))
         # what moved one way only has this friction the other way, too
         for own in ways if slot in ways and not ways <= set(slots[j]) else {slot}:
             section, name, _ = scene_key(found.scene, j, law, own)

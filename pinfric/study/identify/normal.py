@@ -255,6 +255,12 @@ def places(chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
                      for slot in sorted(slots)], dtype=np.int64)  # fmt: skip
 
 
+def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+    """Return where those of the chosen coefficients that are not zero stand among (nj K,)."""
+    place = places(chosen)
+    return place[fit.slots.ravel()[place] > 0.0]
+
+
 def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     """Return the x >= 0 that makes x^T left x / 2 - right^T x least.
 

@@ -12,7 +12,7 @@ With friction on the motor's side the second form holds, else the first.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -77,25 +77,6 @@ class Parameter:
         return f"{self.section}.{self.joint}.{self.name}"
 
 
-@dataclass(frozen=True)
-class JointEntries:
-    """What an identified scene says of one joint.
-
-    Attributes:
-        friction: the entry of `friction`; empty: none.
-        transmission: the entry of the drive; empty: the scene's own stays.
-    """
-
-    friction: dict[str, Any] = field(default_factory=dict)
-    transmission: dict[str, Any] = field(default_factory=dict)
-
-
-def ratios(scene: Scene) -> FloatArray:
-    """Return (nj,) |motor turns per joint turn| of the drives; 1 where there is no transmission."""
-    return np.array([abs(drive.transmission.ratio) if drive.transmission else 1.0
-                     for drive in scene.drives])  # fmt: skip
-
-
 def couples(scene: Scene, drive: Drive) -> dict[str, float]:
     """Return what a drive's `couples` say: other joint -> factor."""
     return {scene.joint_names[v]: factor for v, factor in drive.couples}
@@ -112,8 +93,8 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
     section = "transmission" if motor else "friction"
     if name in (FORWARD, BACKWARD):
         # a negative ratio turns the motor backwards where the joint moves forwards
-        turned = motor and (gear := scene.drives[joint].transmission) and gear.ratio < 0.0
-        way = "positive" if (name == FORWARD) != bool(turned) else "negative"
+        turned = motor and scene.drives[joint].ratio < 0.0
+        way = "positive" if (name == FORWARD) != turned else "negative"
         return section, f"{'no_load_torque' if motor else 'coulomb'}.{way}", (
             "N m" if motor else effort)  # fmt: skip
     if name in SPEEDS:
@@ -150,25 +131,24 @@ def scene_value(law: Law, slot: int, value: Any, ratio: float) -> Any:
 def parameters(
     found: Estimate, known: Uncertainty, static: Mapping[tuple[int, str], BreakAway]
 ) -> tuple[Parameter, ...]:
-    """Return every coefficient of the laws taken, in the scene's terms.
+    """Return every coefficient of the laws found, in the scene's terms.
 
     Args:
         found: the estimate.
         known: how far its coefficients are known.
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
-    result, r = [], ratios(found.scene)
+    result = []
     errors = dict(zip(known.place.tolist(), np.sqrt(np.diag(known.covariance)), strict=True))
     reach = known.quantile()
-    for j, slots in enumerate(found.problem.slots(found.choice.laws)):
-        law = found.choice.laws[j]
-        if found.rows[j].effort.size == 0:
-            continue
-        for slot in slots:
+    slots = found.problem.slots(found.choice.laws)
+    for j in found.known:
+        law, r = found.choice.laws[j], abs(found.scene.drives[j].ratio)
+        for slot in slots[j]:
             x, error = float(found.fit.slots[j, slot]), errors.get(j * len(SLOTS) + slot, 0.0)
             low, high = sorted(float(scene_value(law, slot, max(x + side * reach * error, 0.0),
-                                                 float(r[j]))) for side in (-1, 1))  # fmt: skip
-            value = float(scene_value(law, slot, x, float(r[j])))
+                                                 r)) for side in (-1, 1))  # fmt: skip
+            value = float(scene_value(law, slot, x, r))
             section, name, unit = scene_key(found.scene, j, law, slot)
             why = ""
             if x == 0.0:
@@ -177,109 +157,78 @@ def parameters(
                 why = "its interval holds zero"
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
-            slope = abs(float(scene_value(law, slot, x + 1e-6, float(r[j]))) - value) / 1e-6
+            slope = abs(float(scene_value(law, slot, x + 1e-6, r)) - value) / 1e-6
             result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, low,
                                     high, float(slope * error), not why, why))  # fmt: skip
             if (j, SLOTS[slot]) in static:
                 broke = static[j, SLOTS[slot]]
-                mean, low, high, error = (float(scene_value(law, slot, x, float(r[j])))
+                mean, low, high, error = (float(scene_value(law, slot, x, r))
                                           for x in astuple(broke))  # fmt: skip
                 result.append(Parameter(section, found.scene.joint_names[j], f"{name}.static", unit,
                                         mean, low, high, error, True))  # fmt: skip
     return tuple(result)
 
 
-def identified_scene(found: Estimate, entries: Mapping[str, JointEntries]) -> Scene:
-    """Return the question's scene with what was found in it.
+def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway]) -> Scene:
+    """Return the question's scene with what was found in it; other joints keep what it says.
 
     Args:
         found: the estimate, with the links' inertias.
-        entries: of `scene_entries`.
+        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
     scene = found.scene
     friction: dict[str, Any] = dict(scene.friction)
     actuators = []
-    for name, drive in zip(scene.joint_names, scene.drives, strict=True):
-        entry = entries.get(name, JointEntries())
-        if name in entries:
-            friction.pop(name, None)
-        if entry.friction:
-            friction[name] = entry.friction
+    for j, drive in enumerate(scene.drives):
         gear: Any = drive.transmission
-        actuators.append({"joint": name, "transmission": entry.transmission or gear,
+        if j in found.known:
+            friction[scene.joint_names[j]], own = _entries(found, j, static)
+            gear = own or gear
+        actuators.append({"joint": scene.joint_names[j], "transmission": gear,
                           "couples": couples(scene, drive)})  # fmt: skip
+    friction = {name: entry for name, entry in friction.items() if entry}
     return scene.with_(friction=friction, actuators=actuators)
 
 
-def scene_entries(
-    found: Estimate, static: Mapping[tuple[int, str], BreakAway]
-) -> dict[str, JointEntries]:
-    """Return what the identified scene says of every joint that moved, as a scene file would.
-
-    Args:
-        found: the estimate.
-        static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
-    """
-    scene, r = found.question.scene, ratios(found.scene)
-    bearing_scene = found.question.scene.friction
-    result = {}
-    for j, (name, law) in enumerate(zip(scene.joint_names, found.choice.laws, strict=True)):
-        if found.rows[j].effort.size == 0:
-            continue
-        value = {slot: _rounded(scene_value(law, SLOT[slot], float(found.fit.slots[j, SLOT[slot]]),
-                                            float(r[j]))) for slot in SLOTS}  # fmt: skip
-        extra = _rest_excess(found.rows[j], law, found.fit.slots[j])
-        if on_motor(law):
-            extra /= float(r[j])
-        dry = {}
-        if law.coulomb and (value[FORWARD] or value[BACKWARD]):
-            for slot in (FORWARD, BACKWARD):
-                way = scene_key(scene, j, law, SLOT[slot])[1].rpartition(".")[2]
-                rest = value[slot] + extra
-                if (j, slot) in static:
-                    broke = scene_value(law, SLOT[slot], static[j, slot].mean, float(r[j]))
-                    rest = max(value[slot], float(broke))
-                dry[way] = {"static": _rounded(rest), "kinetic": value[slot]}
-        speed = value[law.speed] if law.speed else 0.0
-        viscous: Any = speed if law.exponent == 1.0 else {"coefficient": speed,
-                                                          "exponent": law.exponent}  # fmt: skip
-        friction: dict[str, Any] = {}
-        if law.load == "bearing" and value[BEARING] > 0.0:
-            given = bearing_scene[name]
-            assert given.bearing is not None  # it was a candidate
-            assert given.mu is not None
-            ratio = given.mu.static / given.mu.kinetic if given.mu.kinetic > 0.0 else 1.0
-            friction["bearing"] = given.bearing.model_dump(exclude_defaults=True)
-            friction["mu"] = {"static": _rounded(ratio * value[BEARING]),
-                              "kinetic": value[BEARING]}  # fmt: skip
-        gear = _gear_entry(found, j, law, value)
-        target = gear if on_motor(law) else friction
-        if dry:
-            target["no_load_torque" if on_motor(law) else "coulomb"] = dry
-        if speed > 0.0:
-            target["motor_viscous" if on_motor(law) else "viscous"] = viscous
-        # behind a gear whose losses grow with this friction, it is the joint's own
-        if found.question.motor and law.load != "gear" and {"coulomb", "viscous"} & friction.keys():
-            friction["includes_drive"] = True
-        result[name] = JointEntries(friction, gear)
-    return result
-
-
-def _gear_entry(
-    found: Estimate, joint: int, law: Law, value: Mapping[str, float]
-) -> dict[str, Any]:
-    """The transmission of an identified drive; empty where the effort was measured after it."""
-    if not found.question.motor:
-        return {}
-    given = found.scene.drives[joint].transmission
-    entry: dict[str, Any] = {"ratio": 1.0 if given is None else given.ratio}
-    if law.load == "gear":
-        way = "both" if law.both_ways else "driving"
-        back = "same_loss" if law.both_ways else value[f"gear driven, {law.side} side"]
-        entry |= {"efficiency": value[f"gear {way}, {law.side} side"], "back_efficiency": back}
-    if value[INERTIA] > 0.0:
-        entry["rotor_inertia"] = value[INERTIA]
-    return entry
+def _entries(
+    found: Estimate, joint: int, static: Mapping[tuple[int, str], BreakAway]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A joint's entry of `friction`, and its drive's transmission, as a scene file has them."""
+    scene, law, fitted = found.scene, found.choice.laws[joint], found.fit.slots[joint]
+    friction: dict[str, Any] = {}
+    gear: dict[str, Any] = {}
+    ratio = abs(scene.drives[joint].ratio)
+    if found.question.motor:  # an effort measured after the gear says nothing of it
+        gear["ratio"] = scene.drives[joint].ratio
+    excess = _rest_excess(found.rows[joint], law, fitted)
+    dry = law.coulomb and fitted[[SLOT[FORWARD], SLOT[BACKWARD]]].any()
+    for slot in (SLOT[INERTIA], *law.slots):
+        section, key, _ = scene_key(scene, joint, law, slot)
+        name, target = SLOTS[slot], friction if section == "friction" else gear
+        value = _rounded(scene_value(law, slot, float(fitted[slot]), ratio))
+        if name in (FORWARD, BACKWARD) and dry:
+            head, _, way = key.partition(".")
+            rest = float(fitted[slot]) + excess
+            if (joint, name) in static:
+                rest = max(float(fitted[slot]), static[joint, name].mean)
+            rest = _rounded(scene_value(law, slot, rest, ratio))
+            target.setdefault(head, {})[way] = {"static": rest, "kinetic": value}
+        elif name in SPEEDS and value:
+            target[key] = {"coefficient": value, "exponent": law.exponent}
+        elif name == BEARING and value:
+            given = found.question.scene.friction[scene.joint_names[joint]]
+            assert given.mu is not None  # it was a candidate
+            share = given.mu.static / given.mu.kinetic if given.mu.kinetic > 0.0 else 1.0
+            target["bearing"] = given.bearing
+            target["mu"] = {"static": _rounded(share * value), "kinetic": value}
+        elif value:
+            target[key] = value
+    if law.load == "gear" and law.both_ways:
+        gear["back_efficiency"] = "same_loss"
+    # behind a gear whose losses grow with this friction, it is the joint's own
+    if found.question.motor and law.load != "gear" and {"coulomb", "viscous"} & friction.keys():
+        friction["includes_drive"] = True
+    return friction, gear
 
 
 def _rest_excess(rows: Rows, law: Law, slots: FloatArray) -> float:

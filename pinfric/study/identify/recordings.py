@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.model.couples import drive_rates, rate_rows
 from pinfric.model.scene import Scene
+from pinfric.study.trajectory.derivatives import SPLINE_GAINS
 from pinfric.study.trajectory.log.arrays import Log
-from pinfric.study.trajectory.log.noise import noise_gain
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
 
@@ -24,8 +24,6 @@ FloatArray = NDArray[np.float64]
 _SHORTEST = 8.0
 #: rad/s or m/s: a joint that is never faster than this has not moved.
 STILL = 0.01
-#: Gain of the quintic spline's first derivative for white noise, times the step.
-_SPLINE_V = 1.38
 
 
 @dataclass(frozen=True)
@@ -163,15 +161,13 @@ def _read(
     effort = np.column_stack([gain.get(joint, 1.0) * reading.effort[joint]
                               for joint in scene.joint_names])  # fmt: skip
     step = float(np.median(np.diff(t)))
-    noise = np.array([_velocity_noise(reading, joint, step) for joint in scene.joint_names])
+    if reading.uncertain is not None:
+        noise = reading.uncertain.velocity
+    else:
+        noise = np.array([reading.noise[joint] for joint in scene.joint_names])
+        noise = noise * SPLINE_GAINS[0] / step
     slowest = np.maximum(STILL, 3.0 * np.abs(rate_rows(scene.drives, noise.size)) @ noise)
     return Recording.of(scene, name, trajectory, step, effort, slowest)
-
-
-def _velocity_noise(reading: Reading, joint: str, step: float) -> float:
-    """Standard deviation of a joint's velocity, rad/s or m/s."""
-    noise, cutoff = reading.noise.get(joint, 0.0), reading.cutoff.get(joint)
-    return noise * (_SPLINE_V / step if cutoff is None else noise_gain(step, cutoff, 1))
 
 
 def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:

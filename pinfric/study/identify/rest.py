@@ -62,8 +62,7 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
         motion, held = one.recording.trajectory, one.recording.rests
         if not held.any():
             continue
-        lower, upper = measured_interval(inverse_dynamics(scene, motion),
-                                         "motor" if found.question.motor else "joint")  # fmt: skip
+        lower, upper = measured_interval(inverse_dynamics(scene, motion), found.question.at)
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         off = np.abs(one.effort(motion.t) + one.payload - middle)
         for j in range(nj):

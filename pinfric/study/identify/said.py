@@ -97,8 +97,14 @@ def _of_joints(
         ("no load contrast beside Coulomb friction, a gear's loss cannot be told from it",
          [names[j] for j in slid if question.motor and names[j] not in question.laws
           and not any(law.load == "gear" for law in choice.errors[j])]),
-        ("no law predicts more than that the effort is zero (held-out error above 100 %), so plain "
-         "friction stays and says little", [names[j] for j in sorted(choice.hopeless)]),
+        ("the model does not explain it (share of what its mean effort alone leaves, where nothing "
+         "was fitted), so it keeps what the scene says: check sign, zero and unit of its angle and "
+         "effort, and those of the joints beside it",
+         [f"{names[j]} {100 * share:.0f} %" for j, share in found.unexplained.items()]),
+        ("a law on the joint's side was asked for, but friction of a coupled drive follows its "
+         "motor's speed and is taken on the motor's side",
+         [name for name, law in zip(names, choice.laws, strict=True)
+          if question.laws.get(name, law).side != law.side]),
         ("off by more than a tenth even where it was fitted, so something is missing or turned "
          "(signs, zeros, motors that move with another joint)", _missed(found, slid)),
         ("with masses free, a gear's losses driving and driven cannot be told apart and are taken "

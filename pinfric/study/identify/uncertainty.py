@@ -19,7 +19,7 @@ from pinfric.study.identify.columns import Prepared, bearings_only
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.inertias import with_parameters
 from pinfric.study.identify.laws import BACKWARD, BEARING, FORWARD, INERTIA, SLOT, SLOTS, SPEEDS
-from pinfric.study.identify.normal import moves, places, residuals
+from pinfric.study.identify.normal import above_zero, moves, residuals
 
 FloatArray = NDArray[np.float64]
 
@@ -82,8 +82,7 @@ def uncertainty(found: Estimate) -> Uncertainty:
         found: the estimate.
     """
     problem, fit = found.problem, found.fit
-    place = places(problem.slots(found.choice.laws))
-    place = place[fit.slots.ravel()[place] > 0.0]
+    place = above_zero(fit, problem.slots(found.choice.laws))
     moved, count = moves(problem.grams, problem.weights, problem.prior, fit, place,
                          _feedback(found, place))  # fmt: skip
     moved = moved[:, moved.shape[1] - place.size :]
@@ -138,6 +137,8 @@ def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:
     """Derivatives (rows, p) of a bearing's column in one log by the links that it carries."""
     scene, motion = found.scene, one.recording.trajectory
     at = one.kept[one.slides[:, joint]]
+    if not at.size:  # it stands still in this log
+        return np.zeros((0, found.fit.theta.size))
     q, v, a = (np.ascontiguousarray(x[at]) for x in (motion.q, motion.v, motion.a))
     probe, theta = bearings_only(scene), found.fit.theta
 

@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, Field
 
 from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
-from pinfric.model.entry import Entry, Positive, parse, strict_number
+from pinfric.model.entry import Entry, Positive, Version, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import read_yaml
@@ -102,7 +102,7 @@ class MotorsFile(Entry):
         others: the same for all drives that are not named, e.g. {peak_torque: 0.5}
     """
 
-    pinfric_motors: Annotated[Literal[1], BeforeValidator(strict_number)]
+    pinfric_motors: Version
     catalog: str = "default"
     conditions: Annotated[dict[str, Any], _Conditions] = Field(default_factory=dict)
     drives: dict[str, _Given] = Field(default_factory=dict)
@@ -212,14 +212,6 @@ def scaled(limits: DriveLimits, kind: int, factor: float) -> DriveLimits:
     return limits.model_copy(update={field: factor * getattr(limits, field)})
 
 
-def with_ratio(limits: DriveLimits, own: Transmission | None, ratio: float) -> DriveLimits:
-    """Return the limits behind a gear of another ratio, its other figures as they are."""
-    transmission = limits.transmission or own or Transmission(ratio=1.0)
-    return limits.model_copy(
-        update={"transmission": transmission.model_copy(update={"ratio": ratio})}
-    )
-
-
 class _Shop:
     """A catalogue, read at the first name that is asked for."""
 
@@ -280,11 +272,5 @@ def joint_speeds(scene: Scene) -> np.ndarray:
 
 def drive_speeds(drives: Sequence[Drive], limits: Sequence[DriveLimits]) -> np.ndarray:
     """Return (na,) the greatest speeds behind the gears: limits, motor and gear (rad/s or m/s)."""
-    ratio = [1.0 if d.transmission is None else abs(d.transmission.ratio) for d in drives]
-    return np.array([min(x.velocity, min(x.max_speed, x.input_speed) / r)
-                     for r, x in zip(ratio, limits, strict=True)])  # fmt: skip
-
-
-def replaced(limits: Sequence[DriveLimits], i: int, new: DriveLimits) -> tuple[DriveLimits, ...]:
-    """Return the limits with one drive's exchanged."""
-    return (*limits[:i], new, *limits[i + 1 :])
+    return np.array([min(x.velocity, min(x.max_speed, x.input_speed) / abs(drive.ratio))
+                     for drive, x in zip(drives, limits, strict=True)])  # fmt: skip

@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PPoly
 
+from pinfric.dynamics.result import runs
 from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import find_file
 from pinfric.study.trajectory.joint_columns import LIMIT_TOLERANCE, JointColumn, joint_columns
 from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
-from pinfric.study.trajectory.waypoints import WayPointFile, read_waypoints, way_points
+from pinfric.study.trajectory.waypoints import carried_on, read_waypoints, way_points
 
 #: Points nearer than this part of the whole way are the same.
 _SAME = 1.0e-9
@@ -159,10 +160,9 @@ class Path:
         if not (still[0] and still[-1]):
             raise TrajectoryError(f"{source}: does not start and end at rest (v = 0): hold the "
                                   "first and last position for a few samples")  # fmt: skip
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(np.int8)))
-        runs = edges.reshape(-1, 2) - [0, 1]
-        position = trajectory.joint_positions()
-        stops = [run for i, run in enumerate(runs) if i == 0 or _moved(position, runs[i - 1], run)]
+        rests, position = runs(still), trajectory.joint_positions()
+        stops = [rest for i, rest in enumerate(rests)
+                 if i == 0 or _moved(position, rests[i - 1], rest)]  # fmt: skip
         pieces = [_sampled(position[a[1] : b[0] + 1]) for a, b in pairwise(stops)]
         if not pieces:
             raise TrajectoryError(f"{source}: nothing moves; there is no path to be sped up")
@@ -200,9 +200,8 @@ def load_path(path: str | File, scene: Scene) -> Path:
     names = [column.name for column in joint_columns(scene.model, str(file))]
     defaults = {name: bool(payload.attached) for name, payload in scene.payloads.items()}
     points = way_points(given, names, defaults, str(file))
-    via = [point.via for point in given.points]
-    carried = _carried(given, defaults)
-    return Path.from_waypoints(points, via, [p.hold for p in given.points], carried, str(file))
+    via, holds = [point.via for point in given.points], [point.hold for point in given.points]
+    return Path.from_waypoints(points, via, holds, carried_on(given, defaults), str(file))
 
 
 def check_limits(path: Path, columns: Sequence[JointColumn]) -> None:
@@ -228,15 +227,6 @@ def check_limits(path: Path, columns: Sequence[JointColumn]) -> None:
                         f"{100 * share:.0f} % of piece {i} is beyond its {side} limit "
                         f"{limit:.6g}; move the way-points there"
                     )
-
-
-def _carried(given: WayPointFile, defaults: dict[str, bool]) -> np.ndarray:
-    """(m, np) what is carried from each point on."""
-    now, rows = dict(defaults), []
-    for point in given.points:
-        now |= dict.fromkeys(point.detach, False) | dict.fromkeys(point.attach, True)
-        rows.append([now[name] for name in defaults])
-    return np.array(rows, dtype=bool).reshape(len(rows), len(defaults))
 
 
 def _roots(rate: PPoly) -> list[np.ndarray]:

@@ -119,9 +119,10 @@ class Problem:
             raise RetimeError(self._why(failed))
         return replace(Profile.of(self.grid, x, u), holes=int(scan.holes[0]))
 
-    def with_limits(self, limits: Sequence[DriveLimits], scene: Scene | None = None) -> Problem:
-        """Return the same problem with other limits, and a scene with other transmissions."""
-        return replace(self, limits=tuple(limits), scene=scene or self.scene)
+    def with_limits(self, d: int, limits: DriveLimits, scene: Scene | None = None) -> Problem:
+        """Return the same problem with other limits of drive d, and a scene with another gear."""
+        every = (*self.limits[:d], limits, *self.limits[d + 1 :])
+        return replace(self, limits=every, scene=scene or self.scene)
 
     def states(
         self, s: np.ndarray, piece: np.ndarray, x: np.ndarray, u: np.ndarray,
@@ -157,9 +158,8 @@ class Problem:
             what = "break away" if grid.stop[interval] and grid.way[interval, d] else "hold"
             return f"{where}: drive {self.limits_text(still, d, kind, what)}"
         for k, drive in enumerate(self.scene.drives):
-            free = [limit if i != k else DriveLimits() for i, limit in enumerate(self.limits)]
             x, u = np.empty(n + 1), np.empty((n, 2))
-            scan = self.with_limits(free).scan()
+            scan = self.with_limits(k, DriveLimits()).scan()
             if fastest(box_scan(tuple(scan)), x, u) != interval:
                 return (f"{where}: drive {drive.name!r} cannot follow the path on from there at "
                         "any speed; a stronger drive, or less curvature")  # fmt: skip
@@ -239,8 +239,7 @@ def usage(result: InverseResult, limits: Sequence[DriveLimits], policy: Policy) 
         for pair in (ends, efforts):
             nearer = ends_by_magnitude(*pair)[1]
             pair[0], pair[1] = (np.where(least, nearer, end) for end in pair)
-        ratio = 1.0 if drive.transmission is None else drive.transmission.ratio
-        omega = ratio * v[:, d]
+        omega = drive.ratio * v[:, d]
         use[:, d, 0] = np.maximum(*map(np.abs, ends)) / x.peak_torque
         line = (end / x.stall_torque + omega / x.no_load_speed for end in ends)
         use[:, d, 1] = np.maximum(*map(np.abs, line))

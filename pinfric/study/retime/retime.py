@@ -19,15 +19,14 @@ from pinfric.errors import RetimeError
 from pinfric.model.brief import Shown, file_name, listed, screen
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene
+from pinfric.model.transmission import Transmission
 from pinfric.study.retime.limits import (
     KINDS,
     DriveLimits,
     LimitsLike,
     limited_scene,
     read_limits,
-    replaced,
     scaled,
-    with_ratio,
 )
 from pinfric.study.retime.path import Path, check_limits, load_path
 from pinfric.study.retime.problem import Policy, Problem, modes, usage
@@ -41,6 +40,7 @@ from pinfric.study.retime.tables import (
     rates_of,
 )
 from pinfric.study.retime.thermal import Cycle, within_continuous
+from pinfric.study.sizing.size import geared
 from pinfric.study.summary import ends_by_magnitude, rests
 from pinfric.study.summary import rms as root_mean_square
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations, joint_columns
@@ -135,14 +135,14 @@ class RetimeResult(Shown):
         def slope(d: int, kind: int | None) -> float:
             times = []
             for factor in (1.0 + change, 1.0 - change):
-                limits, cycle = p.limits, self.cycle
+                problem, cycle = p, self.cycle
                 if kind is not None:
-                    limits = replaced(limits, d, scaled(limits[d], kind, factor))
+                    problem = p.with_limits(d, scaled(p.limits[d], kind, factor))
                 elif cycle is not None:
                     limit = cycle.limit.copy()
                     limit[d] *= factor
                     cycle = replace(cycle, limit=limit)
-                times.append(self._moving_time(p.with_limits(limits), cycle))
+                times.append(self._moving_time(problem, cycle))
             return float(np.log(times[0] / times[1]) / np.log((1 + change) / (1 - change)))
 
         found: dict[str, dict[str, float]] = {}
@@ -179,12 +179,13 @@ class RetimeResult(Shown):
             raise RetimeError(f"sweep_ratio: there is no drive {joint!r}; there are: "
                               f"{', '.join(names)}")  # fmt: skip
         d = names.index(joint)
+        gear = p.scene.drives[d].transmission or Transmission(ratio=1.0)
         found: dict[float, float | str] = {}
         for ratio in ratios:
-            new = with_ratio(p.limits[d], p.scene.drives[d].transmission, ratio)
-            limits = replaced(p.limits, d, new)
+            other_gear = {joint: gear.model_copy(update={"ratio": ratio})}
             try:
-                other = p.with_limits(limits, limited_scene(p.scene, limits))
+                scene = p.scene.with_(actuators=geared(p.scene, other_gear))
+                other = p.with_limits(d, p.limits[d], scene)
                 found[ratio] = self._moving_time(other, self.cycle) + sum(p.path.holds)
             except RetimeError as problem:
                 found[ratio] = str(problem)
@@ -317,12 +318,7 @@ class _Retiming:
 
     def check_stops(self) -> None:
         """Refuse stops at which a drive cannot hold, with what it carries before and after."""
-        n = len(self.path.pieces)
-        ends = [piece.x[[0, -1]] for piece in self.path.pieces]
-        grid = make_grid(self.scene, self.path, self.columns, ends)
-        probe = Problem(self.scene, self.path, self.columns, self.limits, self.policy, grid,
-                        make_tables(self.scene, self.path, self.columns, grid),
-                        modes(grid, self.policy, ()), np.zeros(n, dtype=bool))  # fmt: skip
+        probe = self.problem([piece.x[[0, -1]] for piece in self.path.pieces])
         for p, curve in enumerate(self.path.pieces):
             for end, s in enumerate(curve.x[[0, -1]]):
                 still = probe.states(np.array([s]), np.array([p]), np.zeros(1), np.zeros(1))
@@ -337,7 +333,7 @@ class _Retiming:
         length = np.array([piece.x[-1] - piece.x[0] for piece in self.path.pieces])
         counts = np.maximum(points / 3 * length / length.sum(), _FEWEST / 2).astype(int)
         grids = [
-            distinct(np.linspace(curve.x[0], curve.x[-1], n + 1), curve.x[-1] - curve.x[0], natural)
+            distinct(np.linspace(curve.x[0], curve.x[-1], n + 1), curve, natural)
             for curve, n, natural in zip(self.path.pieces, counts, self.natural, strict=True)
         ]
         return self.problem(grids).solve()
@@ -356,7 +352,7 @@ class _Retiming:
             inside = np.concatenate((even, timed, edges))
             inside = inside[(inside > curve.x[0]) & (inside < curve.x[-1])]
             kept = np.union1d(natural, curve.x[[0, -1]])
-            grids.append(distinct(inside, curve.x[-1] - curve.x[0], kept))
+            grids.append(distinct(inside, curve, kept))
         for attempt in range(_ROUNDS + 1):
             problem = self.problem(grids)
             profile = problem.solve()
@@ -412,16 +408,9 @@ class _Retiming:
             if turning[i]:
                 self._widen(p, place, 2.0 * float(samples.rate[i]) / self.policy.sample_rate)
         for j in over:
-            p, first, last = (
-                int(grid.piece[grid.start[j]]),
-                grid.s[grid.start[j]],
-                grid.s[grid.end[j]],
-            )
-            self.constant.append((p, float(first), float(last)))
-            curve = self.path.pieces[p]
-            grids[p] = distinct(
-                np.array([0.5 * (first + last)]), curve.x[-1] - curve.x[0], grids[p]
-            )
+            p, first, last = grid.piece[grid.start[j]], grid.s[grid.start[j]], grid.s[grid.end[j]]
+            self.constant.append((int(p), float(first), float(last)))
+            grids[p] = distinct(np.array([0.5 * (first + last)]), self.path.pieces[p], grids[p])
         return bool(over)
 
     def _widen(self, piece: int, s: float, near: float) -> None:

@@ -27,7 +27,7 @@ from pinfric.study.retime.path import Path, reversals
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 
 #: Grid points nearer than this part of a piece are one.
-SAME_POINT = 1.0e-9
+_SAME_POINT = 1.0e-9
 #: A second derivative that jumps by more than this part of its largest value has two values.
 _JUMP = 1.0e-9
 
@@ -90,13 +90,13 @@ def natural_points(piece: PPoly, drives: np.ndarray) -> np.ndarray:
     """
     rates = np.unique(np.concatenate([np.eye(drives.shape[1]), drives]), axis=0)
     found = [np.asarray(piece.x), reversals(PPoly(piece.c @ rates.T, piece.x))]
-    return distinct(np.concatenate(found), piece.x[-1] - piece.x[0], piece.x)
+    return distinct(np.concatenate(found), piece, piece.x)
 
 
-def distinct(s: np.ndarray, length: float, kept: np.ndarray) -> np.ndarray:
-    """Return places in order, none beside another; those in `kept` stay."""
+def distinct(s: np.ndarray, piece: PPoly, kept: np.ndarray) -> np.ndarray:
+    """Return places of a piece in order, none beside another; those in `kept` stay."""
     order = np.unique(np.concatenate((s, kept)))
-    near = np.diff(order) <= SAME_POINT * length
+    near = np.diff(order) <= _SAME_POINT * (piece.x[-1] - piece.x[0])
     fixed = np.isin(order, kept)
     drop = np.zeros(len(order), dtype=bool)
     drop[1:] |= near & ~fixed[1:]

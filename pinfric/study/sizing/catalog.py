@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from pinfric.errors import CatalogError, PinfricWarning, choose_from
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, number_or, parse
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, number_or, parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.transmission import (
     BackDriving,
@@ -469,7 +469,7 @@ class CatalogFile(Entry):
         conditions: what the drives must stand, e.g. {bus_voltage: 24.0}
     """
 
-    pinfric_catalog: Literal[1]
+    pinfric_catalog: Version
     extends: Literal["default"] | None = None
     motors: dict[str, Motor] = Field(default_factory=dict)
     gears: dict[str, Gear] = Field(default_factory=dict)

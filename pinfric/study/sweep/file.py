@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pinfric.errors import SweepError
-from pinfric.model.entry import Entry, Number, Positive, parse
+from pinfric.model.entry import Entry, Number, Positive, Version, parse
 from pinfric.model.scene_file import find_file
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.sizing.catalog import Conditions
@@ -137,7 +137,7 @@ class SweepFile(Entry):
         motors: on trial, by drive, e.g. {panda_joint2: {continuous_torque: 0.37, peak_torque: 1.0}}
     """
 
-    pinfric_sweep: Literal[1]
+    pinfric_sweep: Version
     parameters: dict[str, Parameter] = Field(default_factory=dict)
     table: str | None = None
     samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None = None

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pinfric.dynamics.result import runs
+
 FloatArray = NDArray[np.float64]
 
 #: Two equal samples also occur symmetrically about a turning point; three do not.
@@ -21,13 +23,18 @@ MIN_HOLD_SAMPLES = 3
 #: through v = a = 0 at most 8: what looks still there is only the rounding of the file.
 HOLD_DEPARTURE = 10.0
 _DEGREE = 5
+#: Gains of the quintic spline's first and second derivative for white noise, times step and step
+#: squared: the 2-norms of the cardinal spline's derivatives.
+SPLINE_GAINS = 1.38, 4.8
 
 
-def hold_tolerance(position: ArrayLike, resolution: float = 0.0) -> float:
-    """Return how far apart the positions of a joint that stands still may lie.
+def find_holds(position: ArrayLike, resolution: float = 0.0) -> list[tuple[int, int]]:
+    """Return the runs of samples in which one joint stands still, as (first, last) inclusive.
 
-    The larger of rounding in float64 (8 eps max|q|) and of the file's last printed digit, the
-    latter at most 1e-6 of the joint's travel: a coarse file must not turn motion into holds.
+    A run counts where at least `MIN_HOLD_SAMPLES` positions agree and the joint leaves the run
+    quickly at both ends (`HOLD_DEPARTURE`); the ends of the data need no departure. Positions agree
+    within rounding in float64, or the last digit, but at most 1e-6 of the joint's travel: a coarse
+    file must not turn motion into holds.
 
     Args:
         position: (T,) positions of one joint, rad or m.
@@ -35,25 +42,10 @@ def hold_tolerance(position: ArrayLike, resolution: float = 0.0) -> float:
     """
     q = np.asarray(position, dtype=np.float64)
     travel = float(np.ptp(q))
-    return max(8.0 * np.finfo(np.float64).eps * float(np.abs(q).max()),
-               min(resolution, 1.0e-6 * travel))  # fmt: skip
-
-
-def find_holds(position: ArrayLike, resolution: float = 0.0) -> list[tuple[int, int]]:
-    """Return the runs of samples in which one joint stands still, as (first, last) inclusive.
-
-    A run counts where at least `MIN_HOLD_SAMPLES` positions agree within `hold_tolerance` and the
-    joint leaves the run quickly at both ends (`HOLD_DEPARTURE`); the ends of the data need no
-    departure.
-
-    Args:
-        position: (T,) positions of one joint, rad or m.
-        resolution: the last digit printed in the file, same unit; 0 = not rounded.
-    """
-    q = np.asarray(position, dtype=np.float64)
-    tolerance = hold_tolerance(q, resolution)
+    tolerance = max(8.0 * np.finfo(np.float64).eps * float(np.abs(q).max()),
+                    min(resolution, 1.0e-6 * travel))  # fmt: skip
     # A file of short numbers (0, 0.5, 1) looks coarse without being so: trust 3 % of the travel.
-    departure = HOLD_DEPARTURE * max(tolerance, min(resolution, 3.0e-2 * float(np.ptp(q))))
+    departure = HOLD_DEPARTURE * max(tolerance, min(resolution, 3.0e-2 * travel))
     return [
         (first, last)
         for first, last in _still_runs(q, tolerance)
@@ -63,9 +55,8 @@ def find_holds(position: ArrayLike, resolution: float = 0.0) -> list[tuple[int, 
 
 def _still_runs(q: FloatArray, tolerance: float) -> Iterator[tuple[int, int]]:
     """Yield maximal runs of samples that all lie within one band of the tolerance's width."""
-    close = np.concatenate(([False], np.abs(np.diff(q)) <= tolerance, [False]))
-    edges = np.flatnonzero(close[1:] != close[:-1])
-    for first, last in edges.reshape(-1, 2).tolist():
+    for first, final in runs(np.abs(np.diff(q)) <= tolerance):
+        last = final + 1  # of samples; runs are of the steps between them
         while first < last:
             end = _end_of_band(q, first, last, tolerance)
             yield first, end
@@ -142,15 +133,14 @@ def acceleration_noise(t: ArrayLike, resolution: float) -> float:
 
     sigma_a = 4.8 resolution / (sqrt(12) h^2) = 1.4 resolution / h^2, h the median time step: the
     rounding error is uniform (sigma = resolution / sqrt(12)), the quintic spline's second
-    derivative passes white noise with a gain of 4.8 / h^2 (the 2-norm of the cardinal
-    spline's second derivative).
+    derivative passes white noise with a gain of 4.8 / h^2 (`SPLINE_GAINS`).
 
     Args:
         t: (T,) increasing times, s.
         resolution: the last digit printed in the file, rad or m.
     """
     step = float(np.median(np.diff(np.asarray(t, dtype=np.float64))))
-    return 4.8 * resolution / (np.sqrt(12.0) * step**2)
+    return SPLINE_GAINS[1] * resolution / (np.sqrt(12.0) * step**2)
 
 
 def _moving_pieces(

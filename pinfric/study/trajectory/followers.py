@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,11 +44,13 @@ def find_followers(scene: Any, columns: Sequence[JointColumn]) -> tuple[Follower
         return ()
     leaders = {column.name: column for column in columns}
     limits = _urdf_limits(robot.urdf)
-    found = []
+    found: list[Follower] = []
     for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
-        mimic = model.joints[follower].extract()
-        found.append(Follower(limits[model.names[follower]], leaders[model.names[leader]],
-                              float(mimic.scaling), float(mimic.offset)))  # fmt: skip
+        mimic, of = model.joints[follower].extract(), model.names[leader]
+        ratio, shift = float(mimic.scaling), float(mimic.offset)
+        law = f"{ratio:g} x {of}" + (f" {shift:+g}" if shift else "")
+        column = replace(limits[model.names[follower]], index_v=len(found), follows=law)
+        found.append(Follower(column, leaders[of], ratio, shift))
     return tuple(found)
 
 
@@ -66,13 +68,9 @@ def follower_problems(
         t: (T,) s.
         position: (T, nj) one number per joint.
     """
-    found = []
-    for follower in followers:
-        led = position[:, list(columns).index(follower.leader)]
-        moved = (follower.ratio * led + follower.shift)[:, None]
-        found += [f"{problem}; it follows {_law(follower)}"
-                  for problem in limit_problems([follower.column], t, moved)]  # fmt: skip
-    return found
+    led = position[:, [list(columns).index(follower.leader) for follower in followers]]
+    moved = led * [f.ratio for f in followers] + [f.shift for f in followers]
+    return limit_problems([follower.column for follower in followers], t, moved)
 
 
 def follower_warnings(
@@ -85,17 +83,9 @@ def follower_warnings(
         t: (T,) s.
         velocity: (T, nv) of the model.
     """
-    found = []
-    for follower in followers:
-        moved = (follower.ratio * velocity[:, follower.leader.index_v])[:, None]
-        found += [f"{warning}; it follows {_law(follower)}"
-                  for warning in velocity_warnings([follower.column], t, moved)]  # fmt: skip
-    return found
-
-
-def _law(follower: Follower) -> str:
-    shift = f" {follower.shift:+g}" if follower.shift else ""
-    return f"{follower.ratio:g} x {follower.leader.name}{shift}"
+    led = velocity[:, [follower.leader.index_v for follower in followers]]
+    columns = [follower.column for follower in followers]
+    return velocity_warnings(columns, t, led * [follower.ratio for follower in followers])
 
 
 def _urdf_limits(urdf: Path) -> dict[str, JointColumn]:

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from pinfric.errors import TrajectoryError
+from pinfric.errors import TrajectoryError, problems_line
 from pinfric.model.coordinates import unwrapped_angle
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +22,10 @@ _UNLIMITED = 1.0e300  # Pinocchio's "no limit" is inf or the largest float
 
 @dataclass(frozen=True)
 class JointColumn:
-    """A one-dof joint as a file sees it: one number; limits in rad or m, infinite where none."""
+    """A one-dof joint as a file sees it: one number; limits in rad or m, infinite where none.
+
+    `follows` says how a mimic follower depends on its leader; empty of all others.
+    """
 
     name: str
     index_q: int
@@ -32,6 +35,12 @@ class JointColumn:
     lower: float
     upper: float
     velocity_limit: float
+    follows: str = ""
+
+    @property
+    def why(self) -> str:
+        """The end of a message about it: what it follows."""
+        return f"; it follows {self.follows}" if self.follows else ""
 
 
 def joint_columns(model: pin.Model, source: str = "model") -> tuple[JointColumn, ...]:
@@ -104,7 +113,7 @@ def limit_problems(
                 found.append(
                     f"joint {column.name}: {q[worst]:.6g} {column.unit} is {side} limit "
                     f"{limit:.6g} (first at t = {t[samples[0]]:.6g} s, sample {samples[0]}; "
-                    f"samples beyond it: {samples.size})"
+                    f"samples beyond it: {samples.size}){column.why}"
                 )
     return found
 
@@ -127,7 +136,7 @@ def velocity_warnings(
             found.append(
                 f"joint {column.name}: reaches {speed.max():.6g} {column.unit}/s, above its "
                 f"velocity limit {column.velocity_limit:.6g} (first at t = "
-                f"{t[beyond[0]]:.6g} s; samples beyond it: {beyond.size})"
+                f"{t[beyond[0]]:.6g} s; samples beyond it: {beyond.size}){column.why}"
             )
     return found
 
@@ -183,6 +192,12 @@ def unit_circle_problems(columns: Sequence[JointColumn], q: FloatArray) -> list[
                     f"(cos, sin) of its angle, but not at samples {listing(wrong)}"
                 )
     return found
+
+
+def refuse(source: str, problems: Sequence[str]) -> None:
+    """Raise a TrajectoryError with all that is wrong, in one message; nothing where nothing is."""
+    if problems:
+        raise TrajectoryError(problems_line(source, problems))
 
 
 def listing(items: Iterable[object], limit: int = 10) -> str:

@@ -15,7 +15,7 @@ from pinfric.study.trajectory.derivatives import (
     velocity_derivative,
 )
 from pinfric.study.trajectory.joint_columns import JointColumn, listing
-from pinfric.study.trajectory.log.rows import GAP_FACTOR
+from pinfric.study.trajectory.log.rows import GAP_FACTOR, gaps
 
 FloatArray = NDArray[np.float64]
 
@@ -70,11 +70,11 @@ def complete_derivatives(
         names = ", ".join(columns[i].name for i in missing)
         problems.append(f"one sample says nothing about derivatives: give .v and .a for {names}")
         return v, a
-    gaps = _gaps(table.t) if missing else []
+    apart = gaps(table.t) if missing else ()
     for i in missing:
         q, resolution = table.position[:, i], table.resolution[i]
         holds = find_holds(q, resolution)
-        problems += _moved_across(columns[i], table.t, q, gaps)
+        problems += _moved_across(columns[i], table.t, q, apart)
         try:
             if not np.isnan(v[0, i]):
                 a[:, i] = velocity_derivative(table.t, v[:, i], holds)
@@ -91,16 +91,10 @@ def complete_derivatives(
     return v, a
 
 
-def _gaps(t: FloatArray) -> list[int]:
-    """Return the samples after which a step is far longer than the median one."""
-    steps = np.diff(t)
-    return [int(i) for i in np.flatnonzero(steps > GAP_FACTOR * np.median(steps))]
-
-
 def _moved_across(
-    column: JointColumn, t: FloatArray, q: FloatArray, gaps: Iterable[int]
+    column: JointColumn, t: FloatArray, q: FloatArray, apart: Iterable[int]
 ) -> list[str]:
-    moved = [i for i in gaps if q[i] != q[i + 1]]
+    moved = [i for i in apart if q[i] != q[i + 1]]
     if not moved:
         return []
     where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in moved)

@@ -16,7 +16,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from pinfric.errors import PinfricError, TrajectoryError, choose_from, problems_line
+from pinfric.dynamics.result import runs
+from pinfric.errors import PinfricError, TrajectoryError, choose_from
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.files import write_file
@@ -30,6 +31,7 @@ from pinfric.study.trajectory.joint_columns import (
     joint_columns,
     limit_problems,
     listing,
+    refuse,
     single_positions,
     unit_circle_problems,
     velocity_warnings,
@@ -109,7 +111,7 @@ class Trajectory:
         object.__setattr__(self, "attached", np.asarray(self.attached, dtype=bool))
         if not self.joint_nq:
             object.__setattr__(self, "joint_nq", (1,) * len(self.joint_names))
-        _raise_all(self.source, _consistency_problems(self))
+        refuse(self.source, _consistency_problems(self))
 
     @classmethod
     def from_arrays(
@@ -154,23 +156,22 @@ class Trajectory:
             problems.append("a planar, spherical or floating joint needs v and a given")
         if not problems:
             problems += _value_problems(times, (("q", qs), ("v", v), ("a", a)))
-        _raise_all(source, problems)
-        carried = _attached_columns(payloads, given, times.size)
+        refuse(source, problems)
         if has_many and v is not None and a is not None:
             names, nqs = _moving_joints(model)
-            return cls(times, qs, v, a, carried, tuple(payloads), names,
-                       source, nqs)  # fmt: skip
+            return cls(times, qs, v, a, _attached_columns(payloads, given, times.size),
+                       tuple(payloads), names, source, nqs)  # fmt: skip
         columns = joint_columns(model, source)
-        _raise_all(source, unit_circle_problems(columns, qs))
+        refuse(source, unit_circle_problems(columns, qs))
         table = TrajectoryTable(
             times,
             single_positions(qs, [column.nq for column in columns]),
             np.full((times.size, model.nv), np.nan) if v is None else v,
             np.full((times.size, model.nv), np.nan) if a is None else a,
-            {},
+            {name: np.asarray(values, dtype=bool) for name, values in given.items()},
             np.zeros(len(columns)),
         )
-        return _from_table(source, scene, columns, columns, table, carried, payloads)
+        return _from_table(source, scene, columns, columns, table)
 
     def __repr__(self) -> str:
         rate = (self.t.size - 1) / self.duration if self.duration else 0.0
@@ -221,20 +222,11 @@ class Trajectory:
             source=f"{self.source} at {scale:g} x speed",
         )  # fmt: skip
 
-    def holds(self, min_duration: float = 0.0) -> tuple[Hold, ...]:
-        """Return the intervals in which every joint stands still: v = a = 0 in 2 samples or more.
-
-        Args:
-            min_duration: shorter ones are left out, s.
-        """
+    def holds(self) -> tuple[Hold, ...]:
+        """Return the intervals in which every joint stands still (v = a = 0), 2 samples or more."""
         still = ((self.v == 0.0) & (self.a == 0.0)).all(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(np.int8)))
-        found = [
-            Hold(float(self.t[first]), float(self.t[stop - 1]), first, stop - 1)
-            for first, stop in edges.reshape(-1, 2).tolist()
-            if stop - first >= 2
-        ]
-        return tuple(hold for hold in found if hold.end - hold.start >= min_duration)
+        return tuple(Hold(float(self.t[first]), float(self.t[last]), first, last)
+                     for first, last in runs(still) if last > first)  # fmt: skip
 
     def to_csv(self, path: str | Path, digits: int = 9) -> Path:
         """Write the file that `load_trajectory` reads: t, positions, .v, .a, payload columns.
@@ -299,40 +291,29 @@ def load_trajectory(
             path = find_file(path, (".csv", ".waypoints.yaml", ".yaml", ".yml"), TrajectoryError)
         source, name = Path(path), str(path)
     columns = joint_columns(scene.model, name)
-    payloads = _defaults(scene)
     if isinstance(source, Path) and source.suffix.lower() in (".yaml", ".yml"):
-        return _from_waypoints(source, scene, columns, payloads)
+        return _from_waypoints(source, scene, columns)
     problems: list[str] = []
 
     def choose(names: Sequence[str], wrong: list[str]) -> tuple[JointColumn, ...]:
         return named_columns(scene, columns, names, wrong)
 
-    log = read_log(source, columns, list(payloads), choose, options, problems)
-    if log is None:
-        _raise_all(name, problems)
-        raise AssertionError  # read_log says why it returns nothing
-    attached = _attached_columns(payloads, log.table.attached, log.table.t.size)
-    found = _from_table(name, scene, columns, log.named, log.table, attached, payloads,
-                        problems, log.reading.filtered)  # fmt: skip
-    return replace(found, reading=log.reading, warnings=(*log.reading.said, *found.warnings))
+    named, table, reading = read_log(source, columns, list(scene.payloads), choose, options,
+                                     problems)  # fmt: skip
+    found = _from_table(name, scene, columns, named, table, problems, reading.filtered)
+    return replace(found, reading=reading, warnings=(*reading.said, *found.warnings))
 
 
-def _from_waypoints(
-    path: Path, scene: HasModel, columns: Sequence[JointColumn], payloads: Mapping[str, bool]
-) -> Trajectory:
+def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn]) -> Trajectory:
     problems: list[str] = []
     waypoints = read_waypoints(path)
     given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
     named = named_columns(scene, columns, given, problems)
-    names = [column.name for column in named]
-    speeds = np.array([column.velocity_limit for column in named])
-    motion = None if problems else sample_waypoints(waypoints, names, speeds, payloads, problems)
-    if motion is None:
-        _raise_all(str(path), problems)
-        raise AssertionError  # sample_waypoints says why it returns nothing
-    table = TrajectoryTable(motion.t, motion.position, motion.velocity, motion.acceleration,
-                            {}, np.zeros(len(named)))  # fmt: skip
-    return _from_table(str(path), scene, columns, named, table, motion.attached, payloads)
+    refuse(str(path), problems)
+    table = sample_waypoints(waypoints, [column.name for column in named],
+                             np.array([column.velocity_limit for column in named]),
+                             _defaults(scene), str(path))  # fmt: skip
+    return _from_table(str(path), scene, columns, named, table)
 
 
 def _from_table(
@@ -341,8 +322,6 @@ def _from_table(
     columns: Sequence[JointColumn],
     named: Sequence[JointColumn],
     table: TrajectoryTable,
-    attached: NDArray[np.bool_],
-    payloads: Mapping[str, bool],
     problems: Sequence[str] = (),
     filtered: bool = False,
 ) -> Trajectory:
@@ -354,11 +333,11 @@ def _from_table(
     wrong = [*problems, *_size_problems(table), *limit_problems(named, table.t, table.position)]
     if len(named) == len(columns):
         wrong += follower_problems(followers, columns, table.t, table.position)
-    _raise_all(source, wrong)
+    refuse(source, wrong)
     warnings: list[str] = []
     with np.errstate(all="ignore"):  # what overflows is found below, by what it comes to
         v, a = complete_derivatives(named, table, wrong, warnings)
-    _raise_all(source, wrong or _value_problems(table.t, (("v", v), ("a", a))))
+    refuse(source, wrong or _value_problems(table.t, (("v", v), ("a", a))))
     if isinstance(scene, Scene) and scene.loops:
         derived = filtered or bool(
             np.isnan(table.velocity).any() or np.isnan(table.acceleration).any()
@@ -367,7 +346,7 @@ def _from_table(
                                   warnings)  # fmt: skip
         moved = single_positions(q, [column.nq for column in columns])
         wrong += limit_problems(columns, table.t, moved)
-        _raise_all(source, wrong + follower_problems(followers, columns, table.t, moved))
+        refuse(source, wrong + follower_problems(followers, columns, table.t, moved))
     else:
         q = configurations(columns, table.position, scene.model.nq)
     warnings += velocity_warnings(columns, table.t, v)
@@ -377,8 +356,8 @@ def _from_table(
         q=q,
         v=v,
         a=a,
-        attached=attached,
-        payload_names=tuple(payloads),
+        attached=_attached_columns(_defaults(scene), table.attached, table.t.size),
+        payload_names=tuple(scene.payloads),
         joint_names=tuple(column.name for column in columns),
         source=source,
         joint_nq=tuple(column.nq for column in columns),
@@ -469,8 +448,3 @@ def _size_problems(table: TrajectoryTable) -> list[str]:
         for name, array in given
         if (large := np.isfinite(array) & impossible(array)).any()
     ]
-
-
-def _raise_all(source: str, problems: Sequence[str]) -> None:
-    if problems:
-        raise TrajectoryError(problems_line(source, problems))

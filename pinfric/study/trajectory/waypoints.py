@@ -25,9 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
-from pinfric.errors import TrajectoryError, choose_from, problems_line
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, parse
+from pinfric.errors import TrajectoryError, choose_from
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, parse
 from pinfric.model.yamlfile import read_yaml
+from pinfric.study.trajectory.joint_columns import refuse
+from pinfric.study.trajectory.table import TrajectoryTable
 
 FloatArray = NDArray[np.float64]
 
@@ -41,13 +43,6 @@ _MAX_SAMPLES = 20_000_000
 
 def _as_names(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
-
-
-def _not_a_truth(value: Any) -> Any:
-    """Refuse `true`, which Python takes for 1."""
-    if isinstance(value, bool):
-        raise ValueError(f"should be 1, the version of the format, found {str(value).lower()}")
-    return value
 
 
 Names = Annotated[
@@ -92,7 +87,7 @@ class WayPointFile(Entry):
             {q: [0.5, -0.3, 1.0], duration: 1.0}]
     """
 
-    pinfric_trajectory: Annotated[Literal[1], BeforeValidator(_not_a_truth)]
+    pinfric_trajectory: Version
     profile: Literal["quintic", "trapezoidal"] = "quintic"
     sample_rate: Annotated[Number, Field(ge=1e-3, le=1e6)] = 1000.0
     joints: tuple[str, ...] | None = None
@@ -120,17 +115,6 @@ class Move:
     def departure(self) -> float:
         """The instant the hold ends, s."""
         return self.arrival + self.hold
-
-
-@dataclass(frozen=True)
-class SampledMotion:
-    """What way-points become: t (T,), one number per joint (T, nj), payloads attached (T, np)."""
-
-    t: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    attached: NDArray[np.bool_]
 
 
 def quintic(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -164,7 +148,7 @@ def trapezoidal(s: FloatArray, ramp: float) -> tuple[FloatArray, FloatArray, Flo
 
 
 def read_waypoints(path: Path) -> WayPointFile:
-    """Read and check a way-point file by itself; `plan_moves` checks it against a robot.
+    """Read and check a way-point file by itself; `sample_waypoints` checks it against a robot.
 
     Raises:
         TrajectoryError: unreadable, not YAML, unknown keys, values that cannot be; all at once.
@@ -177,8 +161,8 @@ def sample_waypoints(
     joint_names: Sequence[str],
     velocity_limits: FloatArray,
     payloads: Mapping[str, bool],
-    problems: list[str],
-) -> SampledMotion | None:
+    source: str,
+) -> TrajectoryTable:
     """Turn way-points into samples at `sample_rate`; the end is a sample too, on the grid or not.
 
     v = a = 0 exactly in holds, both ends included. Where a point has no hold, the sample on it
@@ -189,25 +173,23 @@ def sample_waypoints(
         joint_names: (nj,) the model's joints in its order; columns of the answer.
         velocity_limits: (nj,) rad/s or m/s, inf where there is none.
         payloads: name -> attached at the start.
-        problems: what is wrong is appended here, and None returned.
+        source: the file, for messages.
+
+    Raises:
+        TrajectoryError: what is wrong with the points or their durations, all at once.
     """
-    found = len(problems)
-    for index, point in enumerate(waypoints.points):
-        if point.via:
-            problems.append(f"points.{index}.via: a point without a stop has no time yet; `pinfric "
-                            "retime` finds it")  # fmt: skip
-    stops = _positions(waypoints, joint_names, payloads, problems)
-    if len(problems) > found:
-        return None
-    moves = plan_moves(waypoints, stops, joint_names, velocity_limits, problems)
-    if len(problems) > found:
-        return None
-    t = _sample_times(moves[-1].departure, waypoints.sample_rate, problems)
-    if len(problems) > found:
-        return None
-    position, velocity, acceleration = _sample_moves(moves, t, waypoints)
-    attached = _sample_phases(waypoints, moves, t, payloads)
-    return SampledMotion(t, position, velocity, acceleration, attached)
+    problems = [f"points.{index}.via: a point without a stop has no time yet; `pinfric retime` "
+                "finds it"
+                for index, point in enumerate(waypoints.points) if point.via]  # fmt: skip
+    stops = _positions(waypoints, joint_names, payloads, problems, source)
+    moves = _plan_moves(waypoints, stops, joint_names, velocity_limits, problems)
+    refuse(source, problems)
+    t = _sample_times(moves[-1].departure, waypoints.sample_rate, source)
+    arrivals = [np.searchsorted(t, move.arrival - _SAME_INSTANT) for move in moves]
+    phase = np.searchsorted(arrivals, np.arange(t.size), side="right") - 1
+    attached = dict(zip(payloads, carried_on(waypoints, payloads)[phase].T, strict=True))
+    motion = _sample_moves(moves, t, waypoints)
+    return TrajectoryTable(t, *motion, attached, np.zeros(len(joint_names)))
 
 
 def way_points(
@@ -219,32 +201,38 @@ def way_points(
     """Return the positions (number of points, nj) in the model's order of joints, without times.
 
     Args:
-        waypoints, joint_names, payloads: see `sample_waypoints`.
-        source: the file, for messages.
+        waypoints, joint_names, payloads, source: see `sample_waypoints`.
 
     Raises:
         TrajectoryError: what is wrong with the points, all at once.
     """
-    problems: list[str] = []
-    for index, point in enumerate(waypoints.points):
-        if point.via and (point.hold or point.attach or point.detach):
-            problems.append(f"points.{index}: `via` passes it without a stop; hold, attach and "
-                            "detach need one")  # fmt: skip
-    found = _positions(waypoints, joint_names, payloads, problems)
-    if problems:
-        raise TrajectoryError(problems_line(source, problems))
-    return found
+    problems = [f"points.{index}: `via` passes it without a stop; hold, attach and detach need one"
+                for index, point in enumerate(waypoints.points)
+                if point.via and (point.hold or point.attach or point.detach)]  # fmt: skip
+    return _positions(waypoints, joint_names, payloads, problems, source)
+
+
+def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> NDArray[np.bool_]:
+    """Return (number of points, np) which payloads are carried from each point on.
+
+    Args:
+        waypoints: the file.
+        payloads: name -> attached at the start.
+    """
+    now, rows = dict(payloads), []
+    for point in waypoints.points:
+        now |= dict.fromkeys(point.detach, False) | dict.fromkeys(point.attach, True)
+        rows.append([now[name] for name in payloads])
+    return np.array(rows, dtype=bool).reshape(len(rows), len(payloads))
 
 
 def _positions(
     waypoints: WayPointFile, joint_names: Sequence[str], payloads: Mapping[str, bool],
-    problems: list[str],
+    problems: list[str], source: str,
 ) -> FloatArray:  # fmt: skip
-    found = len(problems)
     order = _joint_order(waypoints, joint_names, problems)
     _check_points(waypoints, len(joint_names), payloads, problems)
-    if len(problems) > found:
-        return np.empty((0, len(joint_names)))
+    refuse(source, problems)
     return np.array([point.q for point in waypoints.points])[:, order]
 
 
@@ -296,23 +284,14 @@ def _check_points(
                     attached[name] = state
 
 
-def plan_moves(
+def _plan_moves(
     waypoints: WayPointFile,
     stops: FloatArray,
     joint_names: Sequence[str],
     velocity_limits: FloatArray,
     problems: list[str],
 ) -> list[Move]:
-    """Give every move its start and duration; the first is the stay at the first point.
-
-    Args:
-        waypoints: the file.
-        stops: (number of points, nj) positions, in the model's order of joints.
-        joint_names: (nj,).
-        velocity_limits: (nj,) rad/s or m/s, inf where there is none.
-        problems: points whose duration is neither given nor computable, or too short to be
-            sampled, are appended here.
-    """
+    """Give every move its start and duration; the first is the stay at the first point."""
     first = waypoints.points[0]
     moves = [Move(0.0, 0.0, stops[0], stops[0], first.hold)]
     for index, point in enumerate(waypoints.points[1:], start=1):
@@ -356,13 +335,12 @@ def _shortest_duration(
     return max(periods, _MIN_PERIODS) / waypoints.sample_rate
 
 
-def _sample_times(end: float, rate: float, problems: list[str]) -> FloatArray:
+def _sample_times(end: float, rate: float, source: str) -> FloatArray:
     if end * rate > _MAX_SAMPLES:
-        problems.append(
-            f"{end:g} s at sample_rate {rate:g} Hz are {end * rate:.3g} samples; at most "
+        raise TrajectoryError(
+            f"{source}: {end:g} s at sample_rate {rate:g} Hz are {end * rate:.3g} samples; at most "
             f"{_MAX_SAMPLES} are made: lower the rate or check the durations"
         )
-        return np.empty(0)
     t = np.arange(math.floor(end * rate + 1.0e-6) + 1) / rate
     return t if end - t[-1] <= _SAME_INSTANT else np.append(t, end)
 
@@ -394,17 +372,3 @@ def _first_moving_sample(move: Move, t: FloatArray) -> int:
     """The first sample of the next move: after a hold its last instant is still the hold's."""
     shift = _SAME_INSTANT if move.hold > 0.0 else -_SAME_INSTANT
     return int(np.searchsorted(t, move.departure + shift))
-
-
-def _sample_phases(
-    waypoints: WayPointFile, moves: Sequence[Move], t: FloatArray, payloads: Mapping[str, bool]
-) -> NDArray[np.bool_]:
-    attached = np.tile(np.array(list(payloads.values()), dtype=bool), (t.size, 1))
-    names = list(payloads)
-    for point, move in zip(waypoints.points, moves, strict=True):
-        arrival = int(np.searchsorted(t, move.arrival - _SAME_INSTANT))
-        for name in point.detach:
-            attached[arrival:, names.index(name)] = False
-        for name in point.attach:
-            attached[arrival:, names.index(name)] = True
-    return attached

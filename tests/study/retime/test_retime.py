@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 from scipy.optimize import brentq, minimize
@@ -20,13 +21,10 @@ from pinfric.study.sizing.catalog import load_catalog
 from pinfric.study.trajectory.joint_columns import joint_columns
 
 
-def one_joint(joint=None, inertia=2.0, friction=None, transmission=None, mass=1.0, gravity=0.0):
-    """A joint about the vertical (or as given) that turns a body whose inertia is `inertia`."""
-    model = pin.Model()
-    added = model.addJoint(0, joint or pin.JointModelRZ(), pin.SE3.Identity(), "j")
-    model.appendBodyToJoint(added, pin.Inertia(mass, np.zeros(3), np.diag([inertia] * 3)),
-                            pin.SE3.Identity())  # fmt: skip
-    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+def one_joint(inertia=2.0, friction=None, transmission=None):
+    """A joint about the vertical that turns a body whose inertia is `inertia`."""
+    body = pin.Inertia(1.0, np.zeros(3), np.diag([inertia] * 3))
+    model = chain(("j", pin.JointModelRZ(), body), gravity=0.0)
     actuators = None
     if transmission is not None:
         actuators = [{"joint": "j", "transmission": transmission}]
@@ -93,14 +91,10 @@ def test_gear_by_direction():
 def test_pendulum_whose_pin_feels_its_load():
     """Against the phase plane of m l^2 a = T - m g l sin(q) - mu r |F|, integrated by itself."""
     m, length, mu, radius, g, torque = 2.0, 0.5, 0.2, 0.1, 9.81, 14.0
-    model = pin.Model()
-    added = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "j")
-    model.appendBodyToJoint(added, pin.Inertia(m, np.array([0, 0, -length]), np.zeros((3, 3))),
-                            pin.SE3.Identity())  # fmt: skip
-    model.gravity.linear = np.array([0.0, 0.0, -g])
+    weight = pin.Inertia(m, np.array([0, 0, -length]), np.zeros((3, 3)))
     friction = {"j": {"bearing": {"kind": "pin", "radius": radius},
                       "mu": {"static": mu, "kinetic": mu}}}  # fmt: skip
-    scene = pf.Scene(model=model, friction=friction)
+    scene = pf.Scene(chain(("j", pin.JointModelRY(), weight), gravity=g), friction=friction)
 
     def slope(q, x, drive):
         """d(v^2)/dq = 2 a where the drive gives `drive`, moving forward."""
@@ -136,14 +130,10 @@ def test_joint_limits_alone():
 
 def planar(friction=True):
     """Two links that hang, with all kinds of friction and gears that lose."""
-    model = pin.Model()
-    first = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "a")
-    model.appendBodyToJoint(first, pin.Inertia(3.0, np.array([0, 0, -0.2]), 0.05 * np.eye(3)),
-                            pin.SE3.Identity())  # fmt: skip
-    second = model.addJoint(first, pin.JointModelRY(),
-                            pin.SE3(np.eye(3), np.array([0, 0, -0.4])), "b")  # fmt: skip
-    model.appendBodyToJoint(second, pin.Inertia(1.5, np.array([0, 0, -0.15]), 0.02 * np.eye(3)),
-                            pin.SE3.Identity())  # fmt: skip
+    upper = pin.Inertia(3.0, np.array([0, 0, -0.2]), 0.05 * np.eye(3))
+    lower = pin.Inertia(1.5, np.array([0, 0, -0.15]), 0.02 * np.eye(3))
+    model = chain(("a", pin.JointModelRY(), upper),
+                  ("b", pin.JointModelRY(), lower, [0, 0, -0.4]))  # fmt: skip
     entry = {"bearing": {"kind": "pin", "radius": 0.03}, "mu": {"static": 0.15, "kinetic": 0.1},
              "coulomb": {"positive": {"static": 0.5, "kinetic": 0.4},
                          "negative": {"static": 0.4, "kinetic": 0.3}},
@@ -324,10 +314,8 @@ friction:
 
 
 def test_guides_on_the_parent():
-    model = pin.Model()
-    first = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "lead")
-    model.appendBodyToJoint(first, pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3)),
-                            pin.SE3.Identity())  # fmt: skip
+    body = pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3))
+    model = chain(("lead", pin.JointModelPX(), body))
     guide = {"kind": "guide", "length": 0.2, "width": 0.1, "on": "parent", "preload": 5.0}
     scene = pf.Scene(model=model, friction={"lead": {
         "bearing": guide, "mu": {"static": 0.2, "kinetic": 0.1}, "viscous": 3.0}})  # fmt: skip
@@ -382,11 +370,8 @@ def test_sensitivity_to_a_continuous_torque():
 
 def lifting():
     """A joint about a horizontal axis, with a weight at 0.5 m: 9.81 N m at q = 90 deg."""
-    model = pin.Model()
-    added = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "j")
-    model.appendBodyToJoint(added, pin.Inertia(2.0, np.array([0, 0, -0.5]), 1e-3 * np.eye(3)),
-                            pin.SE3.Identity())  # fmt: skip
-    model.gravity.linear = np.array([0.0, 0.0, -9.81])
+    weight = pin.Inertia(2.0, np.array([0, 0, -0.5]), 1e-3 * np.eye(3))
+    model = chain(("j", pin.JointModelRY(), weight))
     model.upperPositionLimit[:] = 3.0
     model.lowerPositionLimit[:] = -3.0
     return pf.Scene(model=model)

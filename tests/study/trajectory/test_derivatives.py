@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders import pick_and_place
 
 from pinfric.study.trajectory.derivatives import (
     acceleration_noise,
@@ -9,7 +10,6 @@ from pinfric.study.trajectory.derivatives import (
     position_derivatives,
     velocity_derivative,
 )
-from pinfric.study.trajectory.waypoints import quintic
 
 
 def test_spline_orders_on_a_sine():
@@ -37,14 +37,6 @@ def test_short_pieces_are_the_polynomial_their_conditions_allow():
     v, a = position_derivatives(t, np.array([0, 0, 0, 1, 1, 1.0]), [(0, 2), (3, 5)])
     assert (v == 0).all()
     assert (a == 0).all()
-
-
-def pick_and_place(digits):
-    """Hold 1 s, quintic 1.1 rad in 1 s, hold 0.5 s, back 0.7 rad in 1 s, hold; at 1 kHz."""
-    t = np.arange(4001) / 1000
-    first, second = (quintic(np.clip(t - start, 0, 1)) for start in (1.0, 2.5))
-    q, v, a = (1.1 * x - 0.7 * y for x, y in zip(first, second, strict=True))
-    return t, np.round(q + 0.3, digits), v, a
 
 
 @pytest.mark.parametrize("digits", [3, 4, 6, 9, 17])

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
@@ -21,13 +22,10 @@ V = np.column_stack((1.6 * np.cos(2 * T), -0.6 * np.sin(3 * T)))
 
 def arm(lower=-2.0, upper=2.0, speed=4.0):
     """Two joints, `base_turn` and `arm_lift`, both limited."""
-    model = pin.Model()
-    for i, name in enumerate(("base_turn", "arm_lift")):
-        model.addJoint(i, pin.JointModelRZ() if i == 0 else pin.JointModelRY(), pin.SE3.Identity(),
-                       name, np.array([100.0]), np.array([speed]), np.array([lower]),
-                       np.array([upper]))  # fmt: skip
-        model.appendBodyToJoint(i + 1, pin.Inertia(2.0, np.array([0.3, 0, 0]), 0.02 * np.eye(3)),
-                                pin.SE3.Identity())  # fmt: skip
+    body = pin.Inertia(2.0, np.array([0.3, 0, 0]), 0.02 * np.eye(3))
+    model = chain(("base_turn", pin.JointModelRZ(), body), ("arm_lift", pin.JointModelRY(), body))
+    model.effortLimit[:], model.velocityLimit[:] = 100.0, speed
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = lower, upper
     return pf.Scene(model=model)
 
 
@@ -81,9 +79,10 @@ def test_dialects_give_the_motion_of_the_plain_file(dialect, tmp_path):
     np.testing.assert_allclose(motion.a, plain.a, atol=1e-4)
 
 
-def test_decimal_commas_beside_points_are_refused(tmp_path):
-    text = DIALECTS["decimal commas"].replace("0,3", "1.000,3", 1)
-    assert "has both commas and points" in refused(tmp_path, text)
+@pytest.mark.parametrize("row", ["0;0;1.000,5", "0;0;12.500"])
+def test_points_where_commas_are_decimal_are_refused(row, tmp_path):
+    text = DIALECTS["decimal commas"].replace("0;0;0,5", row)
+    assert "line 2 has a point, and the file writes decimal commas" in refused(tmp_path, text)
 
 
 def test_extra_columns_are_named_in_one_line(tmp_path):
@@ -316,9 +315,7 @@ def test_positions_held_from_a_slower_source(tmp_path):
 @pytest.mark.parametrize("joint", [pin.JointModelRZ, pin.JointModelRUBZ])
 def test_wrapped_angles_take_no_effort(joint, tmp_path):
     """At constant speed about a vertical axis nothing is needed, also where the angle wraps."""
-    model = pin.Model()
-    model.addJoint(0, joint(), pin.SE3.Identity(), "wheel")
-    model.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.5 * np.eye(3)), pin.SE3.Identity())
+    model = chain(("wheel", joint(), pin.Inertia(2.0, np.zeros(3), 0.5 * np.eye(3))))
     wrapped = np.angle(np.exp(1j * (2.0 + 1.5 * T)))
     motion = load(tmp_path, table(("t", "wheel"), T, wrapped), scene=pf.Scene(model=model))
     effort = pf.inverse_dynamics(pf.Scene(model=model), motion).effort_upper

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 
 import pinfric as pf
 from pinfric.study.trajectory.log.judged import judge_log
@@ -40,6 +41,7 @@ points:
   - {q: [0.0024, -1.893, 1.7908, -1.4686, -1.5708, 0.0024], duration: 1.2, hold: 0.2}
 """
 NO_DIGITS = np.zeros(6)
+ARM = pin.Inertia(1.0, np.array([0.3, 0, 0]), 0.01 * np.eye(3))
 #: Drives whose efforts are more than rounding beside the others'.
 LOADED = slice(0, 4)
 
@@ -233,10 +235,7 @@ def test_an_encoder_that_flickers_by_one_count_does_not_accelerate(tmp_path):
     q = np.full((t.size, 1), 0.3)
     q[400] += count  # one row
     q[700:] += count  # and from here on
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "a")
-    model.appendBodyToJoint(1, pin.Inertia(1.0, np.array([0.3, 0, 0]), 0.01 * np.eye(3)),
-                            pin.SE3.Identity())  # fmt: skip
+    model = chain(("a", pin.JointModelRZ(), ARM))
     path = write_csv(tmp_path / "a.csv", t, ["a"], q, "%.17g")
     assert np.abs(pf.load_trajectory(path, pf.Scene(model=model)).a).max() < 0.5  # 24 by a spline
 
@@ -304,11 +303,7 @@ def test_a_slow_motion_is_no_hold():
 
 
 def test_a_joint_that_stands_still_in_a_noisy_log_is_held(tmp_path):
-    model = pin.Model()
-    for i, name in enumerate(("moves", "stays", "fixed")):
-        model.addJoint(i, pin.JointModelRZ(), pin.SE3.Identity(), name)
-        model.appendBodyToJoint(i + 1, pin.Inertia(1.0, np.array([0.3, 0, 0]), 0.01 * np.eye(3)),
-                                pin.SE3.Identity())  # fmt: skip
+    model = chain(*((name, pin.JointModelRZ(), ARM) for name in ("moves", "stays", "fixed")))
     scene, rng, t = pf.Scene(model=model), np.random.default_rng(4), np.arange(0, 4, 0.002)
     q = np.column_stack((np.sin(2 * t), np.full(t.size, 0.7), np.full(t.size, -0.3)))
     q[:, :2] += 1e-5 * rng.normal(size=(t.size, 2))

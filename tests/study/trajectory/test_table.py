@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 
 from pinfric.errors import TrajectoryError
 from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
@@ -12,14 +13,10 @@ from pinfric.study.trajectory.waypoints import quintic
 
 
 def scene(joint=None):
-    model = pin.Model()
+    model = chain(("a", joint or pin.JointModelRZ()))
     if joint is None:
-        model.addJoint(
-            0, pin.JointModelRZ(), pin.SE3.Identity(), "a",
-            np.array([100.0]), np.array([9.0]), np.array([-4.0]), np.array([4.0]),
-        )  # fmt: skip
-    else:
-        model.addJoint(0, joint, pin.SE3.Identity(), "a")
+        model.velocityLimit[:] = 9.0
+        model.lowerPositionLimit[:], model.upperPositionLimit[:] = -4.0, 4.0
     return SimpleNamespace(model=model, payloads={})
 
 

@@ -6,45 +6,28 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, pick_and_place
 
 from pinfric.errors import PinfricError, TrajectoryError
 from pinfric.study.trajectory.log.reading import ReadingOptions
 from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
-from pinfric.study.trajectory.waypoints import quintic
 
 
 def arm_scene(**attached):
     """A revolute joint a (+-2 rad, 1 rad/s), a slide b (0 to 0.5 m, 0.5 m/s), a wheel c."""
-    model = pin.Model()
-    a = model.addJoint(
-        0, pin.JointModelRZ(), pin.SE3.Identity(), "a",
-        np.array([100.0]), np.array([1.0]), np.array([-2.0]), np.array([2.0]),
-    )  # fmt: skip
-    b = model.addJoint(
-        a, pin.JointModelPX(), pin.SE3.Identity(), "b",
-        np.array([100.0]), np.array([0.5]), np.array([0.0]), np.array([0.5]),
-    )  # fmt: skip
-    model.addJoint(b, pin.JointModelRUBY(), pin.SE3.Identity(), "c")
+    model = chain(("a", pin.JointModelRZ()), ("b", pin.JointModelPX()), ("c", pin.JointModelRUBY()))
+    model.velocityLimit[:2] = 1.0, 0.5
+    model.lowerPositionLimit[:2], model.upperPositionLimit[:2] = (-2.0, 0.0), (2.0, 0.5)
     payloads = {name: SimpleNamespace(attached=value) for name, value in attached.items()}
     return SimpleNamespace(model=model, payloads=payloads)
 
 
 def one_joint_scene(**attached):
-    model = pin.Model()
-    model.addJoint(
-        0, pin.JointModelRZ(), pin.SE3.Identity(), "a",
-        np.array([100.0]), np.array([1.5]), np.array([-2.0]), np.array([2.0]),
-    )  # fmt: skip
+    model = chain(("a", pin.JointModelRZ()))
+    model.velocityLimit[:] = 1.5
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -2.0, 2.0
     payloads = {name: SimpleNamespace(attached=value) for name, value in attached.items()}
     return SimpleNamespace(model=model, payloads=payloads)
-
-
-def pick_and_place(digits):
-    """Hold 1 s, quintic 1.1 rad in 1 s, hold 0.5 s, back 0.7 rad in 1 s, hold; at 1 kHz."""
-    t = np.arange(4001) / 1000
-    first, second = (quintic(np.clip(t - start, 0, 1)) for start in (1.0, 2.5))
-    q, v, a = (1.1 * x - 0.7 * y for x, y in zip(first, second, strict=True))
-    return t, np.round(q + 0.3, digits), v, a
 
 
 def write(folder: Path, name: str, text: str) -> Path:
@@ -287,7 +270,6 @@ def test_csv_holds_are_exactly_still(tmp_path):
     for hold, start, end in zip(motion.holds(), (0, 2, 3.5), (1, 2.5, 4), strict=True):
         assert hold.start == pytest.approx(start, abs=0.01)
         assert hold.end == pytest.approx(end, abs=0.01)
-    assert motion.holds(min_duration=0.6) == (motion.holds()[0],)
     np.testing.assert_allclose(motion.v[:, 0], v, atol=2e-3)
 
 
@@ -419,9 +401,7 @@ def test_files_that_cannot_be_read(tmp_path):
 
 
 def test_planar_and_floating_joints_are_for_python_only(tmp_path):
-    model = pin.Model()
-    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    model.addJoint(base, pin.JointModelRZ(), pin.SE3.Identity(), "a")
+    model = chain(("base", pin.JointModelFreeFlyer()), ("a", pin.JointModelRZ()))
     scene = SimpleNamespace(model=model, payloads={})
     path = write(tmp_path, "m.csv", "t,a\n0,0\n1,0\n")
     assert "cannot describe base (6 degrees of freedom)" in message(path, scene)

@@ -24,8 +24,8 @@ FloatArray = NDArray[np.float64]
 
 #: Share of rows that may be torn or not finite before the file is refused.
 BAD_SHARE = 0.01
-#: Fewer rows than this are a table somebody wrote, in which no row may be bad.
-_FEWEST = 20
+#: Fewer rows than this are a table that somebody wrote: no row may be bad, none is judged.
+FEWEST = 20
 #: Rows looked at to see how many digits a file prints.
 _ROWS_FOR_DIGITS = 500
 #: Whole numbers beyond this lose their last digits as floats.
@@ -85,7 +85,6 @@ class Log:
 class _Text:
     """A CSV file as text: the lines below the header, their numbers, and what separates cells."""
 
-    path: Path
     header: list[str]
     lines: list[int]
     rows: list[str]
@@ -191,12 +190,13 @@ def _split(path: Path, rows: list[tuple[int, str]]) -> _Text:
                               "columns' names above them, t and the joints")  # fmt: skip
     numbers, texts = [n for n, _ in rows[1:]], [line for _, line in rows[1:]]
     if separator != "," and any("," in line for line in texts):
-        both = [n for n, line in zip(numbers, texts, strict=True) if "," in line and "." in line]
-        if both:
-            raise TrajectoryError(f"{path}: line {both[0]} has both commas and points in its "
-                                  "numbers; write decimal points")  # fmt: skip
+        points = [n for n, line in zip(numbers, texts, strict=True) if "." in line]
+        if points:
+            raise TrajectoryError(f"{path}: line {points[0]} has a point, and the file writes "
+                                  "decimal commas: thousands, or decimals? write decimal points "
+                                  "throughout, and nothing between thousands")  # fmt: skip
         texts = [line.replace(",", ".") for line in texts]
-    return _Text(path, header, numbers, texts, separator)
+    return _Text(header, numbers, texts, separator)
 
 
 def _echoed(cells: Sequence[str]) -> list[str] | None:
@@ -329,7 +329,7 @@ def _sifted(
     bad = ~finite.all(axis=1) & ~absent
     wrong = _bad_cells(names, rows, absent, width)
     count, lost = len(bad) + len(rows.torn), int(bad.sum()) + len(rows.torn)
-    few = count >= _FEWEST and (lost <= BAD_SHARE * count or (rows.cut and lost == 1))
+    few = count >= FEWEST and (lost <= BAD_SHARE * count or (rows.cut and lost == 1))
     if not few:
         problems += wrong
     keep = ~absent & ~bad if few else ~absent

@@ -84,7 +84,7 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> Jud
                 for i, name in enumerate(names) if name in reading.effort}  # fmt: skip
     if reading.uncertain is None or result.scene.linkage is not None:
         return JudgedLog(reading, measured=measured, at=at)
-    bound = effort_bound(result, reading.uncertain)
+    bound = _effort_bound(result, reading.uncertain)
     worst = np.abs(ends_by_magnitude(result.effort_lower, result.effort_upper)[0])
     peak = worst.max(axis=0)
     above, below = (worst + bound).max(axis=0) - peak, peak - (worst - bound).max(axis=0)
@@ -103,8 +103,7 @@ def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, Float
     lower, upper = result.effort_lower, result.effort_upper
     if at == "joint":
         return lower, upper
-    ratio = np.array([drive.transmission.ratio if drive.transmission else 1.0
-                      for drive in result.scene.drives])  # fmt: skip
+    ratio = np.array([drive.ratio for drive in result.scene.drives])
     ends = np.stack((ratio * result.motor_torque_lower, ratio * result.motor_torque_upper))
     return ends.min(axis=0), ends.max(axis=0)
 
@@ -133,13 +132,8 @@ def compare_effort(
     return MeasuredEffort(size, error, error / size if size > 0.0 else np.nan, rest, inside)
 
 
-def effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
-    """Return how far every effort may be off, (T, na) in N m or N; see `judge_log`.
-
-    Args:
-        result: of an open chain; its motion has the noise.
-        noise: of the joints' derivatives.
-    """
+def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
+    """How far every effort may be off, (T, na) in N m or N; see `judge_log`."""
     count = len(result.states.q)
     places = np.unique(np.linspace(0, count - 1, min(count, _PLACES)).astype(np.int64))
     scene, states = result.scene, result.states

@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.study.trajectory.derivatives import find_holds, position_derivatives
+from pinfric.model.brief import counted
+from pinfric.study.trajectory.derivatives import SPLINE_GAINS, find_holds, position_derivatives
 from pinfric.study.trajectory.joint_columns import JointColumn
+from pinfric.study.trajectory.log.files import FEWEST
 from pinfric.study.trajectory.log.noise import (
     acceleration_jumps,
     low_pass,
@@ -24,10 +26,8 @@ from pinfric.study.trajectory.log.noise import (
 )
 from pinfric.study.trajectory.log.reading import DerivativeNoise, Reading, ReadingOptions
 from pinfric.study.trajectory.log.rows import (
-    FEWEST,
     ROUNDED,
     Timing,
-    counted,
     gap_problems,
     held_rate,
     regular_time,
@@ -39,9 +39,6 @@ FloatArray = NDArray[np.float64]
 
 #: rad; an angle that steps by more than half of it was wrapped.
 _TURN = 2.0 * np.pi
-#: Gains of the quintic spline's derivatives for white noise, times step and step squared: the
-#: 2-norms of the cardinal spline's derivatives.
-_SPLINE_V, _SPLINE_A = 1.38, 4.8
 #: rad; a limited joint goes no farther than this in the step in which its angle is wrapped.
 _STEP = 0.25 * np.pi
 #: s; nobody writes rows by hand at such steps.
@@ -282,8 +279,8 @@ def _low_passed(
         moving[first : last + 1] = False
     if cutoff is None:
         v, a = position_derivatives(t, q, holds)
-        spread = noise * _SPLINE_V / step, noise * _SPLINE_A / step**2
-        return _Smoothed(q, v, a, np.zeros_like(q), moving, None, spread)
+        spread_v, spread_a = (noise * gain / step ** (k + 1) for k, gain in enumerate(SPLINE_GAINS))
+        return _Smoothed(q, v, a, np.zeros_like(q), moving, None, (spread_v, spread_a))
     smooth = low_pass(q, step, cutoff, gentle)
     v, a = position_derivatives(t, smooth, ())
     lower = position_derivatives(t, low_pass(q, step, _LOWER * cutoff, gentle), ())[1]

@@ -13,6 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.study.trajectory.derivatives import SPLINE_GAINS
+
 FloatArray = NDArray[np.float64]
 
 _ORDER = 6
@@ -28,8 +30,6 @@ _HARMLESS_SHARE, _ROUNDED_SHARE = 0.01, 0.05
 _WHITE_SHARE = 0.7
 #: Differences below which nothing can be said about noise.
 _FEWEST = 10
-#: Gain of the quintic spline's second derivative for white noise, times the step squared.
-_SPLINE_GAIN = 4.8
 _SEGMENT = 512
 #: How much farther than 80 % of its power 95 % reach, where an acceleration jumps (3 to 4 times;
 #: smoother motions: less than 2).
@@ -79,7 +79,7 @@ def _spoils(position: FloatArray, step: float, resolution: float) -> bool:
     large = float(np.quantile(curvature[curvature > 0.0], 0.9))  # a glitch would be the peak
     noise = typical_noise(position)
     harmless = _ROUNDED_SHARE if noise < 0.5 * resolution else _HARMLESS_SHARE
-    return _SPLINE_GAIN * noise / step**2 > harmless * large
+    return SPLINE_GAINS[1] * noise / step**2 > harmless * large
 
 
 def _flickers(position: FloatArray) -> bool:
@@ -170,7 +170,7 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
     cubic bends too little.
 
     Args:
-        position: (T,) rad or m at regular times.
+        position: (T,) or (T, n) at regular times, rad or m, or anything else.
         step: s between samples.
         cutoff: Hz, where the gain is a half.
         gentle: the Gaussian one.
@@ -178,25 +178,26 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
     from scipy.ndimage import gaussian_filter1d
     from scipy.signal import butter, sosfiltfilt
 
-    span = min(position.size, max(math.ceil(2.0 / (cutoff * step)), 8))
+    count = len(position)
+    span = min(count, max(math.ceil(2.0 / (cutoff * step)), 8))
     before = _continued(position[::-1], span)[::-1]
     longer = np.concatenate((before, position, _continued(position, span)))
     if gentle:
         width = np.sqrt(2.0 * np.log(2.0)) / (2.0 * np.pi * cutoff * step)
-        smooth = gaussian_filter1d(longer, width, mode="nearest", truncate=6.0)
+        smooth = gaussian_filter1d(longer, width, axis=0, mode="nearest", truncate=6.0)
     else:
         sections = butter(_BUTTERWORTH, cutoff, fs=1.0 / step, output="sos")
-        smooth = sosfiltfilt(sections, longer, padlen=min(longer.size - 1, span))
-    return np.asarray(smooth[before.size : before.size + position.size])
+        smooth = sosfiltfilt(sections, longer, axis=0, padlen=min(len(longer) - 1, span))
+    return np.asarray(smooth[len(before) : len(before) + count])
 
 
 def _continued(position: FloatArray, span: int) -> FloatArray:
     """Return `span` samples after the last: a polynomial of the last `span`, residuals mirrored."""
-    last = position[-span:]
-    place = np.arange(1 - span, 1, dtype=np.float64) / span
-    motion = np.polynomial.Polynomial.fit(place, last, 6 if span > 16 else 1)
-    ahead = np.arange(1, span, dtype=np.float64) / span
-    return np.asarray(motion(ahead) + (last - motion(place))[::-1][1:])
+    last, degree = position[-span:], 6 if span > 16 else 1
+    place = np.linspace(-1.0, 1.0, span)  # where Legendre's polynomials are of one size
+    basis, ahead = (np.polynomial.legendre.legvander(x, degree) for x in (place, place[1:] + 2.0))
+    motion = np.linalg.lstsq(basis, last, rcond=None)[0]
+    return np.asarray(ahead @ motion + (last - basis @ motion)[::-1][1:])
 
 
 def noise_gain(step: float, cutoff: float, order: int, gentle: bool = False) -> float:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.brief import counted
 from pinfric.model.yamlfile import brief
-from pinfric.study.trajectory.joint_columns import JointColumn, listing
+from pinfric.study.trajectory.joint_columns import JointColumn, listing, refuse
 from pinfric.study.trajectory.log import arrays
 from pinfric.study.trajectory.log.bags import is_bag, open_bag
 from pinfric.study.trajectory.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
 from pinfric.study.trajectory.log.files import Cells, Log, open_csv, open_parquet
 from pinfric.study.trajectory.log.motion import settle, unwrapped
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
-from pinfric.study.trajectory.log.rows import check_times, counted, gap_problems, ordered_rows
+from pinfric.study.trajectory.log.rows import check_times, gap_problems, ordered_rows
 from pinfric.study.trajectory.log.units import angle_unit, fast_angles, is_clock, time_factor
 from pinfric.study.trajectory.table import TrajectoryTable, mismatch_warning
 
@@ -28,13 +29,8 @@ FloatArray = NDArray[np.float64]
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".db3", ".mcap")
 
 
-@dataclass(frozen=True)
-class LoggedMotion:
-    """What a file with samples says: the joints it names, their table, how it was read."""
-
-    named: tuple[JointColumn, ...]
-    table: TrajectoryTable
-    reading: Reading
+#: What a file with samples says: the joints it names, their table, how it was read.
+Logged = tuple[tuple[JointColumn, ...], TrajectoryTable, Reading]
 
 
 def read_log(
@@ -44,7 +40,7 @@ def read_log(
     choose: Callable[[Sequence[str], list[str]], tuple[JointColumn, ...]],
     options: ReadingOptions,
     problems: list[str],
-) -> LoggedMotion | None:
+) -> Logged:
     """Read a CSV file, a Parquet file, a bag, or arrays.
 
     Args:
@@ -53,12 +49,12 @@ def read_log(
         payloads: those that may have a column `payload.<name>`.
         choose: names of the joints that have positions, problems -> the joints that must have.
         options: what the person said.
-        problems: everything wrong in the file is appended here; None is returned where it leaves
-            nothing to compute with.
+        problems: everything wrong in the file is appended here.
 
     Raises:
-        TrajectoryError: the file cannot be opened, or holds nothing.
+        TrajectoryError: the file cannot be opened, or holds nothing to compute with.
     """
+    name = source.name if isinstance(source, arrays.Log) else str(source)
     if isinstance(source, arrays.Log):
         log, mapping = source.opened([joint.name for joint in joints]), None
     else:
@@ -73,11 +69,11 @@ def read_log(
                         "--columns FILE, or lock them in the scene (robot: locked)")  # fmt: skip
     named = tuple(column for column in named if column.name in found.position)
     if not found.time or not named:
-        return None
+        refuse(name, problems)
     said = [*log.said, *([f"columns not used: {others}"] if others else [])]
     cells = log.read(found.used(), problems)
     if len(cells.values) == 0:
-        return None
+        refuse(name, problems)
     _say_dropped(cells, said)
     unit = options.unit or (mapping.unit if mapping else None)
     return _read(log, found, named, cells, options, unit, problems, said)
@@ -115,7 +111,7 @@ def _read(
     unit: str | None,
     problems: list[str],
     said: list[str],
-) -> LoggedMotion:
+) -> Logged:
     """Turn cells into SI, put the rows in order, and settle on the motion behind them."""
     uses = [found.position[column.name] for column in named]
     raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
@@ -139,7 +135,7 @@ def _read(
     plan = TrajectoryTable(t[kept], position, velocity, acceleration, attached,
                            resolution * np.abs(factors))  # fmt: skip
     if problems:
-        return LoggedMotion(named, plan, Reading(kept.size))
+        return named, plan, Reading(kept.size)
     if log.recorded or not found.planned:
         said += _compared(named, plan)
         nothing = np.full_like(position, np.nan)
@@ -157,7 +153,7 @@ def _read(
     dropped = settled.reading.dropped + cells.dropped + len(cells.values) - kept.size
     reading = replace(settled.reading, dropped=dropped, effort=efforts,
                       said=(*said, *settled.reading.said))  # fmt: skip
-    return LoggedMotion(named, settled.table, reading)
+    return named, settled.table, reading
 
 
 def _smoothed_already(reading: Reading) -> list[str]:

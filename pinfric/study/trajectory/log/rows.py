@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.model.brief import counted
 from pinfric.study.trajectory.joint_columns import listing
-from pinfric.study.trajectory.log.files import BAD_SHARE
+from pinfric.study.trajectory.log.files import BAD_SHARE, FEWEST
 
 FloatArray = NDArray[np.float64]
 
@@ -20,8 +21,6 @@ _SHORTEST_STEP = 1e-9
 #: s, three centuries. Beyond it a time is a unit error (a clock's milliseconds are), and the steps
 #: between times drown in its rounding.
 _LONGEST_TIME = 1e10
-#: Samples below which rows are not judged: a table that somebody wrote.
-FEWEST = 20
 #: Share of a step by which stamps may miss regular time, RMS.
 _JITTER = 0.5
 #: Where steps vary by a larger share than this (median), a lost or doubled row cannot be told from
@@ -177,21 +176,21 @@ def held_rate(position: FloatArray) -> slice | None:
     return slice(phase, None, period)
 
 
+def gaps(t: FloatArray) -> NDArray[np.int64]:
+    """Return the rows after which a step is far longer than the median one, of times (rows,) s."""
+    steps = np.diff(t)
+    return np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
+
+
 def gap_problems(t: FloatArray) -> list[str]:
     """Return one line that names the gaps longer than 20 sample periods; none where there are none.
 
     Args:
         t: (rows,) s.
     """
-    steps = np.diff(t)
-    far = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
+    far = gaps(t)
     if far.size == 0:
         return []
     where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in far)
     return [f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; what the joints did there "
             "is not in the file: cut the log there, or give the missing rows"]  # fmt: skip
-
-
-def counted(count: int, noun: str) -> str:
-    """Return "1 row", "2 rows"."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.dynamics.result import runs
+
 FloatArray = NDArray[np.float64]
 
 #: Standard deviations beyond which a slope, a trend or a bend is no longer noise.
@@ -97,17 +99,17 @@ def find_noisy_holds(
         for j in range(joints)
     ]  # fmt: skip
     edges: dict[tuple[int, int, int], _Edge] = {}
-    for j, runs in enumerate(rough):
-        for i, (first, last) in enumerate(runs):
+    for j, levels in enumerate(rough):
+        for i, (first, last) in enumerate(levels):
             if first > 0:
                 edges[j, i, 0] = _edge(position[:, j], last, first, noise[j])
             if last < count - 1:
                 edges[j, i, 1] = _edge(position[:, j], first, last, noise[j])
     onsets = _together(edges)
     holds: list[list[tuple[int, int]]] = []
-    for j, runs in enumerate(rough):
+    for j, levels in enumerate(rough):
         found: list[tuple[int, int]] = []
-        for i, (first, last) in enumerate(runs):
+        for i, (first, last) in enumerate(levels):
             begin = int(np.ceil(onsets.get((j, i, 0), first)))
             end = int(np.floor(onsets.get((j, i, 1), last)))
             if end - begin >= width // 2 and (not found or begin > found[-1][1]):
@@ -132,10 +134,9 @@ def _flat_runs(q: FloatArray, width: int, noise: float) -> Iterator[tuple[int, i
     place = np.arange(width) - 0.5 * (width - 1)
     slope = np.convolve(q - q[0], place[::-1], mode="valid") / float(place @ place)
     flat = np.abs(slope) <= _SIGNIFICANT * noise / np.sqrt(float(place @ place))
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flat, [False])).astype(np.int8)))
-    for first, stop in edges.reshape(-1, 2).tolist():
-        if stop - first >= width // 2:
-            yield first, stop - 1 + width - 1
+    for first, last in runs(flat):
+        if last - first >= width // 2 - 1:
+            yield first, last + width - 1
 
 
 def _is_level(q: FloatArray, noise: float) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.study.trajectory.joint_columns import LIMIT_TOLERANCE, JointColumn, listing
+from pinfric.study.trajectory.log.files import FEWEST
 from pinfric.study.trajectory.log.reading import ANGLE_UNITS, TIME_UNITS
 
 FloatArray = NDArray[np.float64]
@@ -16,8 +17,6 @@ FloatArray = NDArray[np.float64]
 _SLOWEST, _FASTEST = 20.0, 20_000.0
 #: Hz; slower logs exist where a clock counts ms, us or ns.
 _SLOWEST_CLOCK = 2.0
-#: Fewer samples than this are a table that somebody wrote, in seconds.
-_FEWEST = 20
 #: rad: no joint turns twice round one way and twice the other, but for those without limits.
 _TWO_TURNS = 4.0 * np.pi
 #: rad: an angle below this says nothing about its unit.
@@ -58,7 +57,7 @@ def time_factor(
     with np.errstate(over="ignore"):  # times that cannot be meant are refused elsewhere
         steps = np.diff(t[np.isfinite(t)])
     steps = steps[steps > 0.0]
-    if steps.size < _FEWEST - 1:
+    if steps.size < FEWEST - 1:
         return 1.0
     step = float(np.median(steps))
     if 1.0 / step >= _SLOWEST or is_clock(start):
@@ -161,7 +160,7 @@ def fast_angles(
         known, given: as in `angle_unit`.
     """
     steps = np.diff(t)
-    if given is not None or t.size < _FEWEST or not (steps > 0.0).all():
+    if given is not None or t.size < FEWEST or not (steps > 0.0).all():
         return []
     ways = np.abs(np.diff(position, axis=0))
     ways = np.minimum(ways, np.abs(ways - 2.0 * np.pi))  # an angle may wrap
