@@ -22,8 +22,18 @@ def digits(x: float, zero: float = 0.0) -> str:
     size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
     if -3 <= size <= 5:
         return f"{x:.{max(2 - size, 0)}f}"
-    mantissa, exponent = f"{x:.2e}".split("e")
+    return power_of_ten(x, 2)
+
+
+def power_of_ten(x: float, decimals: int) -> str:
+    """Return 3.7e-5, not 3.7e-05."""
+    mantissa, exponent = f"{x:.{decimals}e}".split("e")
     return f"{mantissa}e{int(exponent)}"
+
+
+def signed(x: float, zero: float = 0.0) -> str:
+    """Return `digits` of x with its sign, + also."""
+    return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x), zero)}"
 
 
 def rough(x: float) -> str:
