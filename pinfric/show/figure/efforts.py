@@ -15,7 +15,6 @@ import numpy as np
 
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
-from pinfric.model.files import write_file
 from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import affixes, left_out, shortened, without
@@ -176,15 +175,6 @@ def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[li
         for unit in dict.fromkeys(units[i] for i in rest)
     )
     return drawn, f"; {len(rest)} more, not drawn, need at most {below}" if rest else ""
-
-
-def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure; the file's ending names the format (PNG, PDF, SVG).
-
-    Raises:
-        PinfricError: the file cannot be written.
-    """
-    return write_file(path, figure.savefig)
 
 
 def thinned(series: Sequence[np.ndarray], pieces: int = _PIECES) -> np.ndarray:

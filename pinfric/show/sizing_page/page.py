@@ -12,7 +12,6 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricError
-from pinfric.model.files import write_file
 from pinfric.show.report.drives import bus_lines, exchanged, holds_alone, shortfall, turn
 from pinfric.show.report.sizing import (
     ROUNDING,
@@ -82,16 +81,6 @@ def sizing_page(report: SizingReport) -> str:
         Status=Status,
     )
     return page
-
-
-def save_sizing_page(report: SizingReport, path: str | Path) -> Path:
-    """Write the report as one HTML file.
-
-    Raises:
-        PinfricError: the extra `report` is not installed, or the file cannot be written.
-    """
-    page = sizing_page(report)
-    return write_file(path, lambda file: file.write_text(page, encoding="utf-8"))
 
 
 def _needed(module: str) -> Any:

@@ -16,7 +16,7 @@ and F_b at the output; without these the same loss is taken both ways: eta_b = 2
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -35,13 +35,12 @@ from pinfric.study.sizing.catalog import (
     Motor,
     Thermal,
 )
-from pinfric.study.sizing.demand import DriveCycle, largest, mean
+from pinfric.study.sizing.demand import DriveCycle, largest, mean, power_figures
 from pinfric.study.sizing.overload import longest_above, moving_rms, overload_window
 from pinfric.study.sizing.thermal import (
     COPPER,
     WindingCycle,
     mean_winding_temperature,
-    power_figures,
     winding_cycle,
 )
 from pinfric.study.summary import ends_by_magnitude, rms
@@ -269,6 +268,8 @@ class MotorCycle:
         torque_lower, torque_upper: (T,) N m. speed: (T,) rad/s.
         current: (T,) A of the torque of larger magnitude, or None.
         winding: temperatures of the settled cycle, or None.
+        power: (T,) T_m omega + R(T_w) i^2 of the torque of larger magnitude, W.
+        copper: whether the second part is in it; else torque constant or resistance is not known.
         figures: its peaks and means.
     """
 
@@ -277,6 +278,8 @@ class MotorCycle:
     speed: np.ndarray
     current: np.ndarray | None
     winding: WindingCycle | None
+    power: np.ndarray
+    copper: bool
     figures: MotorFigures
 
 
@@ -407,7 +410,8 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     worst, least = ends_by_magnitude(lower, upper)
     hold = cycle.holding
     current, winding, mean_temperature = _temperatures(candidate.ratings, cycle, worst, conditions)
-    power = _electrical(candidate.ratings, t, worst, speed, current, winding)
+    power, copper = _electrical(candidate.ratings, worst, speed, current, winding)
+    drawn = astuple(power_figures(t, power)) if copper else (None, None, None, None)
     ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
     limit, _ = ratings.continuous_at(conditions, mean_speed)
     limit = ratings.continuous_stall_torque or limit
@@ -420,14 +424,14 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         peak_temperature=None if winding is None else winding.peak,
         mean_temperature=mean_temperature,
-        driving_power=power[0], braking_power=power[1], energy=power[2], regenerated=power[3],
+        driving_power=drawn[0], braking_power=drawn[1], energy=drawn[2], regenerated=drawn[3],
         standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
         window=window,
         short_term=moving_rms(cycle.t, worst, window, cycle.duty),
         overloaded_standstill=None if limit is None else longest_above(
             cycle.t, worst, limit, cycle.standing, cycle.duty),
     )  # fmt: skip
-    return MotorCycle(lower, upper, speed, current, winding, figures)
+    return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
 
 
 def _temperatures(
@@ -450,17 +454,19 @@ def _temperatures(
 
 def _electrical(
     ratings: Ratings,
-    t: np.ndarray,
     torque: np.ndarray,
     speed: np.ndarray,
     current: np.ndarray | None,
     winding: WindingCycle | None,
-) -> tuple[float | None, float | None, float | None, float | None]:
-    """Return peak powers from and to the bus (W) and the energies (J); None where not known."""
+) -> tuple[np.ndarray, bool]:
+    """Return (T,) T_m omega + R(T_w) i^2, W, and whether its second part is known: see there."""
+    power = torque * speed
     if current is None or ratings.resistance is None:
-        return None, None, None, None
-    warm = np.empty(0) if winding is None or winding.runaway else winding.winding
-    return power_figures(t, torque, speed, current, ratings.resistance, warm)
+        return power, False
+    resistance: float | np.ndarray = ratings.resistance
+    if winding is not None and not winding.runaway:
+        resistance = resistance * (1 + COPPER * (winding.winding - REFERENCE_TEMPERATURE))
+    return power + resistance * current**2, True
 
 
 def _motor_ratings(motor: Motor) -> Ratings:
