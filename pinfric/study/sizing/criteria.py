@@ -369,11 +369,8 @@ def _collisions(gear: Gear, speed: float, conditions: Conditions) -> list[Criter
         formula = "collisions <= N = 10^4/(2 (n/60) t), n the greatest input speed in rpm"
         source = "Harmonic Drive CSF/CSG catalogue, momentary peak torque"
         borne = momentary_peaks(speed, wanted.duration)
-    if borne is not None and np.isinf(borne):
-        return [Criterion("gear momentary peaks", Status.PASSES, wanted.count, None, "", 1.0,
-                          formula, source, "the joint never moves")]  # fmt: skip
-    return [compare("gear momentary peaks", wanted.count, borne, "", formula, source,
-                    "momentary_peaks")]  # fmt: skip
+    return [_lasting("gear momentary peaks", wanted.count, borne, "", formula, source,
+                     "momentary_peaks", "the joint never moves")]  # fmt: skip
 
 
 def momentary_peaks(speed: float, duration: float) -> float:

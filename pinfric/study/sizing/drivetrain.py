@@ -16,7 +16,7 @@ and F_b at the output; without these the same loss is taken both ways: eta_b = 2
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -326,7 +326,7 @@ def motor_with_gear(
     return Candidate(
         name=f"{motor_name} + {gear_name}{several}", motor=motor_name, gear_name=gear_name,
         ratio=ratio,
-        ratings=_motor_ratings(motor),
+        ratings=_ratings(motor),
         at_output=False,
         linear=gear.output == "linear",
         gear=gear,
@@ -469,39 +469,28 @@ def _electrical(
     return power + resistance * current**2, True
 
 
-def _motor_ratings(motor: Motor) -> Ratings:
-    derived = []
-    continuous, resistance = motor.continuous_torque, motor.resistance
-    k, stall, voltage = motor.torque_constant, motor.stall_torque, motor.nominal_voltage
-    if continuous is None and motor.continuous_current is not None and k is not None:
-        continuous = k * motor.continuous_current
+def _ratings(entry: Motor | GearMotor) -> Ratings:
+    """A maker's figures, completed by what follows from others."""
+    given: dict[str, Any] = {f.name: getattr(entry, f.name, None) for f in fields(Ratings)}
+    continuous, k, stall = (given[x] for x in ("continuous_torque", "torque_constant",
+                                               "stall_torque"))  # fmt: skip
+    current, derived = getattr(entry, "continuous_current", None), []
+    if continuous is None and current is not None and k is not None:
+        continuous = k * current
         derived.append("continuous torque = torque constant x continuous current")
-    if resistance is None and k is not None and stall is not None and voltage is not None:
-        resistance = k * voltage / stall
+    voltage = given["nominal_voltage"]
+    if given["resistance"] is None and None not in (k, stall, voltage):
+        given["resistance"] = k * voltage / stall
         derived.append("resistance = torque constant x nominal voltage/stall torque")
-    if continuous is None and motor.continuous_curve is not None:
-        continuous = max(torque for _, torque in motor.continuous_curve)
-    line_stall, text = _stall(continuous, motor.rated_speed, motor.no_load_speed, stall)
-    return Ratings(
-        continuous_torque=continuous, peak_torque=motor.peak_torque, stall_torque=line_stall,
-        torque_constant=k, resistance=resistance, nominal_voltage=voltage,
-        no_load_speed=motor.no_load_speed, rated_speed=motor.rated_speed,
-        max_speed=motor.max_speed, thermal=motor.thermal,
-        continuous_curve=motor.continuous_curve,
-        continuous_stall_torque=motor.continuous_stall_torque, derived=(*derived, *text),
-    )  # fmt: skip
-
-
-def _stall(
-    torque: float | None, rated: float | None, no_load: float | None, stall: float | None
-) -> tuple[float | None, tuple[str, ...]]:
-    """The line's torque at standstill: printed, or through rated point and no-load speed."""
-    if stall is None and torque is not None and rated is not None and no_load is not None:
-        if rated < no_load:
-            text = "speed-torque line through the rated point and the no-load speed"
-            return torque / (1 - rated / no_load), (text,)
-        return None, ()
-    return stall, ()
+    if continuous is None and given["continuous_curve"] is not None:
+        continuous = max(torque for _, torque in given["continuous_curve"])
+    rated, no_load = given["rated_speed"], given["no_load_speed"]
+    known = continuous is not None and rated is not None and no_load is not None
+    if stall is None and known and rated < no_load:
+        stall = continuous / (1 - rated / no_load)
+        derived.append("speed-torque line through the rated point and the no-load speed")
+    return Ratings(**given | {"continuous_torque": continuous, "stall_torque": stall,
+                              "derived": tuple(derived)})  # fmt: skip
 
 
 def _gearmotor(name: str, entry: GearMotor) -> Candidate:
@@ -518,15 +507,9 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         values["no_load_torque"] = constant_friction(friction.base / entry.ratio)
         values["motor_viscous"] = linear_drag(friction.viscous / entry.ratio**2)
         losses = "identified friction at the output: base, load-dependent, viscous"
-    stall, derived = _stall(entry.continuous_torque, entry.rated_speed, entry.no_load_speed, None)
     return Candidate(
         name=name, motor=name, gear_name=None, ratio=entry.ratio,
-        ratings=Ratings(
-            continuous_torque=entry.continuous_torque, peak_torque=entry.peak_torque,
-            stall_torque=stall, nominal_voltage=entry.nominal_voltage,
-            no_load_speed=entry.no_load_speed, rated_speed=entry.rated_speed,
-            max_speed=entry.max_speed, derived=derived,
-        ),
+        ratings=_ratings(entry),
         at_output=True,
         linear=entry.output == "linear",
         gear=None,
