@@ -326,7 +326,7 @@ def _mark_passages(axes: Axes, t: np.ndarray, passages: np.ndarray) -> None:
 def _dress(
     axes: Axes, t: np.ndarray, series: Sequence[np.ndarray], zero: float, bottom: bool
 ) -> None:
-    """Limits, ticks and spines: as little ink as a reader needs."""
+    """Limits and ticks: as little ink as a reader needs."""
     from matplotlib.ticker import MaxNLocator
 
     values = np.concatenate(series)
@@ -341,8 +341,6 @@ def _dress(
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
     axes.yaxis.set_major_formatter(brief_ticks)
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
     axes.tick_params(colors=QUIET, labelcolor=QUIET, length=2.5, labelbottom=bottom)
     axes.grid(axis="y", color="#DDDDDD", linewidth=0.4, zorder=0)
     axes.set_axisbelow(True)

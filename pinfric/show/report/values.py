@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -58,3 +59,10 @@ def json_safe(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def json_for_script(content: Any) -> str:
+    """Return a value as JSON that can stand in a script element, whatever names it holds."""
+    text = json.dumps(json_safe(content), ensure_ascii=False, allow_nan=False,
+                      separators=(",", ":"))  # fmt: skip
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
