@@ -1,7 +1,7 @@
 """The command line: each command reads files, calls the library, and prints or writes.
 
 A new command is a function under `@app.command()` of a few lines: `load` what it names, compute
-(inside `working`), then `write` files and `show` tables or JSON. What is heavy is imported
+(inside `working`), then `answer` with JSON or tables, and with files. What is heavy is imported
 inside functions: `pinfric --help` needs neither NumPy nor Pinocchio.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +19,7 @@ import typer
 from pinfric import __version__
 from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.terminal import (
-    as_text,
+    answer,
     load,
     load_motion_of,
     notice,
@@ -33,12 +33,14 @@ from pinfric.terminal import (
     warnings_as_notices,
     weighted,
     working,
-    write,
 )
 
 #: Exit codes: what was given is wrong; a defect of pinfric (sysexits.h's EX_SOFTWARE); stopped by
 #: Ctrl-C. (`terminal.NO_READER`: the reader of our output left.)
 BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
+
+#: Files that a command writes with --out, by name.
+Files = dict[str, Callable[[Path], object]]
 
 app = typer.Typer(
     name="pinfric", add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -104,6 +106,8 @@ def inverse(
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.dynamics.inverse import inverse_dynamics
+    from pinfric.show.figure.efforts import effort_figure
+    from pinfric.show.figure.measured import measured_figure
     from pinfric.show.report.inverse import inverse_json, inverse_report
     from pinfric.study.trajectory.log.judged import judge_log
 
@@ -113,20 +117,14 @@ def inverse(
     judged = (
         None if trajectory.reading is None else (judge_log(result, trajectory.reading, effort_at))
     )
+    files: Files = {
+        "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
+        "efforts.png": lambda path: effort_figure(result, name, log=judged).savefig(path),
+    }
+    if judged is not None and judged.measured:
+        files["measured.png"] = lambda path: measured_figure(result, judged, name).savefig(path)
     summary = inverse_json(result, trajectory.source, noticed, judged)
-    if out is not None:
-        from pinfric.show.figure.efforts import effort_figure
-        from pinfric.show.figure.measured import measured_figure
-
-        compared = {} if judged is None or not judged.measured else {
-            "measured.png": measured_figure(result, judged, name).savefig}  # fmt: skip
-        write(out, {
-            **compared,
-            "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
-            "efforts.png": lambda path: effort_figure(result, name, log=judged).savefig(path),
-            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
-        })  # fmt: skip
-    show(summary if as_json else inverse_report(result, name, judged))
+    answer(summary, lambda: inverse_report(result, name, judged), as_json, out, files)
 
 
 @app.command()
@@ -146,26 +144,17 @@ def simulate(
     Runs the scene's `simulation` section. --out writes motion.csv, motion.npz, motion.png and
     summary.json.
     """
-    from pinfric.model.files import check_writable
-    from pinfric.model.scene_file import load_scene
+    scene, _ = load(scene_name, out=out)
+    from pinfric.show.figure.motion import motion_figure
     from pinfric.show.report.motion import motion_json, motion_report
     from pinfric.study.scene_run import run_scene
 
-    if out is not None:
-        check_writable(out)
-    scene = load_scene(scene_name)
     motion = run_scene(scene, t_end=t_end, method=method, rtol=rtol, atol=1e-2 * rtol, dt=dt)
-    summary = motion_json(motion, noticed)
-    if out is not None:
-        from pinfric.show.figure.motion import motion_figure
-
-        write(out, {
-            "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
-            "motion.npz": motion.save,
-            "motion.png": lambda path: motion_figure(motion).savefig(path),
-            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
-        })  # fmt: skip
-    show(summary if as_json else motion_report(motion))
+    answer(motion_json(motion, noticed), lambda: motion_report(motion), as_json, out, {
+        "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
+        "motion.npz": motion.save,
+        "motion.png": lambda path: motion_figure(motion).savefig(path),
+    })  # fmt: skip
     if motion.status == "interrupted":
         raise typer.Exit(INTERRUPTED)
 
@@ -203,12 +192,7 @@ def paper(
             loop = made.closed_loop_difference()
         summary, report = made.paper_json(found, loop), paper_report(found, loop)
         figures = paper_figures(*found) if out is not None else {}
-    if out is not None:
-        write(out, {
-            **{name: figure.savefig for name, figure in figures.items()},
-            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
-        })  # fmt: skip
-    show(summary if as_json else report)
+    answer(summary, lambda: report, as_json, out, {n: f.savefig for n, f in figures.items()})
 
 
 @app.command()
@@ -243,7 +227,9 @@ def size(
                                  "of several", param_hint="--cycle")  # fmt: skip
     given = given or [(str(trajectory_name), 1.0)]
     scene, trajectory = load(scene_name, given[0][0], log, out)
+    from pinfric.show.report.bill import bill_of_materials
     from pinfric.show.report.sizing import sizing_json, sizing_report
+    from pinfric.show.sizing_page.page import sizing_page
     from pinfric.study.sizing.duty import Duty
     from pinfric.study.sizing.size import size as size_drives
 
@@ -252,19 +238,11 @@ def size(
     with working(f"sizing {len(scene.drives)} drives"):
         report = size_drives(scene, duty, catalog, on_miss="ignore")
     summary = sizing_json(report, noticed)
-    tables, pictures = _fastest(report, trajectory, summary) if fastest else ([], {})
-    if out is not None:
-        from pinfric.show.report.bill import bill_of_materials
-        from pinfric.show.sizing_page.page import sizing_page
-
-        page, bill = sizing_page(report), bill_of_materials(report)
-        write(out, {
-            **({"bom.csv": lambda path: path.write_text(bill, encoding="utf-8")} if bill else {}),
-            "sizing.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
-            "report.html": lambda path: path.write_text(page, encoding="utf-8"),
-            **pictures,
-        })  # fmt: skip
-    show(summary if as_json else [*sizing_report(report), *tables])
+    tables, files = _fastest(report, trajectory, summary) if fastest else ([], {})
+    files["report.html"] = lambda path: path.write_text(sizing_page(report), encoding="utf-8")
+    if bill := bill_of_materials(report):
+        files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
+    answer(summary, lambda: [*sizing_report(report), *tables], as_json, out, files, "sizing.json")
     report.check()  # what does not fit is the last line, and the exit code (2)
 
 
@@ -296,9 +274,7 @@ def catalog(
     say(f"wrote {file}: {counted(len(entries), section.removesuffix('s'))}")
 
 
-def _fastest(
-    report: Any, trajectory: Any, summary: dict[str, Any]
-) -> tuple[list[Any], dict[str, Any]]:
+def _fastest(report: Any, trajectory: Any, summary: dict[str, Any]) -> tuple[list[Any], Files]:
     """What `size --fastest` prints and draws; into the summary, too."""
     from dataclasses import asdict
 
@@ -339,27 +315,19 @@ def retime(
     Within motor torque, speed-torque line, gear and joint limits (without --motors the URDF's), all
     friction and gear losses included. --out writes trajectory.csv, retime.png and summary.json.
     """
-    from pinfric.model.files import check_writable
-    from pinfric.model.scene_file import load_scene
+    scene, _ = load(scene_name, out=out)
+    from pinfric.show.figure.retime import retime_figure
     from pinfric.show.report.retime import retime_json, retime_report
     from pinfric.study.retime.retime import retime as find_fastest
 
-    if out is not None:
-        check_writable(out)
-    scene = load_scene(scene_name)
     with working("retiming"):
         result = find_fastest(scene, path_name, motors, rms=rms, smooth=1e-3 * smooth)
         slopes = result.sensitivity() if sensitivity else None
     summary = retime_json(result, slopes, noticed)
-    if out is not None:
-        from pinfric.show.figure.retime import retime_figure
-
-        write(out, {
-            "trajectory.csv": result.trajectory.to_csv,
-            "retime.png": retime_figure(result).savefig,
-            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
-        })  # fmt: skip
-    show(summary if as_json else retime_report(result, slopes))
+    answer(summary, lambda: retime_report(result, slopes), as_json, out, {
+        "trajectory.csv": result.trajectory.to_csv,
+        "retime.png": lambda path: retime_figure(result).savefig(path),
+    })  # fmt: skip
 
 
 @app.command()
@@ -390,24 +358,18 @@ def sweep(
     stopped goes on from the samples in that folder.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
+    from pinfric.show.figure.sweep import sweep_figure
     from pinfric.show.report.sweep import sweep_json, sweep_report
     from pinfric.study.sweep.run import sweep as run_sweep
 
     with progress("cycles") as report:
         result = run_sweep(scene, trajectory, sweep_name, out=out, processes=processes,
                            scheduler=scheduler, progress=report)  # fmt: skip
-    summary = sweep_json(result, noticed)
     if out is not None:
-        from pinfric.show.figure.sweep import sweep_figure
-
-        figure = sweep_figure(result)
         had = f", {result.resumed} of them from before" if result.resumed else ""
         say(f"wrote {out / 'samples.parquet'}: {result.samples} cycles{had}")
-        write(out, {
-            "sweep.png": figure.savefig,
-            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
-        })  # fmt: skip
-    show(summary if as_json else sweep_report(result))
+    answer(sweep_json(result, noticed), lambda: sweep_report(result), as_json, out,
+           {"sweep.png": lambda path: sweep_figure(result).savefig(path)})  # fmt: skip
 
 
 @app.command()
@@ -442,30 +404,21 @@ def identify(
     --out writes scene.yaml, robot.urdf, posterior.csv, sweep.yaml, report.html, summary.json and
     advice.waypoints.yaml.
     """
-    from pinfric.model.files import check_writable
-    from pinfric.model.scene_file import load_scene
+    scene, _ = load(scene_name, out=out)
+    from pinfric.show.identification_page.page import identification_page
     from pinfric.show.report.identify import identify_json, identify_report
     from pinfric.study.identify.files import identified_files
     from pinfric.study.identify.identify import identify as find
 
-    if out is not None:
-        check_writable(out)
     with progress("steps") as report:
-        found = find(load_scene(scene_name), logs, gain=pairs(gain, "--gain", float),
+        found = find(scene, logs, gain=pairs(gain, "--gain", float),
                      effort_at=effort_at, inertia=inertia,  # type: ignore[arg-type]  # checked there
                      payloads=pairs(payload, "--payload", str), held_out=held_out or (),
                      options=log, progress=report)  # fmt: skip
-    summary = identify_json(found, noticed)
-    if out is not None:
-        from pinfric.show.identification_page.page import identification_page
-
-        page = identification_page(found)
-        write(out, {
-            **identified_files(found, out),
-            "report.html": lambda path: path.write_text(page, encoding="utf-8"),
-            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
-        })  # fmt: skip
-    show(summary if as_json else identify_report(found))
+    answer(identify_json(found, noticed), lambda: identify_report(found), as_json, out, {
+        **(identified_files(found, out) if out is not None else {}),
+        "report.html": lambda path: path.write_text(identification_page(found), encoding="utf-8"),
+    })  # fmt: skip
 
 
 @app.command()
@@ -618,28 +571,18 @@ def accuracy(
 
     --out writes accuracy.png, accuracy.csv and summary.json.
     """
-    from pinfric.model.files import check_writable
-    from pinfric.model.scene_file import load_scene
+    scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.paper.reproduction import absolute_judge
+    from pinfric.show.accuracy.figure import accuracy_figure
     from pinfric.show.accuracy.report import accuracy_frame, accuracy_json, accuracy_report
     from pinfric.study.accuracy.study import accuracy as study
 
-    if out is not None:
-        check_writable(out)
-    scene = load_scene(scene_name)
-    trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     with working("measuring, for half a minute or more; minutes where loops close"):
         found = study(scene, trajectory, second=absolute_judge(scene), peers=peers)
-    summary = accuracy_json(found, noticed)
-    if out is not None:
-        from pinfric.show.accuracy.figure import accuracy_figure
-
-        write(out, {
-            "accuracy.png": accuracy_figure(found).savefig,
-            "accuracy.csv": lambda path: accuracy_frame(found).to_csv(path, index=False),
-            "summary.json": lambda path: path.write_text(as_text(summary), encoding="utf-8"),
-        })  # fmt: skip
-    show(summary if as_json else accuracy_report(found))
+    answer(accuracy_json(found, noticed), lambda: accuracy_report(found), as_json, out, {
+        "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
+        "accuracy.csv": lambda path: accuracy_frame(found).to_csv(path, index=False),
+    })  # fmt: skip
 
 
 @app.command()
@@ -655,18 +598,14 @@ def explain(
     log: Any,
 ) -> None:
     """Say which effects a scene calls for, why, and what each costs and changes."""
-    from pinfric.model.scene_file import load_scene
+    scene, trajectory = load(scene_name, trajectory_name, log)
     from pinfric.show.report.explain import explain_json, explain_report
     from pinfric.study.explain import explain as measure
 
-    scene = load_scene(scene_name)
-    trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     with working("measuring"):
-        explanation = measure(scene, trajectory)
-    if as_json:
-        show(explain_json(explanation, scene.source, noticed))
-    else:
-        show(explain_report(explanation, scene.source))
+        found = measure(scene, trajectory)
+    summary = explain_json(found, scene.source, noticed)
+    answer(summary, lambda: explain_report(found, scene.source), as_json)
 
 
 @app.command()
@@ -692,13 +631,11 @@ def export(
 
     Beside each constant stands the error it makes against the scene along the trajectory.
     """
+    scene, trajectory = load(scene_name, trajectory_name, log)
     from pinfric.model.files import check_writable
-    from pinfric.model.scene_file import load_scene
     from pinfric.show.report.export import export_json, export_report
     from pinfric.study.export.export import export as make
 
-    scene = load_scene(scene_name)
-    trajectory = None if trajectory_name is None else load_motion_of(scene, trajectory_name, log)
     made = make(scene, trajectory, to)
     folder = out is None or out.is_dir() or not out.suffix
     file = (out or Path()) / made.default_name if folder else Path(str(out))
@@ -707,7 +644,7 @@ def export(
         raise PinfricError(f"{file}: is the scene's own URDF; name another file")
     made.write(file)
     say(f"wrote {file}")
-    show(export_json(made, file, noticed) if as_json else export_report(made))
+    answer(export_json(made, file, noticed), lambda: export_report(made), as_json)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

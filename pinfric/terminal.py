@@ -73,15 +73,21 @@ def takes_logs(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def load(
-    scene_name: str, trajectory_name: str, log: ReadingOptions, out: Path | None = None
-) -> tuple[Scene, Trajectory]:
-    """Read a scene and a trajectory; refuse a folder that could not be written before any work."""
+    scene_name: str, trajectory_name: str | None = None, log: ReadingOptions | None = None,
+    out: Path | None = None,
+) -> tuple[Scene, Any]:  # fmt: skip
+    """Read a scene and a trajectory, None where none is named.
+
+    A folder that could not be written is refused before any work.
+    """
     from pinfric.model.files import check_writable
     from pinfric.model.scene_file import load_scene
 
     if out is not None:
         check_writable(out)
     scene = load_scene(scene_name)
+    if trajectory_name is None or log is None:
+        return scene, None
     return scene, load_motion_of(scene, trajectory_name, log)
 
 
@@ -136,13 +142,31 @@ def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
     print_line("\n".join(line.rstrip() for line in lines))
 
 
-def write(folder: Path, writers: Mapping[str, Writer]) -> None:
-    """Write the results, all or none, and say where they are."""
-    from pinfric.model.files import write_folder
+def answer(
+    summary: Mapping[str, Any],
+    report: Callable[[], Sequence[RenderableType]],
+    as_json: bool,
+    out: Path | None = None,
+    files: Mapping[str, Writer] | None = None,
+    name: str = "summary.json",
+) -> None:
+    """Write what a command found into a folder, all files or none, and print it.
 
-    with working(f"writing {folder}"):
-        files = write_folder(folder, writers)
-    say(f"wrote {', '.join(map(str, files))}")
+    Args:
+        summary: as JSON, which is among the files. report: makes the tables.
+        as_json: print the JSON, not the tables.
+        out: the folder; None writes none of the `files`. name: of the summary there.
+    """
+    if out is not None:
+        from pinfric.model.files import write_folder
+
+        def write_summary(path: Path) -> None:
+            path.write_text(as_text(summary), encoding="utf-8")
+
+        with working(f"writing {out}"):
+            written = write_folder(out, {**(files or {}), name: write_summary})
+        say(f"wrote {', '.join(map(str, written))}")
+    show(summary if as_json else report())
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pinfric.show.figure.style import INK, QUIET
 from pinfric.study.accuracy.coupled import CoupledRun
 from pinfric.study.accuracy.ladder import Rung
 from pinfric.study.accuracy.precision import Run
@@ -30,7 +31,7 @@ _STYLES = {
 }
 #: The same of the two solvers of coupled friction.
 _SOLVER_STYLES = {"fixed point": ("#D55E00", "s"), "Newton": ("#0072B2", "o")}
-_INK, _QUIET, _GRID = "#222222", "#6B6B6B", "#E4E4E4"
+_GRID = "#E4E4E4"
 #: What is smaller is drawn here: rounding, and the decade below which nobody looks.
 _FLOOR = 1e-13
 #: The same of relative errors of friction.
@@ -62,14 +63,14 @@ def accuracy_figure(found: Accuracy) -> Figure:
     figure = Figure(figsize=(12.0, 0.7 + 4.5 * rows), dpi=140, layout=layout)
     figure.suptitle(
         f"{name}: what accuracy costs", x=0.01, ha="left", fontsize=14, fontweight="bold",
-        color=_INK,
+        color=INK,
     )  # fmt: skip
     axes = figure.subplots(rows, 2, squeeze=False).ravel()
     for draw, one in zip(panels, axes, strict=False):
         draw(one)
         one.spines[["top", "right"]].set_visible(False)
-        one.spines[["left", "bottom"]].set_color(_QUIET)
-        one.tick_params(which="both", colors=_QUIET, labelsize=9)
+        one.spines[["left", "bottom"]].set_color(QUIET)
+        one.tick_params(which="both", colors=QUIET, labelsize=9)
     for unused in axes[len(panels) :]:
         unused.set_visible(False)
     return figure
@@ -88,16 +89,16 @@ def _head(axes: Axes, text: str, note: str = "", columns: int = 3) -> None:
     lines = -(-len(labels) // columns)
     if labels:
         legend = axes.legend(
-            handles, labels, frameon=False, fontsize=8.5, labelcolor=_INK, ncols=columns,
+            handles, labels, frameon=False, fontsize=8.5, labelcolor=INK, ncols=columns,
             loc="lower left", bbox_to_anchor=(-0.012, 0.995), borderaxespad=0.0, columnspacing=1.4,
             handlelength=1.8,
         )  # fmt: skip
         legend.set_in_layout(False)  # a long one must not squeeze the plots
-    axes.set_title(text, loc="left", fontsize=10.5, color=_INK, pad=8.0 + 14.5 * lines)
+    axes.set_title(text, loc="left", fontsize=10.5, color=INK, pad=8.0 + 14.5 * lines)
     if note:
         axes.annotate(
             note, (1.0, 1.0), xytext=(0, -3), xycoords="axes fraction", va="top", ha="right",
-            textcoords="offset points", fontsize=8.5, color=_QUIET,
+            textcoords="offset points", fontsize=8.5, color=QUIET,
         )  # fmt: skip
 
 
@@ -112,10 +113,12 @@ def _plain_times(axes: Axes) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _grid(axes: Axes, xlabel: str) -> None:
+def _logarithmic(axes: Axes, xlabel: str) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
     axes.grid(True, which="major", color=_GRID, linewidth=0.8)
     axes.set_axisbelow(True)
-    axes.set_xlabel(xlabel, color=_QUIET, fontsize=9.5)
+    axes.set_xlabel(xlabel, color=QUIET, fontsize=9.5)
 
 
 def _work(axes: Axes, runs: Sequence[Run], quantity: str, title: str) -> None:
@@ -127,7 +130,7 @@ def _work(axes: Axes, runs: Sequence[Run], quantity: str, title: str) -> None:
     lost = []
     for method in dict.fromkeys(run.method for run in runs):
         own = [run for run in runs if run.method == method]
-        color, marker = _STYLES.get(method, (_INK, "x"))
+        color, marker = _STYLES.get(method, (INK, "x"))
         good = [run for run in own if np.isfinite(of(run))]
         if len(good) < len(own):
             lost.append(f"{method} {len(own) - len(good)} of {len(own)}")
@@ -144,10 +147,8 @@ def _work(axes: Axes, runs: Sequence[Run], quantity: str, title: str) -> None:
                 x, y, linestyle="", marker=marker, markersize=8, markerfacecolor="white",
                 markeredgecolor=color, markeredgewidth=1.8, label=f"{method}, defaults", zorder=4,
             )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, "wall time (ms)")
     _plain_times(axes)
-    _grid(axes, "wall time (ms)")
     _head(axes, title, f"without a figure: {', '.join(lost)}" if lost else "")
 
 
@@ -168,11 +169,9 @@ def _coupled_work(axes: Axes, runs: Sequence[CoupledRun]) -> None:
                 alpha=0.25 + 0.75 * (i + 1) / len(shares), label=None if i + 1 < len(shares) else
                 solver,
             )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, f"time of one solve (us); darker: mu nearer the jam, {shares[0]:g} to "
+                 f"{shares[-1]:g} of it")  # fmt: skip
     _plain_times(axes)
-    _grid(axes, f"time of one solve (us); darker: mu nearer the jam, {shares[0]:g} to "
-          f"{shares[-1]:g} of it")  # fmt: skip
     _head(axes, "coupled friction: relative error")
 
 
@@ -185,13 +184,11 @@ def _coupled_passes(axes: Axes, runs: Sequence[CoupledRun]) -> None:
             [1.0 - run.share for run in own], [run.iterations for run in own], color=color,
             marker=marker, markersize=6.5, linewidth=1.8, markeredgecolor="white", label=solver,
         )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, "mu / mu at the jam")
     axes.invert_xaxis()
     places = sorted({1.0 - run.share for run in runs})
     axes.set_xticks(places, [f"{1.0 - place:g}" for place in places])
     axes.minorticks_off()
-    _grid(axes, "mu / mu at the jam")
     _head(axes, f"coupled friction: passes to a relative residual of {tolerance:.0e}")
 
 
@@ -213,11 +210,9 @@ def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:
                 [row.rate for row in own], shares, style, color=color, marker="o", markersize=5,
                 markeredgecolor="white", linewidth=1.6, label=f"{label} (given {given})",
             )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, "samples per second")
     axes.set_ylim(bottom=0.7 * _FLOOR_SHARE)
     _plain_times(axes)
-    _grid(axes, "samples per second")
     _head(axes, f"inverse dynamics: lost to fewer samples (%; least shown {_FLOOR_SHARE:g})",
           columns=2)  # fmt: skip
 
@@ -232,12 +227,12 @@ def _ladder(axes: Axes, rungs: Sequence[Rung]) -> None:
     for place, rung, share in zip(places, shown, missing, strict=True):
         cost = f"{rung.us:.2f} us" if np.isfinite(rung.us) else "an estimate"
         text = f"{share:.1f} %   {cost}" if share >= 0.05 else f"nothing   {cost}"
-        axes.text(share + 0.015 * largest, place, text, va="center", fontsize=9, color=_INK)
-    style: dict[str, Any] = {"fontsize": 9.5, "color": _INK}
+        axes.text(share + 0.015 * largest, place, text, va="center", fontsize=9, color=INK)
+    style: dict[str, Any] = {"fontsize": 9.5, "color": INK}
     axes.set_yticks(places, [rung.name for rung in shown], **style)
     axes.tick_params(axis="y", length=0)
     axes.set_xlim(0.0, 1.35 * largest)
     axes.set_xlabel(
-        "RMS of effort still missing (%); beside it the time per sample", color=_QUIET, fontsize=9.5
+        "RMS of effort still missing (%); beside it the time per sample", color=QUIET, fontsize=9.5
     )
     _head(axes, "inverse dynamics: models of friction")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.show.report.tables import Column, Kind, Table
-from pinfric.show.report.values import digits, json_safe
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.values import digits, json_safe, power_of_ten, signed
 from pinfric.study.accuracy.coupled import CoupledRun
 from pinfric.study.accuracy.ladder import Rung
 from pinfric.study.accuracy.precision import Run
@@ -19,7 +19,6 @@ from pinfric.study.accuracy.study import Accuracy
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.console import RenderableType
 
 
 def accuracy_json(found: Accuracy, warnings: Sequence[str] = ()) -> dict[str, Any]:
@@ -50,36 +49,43 @@ def accuracy_frame(found: Accuracy) -> pd.DataFrame:
     return pd.DataFrame([{"study": name, **asdict(row)} for name, rows in studies for row in rows])
 
 
-def accuracy_report(found: Accuracy) -> list[RenderableType]:
+def accuracy_report(found: Accuracy) -> Report:
     """Return the tables and lines that `pinfric accuracy` prints, for a rich console."""
-    from rich.text import Text
-
     name = Path(found.scene.source).stem
-    items: list[RenderableType] = []
-    if found.runs:
-        items += [_runs_table(f"{name}: simulation", found.runs), Text(), *_failures(found.runs)]
-        if np.isfinite(found.reference_difference):
-            items.append(Text("its reference and absolute coordinates differ by "
-                              f"{_power(found.reference_difference)} at most"))  # fmt: skip
-        items += [Text("errors against `event`, two decades tighter; rad or m, and s"), Text()]
-    if found.peers:
-        constants = ", ".join(f"{site} {digits(F)}" for site, F in found.constants.items())
-        items += [
-            _runs_table(f"{name}: constant friction, with peers", found.peers), Text(),
-            *_failures(found.peers),
-            Text(f"friction, static as kinetic (N m or N): {constants}"),
-            Text("Drake has no dry friction in joints: F tanh(v / velocity) stands in"), Text(),
-        ]  # fmt: skip
     title = f"{name}: {found.trajectory}"
-    items += [_sampling_table(f"{title}, fewer samples", found.sampling), Text()]
-    failed = [f"given {row.given}, {digits(row.rate)} per s: {row.problem}"
-              for row in found.sampling if row.problem]  # fmt: skip
-    items += [Text(line) for line in failed] + [Text()] * bool(failed)
-    if found.coupled:
-        items += [_coupled_table(f"{title}, coupled friction", found.coupled), Text()]
-        items += [*(Text(line) for line in _coupled_lines(found.coupled)), Text()]
-    items += [_ladder_table(f"{title}, friction models", found.ladder), Text()]
-    return [*items, *(Text(line) for line in (*_ladder_lines(found.ladder), *found.notes))]
+    return paragraphs(
+        *_simulated(f"{name}: simulation", found.runs, _reference_lines(found)),
+        *_simulated(f"{name}: constant friction, with peers", found.peers, _peer_lines(found)),
+        _sampling_table(f"{title}, fewer samples", found.sampling),
+        [f"given {row.given}, {digits(row.rate)} per s: {row.problem}"
+         for row in found.sampling if row.problem],
+        _coupled_table(f"{title}, coupled friction", found.coupled) if found.coupled else None,
+        _coupled_lines(found.coupled) if found.coupled else None,
+        _ladder_table(f"{title}, friction models", found.ladder),
+        [*_ladder_lines(found.ladder), *found.notes],
+    )  # fmt: skip
+
+
+def _simulated(title: str, runs: Sequence[Run], lines: Sequence[str]) -> list[Table | list[str]]:
+    """A table, and below it why rows failed: a column is too narrow for reasons; () without any."""
+    if not runs:
+        return []
+    failed = [f"{run.method}, {run.setting}: {run.problem}" for run in runs if run.problem]
+    return [_runs_table(title, runs), [*failed, *lines]]
+
+
+def _reference_lines(found: Accuracy) -> list[str]:
+    lines = ["errors against `event`, two decades tighter; rad or m, and s"]
+    if np.isfinite(found.reference_difference):
+        lines.insert(0, "its reference and absolute coordinates differ by "
+                     f"{_power(found.reference_difference)} at most")  # fmt: skip
+    return lines
+
+
+def _peer_lines(found: Accuracy) -> list[str]:
+    constants = ", ".join(f"{site} {digits(F)}" for site, F in found.constants.items())
+    return [f"friction, static as kinetic (N m or N): {constants}",
+            "Drake has no dry friction in joints: F tanh(v / velocity) stands in"]  # fmt: skip
 
 
 def _runs_table(title: str, runs: Sequence[Run]) -> Table:
@@ -100,13 +106,6 @@ def _runs_table(title: str, runs: Sequence[Run]) -> Table:
     return Table(title, columns, rows, keys=2, sections=changes)
 
 
-def _failures(runs: Sequence[Run]) -> list[RenderableType]:
-    """Why rows failed, a line each: a column of a table is too narrow for reasons."""
-    from rich.text import Text
-
-    return [Text(f"{run.method}, {run.setting}: {run.problem}") for run in runs if run.problem]
-
-
 def _sampling_table(title: str, rows: Sequence[Sampled]) -> Table:
     headings = ("samples\nper s", "samples", "stick missed\ns", "of\ns", "error of\npeaks, %")
     cells = [
@@ -123,7 +122,7 @@ def _coupled_table(title: str, runs: Sequence[CoupledRun]) -> Table:
     tolerances = sorted({run.tolerance for run in runs}, reverse=True)
     columns = (
         Column("mu / mu\nat jam"), Column("contrac-\ntion"), Column("solver", Kind.LABEL),
-        *(Column(f"passes\n{_decade(tolerance)}") for tolerance in tolerances),
+        *(Column(f"passes\n{power_of_ten(tolerance, 0)}") for tolerance in tolerances),
         Column("error\nleft"), Column("time\nus"),
     )  # fmt: skip
     rows = []
@@ -155,7 +154,7 @@ def _ladder_table(title: str, rungs: Sequence[Rung]) -> Table:
             rows.append((rung.name, "fails", "", "", "", rung.problem))
         elif rung.on:
             rows.append((
-                rung.name, digits(rung.us), _signed(rung.peak_change), _signed(rung.rms_change),
+                rung.name, digits(rung.us), _change(rung.peak_change), _change(rung.rms_change),
                 digits(100 * rung.distance, 1e-6),
                 f"{rung.drive}{' (motor)' if rung.motor_side else ''}",
             ))  # fmt: skip
@@ -176,23 +175,12 @@ def _ladder_lines(rungs: Sequence[Rung]) -> list[str]:
     return lines
 
 
+def _change(x: float) -> str:
+    return signed(x, 1e-12) if np.isfinite(x) else ""
+
+
 def _power(x: float) -> str:
     """An error as a decade: 3.7e-5; 0 as 0."""
     if not np.isfinite(x):
         return "n/a"
-    if x == 0.0:
-        return "0"
-    mantissa, exponent = f"{x:.1e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
-
-
-def _decade(x: float) -> str:
-    """1e-3, not 1e-03."""
-    mantissa, exponent = f"{x:.0e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
-
-
-def _signed(x: float) -> str:
-    if not np.isfinite(x):
-        return ""
-    return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x), 1e-12)}"
+    return "0" if x == 0.0 else power_of_ten(x, 1)

@@ -15,7 +15,6 @@ import numpy as np
 
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
-from pinfric.model.files import write_file
 from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.inverse import log_lines
 from pinfric.show.report.names import affixes, left_out, shortened, without
@@ -178,15 +177,6 @@ def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[li
     return drawn, f"; {len(rest)} more, not drawn, need at most {below}" if rest else ""
 
 
-def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure; the file's ending names the format (PNG, PDF, SVG).
-
-    Raises:
-        PinfricError: the file cannot be written.
-    """
-    return write_file(path, figure.savefig)
-
-
 def thinned(series: Sequence[np.ndarray], pieces: int = _PIECES) -> np.ndarray:
     """Return increasing indices that keep each series' least and greatest value piece by piece.
 
@@ -336,7 +326,7 @@ def _mark_passages(axes: Axes, t: np.ndarray, passages: np.ndarray) -> None:
 def _dress(
     axes: Axes, t: np.ndarray, series: Sequence[np.ndarray], zero: float, bottom: bool
 ) -> None:
-    """Limits, ticks and spines: as little ink as a reader needs."""
+    """Limits and ticks: as little ink as a reader needs."""
     from matplotlib.ticker import MaxNLocator
 
     values = np.concatenate(series)
@@ -351,8 +341,6 @@ def _dress(
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
     axes.yaxis.set_major_formatter(brief_ticks)
     axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
     axes.tick_params(colors=QUIET, labelcolor=QUIET, length=2.5, labelbottom=bottom)
     axes.grid(axis="y", color="#DDDDDD", linewidth=0.4, zorder=0)
     axes.set_axisbelow(True)

@@ -56,7 +56,6 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
             title = f"{name}, {effort_unit(result.scene, i)}: off by {found.relative_error:.0%}"
             axes.set_title(title.replace("%", " %"), loc="left", fontsize=9)
             axes.yaxis.set_major_formatter(brief_ticks)
-            axes.spines[["top", "right"]].set_visible(False)
             axes.tick_params(colors=QUIET)
         panels[-1].set_xlabel("time (s)", color=QUIET)
         handles = [panels[0].lines[0], panels[0].lines[1]]

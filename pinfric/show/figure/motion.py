@@ -152,7 +152,7 @@ def _say(axes: Axes, text: str) -> None:
 
 
 def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
-    """Limits, ticks and spines; shaded where the joint sticks."""
+    """Limits and ticks; shaded where the joint sticks."""
     from matplotlib.ticker import MaxNLocator
 
     values = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
@@ -162,7 +162,6 @@ def _dress(axes: Axes, motion: Motion, site: int, unit: str) -> None:
         axes.set_ylim(middle - 0.5, middle + 0.5)  # rounding is no motion
     axes.axhline(0, color=QUIET, linewidth=0.5, alpha=0.6, zorder=0)
     axes.set_ylabel(unit, color=QUIET)
-    axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(colors=QUIET, length=2.5)
     axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
     axes.yaxis.set_major_formatter(brief_ticks)

@@ -88,8 +88,6 @@ def fastest_figure(sets: Sequence[DriveSet], title: str) -> Figure:
         axes.set_xlabel("mass of all drives (kg)")
         axes.set_ylabel("cycle time (s)")
         figure.legend(loc="lower right", bbox_to_anchor=(0.98, 0.86), frameon=False, ncols=2)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
         left = len(others) - len(shown)
         figure.text(0.02, 0.94, title, fontsize=12, fontweight="bold", color=INK)
         figure.text(0.02, 0.895, "cycle time with other drives, and what holds each back"
@@ -117,8 +115,6 @@ def _draw_speed(axes: Axes, result: RetimeResult) -> None:
     axes.set_ylabel("along the path, ds/dt (1/s)")
     axes.tick_params(labelbottom=False, colors=QUIET)
     axes.legend(loc="upper right", frameon=False, ncols=2)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
 
 
 def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
@@ -136,6 +132,7 @@ def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
     table = np.array([to_rgb(c) for c in _COLOURS])
     reached = share > _AT_LIMIT
     colour[reached] = table[nearest[reached]]
+    axes.spines[:].set_visible(True)
     axes.imshow(colour.transpose(1, 0, 2), aspect="auto", interpolation="nearest",
                 extent=(t[0], t[-1], len(names) - 0.5, -0.5))  # fmt: skip
     axes.set_yticks(range(len(names)), names)

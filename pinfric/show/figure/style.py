@@ -16,6 +16,8 @@ def style() -> AbstractContextManager[None]:
         "font.size": 8.5,
         "font.family": "DejaVu Sans",
         "axes.edgecolor": QUIET,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
         "figure.constrained_layout.use": False,
         "figure.autolayout": False,
     })  # fmt: skip

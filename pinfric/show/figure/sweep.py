@@ -176,6 +176,6 @@ def _drivers(axes: Axes, result: SweepResult, i: int, strength: np.ndarray, bott
 
 
 def _quiet(axes: Axes) -> None:
-    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.spines["left"].set_visible(False)
     axes.tick_params(axis="x", colors=QUIET)
     axes.tick_params(axis="y", length=0, colors=INK)

@@ -7,7 +7,8 @@ from typing import Any
 
 from pinfric import __version__
 from pinfric.show.identification_page.figures import Figure, over_time, residual_clouds
-from pinfric.show.sizing_page.page import page_parts, script_safe
+from pinfric.show.report.values import json_for_script
+from pinfric.show.sizing_page.page import page_parts
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter
@@ -51,7 +52,7 @@ def identification_page(found: Identified) -> str:
             if p.key in found.advice[0].factors
         ][:_WORST],
         plotly=plotly,
-        figures=script_safe(figures),
+        figures=json_for_script(figures),
         version=__version__,
     )
     return page

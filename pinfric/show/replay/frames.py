@@ -17,7 +17,7 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.motion import FINISHED, Motion
 from pinfric.dynamics.motor_torques import drive_stick_velocity, motor_torques
 from pinfric.dynamics.outcome import Status
-from pinfric.dynamics.reactions import Batch, reactions, relieve
+from pinfric.dynamics.reactions import state_wrenches
 from pinfric.dynamics.result import InverseResult, StickInterval, runs
 from pinfric.dynamics.states import States
 from pinfric.errors import PinfricError, StateError
@@ -276,10 +276,8 @@ def _forces(
             )
         except PinfricError:
             return np.full((len(index), len(scene.sites), 3), np.nan)
-        wrench = result.wrench if result.wrench is not None else _wrenches(scene, result)
-        return wrench[:, :, :3]
-    wrench = motion.wrench if motion.wrench is not None else _wrenches(scene, motion)
-    return wrench[index, :, :3]
+        return _wrenches(scene, result)[:, :, :3]
+    return _wrenches(scene, motion)[index, :, :3]
 
 
 def _slip_directions(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -300,18 +298,13 @@ def _slip_directions(scene: Scene, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def _wrenches(scene: Scene, result: InverseResult) -> np.ndarray:
-    """(T, ns, 6) of a scene in which no friction looks at a reaction; NaN where loops close it."""
-    states, rows = result.states, scene.site_tables.joint
-    out = np.full((len(states.q), len(rows), 6), np.nan)
+    """(T, ns, 6); NaN where loops close a scene in which no friction looks at a reaction."""
+    if result.wrench is not None:
+        return result.wrench
+    rows = scene.site_tables.joint
     if scene.linkage is not None:
-        return out  # reactions there need the multipliers, which were not solved for
-    for start, stop, carried in states.phases(scene):
-        twin, part = scene.twin(carried), slice(start, stop)
-        batch = Batch.of(twin, stop - start)
-        reactions(twin, states.q[part], states.v[part], states.a[part], batch, 1)
-        relieve(twin, list(result.external), part, batch)
-        out[part] = batch.wrench[:, rows]
-    return out
+        return np.full((len(result.states.q), len(rows), 6), np.nan)
+    return state_wrenches(scene, result.states, result.external, threads=1)[:, rows]
 
 
 def _positions(

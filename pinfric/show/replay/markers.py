@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.loops import turn_between
 from pinfric.model.scene import Scene, Site
-from pinfric.show.replay.shapes import Shapes, linkage_frame
+from pinfric.show.replay.shapes import UP, Shapes, linkage_frame
 
 #: What a site does -> its colour (Okabe and Ito's palette, told apart with every colour vision).
 COLORS = {
@@ -84,11 +85,11 @@ def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker
         return joint_marker(scene, site.joint + 1, site.axis, shapes, size, radius, offset)
     assert scene.linkage is not None  # there are pairs
     joint, frame = linkage_frame(scene.linkage, site.pair, 1)
-    up = _upright(site.axis)
+    up = turn_between(UP, site.axis)
     least, most = _extremes(radius, size)
     if site.name in scene.linkage.cylinders:
         line = _line_at_start(scene, linkage_frame(scene.linkage, site.pair, 0), (joint, frame))
-        return Marker(joint, pin.SE3(_upright(line), frame.translation), least, np.eye(3))
+        return Marker(joint, pin.SE3(turn_between(UP, line), frame.translation), least, np.eye(3))
     placement = frame * pin.SE3(up, offset * site.axis)
     return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
 
@@ -108,7 +109,7 @@ def joint_marker(
         radius: at least, if it is in proportion (m).
         offset: of the ring along the axis (m).
     """
-    up = _upright(axis)
+    up = turn_between(UP, axis)
     placement = pin.SE3(up, offset * axis)
     least, most = _extremes(radius, size)
     seen = _points_around(scene, joint, shapes)
@@ -120,12 +121,6 @@ def joint_marker(
         if len(reach) > 10:
             radius = max(radius, 1.12 * float(np.quantile(reach, 0.75)))
     return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
-
-
-def _upright(axis: np.ndarray) -> np.ndarray:
-    """(3, 3) that turns z onto the axis."""
-    up = np.array([0.0, 0.0, 1.0])
-    return np.asarray(pin.Quaternion.FromTwoVectors(up, axis).toRotationMatrix())
 
 
 def _extremes(radius: float, size: float) -> tuple[float, float]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import gzip
 import html
-import json
 import re
 import struct
 from importlib import resources
@@ -24,8 +23,24 @@ from pinfric.model.scene import Scene
 from pinfric.show.replay import markers, stage, surfaces
 from pinfric.show.replay.frames import Frames
 from pinfric.show.replay.stage import Stage
-from pinfric.show.replay.window import RecordingWindow
-from pinfric.show.report.values import json_safe
+from pinfric.show.report.values import json_for_script
+
+
+class RecordingWindow:
+    """Keep the commands that a `meshcat.Visualizer(window=...)` sends, in msgpack.
+
+    Attributes:
+        commands: as `viewer.handle_command_bytearray` of meshcat's JavaScript takes them.
+    """
+
+    def __init__(self) -> None:
+        self.commands: list[bytes] = []
+
+    def send(self, command: Any) -> None:
+        """Keep one command."""
+        import umsgpack  # type: ignore[import-untyped]
+
+        self.commands.append(umsgpack.packb(command.lower()))
 
 
 def replay_html(scene: Scene, frames: Frames, title: str) -> str:
@@ -49,7 +64,7 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
         heading=re.sub(r"([_/-]+)", r"\1<wbr>", html.escape(title)),  # may break there
         style=_template("replay.css"),
         meshcat=_in_script(viewer.read_text(encoding="utf-8")),
-        data=_as_json(_data(scene, frames, staged)),
+        data=json_for_script(_data(scene, frames, staged)),
         commands=_packed(b"".join(struct.pack("<I", len(c)) + c for c in window.commands)),
         frames=_packed(_arrays(scene, frames)),
         script=_in_script(_fill(_template("replay.js"), timeline=_template("replay_timeline.js"))),
@@ -206,10 +221,6 @@ def _packed(content: bytes) -> str:
 
 def _template(name: str) -> str:
     return (resources.files("pinfric.show.replay") / "templates" / name).read_text(encoding="utf-8")
-
-
-def _as_json(content: dict[str, Any]) -> str:
-    return json.dumps(json_safe(content), allow_nan=False).replace("<", "\\u003c")
 
 
 def _in_script(text: str) -> str:

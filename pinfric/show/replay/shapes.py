@@ -22,6 +22,8 @@ from pinfric.show.replay.meshes import Visual, urdf_visuals
 
 #: An edge of a box of equal inertia is at least this part of its longest (a rod stays visible).
 _THINNEST = 0.12
+#: Markers, arrows and cylinders are drawn along z, then turned.
+UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)

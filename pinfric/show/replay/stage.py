@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.model.loops import CYLINDER, FORCE, Linkage
+from pinfric.model.loops import CYLINDER, FORCE, Linkage, turn_between
 from pinfric.model.scene import Scene, Site
 from pinfric.model.twin import PRISMATIC
 from pinfric.show.replay import markers, surfaces
 from pinfric.show.replay.drawn import DrawnMesh, Surface
 from pinfric.show.replay.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
-from pinfric.show.replay.shapes import Shapes, linkage_frame, payload_box, robot_shapes
+from pinfric.show.replay.shapes import UP, Shapes, linkage_frame, payload_box, robot_shapes
 
 _BODY_COLOR, _LINE_COLOR = "#8FA3B5", "#5D6B78"
 #: Of cylinders and of forces that drive.
@@ -105,7 +105,7 @@ def set_stage(
     world[:3, :3] = upright
     viewer["world"].set_transform(world)
     for path, placement in zip(nodes[1:], placements[0], strict=True):
-        viewer[path].set_transform(homogeneous(placement))
+        viewer[path].set_transform(pin.XYZQUATToSE3(placement).homogeneous)
     _draw_robot(viewer, shapes, nodes, size)
     placed = tuple(markers.site_marker(scene, site, shapes, size) for site in scene.sites)
     sites = tuple(f"{nodes[m.joint]}/site {_node(site.name)}"
@@ -126,11 +126,6 @@ def set_stage(
                  cylinders, placed, upright, points, size, floor)  # fmt: skip
 
 
-def homogeneous(placement: np.ndarray) -> np.ndarray:
-    """Return (4, 4) of x, y, z, quaternion x, y, z, w."""
-    return np.asarray(pin.XYZQUATToSE3(placement).homogeneous)
-
-
 def stretch_cylinder(viewer: Any, cylinder: DrawnCylinder, placements: np.ndarray) -> None:
     """Draw a cylinder from end to end.
 
@@ -144,8 +139,7 @@ def stretch_cylinder(viewer: Any, cylinder: DrawnCylinder, placements: np.ndarra
         for joint, point in (cylinder.a, cylinder.b)
     )
     length = max(float(np.linalg.norm(end - start)), 1e-9)
-    up = np.array([0.0, 0.0, 1.0])
-    turn = pin.Quaternion.FromTwoVectors(up, (end - start) / length).toRotationMatrix()
+    turn = turn_between(UP, (end - start) / length)
     viewer[cylinder.path].set_transform(pin.SE3(turn, start).homogeneous)
     viewer[cylinder.path]["barrel"].set_transform(np.diag([1.0, 1.0, BARREL * length, 1.0]))
     viewer[cylinder.path]["rod"].set_transform(np.diag([1.0, 1.0, length, 1.0]))
@@ -169,11 +163,9 @@ def _node(name: str) -> str:
 
 
 def _upright(scene: Scene) -> np.ndarray:
+    """(3, 3) that turns gravity downwards."""
     gravity = np.array(scene.model.gravity.linear)
-    if np.linalg.norm(gravity) < 1e-9:
-        return np.eye(3)
-    down = np.array([0.0, 0.0, -1.0])
-    return np.asarray(pin.Quaternion.FromTwoVectors(gravity, down).toRotationMatrix())
+    return np.eye(3) if np.linalg.norm(gravity) < 1e-9 else turn_between(gravity, -UP)
 
 
 def _seen(points: dict[int, np.ndarray], placements: np.ndarray, upright: np.ndarray) -> np.ndarray:
@@ -246,10 +238,9 @@ def _draw_linkage(
             shift = np.eye(4)
             shift[2, 3] = 0.15 * size
             node["head"].set_transform(shift)
-            up, axis = np.array([0.0, 0.0, 1.0]), linkage.pair_axis[pair]
-            turn = pin.Quaternion.FromTwoVectors(up, axis).toRotationMatrix()
+            axis = linkage.pair_axis[pair]
             tail = -(0.15 * size + 5.0 * 1.2 * _ARROW * size) * axis  # its tip is where it pushes
-            node.set_transform((frame * pin.SE3(turn, tail)).homogeneous)
+            node.set_transform((frame * pin.SE3(turn_between(UP, axis), tail)).homogeneous)
     return tuple(drawn)
 
 
@@ -363,7 +354,5 @@ def _along(end: np.ndarray) -> np.ndarray:
     """(4, 4) that stretches the unit z axis from the origin to `end`."""
     length = float(np.linalg.norm(end))
     turn = np.eye(4)
-    up = np.array([0.0, 0.0, 1.0])
-    rotation = pin.Quaternion.FromTwoVectors(up, end / length).toRotationMatrix()
-    turn[:3, :3] = rotation @ np.diag([1.0, 1.0, length])
+    turn[:3, :3] = turn_between(UP, end / length) @ np.diag([1.0, 1.0, length])
     return turn

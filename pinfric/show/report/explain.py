@@ -6,14 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pinfric.show.report.tables import Column, Kind, Table
-from pinfric.show.report.values import digits, json_safe
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.values import digits, json_safe, signed
 from pinfric.study.explain import Explanation, GearLoss
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 
 def explain_json(
@@ -29,10 +26,8 @@ def explain_json(
     return json_safe({"scene": scene, **asdict(explanation), "warnings": list(warnings)})
 
 
-def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]:
+def explain_report(explanation: Explanation, scene: str) -> Report:
     """Return the tables and lines that `pinfric explain` prints, for a rich console."""
-    from rich.text import Text
-
     name = Path(scene).stem
     called = Table(
         f"{name}: the effects it calls for",
@@ -44,13 +39,11 @@ def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]
         f"{name}: what they cost and change",
         (Column("effect", Kind.LABEL), Column("cost\nus"), Column("peak\nchange"),
          Column("RMS\nchange"), Column("of", Kind.NAME)),
-        [(row.name, f"{row.cost_us:.2f}", _signed(row.peak_change), _signed(row.rms_change),
+        [(row.name, f"{row.cost_us:.2f}", signed(row.peak_change), signed(row.rms_change),
           f"{row.drive}{' (motor)' if row.motor_side else ''}")
          for row in explanation.effects if math.isfinite(row.cost_us)],
     )  # fmt: skip
-    tables: list[RenderableType] = [called, Text(), measured, Text()]
-    if explanation.gears:
-        tables += [_gear_table(explanation.gears), Text()]
+    gears = _gear_table(explanation.gears) if explanation.gears else None
     lines = [
         f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
         f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
@@ -59,16 +52,12 @@ def explain_report(explanation: Explanation, scene: str) -> list[RenderableType]
     ]
     if any(row.name == "coupling" and row.on for row in explanation.effects):
         lines.append("coupling: against one pass with the loads that there are without friction")
-    return [*tables, *(Text(line) for line in lines)]
+    return paragraphs(called, measured, gears, lines)
 
 
 def _gear_table(gears: Sequence[GearLoss]) -> Table:
     columns = (Column("joint", Kind.NAME), Column("RMS\nN m"), Column("peak\nchange"),
                Column("RMS\nchange"))  # fmt: skip
-    rows = [(gear.drive, digits(gear.rms), _signed(gear.peak_change), _signed(gear.rms_change))
+    rows = [(gear.drive, digits(gear.rms), signed(gear.peak_change), signed(gear.rms_change))
             for gear in gears]  # fmt: skip
     return Table("gear by joint: motor torque, and what the loss with the load adds", columns, rows)
-
-
-def _signed(x: float) -> str:
-    return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x))}"

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pinfric.model.brief import file_name
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe
 from pinfric.study.export.constants import JointConstants
 from pinfric.study.export.export import FORMATS, Exported
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 
 def export_json(exported: Exported, file: Path, warnings: Sequence[str] = ()) -> dict[str, Any]:
@@ -27,10 +24,8 @@ def export_json(exported: Exported, file: Path, warnings: Sequence[str] = ()) ->
     })  # fmt: skip
 
 
-def export_report(exported: Exported) -> list[RenderableType]:
+def export_report(exported: Exported) -> Report:
     """Return the table and lines that `pinfric export` prints, for a rich console."""
-    from rich.text import Text
-
     form = FORMATS[exported.to]
     units = {joint.unit for joint in exported.joints}
     unit = units.pop() if len(units) == 1 else ""
@@ -51,7 +46,7 @@ def export_report(exported: Exported) -> list[RenderableType]:
     rows = [(joint.joint, *([] if unit else [joint.unit]), *_figures(joint, form.terms))
             for joint in exported.joints]  # fmt: skip
     table = Table(title, columns, rows, keys=len(key))
-    return [table, Text(), *(Text(line) for line in lines)]
+    return paragraphs(table, lines)
 
 
 def _figures(joint: JointConstants, terms: Collection[str]) -> tuple[str, ...]:

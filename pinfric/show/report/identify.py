@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pinfric import __version__
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe
 from pinfric.study.identify.identify import Identified
 from pinfric.study.summary import effort_unit
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 
 def identify_json(found: Identified, warnings: Sequence[str] = ()) -> dict[str, Any]:
@@ -51,10 +48,8 @@ def identify_json(found: Identified, warnings: Sequence[str] = ()) -> dict[str, 
     })  # fmt: skip
 
 
-def identify_report(found: Identified) -> list[RenderableType]:
+def identify_report(found: Identified) -> Report:
     """Return the tables and lines that `pinfric identify` prints, for a rich console."""
-    from rich.text import Text
-
     logs = ", ".join(one.name for one in found.recordings)
     duration = sum(one.trajectory.duration for one in found.recordings)
     title = f"{Path(found.scene.source).stem} · {logs}: {digits(duration)} s"
@@ -69,15 +64,13 @@ def identify_report(found: Identified) -> list[RenderableType]:
         Column("from"), Column("to"), Column("unit", Kind.LABEL),
     ], [(p.joint, p.name, digits(p.value) if p.determined else f"({digits(p.value)})",
          digits(p.low), digits(p.high), p.unit) for p in found.parameters], keys=2)  # fmt: skip
-    tables: list[RenderableType] = [laws, Text(), figures]
-    if found.unseen:
-        tables += [Text(), _unseen(found, units)]
     best = found.advice[0]
     least = min(best.factors, key=best.factors.__getitem__)
     lines = [f"logged efforts' delay: {found.estimate.delay}", *found.said,
              f"30 s more would tell most so: {best.name.lower()} (standard error of {least}: "
              f"{best.factors[least]:.2f} of now)"]  # fmt: skip
-    return [*tables, Text(), *(Text(line) for line in lines)]
+    unseen = _unseen(found, units) if found.unseen else None
+    return paragraphs(laws, figures, unseen, lines)
 
 
 def _unseen(found: Identified, units: dict[str, str]) -> Table:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pinfric import __version__
 from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.model.brief import counted
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe, rough, span
 from pinfric.study.summary import (
     ROUNDING,
@@ -24,9 +24,6 @@ from pinfric.study.summary import (
     summarize,
 )
 from pinfric.study.trajectory.log.judged import JudgedLog
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 #: A peak that is known to no better than this share of itself is printed with its uncertainty.
 _UNCERTAIN_SHARE = 0.1
@@ -90,9 +87,7 @@ def _input_json(log: JudgedLog) -> dict[str, Any]:
     }
 
 
-def inverse_report(
-    result: InverseResult, trajectory: str, log: JudgedLog | None = None
-) -> list[RenderableType]:
+def inverse_report(result: InverseResult, trajectory: str, log: JudgedLog | None = None) -> Report:
     """Return the tables and lines that `pinfric inverse` prints, for a rich console.
 
     Args:
@@ -103,18 +98,15 @@ def inverse_report(
     Raises:
         StateError: the result has no times.
     """
-    from rich.text import Text
-
     summaries = summarize(result)
-    tables: list[RenderableType] = [_effort_table(result, summaries, trajectory, log)]
     geared = [s for s, drive in zip(summaries, result.scene.drives, strict=True)
               if drive.transmission is not None]  # fmt: skip
-    if geared:
-        tables += [Text(), _motor_table(geared)]
-    if log is not None and log.measured:
-        tables += [Text(), _measured_table(log)]
-    lines = [*_footer(result), *log_lines(log, {s.name: s.unit for s in summaries})]
-    return [*tables, Text(), *(Text(line) for line in lines)]
+    return paragraphs(
+        _effort_table(result, summaries, trajectory, log),
+        _motor_table(geared) if geared else None,
+        _measured_table(log) if log is not None and log.measured else None,
+        [*_footer(result), *log_lines(log, {s.name: s.unit for s in summaries})],
+    )
 
 
 def log_lines(log: JudgedLog | None, units: Mapping[str, str]) -> list[str]:

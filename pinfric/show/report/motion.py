@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pinfric.dynamics.motion import INTERRUPTED, Motion
+from pinfric.dynamics.motion import FINISHED, INTERRUPTED, Motion
 from pinfric.model.brief import counted
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 #: Of more stick intervals, events or sites than this the first, or the largest, are printed.
 _MOST_ROWS = 12
@@ -48,17 +45,15 @@ def motion_json(motion: Motion, warnings: Sequence[str] = ()) -> dict[str, Any]:
     })  # fmt: skip
 
 
-def motion_report(motion: Motion) -> list[RenderableType]:
+def motion_report(motion: Motion) -> Report:
     """Return the tables and lines that `pinfric simulate` prints, for a rich console."""
-    from rich.text import Text
-
     name = Path(motion.scene.source).stem
     title = (
         f"{name} · {motion.method}: {digits(float(motion.t[-1]))} s, {len(motion.t)} samples, "
         f"{motion.evaluations} right-hand sides"
         f"{', torques of the motors given' if motion.motor_torque is not None else ''}"
     )
-    items: list[RenderableType] = [Text(title, style="bold"), Text()]
+    sticks: Table | list[str] = ["no joint sticks"]
     intervals = motion.stick_intervals()
     if intervals:
         rows = [
@@ -68,19 +63,16 @@ def motion_report(motion: Motion) -> list[RenderableType]:
             Column("joint", Kind.NAME, motion.site_names),
             *map(Column, ("from s", "to s", "for s")),
         )
-        items.append(_first("sticks", columns, rows))
-    else:
-        items.append(Text("no joint sticks"))
+        sticks = _first("sticks", columns, rows)
+    events = None
     if motion.events:
         rows = [(f"{e.time:.6f}", e.name, e.kind, _way(e.kind, e.direction)) for e in motion.events]
         columns = (Column("time s"), Column("joint", Kind.NAME, motion.scene.joint_names),
                    Column("what", Kind.LABEL), Column("way", Kind.LABEL))  # fmt: skip
-        items += [Text(), _first("events", columns, rows)]
-    if motion.status != INTERRUPTED:
-        items += [Text(), _energy_table(motion)]
-    if motion.status != "finished":
-        items += [Text(), Text(f"{motion.status}: {motion.message}")]
-    return items
+        events = _first("events", columns, rows)
+    energy = _energy_table(motion) if motion.status != INTERRUPTED else None
+    ended = [f"{motion.status}: {motion.message}"] if motion.status != FINISHED else []
+    return paragraphs(title, sticks, events, energy, ended)
 
 
 def _way(kind: str, direction: int) -> str:

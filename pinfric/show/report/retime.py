@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe
 from pinfric.study.retime.fastest import DriveSet
 from pinfric.study.retime.limits import KINDS
 from pinfric.study.retime.retime import RetimeResult
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 #: drive -> limit -> d ln T/d ln limit.
 Sensitivity = Mapping[str, Mapping[str, float]]
@@ -57,12 +54,8 @@ def retime_json(
     })  # fmt: skip
 
 
-def retime_report(
-    result: RetimeResult, sensitivity: Sensitivity | None = None
-) -> list[RenderableType]:
+def retime_report(result: RetimeResult, sensitivity: Sensitivity | None = None) -> Report:
     """Return the tables and lines that `pinfric retime` prints, for a rich console."""
-    from rich.text import Text
-
     path = result.problem.path
     name = f"{Path(result.problem.scene.source).stem} · {Path(path.source).name}"
     before = ""
@@ -71,14 +64,9 @@ def retime_report(
         before = f", {digits(result.before)} s before: {abs(faster):.3g} % " + (
             "less" if faster >= 0 else "more"
         )
-    parts: list[RenderableType] = [
-        Text(f"{name}: {digits(result.duration)} s{before}", style="bold"), Text()
-    ]  # fmt: skip
-    parts += [_moves(result), Text(), _drives(result)]
-    if sensitivity is not None:
-        parts += [Text(), _sensitivities(sensitivity)]
-    parts += [Text(), *(Text(line) for line in _lines(result))]
-    return parts
+    title = f"{name}: {digits(result.duration)} s{before}"
+    slopes = None if sensitivity is None else _sensitivities(sensitivity)
+    return paragraphs(title, _moves(result), _drives(result), slopes, _lines(result))
 
 
 def fastest_table(sets: Sequence[DriveSet]) -> Table:

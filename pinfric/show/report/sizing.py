@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,16 +18,13 @@ from pinfric.show.report.drives import (
     smaller_table,
     standstill_json,
 )
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe, span
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.criteria import Criterion, load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import ends_by_magnitude
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 #: Efforts below (N m, N) are rounding.
 ROUNDING = 1e-9
@@ -156,7 +153,7 @@ def ratio_figures(joint: JointSizing, taken: Assessment) -> dict[str, float | No
             "accelerating_factor": alpha}  # fmt: skip
 
 
-def sizing_report(report: SizingReport) -> list[RenderableType]:
+def sizing_report(report: SizingReport) -> Report:
     """Return the tables and lines that `pinfric size` prints, for a rich console.
 
     Args:
@@ -164,20 +161,16 @@ def sizing_report(report: SizingReport) -> list[RenderableType]:
     """
     from rich.text import Text
 
-    parts: list[RenderableType] = [_demand_table(report)]
-    if report.catalog is not None:
-        parts += [Text(), _choice_table(report), Text()]
-        parts += [Text(f"{digits(report.drive_mass)} kg of drives; {passes(report)}")]
-        if heavier := _heavier(report):
-            parts += [Text(), heavier, Text()]
-        for table in (smaller_table(report), sets_table(report), brake_table(report)):
-            parts += [table, Text()] if table is not None else []
-        parts += [*(Text(line) for line in bus_lines(report)), Text()]
-        parts += [Text(line) for line in _changes(report)]
-        parts += [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)]
-    if report.notes:
-        parts += [Text(), *(Text(f"note: {line}") for line in report.notes)]
-    return parts
+    notes = [f"note: {line}" for line in report.notes]
+    if report.catalog is None:
+        return paragraphs(_demand_table(report), notes)
+    return paragraphs(
+        _demand_table(report), _choice_table(report),
+        [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"],
+        _heavier(report), smaller_table(report), sets_table(report), brake_table(report),
+        bus_lines(report), _changes(report),
+        [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)], notes,
+    )  # fmt: skip
 
 
 def repetition(report: SizingReport) -> str:

@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pinfric import __version__
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe
 from pinfric.study.sweep.cycle import DEMANDS
 from pinfric.study.sweep.motors import Trial
 from pinfric.study.sweep.result import Probability, SweepResult
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 #: Parameters named per drive and figure, and the least share of the variance that is.
 _NAMED, _LEAST_SHARE = 2, 0.01
@@ -90,28 +87,24 @@ def _trial_json(result: SweepResult, trial: Trial) -> dict[str, Any]:
     }
 
 
-def sweep_report(result: SweepResult) -> list[RenderableType]:
+def sweep_report(result: SweepResult) -> Report:
     """Return the tables and lines that `pinfric sweep` prints, for a rich console.
 
     Args:
         result: of `sweep`.
     """
-    from rich.text import Text
-
-    parts: list[RenderableType] = []
     title = f"{Path(result.scene).stem} · {Path(result.trajectory).name}: "
     title += f"{result.samples} {_DESIGNS[result.sampling]}"
-    parts.append(Text(title, style="bold"))
+    tables = []
     if result.solved.any():
-        parts += [Text(), _percentile_table(result, _AT_JOINT, result.units, "at the joints")]
+        tables = [_percentile_table(result, _AT_JOINT, result.units, "at the joints")]
         names, where = shaft_figures(result)
         if names == _AT_MOTOR:
-            shafts = _percentile_table(result, names, shaft_units(result), where[1:])
-            parts += [Text(), shafts]
-        parts += [Text(), _driver_table(result, names, where)]
+            tables.append(_percentile_table(result, names, shaft_units(result), where[1:]))
+        tables.append(_driver_table(result, names, where))
     if result.trials:
-        parts += [Text(), _motor_table(result)]
-    return [*parts, Text(), *(Text(line) for line in _footer(result))]
+        tables.append(_motor_table(result))
+    return paragraphs(title, *tables, _footer(result))
 
 
 def _percentile_table(

@@ -18,7 +18,11 @@ from typing import TYPE_CHECKING, Any
 from pinfric.show.report.names import affixes, least_room, left_out, shortened, without
 
 if TYPE_CHECKING:
-    from rich.console import Console, ConsoleOptions, RenderResult
+    from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+    from rich.text import Text
+
+#: What a rich console prints, one part below the other.
+Report = list["RenderableType"]
 
 #: Blanks between columns.
 _GAP = 2
@@ -87,6 +91,26 @@ class Table:
             width = sum(layout.widths[c] for c in block) + _GAP * len(block)
             wide = options.update(max_width=max(options.max_width, width))
             yield from console.render(_block(self, layout, block), wide)
+
+
+def paragraphs(*parts: Table | str | Sequence[str | Text] | None) -> Report:
+    """Return a report: its parts with a blank line between them.
+
+    Args:
+        parts: tables, titles (one text), lines; what is None or empty is left out.
+    """
+    from rich.text import Text
+
+    found: Report = []
+    for part in parts:
+        found += [Text()] * bool(found and part)
+        if isinstance(part, Table):
+            found.append(part)
+        elif isinstance(part, str):
+            found.append(Text(part, style="bold"))
+        else:
+            found += [Text(line) if isinstance(line, str) else line for line in part or ()]
+    return found
 
 
 @dataclass(frozen=True)

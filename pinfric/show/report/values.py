@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -22,8 +23,18 @@ def digits(x: float, zero: float = 0.0) -> str:
     size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
     if -3 <= size <= 5:
         return f"{x:.{max(2 - size, 0)}f}"
-    mantissa, exponent = f"{x:.2e}".split("e")
+    return power_of_ten(x, 2)
+
+
+def power_of_ten(x: float, decimals: int) -> str:
+    """Return 3.7e-5, not 3.7e-05."""
+    mantissa, exponent = f"{x:.{decimals}e}".split("e")
     return f"{mantissa}e{int(exponent)}"
+
+
+def signed(x: float, zero: float = 0.0) -> str:
+    """Return `digits` of x with its sign, + also."""
+    return f"{'+' if x > 0 else '-' if x < 0 else ''}{digits(abs(x), zero)}"
 
 
 def rough(x: float) -> str:
@@ -48,3 +59,10 @@ def json_safe(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def json_for_script(content: Any) -> str:
+    """Return a value as JSON that can stand in a script element, whatever names it holds."""
+    text = json.dumps(json_safe(content), ensure_ascii=False, allow_nan=False,
+                      separators=(",", ":"))  # fmt: skip
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +11,6 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricError
-from pinfric.model.files import write_file
 from pinfric.show.report.drives import bus_lines, exchanged, holds_alone, shortfall, turn
 from pinfric.show.report.sizing import (
     ROUNDING,
@@ -23,7 +21,7 @@ from pinfric.show.report.sizing import (
     span_beside,
     tightest,
 )
-from pinfric.show.report.values import digits, span
+from pinfric.show.report.values import digits, json_for_script, span
 from pinfric.show.sizing_page.figures import (
     Figure,
     effort_over_time,
@@ -77,21 +75,11 @@ def sizing_page(report: SizingReport) -> str:
         repetition=repetition(report),
         sources=_sources(report),
         plotly=plotly,
-        figures=script_safe(figures),
+        figures=json_for_script(figures),
         version=__version__,
         Status=Status,
     )
     return page
-
-
-def save_sizing_page(report: SizingReport, path: str | Path) -> Path:
-    """Write the report as one HTML file.
-
-    Raises:
-        PinfricError: the extra `report` is not installed, or the file cannot be written.
-    """
-    page = sizing_page(report)
-    return write_file(path, lambda file: file.write_text(page, encoding="utf-8"))
 
 
 def _needed(module: str) -> Any:
@@ -185,12 +173,6 @@ def page_parts(*folders: Path) -> tuple[Any, str]:
     )  # fmt: skip
     environment.filters.update(digits=_digits)
     return environment, offline.get_plotlyjs()
-
-
-def script_safe(figures: dict[str, Figure]) -> str:
-    """JSON that can stand in a script element whatever names it holds."""
-    text = json.dumps(figures, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
 def _digits(x: float | None) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +28,8 @@ from pinfric.study.timing import interleaved
 SHARES = (0.2, 0.6, 0.9, 0.98, 0.9998)
 #: Relative residuals at which the solvers stop.
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
-#: Passes after which each gives up.
-_FIXED_POINT_PASSES, _NEWTON_PASSES = 200_000, 60
+#: The solvers, and the passes after which each gives up.
+MOST_PASSES = {"fixed point": 200_000, "Newton": 60}
 #: Samples among which the one that jams first is looked for.
 _LOOKS = 40
 #: Factors above the certain one (contraction 1) up to which a jam is looked for, and how closely.
@@ -67,26 +68,31 @@ class CoupledRun:
     problem: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class _Sample:
-    """The coupled friction of one sliding sample.
+class CoupledFriction(NamedTuple):
+    """The coupled friction of a sliding sample: x = G(x) = rest + gain c(x).
 
     Attributes:
-        solver: of the package; gives the reference.
         free: (nt, 3) contact forces without friction; slope: (nt, ns, 3) their change with x.
         site: (nt,) site of each contact force.
-        gain, rest: (ns,) x = rest + gain c(x) at the scene's own coefficients.
+        gain, rest: (ns,), at the scene's own coefficients.
         constant: (ns,) constant part of the loads.
     """
 
-    t: float
-    solver: Solver
     free: np.ndarray
     slope: np.ndarray
     site: np.ndarray
     gain: np.ndarray
     rest: np.ndarray
     constant: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """One sliding sample: when, the package's solver, which gives the reference, and G."""
+
+    t: float
+    solver: Solver
+    friction: CoupledFriction
 
     @classmethod
     def of(cls, result: InverseResult, sample: int) -> _Sample | None:
@@ -105,12 +111,14 @@ class _Sample:
         return cls(
             t=float(sample if times is None else times[sample]),
             solver=solver,
-            free=np.ascontiguousarray(samples.maps.contact[0, :, 0]),
-            slope=slope,
-            site=layout.contact_site,
-            gain=-law.slip[0] * law.mu[0, 0],
-            rest=-law.slip[0] * law.coulomb[0, 0] - law.drag[0],
-            constant=layout.constant,
+            friction=CoupledFriction(
+                free=np.ascontiguousarray(samples.maps.contact[0, :, 0]),
+                slope=slope,
+                site=layout.contact_site,
+                gain=-law.slip[0] * law.mu[0, 0],
+                rest=-law.slip[0] * law.coulomb[0, 0] - law.drag[0],
+                constant=layout.constant,
+            ),
         )
 
     def known(self, factor: float) -> tuple[int, np.ndarray, float]:
@@ -127,10 +135,9 @@ class _Sample:
         self, solver: str, factor: float, tolerance: float, times: int = 1
     ) -> tuple[np.ndarray, int]:
         """Return friction (ns,) and passes, -1 where it fails; `times` solves, for timing."""
-        x = np.zeros(len(self.gain))
-        run, most = _SOLVERS[solver]
-        passes = run(self.free, self.slope, self.site, factor * self.gain, self.rest, self.constant,
-                     tolerance, most, times, x)  # fmt: skip
+        x, scaled = np.zeros(len(self.friction.gain)), factor * self.friction.gain
+        passes = solve(self.friction._replace(gain=scaled), solver == "Newton", tolerance,
+                       MOST_PASSES[solver], times, x)  # fmt: skip
         return x, int(passes)
 
 
@@ -154,13 +161,12 @@ def coupled(result: InverseResult, rounds: int = 3) -> tuple[CoupledRun, ...]:
     for share in SHARES:
         factor = share * jam
         _, reference, contraction = sample.known(factor)
-        for solver in _SOLVERS:
+        for solver, most in MOST_PASSES.items():
             for tolerance in TOLERANCES:
                 row = CoupledRun(sample.t, factor, share, contraction, solver, tolerance)
                 x, passes = sample.solve(solver, factor, tolerance)
                 if passes < 0:
-                    most = f"{_SOLVERS[solver][1]:,}"
-                    rows.append(replace(row, problem=f"not within {most} passes"))
+                    rows.append(replace(row, problem=f"not within {most:,} passes"))
                     continue
                 error = np.abs(x - reference).max() / np.abs(reference).max()
                 n = repeats[len(rows)] = max(1, _TIMED_PASSES // passes)
@@ -211,11 +217,9 @@ def _jam(sample: _Sample, least: float) -> float:
 
 
 @kernel
-def evaluate(
-    free: np.ndarray, slope: np.ndarray, site: np.ndarray, gain: np.ndarray, rest: np.ndarray,
-    constant: np.ndarray, x: np.ndarray, g: np.ndarray, jacobian: np.ndarray,
-) -> None:  # fmt: skip
+def evaluate(friction: CoupledFriction, x: np.ndarray, g: np.ndarray, jacobian: np.ndarray) -> None:
     """Write g = G(x) (ns,) and, where it has any rows, the Jacobian (ns, ns) of x - G(x)."""
+    free, slope, site, gain, rest, constant = friction
     ns, differentiate = x.size, jacobian.shape[0] > 0
     for s in range(ns):
         g[s] = rest[s] + gain[s] * constant[s]
@@ -247,53 +251,37 @@ def close_enough(x: np.ndarray, g: np.ndarray, tolerance: float) -> bool:
 
 
 @kernel
-def solve_by_fixed_point(
-    free: np.ndarray, slope: np.ndarray, site: np.ndarray, gain: np.ndarray, rest: np.ndarray,
-    constant: np.ndarray, tolerance: float, most: int, times: int, x: np.ndarray,
-) -> int:  # fmt: skip
-    """Iterate x <- G(x) from x = 0, as the paper does; return passes, -1 where `most` do not do."""
-    g, none = np.empty(x.size), np.empty((0, 0))
+def solve(
+    friction: CoupledFriction, newton: bool, tolerance: float, most: int, times: int, x: np.ndarray
+) -> int:
+    """Solve x = G(x) from x = 0; return passes, -1 where it fails.
+
+    Args:
+        friction: G.
+        newton: semi-smooth Newton on x - G(x) = 0; else x <- G(x), as the paper does.
+        tolerance: of `close_enough`. most: passes. times: how often, for timing.
+        x: (ns,) overwritten.
+    """
+    ns = x.size
+    g, step = np.empty(ns), np.empty((ns, 1))
+    jacobian = np.empty((ns if newton else 0, ns))
     passes = -1
     for _ in range(times):
         x[:] = 0.0
         passes = -1
         for n in range(most):
-            evaluate(free, slope, site, gain, rest, constant, x, g, none)
+            evaluate(friction, x, g, jacobian)
             done = close_enough(x, g, tolerance)
-            x[:] = g
+            if not newton:
+                x[:] = g
+            elif not done:
+                for s in range(ns):
+                    step[s, 0] = x[s] - g[s]
+                if not solve_dense(jacobian, step):
+                    break
+                for s in range(ns):
+                    x[s] -= step[s, 0]
             if done:
                 passes = n + 1
                 break
     return passes
-
-
-@kernel
-def solve_by_newton(
-    free: np.ndarray, slope: np.ndarray, site: np.ndarray, gain: np.ndarray, rest: np.ndarray,
-    constant: np.ndarray, tolerance: float, most: int, times: int, x: np.ndarray,
-) -> int:  # fmt: skip
-    """Solve x - G(x) = 0 by semi-smooth Newton from x = 0; return passes, -1 where it fails."""
-    ns = x.size
-    g, jacobian, step = np.empty(ns), np.empty((ns, ns)), np.empty((ns, 1))
-    passes = -1
-    for _ in range(times):
-        x[:] = 0.0
-        passes = -1
-        for n in range(most):
-            evaluate(free, slope, site, gain, rest, constant, x, g, jacobian)
-            if close_enough(x, g, tolerance):
-                passes = n + 1
-                break
-            for s in range(ns):
-                step[s, 0] = x[s] - g[s]
-            if not solve_dense(jacobian, step):
-                break
-            for s in range(ns):
-                x[s] -= step[s, 0]
-    return passes
-
-
-_SOLVERS: dict[str, tuple[Callable[..., int], int]] = {
-    "fixed point": (solve_by_fixed_point, _FIXED_POINT_PASSES),
-    "Newton": (solve_by_newton, _NEWTON_PASSES),
-}

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache, partial
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -47,6 +48,7 @@ VELOCITIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 #: MuJoCo's friction constraint: as it comes, and as hard and quick as it allows (a time constant
 #: of two steps).
 _KINDS = ("MuJoCo", "MuJoCo, stiff")
+_NOT_INSTALLED = 'not installed; pip install "pinfric[bench]" brings it'
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,14 +109,15 @@ def compete_with_peers(
     constant = with_constant_friction(scene, constants)
     robot = _robot(constant)
     entries = contestants(constant, ("event", "timestepping"))
-    makers = {"mujoco": _mujoco, "pydrake": _drake}
     missing = []
-    for package, make in makers.items():
-        if find_spec(package) is None:
-            name = {"mujoco": "MuJoCo", "pydrake": "Drake"}[package]
-            missing.append(f'{name}: not installed; pip install "pinfric[bench]" brings it')
-        else:
-            entries += make(robot)
+    if find_spec("mujoco"):
+        entries += [_mujoco_contestant(robot, kind, n) for kind in _KINDS for n in STEPS]
+    else:
+        missing.append(f"MuJoCo: {_NOT_INSTALLED}")
+    if find_spec("pydrake"):
+        entries += [_drake_contestant(robot, velocity) for velocity in VELOCITIES]
+    else:
+        missing.append(f"Drake: {_NOT_INSTALLED}")
     return compete(entries, judge_of(reference(constant)), rounds=rounds), missing
 
 
@@ -139,23 +142,17 @@ def _robot(scene: Scene) -> _Robot:
 # ---------------------------------------------------------------- MuJoCo
 
 
-def _mujoco(robot: _Robot) -> list[Contestant]:
-    return [_mujoco_contestant(robot, name, n) for name in _KINDS for n in STEPS]
-
-
 def _mujoco_contestant(robot: _Robot, name: str, steps: int) -> Contestant:
     mujoco: Any = import_module("mujoco")
     rollout: Any = import_module("mujoco.rollout")
     dt = robot.t_end / steps
     start = np.concatenate([[0.0], robot.q0, robot.v0])
-    made: list[Any] = []
 
+    @cache  # compiled at first use, and not part of what is timed
     def ready() -> tuple[Any, Any, np.ndarray]:
-        if not made:  # compiled at first use, and not part of what is timed
-            model = mujoco.MjModel.from_xml_string(mujoco_xml(robot, dt, name == _KINDS[1]))
-            times = dt * (np.arange(steps) + 0.5)
-            made.append((model, mujoco.MjData(model), np.array([robot.effort(t) for t in times])))
-        return made[0]
+        model = mujoco.MjModel.from_xml_string(mujoco_xml(robot, dt, name == _KINDS[1]))
+        times = dt * (np.arange(steps) + 0.5)
+        return model, mujoco.MjData(model), np.array([robot.effort(t) for t in times])
 
     def bare() -> np.ndarray:
         model, data, efforts = ready()
@@ -196,17 +193,8 @@ def mujoco_xml(robot: _Robot, dt: float, stiff: bool) -> str:
 # ---------------------------------------------------------------- Drake
 
 
-def _drake(robot: _Robot) -> list[Contestant]:
-    return [_drake_contestant(robot, velocity) for velocity in VELOCITIES]
-
-
 def _drake_contestant(robot: _Robot, velocity: float) -> Contestant:
-    made: list[Any] = []
-
-    def ready() -> tuple[Any, Any]:
-        if not made:
-            made.append(_drake_simulator(robot, velocity))
-        return made[0]
+    ready = cache(partial(_drake_simulator, robot, velocity))
 
     def bare() -> Any:
         simulator, plant = ready()
@@ -305,9 +293,7 @@ def _drake_forces(robot: _Robot, velocity: float) -> Any:
         else:
             effort = symbolic.Expression(float(given))
         out.append(effort - robot.friction[j] * symbolic.tanh(state[n + j] / velocity))
-    idle = symbolic.Variable(
-        "idle"
-    )  # without any state of its own the system refuses to be integrated
+    idle = symbolic.Variable("idle")  # without a state of its own it refuses to be integrated
     return primitives.SymbolicVectorSystem(
         time=time, state=[idle], input=state, dynamics=[symbolic.Expression(0.0)], output=out
     )

@@ -9,8 +9,8 @@ from functools import cached_property
 from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions
-from pinfric.study.sizing.criteria import Criterion, Status, check
-from pinfric.study.sizing.demand import DriveCycle, GearDemand
+from pinfric.study.sizing.criteria import Case, Criterion, Status, check
+from pinfric.study.sizing.demand import GearDemand
 from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, candidates, motor_cycle
 
 #: A candidate whose continuous torque cannot be checked is not offered: nothing speaks for it.
@@ -77,44 +77,23 @@ def offered(catalog: Catalog, conditions: Conditions, demand: GearDemand) -> tup
     return tuple(candidates(catalog, linear, own))
 
 
-def assess(
-    offers: Sequence[Candidate],
-    conditions: Conditions,
-    demand: GearDemand,
-    cycle: DriveCycle,
-    load_inertia: float | None,
-    hand: bool,
-) -> tuple[Assessment, ...]:
+def assess(offers: Sequence[Candidate], case: Case) -> tuple[Assessment, ...]:
     """Return every candidate with its criteria: those that fit by mass, then margin; the others.
 
     Args:
-        offers: `offered`. conditions: what is demanded.
-        demand, cycle: of the joint.
-        load_inertia: largest inertia about the joint, kg m^2 (kg); None: not known.
-        hand: one of the hand axes, beyond the third joint.
+        offers: `offered`. case: the joint.
     """
-    found = [judged(c, conditions, demand, cycle, load_inertia, hand) for c in offers]
-    return tuple(sorted(found, key=_rank))
+    return tuple(sorted((judged(c, case) for c in offers), key=_rank))
 
 
-def lightest(
-    offers: Sequence[Candidate],
-    conditions: Conditions,
-    demand: GearDemand,
-    cycle: DriveCycle,
-    load_inertia: float | None,
-    hand: bool,
-) -> Assessment | None:
-    """Return the first of `assess` if it fits, without a look at what is heavier; else None.
-
-    Args: as `assess`.
-    """
+def lightest(offers: Sequence[Candidate], case: Case) -> Assessment | None:
+    """Return the first of `assess` if it fits, without a look at what is heavier; else None."""
     best = None
     weighed = ((c.mass, c) for c in offers if c.mass is not None)
     for mass, candidate in sorted(weighed, key=lambda pair: pair[0]):
         if best is not None and mass > (best.candidate.mass or 0.0):
             break
-        found = judged(candidate, conditions, demand, cycle, load_inertia, hand)
+        found = judged(candidate, case)
         if found.fits and (best is None or _rank(found) < _rank(best)):
             best = found
     return best
@@ -152,17 +131,12 @@ def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:
     return max(judged, key=lambda a: a.margin, default=None)
 
 
-def judged(
-    candidate: Candidate,
-    conditions: Conditions,
-    demand: GearDemand,
-    cycle: DriveCycle,
-    load_inertia: float | None,
-    hand: bool,
-) -> Assessment:
-    """Return one candidate with its criteria; arguments as `assess`."""
-    motor = None if candidate.transmission is None else motor_cycle(candidate, cycle, conditions)
-    criteria = check(candidate, demand, cycle, motor, load_inertia, hand, conditions)
+def judged(candidate: Candidate, case: Case) -> Assessment:
+    """Return one candidate with its criteria."""
+    motor = None
+    if candidate.transmission is not None:
+        motor = motor_cycle(candidate, case.cycle, case.conditions)
+    criteria = check(candidate, motor, case)
     # the samples are not kept: long motions x many candidates would fill the memory
     return Assessment(candidate, criteria, None if motor is None else motor.figures)
 

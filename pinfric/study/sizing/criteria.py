@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -143,25 +144,32 @@ def compare(
     return Criterion(name, status, required, available, unit, float(margin), formula, source, note)
 
 
-def check(
-    candidate: Candidate,
-    demand: GearDemand,
-    cycle: DriveCycle,
-    motor: MotorCycle | None,
-    load_inertia: float | None,
-    hand: bool,
-    conditions: Conditions,
-) -> tuple[Criterion, ...]:
+class Case(NamedTuple):
+    """What a joint's candidates are judged by.
+
+    Attributes:
+        demand, cycle: of the joint.
+        load_inertia: largest inertia about it over the cycle, kg m^2 (kg); None: not known.
+        hand: it is one of the hand axes, beyond the third joint.
+        conditions: what is demanded.
+    """
+
+    demand: GearDemand
+    cycle: DriveCycle
+    load_inertia: float | None
+    hand: bool
+    conditions: Conditions
+
+
+def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[Criterion, ...]:
     """Return every criterion of a candidate, in the order of the report.
 
     Args:
         candidate: motor and gear.
-        demand, cycle: of its joint.
         motor: of `motor_cycle`; None where figures for the motor's torque are missing.
-        load_inertia: largest inertia about the joint over the cycle, kg m^2 (kg); None: not known.
-        hand: the joint is one of the hand axes, beyond the third.
-        conditions: what is demanded.
+        case: its joint.
     """
+    demand, _, load_inertia, hand, conditions = case
     units = dict(zip(("N m", "rad/s"), candidate.units, strict=True))  # N, m/s of a linear motor
     of_motor = _motor_criteria(candidate, motor, conditions)
     return (
@@ -361,11 +369,8 @@ def _collisions(gear: Gear, speed: float, conditions: Conditions) -> list[Criter
         formula = "collisions <= N = 10^4/(2 (n/60) t), n the greatest input speed in rpm"
         source = "Harmonic Drive CSF/CSG catalogue, momentary peak torque"
         borne = momentary_peaks(speed, wanted.duration)
-    if borne is not None and np.isinf(borne):
-        return [Criterion("gear momentary peaks", Status.PASSES, wanted.count, None, "", 1.0,
-                          formula, source, "the joint never moves")]  # fmt: skip
-    return [compare("gear momentary peaks", wanted.count, borne, "", formula, source,
-                    "momentary_peaks")]  # fmt: skip
+    return [_lasting("gear momentary peaks", wanted.count, borne, "", formula, source,
+                     "momentary_peaks", "the joint never moves")]  # fmt: skip
 
 
 def momentary_peaks(speed: float, duration: float) -> float:
@@ -555,19 +560,6 @@ def gear_life(
 def resonance(stiffness: float, inertia: float) -> float:
     """Return f = sqrt(K/J)/(2 pi), Hz, of a load J (kg m^2) behind a gear K (N m/rad)."""
     return float(np.sqrt(stiffness / inertia) / (2 * np.pi))
-
-
-def optimum_ratio_for_inertia(load_inertia: float, rotor_inertia: float) -> float:
-    """Return sqrt(J_load/J_rotor): the ratio that accelerates a pure inertia with least torque.
-
-    J_rotor is all that turns at the motor's speed, J_motor + J_gear input.
-
-    T_m = (J_load/r + r J_rotor) a is least where both parts are equal.
-
-    Args:
-        load_inertia: about the joint, kg m^2. rotor_inertia: at the motor's shaft, kg m^2.
-    """
-    return float(np.sqrt(load_inertia / rotor_inertia))
 
 
 def optimum_ratio(cycle: DriveCycle, effort: np.ndarray, rotor_inertia: float) -> float:

@@ -11,6 +11,7 @@ from pinfric.dynamics.motor_torques import drive_stick_velocity
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.reversals import reversals
 from pinfric.errors import StateError
+from pinfric.model.compiled import kernel
 from pinfric.model.coordinates import one_number
 from pinfric.model.scene import Scene
 from pinfric.study.sizing.bearing import BearingLoad, bearing_load, joint_loads
@@ -20,12 +21,12 @@ from pinfric.study.summary import effort_unit, ends_by_magnitude, integral, rms
 
 @dataclass(frozen=True)
 class Power:
-    """Mechanical power effort x velocity at the joint.
+    """A power over time: mechanical at a joint, or electrical at a motor or a bus.
 
     Attributes:
-        driving, braking: its peaks into and out of the joint, W (both >= 0).
-        delivered, returned: energies into and out of the joint over the cycle, J (both >= 0); what
-            is returned is what a lossless drive could regenerate.
+        driving, braking: its peaks into and out of there, W (both >= 0).
+        delivered, returned: energies into and out of there over the cycle, J (both >= 0); what a
+            joint returns is what a lossless drive could regenerate.
     """
 
     driving: float
@@ -326,18 +327,34 @@ def share(t: np.ndarray, mask: np.ndarray) -> float:
     return mean(t, mask.astype(float))
 
 
-def positive_part(t: np.ndarray, x: np.ndarray) -> float:
-    """Return int max(x, 0) dt, exactly for an x that is linear between samples."""
-    a, b, step = x[:-1], x[1:], np.diff(t)
-    top = np.maximum(a, b)
-    crossing = (a > 0) != (b > 0)
-    span = np.where(crossing, np.abs(a - b), 1.0)
-    area = np.where(crossing, top * top / (2 * span), np.maximum(a + b, 0.0) / 2)
-    return float(area @ step)
+def power_figures(t: np.ndarray, power: np.ndarray) -> Power:
+    """Return peaks and energies, int max(P, 0) dt and int max(-P, 0) dt, of a power over time.
+
+    Args:
+        t: (T,) s. power: (T,) W, linear between samples.
+    """
+    return Power(*_power_figures(t, power))
+
+
+@kernel
+def _power_figures(t: np.ndarray, power: np.ndarray) -> tuple[float, float, float, float]:
+    """See `power_figures`."""
+    most, least, delivered, returned = max(power[0], 0.0), min(power[0], 0.0), 0.0, 0.0
+    for k in range(1, t.size):
+        most, least = max(most, power[k]), min(least, power[k])
+        step = t[k] - t[k - 1]
+        high, low = max(power[k - 1], power[k]), min(power[k - 1], power[k])
+        if high > 0.0 and low < 0.0:
+            delivered += step * high * high / (2 * (high - low))
+            returned += step * low * low / (2 * (high - low))
+        elif high > 0.0:
+            delivered += step * (high + low) / 2
+        else:
+            returned -= step * (high + low) / 2
+    return most, -least, delivered, returned
 
 
 def _power(t: np.ndarray, one: np.ndarray, other: np.ndarray) -> Power:
-    most, least = np.maximum(one, other), np.minimum(one, other)
-    delivered, returned = np.maximum(most, 0.0), np.maximum(-least, 0.0)
-    return Power(float(delivered.max()), float(returned.max()),
-                 positive_part(t, most), positive_part(t, -least))  # fmt: skip
+    most = power_figures(t, np.maximum(one, other))
+    least = power_figures(t, np.minimum(one, other))
+    return Power(most.driving, least.braking, most.delivered, least.returned)

@@ -16,7 +16,7 @@ and F_b at the output; without these the same loss is taken both ways: eta_b = 2
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -35,13 +35,12 @@ from pinfric.study.sizing.catalog import (
     Motor,
     Thermal,
 )
-from pinfric.study.sizing.demand import DriveCycle, largest, mean
+from pinfric.study.sizing.demand import DriveCycle, largest, mean, power_figures
 from pinfric.study.sizing.overload import longest_above, moving_rms, overload_window
 from pinfric.study.sizing.thermal import (
     COPPER,
     WindingCycle,
     mean_winding_temperature,
-    power_figures,
     winding_cycle,
 )
 from pinfric.study.summary import ends_by_magnitude, rms
@@ -269,6 +268,8 @@ class MotorCycle:
         torque_lower, torque_upper: (T,) N m. speed: (T,) rad/s.
         current: (T,) A of the torque of larger magnitude, or None.
         winding: temperatures of the settled cycle, or None.
+        power: (T,) T_m omega + R(T_w) i^2 of the torque of larger magnitude, W.
+        copper: whether the second part is in it; else torque constant or resistance is not known.
         figures: its peaks and means.
     """
 
@@ -277,6 +278,8 @@ class MotorCycle:
     speed: np.ndarray
     current: np.ndarray | None
     winding: WindingCycle | None
+    power: np.ndarray
+    copper: bool
     figures: MotorFigures
 
 
@@ -323,7 +326,7 @@ def motor_with_gear(
     return Candidate(
         name=f"{motor_name} + {gear_name}{several}", motor=motor_name, gear_name=gear_name,
         ratio=ratio,
-        ratings=_motor_ratings(motor),
+        ratings=_ratings(motor),
         at_output=False,
         linear=gear.output == "linear",
         gear=gear,
@@ -407,7 +410,8 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     worst, least = ends_by_magnitude(lower, upper)
     hold = cycle.holding
     current, winding, mean_temperature = _temperatures(candidate.ratings, cycle, worst, conditions)
-    power = _electrical(candidate.ratings, t, worst, speed, current, winding)
+    power, copper = _electrical(candidate.ratings, worst, speed, current, winding)
+    drawn = astuple(power_figures(t, power)) if copper else (None, None, None, None)
     ratings, mean_speed = candidate.ratings, mean(t, np.abs(speed))
     limit, _ = ratings.continuous_at(conditions, mean_speed)
     limit = ratings.continuous_stall_torque or limit
@@ -420,14 +424,14 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         peak_temperature=None if winding is None else winding.peak,
         mean_temperature=mean_temperature,
-        driving_power=power[0], braking_power=power[1], energy=power[2], regenerated=power[3],
+        driving_power=drawn[0], braking_power=drawn[1], energy=drawn[2], regenerated=drawn[3],
         standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
         window=window,
         short_term=moving_rms(cycle.t, worst, window, cycle.duty),
         overloaded_standstill=None if limit is None else longest_above(
             cycle.t, worst, limit, cycle.standing, cycle.duty),
     )  # fmt: skip
-    return MotorCycle(lower, upper, speed, current, winding, figures)
+    return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
 
 
 def _temperatures(
@@ -450,52 +454,43 @@ def _temperatures(
 
 def _electrical(
     ratings: Ratings,
-    t: np.ndarray,
     torque: np.ndarray,
     speed: np.ndarray,
     current: np.ndarray | None,
     winding: WindingCycle | None,
-) -> tuple[float | None, float | None, float | None, float | None]:
-    """Return peak powers from and to the bus (W) and the energies (J); None where not known."""
+) -> tuple[np.ndarray, bool]:
+    """Return (T,) T_m omega + R(T_w) i^2, W, and whether its second part is known: see there."""
+    power = torque * speed
     if current is None or ratings.resistance is None:
-        return None, None, None, None
-    warm = np.empty(0) if winding is None or winding.runaway else winding.winding
-    return power_figures(t, torque, speed, current, ratings.resistance, warm)
+        return power, False
+    resistance: float | np.ndarray = ratings.resistance
+    if winding is not None and not winding.runaway:
+        resistance = resistance * (1 + COPPER * (winding.winding - REFERENCE_TEMPERATURE))
+    return power + resistance * current**2, True
 
 
-def _motor_ratings(motor: Motor) -> Ratings:
-    derived = []
-    continuous, resistance = motor.continuous_torque, motor.resistance
-    k, stall, voltage = motor.torque_constant, motor.stall_torque, motor.nominal_voltage
-    if continuous is None and motor.continuous_current is not None and k is not None:
-        continuous = k * motor.continuous_current
+def _ratings(entry: Motor | GearMotor) -> Ratings:
+    """A maker's figures, completed by what follows from others."""
+    given: dict[str, Any] = {f.name: getattr(entry, f.name, None) for f in fields(Ratings)}
+    continuous, k, stall = (given[x] for x in ("continuous_torque", "torque_constant",
+                                               "stall_torque"))  # fmt: skip
+    current, derived = getattr(entry, "continuous_current", None), []
+    if continuous is None and current is not None and k is not None:
+        continuous = k * current
         derived.append("continuous torque = torque constant x continuous current")
-    if resistance is None and k is not None and stall is not None and voltage is not None:
-        resistance = k * voltage / stall
+    voltage = given["nominal_voltage"]
+    if given["resistance"] is None and None not in (k, stall, voltage):
+        given["resistance"] = k * voltage / stall
         derived.append("resistance = torque constant x nominal voltage/stall torque")
-    if continuous is None and motor.continuous_curve is not None:
-        continuous = max(torque for _, torque in motor.continuous_curve)
-    line_stall, text = _stall(continuous, motor.rated_speed, motor.no_load_speed, stall)
-    return Ratings(
-        continuous_torque=continuous, peak_torque=motor.peak_torque, stall_torque=line_stall,
-        torque_constant=k, resistance=resistance, nominal_voltage=voltage,
-        no_load_speed=motor.no_load_speed, rated_speed=motor.rated_speed,
-        max_speed=motor.max_speed, thermal=motor.thermal,
-        continuous_curve=motor.continuous_curve,
-        continuous_stall_torque=motor.continuous_stall_torque, derived=(*derived, *text),
-    )  # fmt: skip
-
-
-def _stall(
-    torque: float | None, rated: float | None, no_load: float | None, stall: float | None
-) -> tuple[float | None, tuple[str, ...]]:
-    """The line's torque at standstill: printed, or through rated point and no-load speed."""
-    if stall is None and torque is not None and rated is not None and no_load is not None:
-        if rated < no_load:
-            text = "speed-torque line through the rated point and the no-load speed"
-            return torque / (1 - rated / no_load), (text,)
-        return None, ()
-    return stall, ()
+    if continuous is None and given["continuous_curve"] is not None:
+        continuous = max(torque for _, torque in given["continuous_curve"])
+    rated, no_load = given["rated_speed"], given["no_load_speed"]
+    known = continuous is not None and rated is not None and no_load is not None
+    if stall is None and known and rated < no_load:
+        stall = continuous / (1 - rated / no_load)
+        derived.append("speed-torque line through the rated point and the no-load speed")
+    return Ratings(**given | {"continuous_torque": continuous, "stall_torque": stall,
+                              "derived": tuple(derived)})  # fmt: skip
 
 
 def _gearmotor(name: str, entry: GearMotor) -> Candidate:
@@ -512,15 +507,9 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         values["no_load_torque"] = constant_friction(friction.base / entry.ratio)
         values["motor_viscous"] = linear_drag(friction.viscous / entry.ratio**2)
         losses = "identified friction at the output: base, load-dependent, viscous"
-    stall, derived = _stall(entry.continuous_torque, entry.rated_speed, entry.no_load_speed, None)
     return Candidate(
         name=name, motor=name, gear_name=None, ratio=entry.ratio,
-        ratings=Ratings(
-            continuous_torque=entry.continuous_torque, peak_torque=entry.peak_torque,
-            stall_torque=stall, nominal_voltage=entry.nominal_voltage,
-            no_load_speed=entry.no_load_speed, rated_speed=entry.rated_speed,
-            max_speed=entry.max_speed, derived=derived,
-        ),
+        ratings=_ratings(entry),
         at_output=True,
         linear=entry.output == "linear",
         gear=None,

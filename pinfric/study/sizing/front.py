@@ -18,9 +18,8 @@ import numpy as np
 
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.demand import DriveCycle, positive_part
+from pinfric.study.sizing.demand import DriveCycle, power_figures
 from pinfric.study.sizing.drivetrain import motor_cycle
-from pinfric.study.sizing.power import copper_known, drive_power
 
 #: Sets kept while they are built, and sets sized in the end.
 _BUILT, _SIZED = 64, 24
@@ -98,22 +97,19 @@ def trade_offs(
             for assessment, cycle in found:
                 total = total.with_drive(_part(assessment, cycle, conditions))
             sized.append(total)
-    return tuple(
-        DriveSet(
-            {name: a.candidate.name for name, a in zip(names, part.taken, strict=True)},
-            part.mass, positive_part(t, part.power), float(part.power.max()), part.price,
-            part.copper,
-        )
-        for part in _best(sized, t)
-    )  # fmt: skip
+    return tuple(_drive_set(names, part, t) for part in _best(sized, t))
+
+
+def _drive_set(names: Sequence[str], part: _Part, t: np.ndarray) -> DriveSet:
+    drives = {name: a.candidate.name for name, a in zip(names, part.taken, strict=True)}
+    flow = power_figures(t, part.power)
+    return DriveSet(drives, part.mass, flow.delivered, flow.driving, part.price, part.copper)
 
 
 def _part(assessment: Assessment, cycle: DriveCycle, conditions: Conditions) -> _Part:
     candidate = assessment.candidate
     motor = motor_cycle(candidate, cycle, conditions)
-    power = drive_power(candidate.ratings, motor)
-    return _Part((assessment,), candidate.mass or 0.0, candidate.price, power,
-                 copper_known(candidate.ratings, motor))  # fmt: skip
+    return _Part((assessment,), candidate.mass or 0.0, candidate.price, motor.power, motor.copper)
 
 
 def _best(parts: Sequence[_Part], t: np.ndarray) -> list[_Part]:
@@ -122,12 +118,12 @@ def _best(parts: Sequence[_Part], t: np.ndarray) -> list[_Part]:
     Losses that are not known make a set better than it is: it betters none whose are.
     """
     parts = sorted(parts, key=lambda part: part.mass)
+    priced = all(part.price is not None for part in parts)
+    flows = [power_figures(t, part.power) for part in parts]
     figures = np.array([
-        (part.mass, positive_part(t, part.power), part.power.max(),
-         1.0 if part.price is None else part.price) for part in parts
-    ]).reshape(-1, 4)  # fmt: skip
-    if any(part.price is None for part in parts):
-        figures[:, 3] = 1.0
+        (part.mass, flow.delivered, flow.driving, part.price if priced else 1.0)
+        for part, flow in zip(parts, flows, strict=True)
+    ], dtype=float).reshape(-1, 4)  # fmt: skip
     steps = np.floor(np.log(np.maximum(figures, 1e-9)) / _STEP)
     copper = np.array([part.copper for part in parts])
     kept: list[int] = []

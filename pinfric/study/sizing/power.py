@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.dynamics.result import runs
-from pinfric.study.sizing.catalog import REFERENCE_TEMPERATURE, Conditions
+from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import Criterion, compare
-from pinfric.study.sizing.demand import positive_part
-from pinfric.study.sizing.drivetrain import MotorCycle, Ratings
+from pinfric.study.sizing.demand import power_figures
+from pinfric.study.sizing.drivetrain import MotorCycle
 from pinfric.study.sizing.duty import Schedule
-from pinfric.study.sizing.thermal import COPPER, power_figures
-from pinfric.study.summary import ends_by_magnitude, rms
+from pinfric.study.summary import rms
 
 
 @dataclass(frozen=True)
@@ -76,29 +75,8 @@ class BusPower:
         return f"capacitors of {self.capacitance:.3g} F, or {resistor}, or a supply that feeds back"
 
 
-def copper_known(ratings: Ratings, motor: MotorCycle) -> bool:
-    """Whether a motor's copper loss is in `drive_power`."""
-    return motor.current is not None and ratings.resistance is not None
-
-
-def drive_power(ratings: Ratings, motor: MotorCycle) -> np.ndarray:
-    """Return (T,) T_m omega + R(T_w) i^2, W; without torque constant and resistance T_m omega.
-
-    Args:
-        ratings: of the motor. motor: over the cycle; the end of larger magnitude counts.
-    """
-    torque = ends_by_magnitude(motor.torque_lower, motor.torque_upper)[0]
-    power = torque * motor.speed
-    if motor.current is None or ratings.resistance is None:  # `copper_known`
-        return np.asarray(power)
-    hot = np.ones(1)
-    if motor.winding is not None and not motor.winding.runaway:
-        hot = 1.0 + COPPER * (motor.winding.winding - REFERENCE_TEMPERATURE)
-    return np.asarray(power + ratings.resistance * hot * motor.current**2)
-
-
 def bus_power(
-    drives: Mapping[str, tuple[Ratings, MotorCycle] | None],
+    drives: Mapping[str, MotorCycle | None],
     t: np.ndarray,
     duty: Schedule,
     conditions: Conditions,
@@ -113,10 +91,8 @@ def bus_power(
     power, stretched = np.zeros(len(t)), duty.stretched(t)
     known = {name: motor for name, motor in drives.items() if motor is not None}
     for motor in known.values():
-        power += drive_power(*motor)
-    one, none = np.ones(len(t)), np.zeros(len(t))
-    figures = power_figures(stretched, power, one, none, 0.0, np.empty(0))
-    peak, braking, drawn, returned = figures
+        power += motor.power
+    flow = power_figures(stretched, power)
     burst = _burst(t, power, duty)
     voltage, period = conditions.bus_voltage, float(stretched[-1] - stretched[0])
     limit = conditions.bus_limit
@@ -124,20 +100,20 @@ def bus_power(
     taken = None
     if room is not None and conditions.bus_capacitance is not None:
         taken = conditions.bus_capacitance * room
-    flows = braking > 0
+    flows = flow.braking > 0
     left_out = tuple(name for name in drives if name not in known)
-    mechanical = tuple(name for name, drive in known.items() if not copper_known(*drive))
+    mechanical = tuple(name for name, motor in known.items() if not motor.copper)
     return BusPower(
         power=power,
         left_out=left_out, mechanical=mechanical,
-        peak=peak, braking=braking, drawn=drawn, returned=returned,
-        mean=(drawn - returned) / period, burst=burst,
-        current=peak / voltage, rms_current=rms(stretched, power) / voltage,
-        resistor=(limit or voltage) ** 2 / braking if flows else None,
-        resistor_power=returned / period if flows else None,
+        peak=flow.driving, braking=flow.braking, drawn=flow.delivered, returned=flow.returned,
+        mean=(flow.delivered - flow.returned) / period, burst=burst,
+        current=flow.driving / voltage, rms_current=rms(stretched, power) / voltage,
+        resistor=(limit or voltage) ** 2 / flow.braking if flows else None,
+        resistor_power=flow.returned / period if flows else None,
         capacitance=burst / room if room and flows else None,
         criteria=(
-            _supply(peak, conditions.supply_power, bool(left_out or mechanical)),
+            _supply(flow.driving, conditions.supply_power, bool(left_out or mechanical)),
             compare("braking energy", burst, taken, "J",
                     "energy fed back in one go <= C (U_max^2 - U^2)/2",
                     "Servotronix CDHD2 manual, regeneration: E_bus = C/2 (V_max^2 - V_nom^2)",
@@ -163,10 +139,7 @@ def _burst(t: np.ndarray, power: np.ndarray, duty: Schedule) -> float:
     order = np.concatenate([order, order])  # a period into the next
     times = np.concatenate([times, times[-1] + times])
     played = power[order]
-    return max((positive_part(times[part], -played[part]) for part in _braking(played)),
-               default=0.0)  # fmt: skip
-
-
-def _braking(power: np.ndarray) -> list[slice]:
-    """The samples of each time in which power flows back, with one more on each side."""
-    return [slice(max(first - 1, 0), last + 2) for first, last in runs(power < 0)]
+    # the samples of each time in which power flows back, with one more on each side
+    parts = [slice(max(first - 1, 0), last + 2) for first, last in runs(played < 0)]
+    bursts = (power_figures(times[part], played[part]).returned for part in parts)
+    return max(bursts, default=0.0)

@@ -41,7 +41,7 @@ from pinfric.study.sizing.assess import (
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
-from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.criteria import Case, Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
     GearDemand,
@@ -206,10 +206,7 @@ class SizingReport(Shown):
     @cached_property
     def bus(self) -> BusPower:
         """What the drives taken draw from their bus together, and what flows back."""
-        drives = {
-            joint.name: None if joint.taken is None or joint.motor is None
-            else (joint.taken.candidate.ratings, joint.motor) for joint in self.joints
-        }  # fmt: skip
+        drives = {joint.name: joint.motor for joint in self.joints}
         t = self.result.t
         assert t is not None  # size refuses a motion without times
         return bus_power(drives, t, self.duty, self.conditions)
@@ -383,10 +380,13 @@ class _Sizing:
         (result, inertias), found = self._solve(load, taken), []
         for i, assessment in taken.items():
             cycle, inertia = self._cycle(i, result, inertias)
-            demand = gear_demand(result, i, cycle)
-            found.append((judged(assessment.candidate, self.conditions, demand, cycle, inertia,
-                                 depth(self.scene, i) > BASE_AXES), cycle))  # fmt: skip
+            case = self._case(i, gear_demand(result, i, cycle), cycle, inertia)
+            found.append((judged(assessment.candidate, case), cycle))
         return found
+
+    def _case(self, i: int, demand: GearDemand, cycle: DriveCycle, inertia: float | None) -> Case:
+        """What a joint's candidates are judged by."""
+        return Case(demand, cycle, inertia, depth(self.scene, i) > BASE_AXES, self.conditions)
 
     def _solve(
         self, load: _Load, taken: Mapping[int, Assessment]
@@ -421,8 +421,7 @@ class _Sizing:
     def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
         cycle, inertia = self._cycle(i, result, inertias)
         demand = joint_demand(result, i, cycle)
-        hand = depth(self.scene, i) > BASE_AXES
-        ranked = assess(self._offers(i, demand), self.conditions, demand, cycle, inertia, hand)
+        ranked = assess(self._offers(i, demand), self._case(i, demand, cycle, inertia))
         choice = ranked[0] if ranked and ranked[0].fits else None
         lacking = "" if ranked else self._no_candidates(i, demand.unit)
         return JointSizing(demand, cycle, demand, inertia, None, ranked, choice,
@@ -444,16 +443,16 @@ class _Sizing:
         motor, offers = None, self._offers(i, joint.demand)
         if joint.taken is not None and joint.taken.motor is not None:
             motor = motor_cycle(joint.taken.candidate, joint.cycle, self.conditions)
-        hand, cycle = depth(self.scene, i) > BASE_AXES, joint.cycle.without_friction()
+        cycle = joint.cycle.without_friction()
         bare = gear_demand_frictionless(joint.demand, cycle)
-        frictionless = lightest(offers, self.conditions, bare, cycle, joint.load_inertia, hand)
+        frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia))
         if (i, ()) in self.judged:  # no drive weighs on it
             demand, choice = self.judged[i, ()].demand, self.judged[i, ()].choice
         else:
             result, inertias = self._solve((), {})
             alone, inertia = self._cycle(i, result, inertias)
             demand = joint_demand(result, i, alone)
-            choice = lightest(offers, self.conditions, demand, alone, inertia, hand)
+            choice = lightest(offers, self._case(i, demand, alone, inertia))
         return replace(
             joint, demand_without_masses=demand, motor=motor,
             choice_frictionless=frictionless, choice_without_masses=choice,

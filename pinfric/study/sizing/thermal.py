@@ -111,40 +111,6 @@ def mean_winding_temperature(
     return ambient + gain * warm / (1 - copper * gain)
 
 
-@kernel
-def power_figures(
-    t: np.ndarray,
-    torque: np.ndarray,
-    speed: np.ndarray,
-    current: np.ndarray,
-    resistance: float,
-    winding: np.ndarray,
-) -> tuple[float, float, float, float]:
-    """Return greatest power and energy of P = T_m omega + R(T_w) i^2, each drawn and fed back.
-
-    P is linear between samples (as in `demand.positive_part`). Without `winding` (T,), deg C,
-    the resistance is that at the reference temperature.
-    """
-    most, least, drawn, fed_back, last = 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(t.size):
-        hot = 1.0
-        if winding.size:
-            hot += COPPER * (winding[k] - REFERENCE_TEMPERATURE)
-        power = torque[k] * speed[k] + resistance * hot * current[k] * current[k]
-        most, least = max(most, power), min(least, power)
-        if k > 0:
-            step, high, low = t[k] - t[k - 1], max(last, power), min(last, power)
-            if high > 0.0 and low < 0.0:
-                drawn += step * high * high / (2 * (high - low))
-                fed_back += step * low * low / (2 * (high - low))
-            elif high > 0.0:
-                drawn += step * (high + low) / 2
-            else:
-                fed_back -= step * (high + low) / 2
-        last = power
-    return most, -least, drawn, fed_back
-
-
 def mean_square(x: np.ndarray) -> np.ndarray:
     """Return (T-1,) the mean of x^2 between samples, x linear there: (a^2 + a b + b^2)/3."""
     a, b = x[:-1], x[1:]

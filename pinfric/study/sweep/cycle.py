@@ -21,7 +21,7 @@ from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criteria import Status, check
+from pinfric.study.sizing.criteria import Case, Status, check
 from pinfric.study.sizing.demand import drive_cycle, gear_demand
 from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
 from pinfric.study.sizing.size import holds, load_inertias
@@ -74,7 +74,7 @@ class Judge:
         cycle = drive_cycle(result, actuator, holding)
         demand = gear_demand(result, actuator, cycle, carried=candidate.bearing is not None)
         motor = motor_cycle(candidate, cycle, self.conditions)
-        found = check(candidate, demand, cycle, motor, inertia, self.hand, self.conditions)
+        found = check(candidate, motor, Case(demand, cycle, inertia, self.hand, self.conditions))
         bits = {name: 2.0**k for k, name in enumerate(self.criteria)}
         failed, unchecked = (
             sum(bits[c.name] for c in found if c.status == status)

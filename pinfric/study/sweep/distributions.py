@@ -116,7 +116,24 @@ class TruncatedNormal(Distribution):
                 math.inf if self.high is None else self.high)  # fmt: skip
 
 
-class Uniform(Distribution):
+class _Between(Distribution):
+    """From `low` to `high`."""
+
+    low: Number
+    high: Number
+
+    @model_validator(mode="after")
+    def _in_order(self) -> _Between:
+        _ascending(self.low, self.high)
+        return self
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """[low, high]."""
+        return self.low, self.high
+
+
+class Uniform(_Between):
     """Any value from low to high, all as likely.
 
     Attributes:
@@ -124,22 +141,9 @@ class Uniform(Distribution):
         high (of the parameter): greatest value, e.g. 1.1
     """
 
-    low: Number
-    high: Number
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Uniform:
-        _ascending(self.low, self.high)
-        return self
-
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return low + u (high - low)."""
         return self.low + u * (self.high - self.low)
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """[low, high]."""
-        return self.low, self.high
 
 
 class LogNormal(Distribution):
@@ -167,20 +171,10 @@ class LogNormal(Distribution):
         return math.nextafter(0.0, 1.0), math.inf
 
 
-class Choice(Distribution):
-    """One of a list of values, all as likely.
-
-    Attributes:
-        values (of the parameter): all different, e.g. [0.0, 1.0, 2.0]
-    """
+class _Listed(Distribution):
+    """One of some values, all as likely."""
 
     values: Annotated[tuple[Number, ...], Field(min_length=1)]
-
-    @model_validator(mode="after")
-    def _all_different(self) -> Choice:
-        if len(set(self.values)) < len(self.values):
-            raise ValueError("`values` names one value twice")
-        return self
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return the value whose share of [0, 1) holds u, the shares in the order given."""
@@ -191,28 +185,31 @@ class Choice(Distribution):
         """The least and the greatest value."""
         return min(self.values), max(self.values)
 
+
+class Choice(_Listed):
+    """One of a list of values, all as likely.
+
+    Attributes:
+        values (of the parameter): all different, e.g. [0.0, 1.0, 2.0]
+    """
+
+    @model_validator(mode="after")
+    def _all_different(self) -> Choice:
+        if len(set(self.values)) < len(self.values):
+            raise ValueError("`values` names one value twice")
+        return self
+
     @property
     def levels(self) -> tuple[float, ...] | None:
         """The values."""
         return self.values
 
 
-class Column(Distribution):
+class Column(_Listed):
     """A column of a table, all rows as likely: one u gives one row in all columns."""
 
-    values: Annotated[tuple[Number, ...], Field(min_length=1)]
 
-    def quantile(self, u: np.ndarray) -> np.ndarray:
-        """Return the value of the row whose share of [0, 1) holds u."""
-        return _pick(self.values, u)
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """The least and the greatest value."""
-        return min(self.values), max(self.values)
-
-
-class Steps(Distribution):
+class Steps(_Between):
     """`count` values from low to high at equal distances, for grids.
 
     Attributes:
@@ -221,23 +218,11 @@ class Steps(Distribution):
         count (1): of the values, both ends counted, e.g. 11
     """
 
-    low: Number
-    high: Number
     count: Annotated[int, Field(ge=2, le=100_000, strict=True)]
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Steps:
-        _ascending(self.low, self.high)
-        return self
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return the step whose share of [0, 1) holds u."""
         return _pick(self.levels or (), u)
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """[low, high]."""
-        return self.low, self.high
 
     @property
     def levels(self) -> tuple[float, ...] | None:

@@ -19,7 +19,7 @@ from pinfric.model.schema import Transmission
 from pinfric.study.sizing.assess import Assessment, own_bearing
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
-from pinfric.study.sizing.criteria import Status, check
+from pinfric.study.sizing.criteria import Case, Status, check
 from pinfric.study.sizing.demand import DriveCycle, GearDemand
 from pinfric.study.sizing.drivetrain import Candidate, Ratings, candidates
 from pinfric.study.sizing.size import (
@@ -238,7 +238,7 @@ def _required(candidate: Candidate, conditions: Conditions, hand: bool) -> tuple
         np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
     )
     demand = GearDemand("", "", 0.0, 0.0, 0.0, 0.0, bearing=None, travel=0.0)
-    found = check(candidate, demand, cycle, None, None, hand, conditions)
+    found = check(candidate, None, Case(demand, cycle, None, hand, conditions))
     return tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
 
 

@@ -29,7 +29,7 @@ import pinocchio as pin
 
 from pinfric.errors import SweepError, choose_from, problems_line
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Friction, Payload, added_terms
+from pinfric.model.schema import Actuator, Payload, added_terms
 from pinfric.model.transmission import MakersEfficiency
 from pinfric.study.sweep.distributions import Column, Distribution
 from pinfric.study.sweep.file import MOST_SAMPLES, SweepFile
@@ -249,7 +249,7 @@ def apply(
             payloads[name] = _with_payload(payloads[name], target.key, value)
         elif target.section == "friction":
             for name in target.names:
-                friction[name] = _with_factor(friction[name], target.key, value)
+                friction[name] = _scaled(friction[name], target.key, value)
         else:
             for name in target.names:
                 factors = losses.setdefault(name, {})
@@ -311,10 +311,6 @@ def _with_payload(payload: Payload, key: str, value: float) -> Payload:
     com = list(payload.com)
     com["xyz".index(key[-1])] = value
     return payload.model_copy(update={"com": tuple(com)})
-
-
-def _with_factor(friction: Friction, key: str, factor: float) -> Friction:
-    return _scaled(friction, key, factor)
 
 
 def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Actuator:

@@ -19,6 +19,7 @@ from pinfric.errors import PinfricError, PinfricWarning, StateError
 from pinfric.show.replay import surfaces
 from pinfric.show.replay.frames import frame_times, make_frames
 from pinfric.show.replay.meshes import urdf_visuals
+from pinfric.show.replay.page import RecordingWindow
 from pinfric.show.replay.replay import (
     Replay,
     motion_to_replay,
@@ -28,7 +29,6 @@ from pinfric.show.replay.replay import (
 )
 from pinfric.show.replay.shapes import equivalent_box, robot_shapes
 from pinfric.show.replay.stage import set_stage
-from pinfric.show.replay.window import RecordingWindow
 from pinfric.study.retime.limits import read_limits
 
 ROBOTS = Path(__file__).parents[3] / "robots"

@@ -158,8 +158,8 @@ def test_force_drive_is_drawn_with_its_tip_where_it_pushes():
     import meshcat
     import umsgpack
 
+    from pinfric.show.replay.page import RecordingWindow
     from pinfric.show.replay.stage import set_stage
-    from pinfric.show.replay.window import RecordingWindow
 
     scene, window = pf.load_scene(ROBOTS / "drawer.yaml"), RecordingWindow()
     set_stage(meshcat.Visualizer(window=window), scene, np.array([[[0, 0, 0, 0, 0, 0, 1.0]]]))

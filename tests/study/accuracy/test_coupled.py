@@ -17,9 +17,9 @@ from pinfric.show.accuracy.report import accuracy_report
 from pinfric.study.accuracy.coupled import (
     SHARES,
     TOLERANCES,
+    CoupledFriction,
     coupled,
-    solve_by_fixed_point,
-    solve_by_newton,
+    solve,
 )
 from pinfric.study.accuracy.study import Accuracy
 
@@ -86,20 +86,18 @@ def test_newtons_passes_stay_few_and_the_fixed_points_do_not(drawer, capsys):
         assert f" {row.iterations} " in text
 
 
-@pytest.mark.parametrize("solve", [solve_by_fixed_point, solve_by_newton])
+@pytest.mark.parametrize("newton", [False, True])
 @pytest.mark.parametrize("mu", [0.1, 0.3, 0.45])
-def test_both_solvers_find_the_push_of_the_closed_form(solve, mu):
+def test_both_solvers_find_the_push_of_the_closed_form(newton, mu):
     """Two pads: p = +-(F e / L) across, w / 2 down, F = m a - x."""
     side = 0.5 * LEVER
     free = np.array([[4.0 * side, 0.5 * WEIGHT, 0.0], [-4.0 * side, 0.5 * WEIGHT, 0.0]])
     slope = np.array([[[-side, 0.0, 0.0]], [[side, 0.0, 0.0]]])
     x, zero = np.zeros(1), np.zeros(1)
-    passes = solve(free, slope, np.zeros(2, np.int64), np.array([-mu]), zero, zero, 1e-14, 2000, 1,
-                   x)  # fmt: skip
-    assert passes > 0
+    friction = CoupledFriction(free, slope, np.zeros(2, np.int64), np.array([-mu]), zero, zero)
+    assert solve(friction, newton, 1e-14, 2000, 1, x) > 0
     assert 4.0 - x[0] == pytest.approx(drawer_forces(mu, 1.0)[0], rel=1e-12)
-    few = solve(free, slope, np.zeros(2, np.int64), np.array([-mu]), zero, zero, 1e-14, 2, 1, x)
-    assert few == -1
+    assert solve(friction, newton, 1e-14, 2, 1, x) == -1
 
 
 def test_a_four_bar_jams_beyond_its_certificate():
@@ -117,8 +115,7 @@ def test_a_four_bar_jams_beyond_its_certificate():
 def test_passes_without_end_are_rows_with_a_reason(monkeypatch):
     from pinfric.study.accuracy import coupled as module
 
-    few = {"fixed point": (solve_by_fixed_point, 100), "Newton": (solve_by_newton, 60)}
-    monkeypatch.setattr(module, "_SOLVERS", few)
+    monkeypatch.setitem(module.MOST_PASSES, "fixed point", 100)
     rows = coupled(jamming_drawer(0.3).inverse(), rounds=1)
     failed = [row for row in rows if row.problem]
     assert {row.solver for row in failed} == {"fixed point"}

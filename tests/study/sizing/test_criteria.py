@@ -27,13 +27,13 @@ import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.study.sizing.criteria import (
+    Case,
     Status,
     check,
     compare,
     gear_life,
     load_factor,
     optimum_ratio,
-    optimum_ratio_for_inertia,
     resonance,
 )
 from pinfric.study.sizing.demand import DriveCycle
@@ -184,7 +184,7 @@ def test_optimum_ratio_of_a_pure_inertia_is_the_root_of_the_inertias():
     cycle = DriveCycle(t, load * a, load * a, load * a, v, a, nothing, nothing, 0.0)
     best = optimum_ratio(cycle, load * a, rotor)
     assert best == pytest.approx(np.sqrt(load / rotor), rel=1e-12)
-    assert optimum_ratio_for_inertia(load, rotor) == pytest.approx(60.0)
+    assert best == pytest.approx(60.0)
     # it is the least of T_m = T*/r + r J a, and the least T_rms^2/J is the load factor
 
     def torque(r):
@@ -337,7 +337,8 @@ def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
     motor = motor_cycle(candidate, cycle, catalog.conditions)
     assert motor.figures.holding is None
     assert motor.figures.standing == pytest.approx(80 / RATIO / ETA)
-    found = check(candidate, sized(tmp_path).demand, cycle, motor, 1.0, False, catalog.conditions)
+    case = Case(sized(tmp_path).demand, cycle, 1.0, False, catalog.conditions)
+    found = check(candidate, motor, case)
     assert "standing still it takes up to 1 N m" in found[0].note
     # one sample at v = 0 is a reversal, not a stop
     turning = DriveCycle(t, effort, effort, effort, t - 0.5, zero, nobody, nobody, 0.0)

@@ -28,6 +28,7 @@ import pinfric as pf
 from pinfric.errors import CatalogError, SizingError, StateError
 from pinfric.study.sizing.assess import assess, lightest
 from pinfric.study.sizing.catalog import load_catalog
+from pinfric.study.sizing.criteria import Case
 from pinfric.study.summary import summarize
 
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -401,13 +402,13 @@ def test_demand_agrees_with_the_summary_of_inverse_dynamics(panda):
 @pytest.mark.parametrize("factor", [0.3, 1.0, 4.0, 100.0])
 def test_the_lightest_is_found_without_a_look_at_what_is_heavier(panda, factor):
     offers = [a.candidate for a in panda.joints[1].assessments]
-    joint, conditions = panda.joints[1], panda.conditions
+    joint = panda.joints[1]
     u = factor * joint.cycle.effort_frictionless
     cycle = replace(joint.cycle, effort_lower=u, effort_upper=1.1 * u)
     demand = replace(joint.demand, peak=factor * joint.demand.peak)
     twice = [*offers, *(replace(c, name=f"{c.name} again") for c in offers)]  # of one mass
-    ranked = assess(twice, conditions, demand, cycle, joint.load_inertia, False)
-    found = lightest(twice, conditions, demand, cycle, joint.load_inertia, False)
+    case = Case(demand, cycle, joint.load_inertia, False, panda.conditions)
+    ranked, found = assess(twice, case), lightest(twice, case)
     assert (found is None) == (not ranked[0].fits) == (factor == 100.0)
     assert found is None or found.candidate.name == ranked[0].candidate.name
 
