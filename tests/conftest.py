@@ -9,7 +9,8 @@ from pinfric.model import compiled, interpreted
 # What a command prints is compared word for word, be the kernels compiled already or not.
 compiled.say_compiling = lambda again="": None
 
-#: What compiles most comes first, each kernel in one process; the others find it in the cache.
+#: What compiles most comes first, each kernel in one process, that of files of one name; the others
+#: find it in the cache.
 FIRST = {
     "dynamics/test_forward.py": "forward dynamics",
     "friction/test_given_modes.py": "inverse dynamics",
@@ -23,6 +24,10 @@ FIRST = {
     "dynamics/test_solver.py": "holding",
     "study/retime/test_retime.py": "retiming",
     "study/retime/test_fastest.py": "retiming",
+    "study/sweep/test_superposition.py": "sweeps",
+    "show/report/test_sweep_report.py": "sweeps",
+    "study/accuracy/test_coupled.py": "accuracy",
+    "study/accuracy/test_accuracy_report.py": "accuracy",
 }
 #: Files of long tests that share nothing: one by one, so that all processes end together.
 LAST = ("dynamics/test_stuck_loops.py", "dynamics/test_rounding.py", "test_notebooks.py")

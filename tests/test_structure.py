@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,7 +32,11 @@ def module_name(file: Path) -> str:
     return ".".join(parts).removesuffix(".__init__")
 
 
-TREES = {module_name(f): ast.parse(f.read_text(encoding="utf-8")) for f in PACKAGE.rglob("*.py")}
+@cache
+def trees() -> dict[str, ast.Module]:
+    """The syntax of every module; when a test asks, not in each process that collects tests."""
+    files = PACKAGE.rglob("*.py")
+    return {module_name(f): ast.parse(f.read_text(encoding="utf-8")) for f in files}
 
 
 def imports(module: str, node: ast.AST, late: bool, typing: bool) -> Iterator[Import]:
@@ -42,14 +47,16 @@ def imports(module: str, node: ast.AST, late: bool, typing: bool) -> Iterator[Im
         elif isinstance(child, ast.ImportFrom):
             for alias in child.names:
                 inner = f"{child.module}.{alias.name}"
-                yield Import(module, inner if inner in TREES else str(child.module), late, typing)
+                yield Import(module, inner if inner in trees() else str(child.module), late, typing)
         else:
             inside = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef)
             checked = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
             yield from imports(module, child, late or inside, typing or checked)
 
 
-IMPORTS = [found for module, tree in TREES.items() for found in imports(module, tree, False, False)]
+@cache
+def all_imports() -> list[Import]:
+    return [one for module, tree in trees().items() for one in imports(module, tree, False, False)]
 
 
 def circle(edges: dict[str, set[str]]) -> list[str]:
@@ -73,8 +80,8 @@ def circle(edges: dict[str, set[str]]) -> list[str]:
 def test_no_module_imports_itself_by_way_of_others():
     """Late imports count: they hide a circle from Python, not from a reader."""
     edges: dict[str, set[str]] = {}
-    for found in IMPORTS:
-        if found.name in TREES and not found.typing:
+    for found in all_imports():
+        if found.name in trees() and not found.typing:
             edges.setdefault(found.by, set()).add(found.name)
     assert circle(edges) == []
     assert sum(map(len, edges.values())) > 400  # the search has seen the package
@@ -85,15 +92,15 @@ def test_a_circle_is_found():
 
 
 def test_no_function_imports_a_module_of_ours():
-    heavy = {i.by for i in IMPORTS if not i.late and i.name.split(".")[0] in HEAVY}
-    late = {(i.by, i.name) for i in IMPORTS
+    heavy = {i.by for i in all_imports() if not i.late and i.name.split(".")[0] in HEAVY}
+    late = {(i.by, i.name) for i in all_imports()
             if i.late and i.name.split(".")[0] == "pinfric" and i.by not in FRONT
             and i.name not in heavy}  # fmt: skip
     assert late == set()
 
 
 def test_nothing_imports_the_front():
-    assert {i.by for i in IMPORTS if i.name in FRONT} <= FRONT
+    assert {i.by for i in all_imports() if i.name in FRONT} <= FRONT
 
 
 def functions(node: ast.AST, prefix: str) -> Iterator[tuple[str, ast.FunctionDef]]:
@@ -112,7 +119,7 @@ def is_large(function: ast.FunctionDef) -> bool:
 
 
 def test_functions_are_below_sixty_lines_and_thirteen_arguments():
-    found = {name.removeprefix("pinfric.") for module, tree in TREES.items()
+    found = {name.removeprefix("pinfric.") for module, tree in trees().items()
              for name, function in functions(tree, module) if is_large(function)}  # fmt: skip
     assert found == set()
 

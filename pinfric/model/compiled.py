@@ -18,6 +18,7 @@ from numba import typeof
 from numba.core import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
+from numba.core.types import unliteral
 from numba.experimental import structref
 
 from pinfric.errors import PinfricWarning
@@ -67,6 +68,14 @@ def _compiled(
     except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
         cached = _NoCache()
     vars(made)["_cache"] = cached
+    call_template = made.get_call_template  # type: ignore[attr-defined]
+
+    def template_of_types(args: Any, kws: Any) -> Any:
+        """What another kernel calls, compiled for types: numba compiles for each constant anew."""
+        named = {name: unliteral(one) for name, one in kws.items()}
+        return call_template([unliteral(one) for one in args], named)
+
+    vars(made)["get_call_template"] = template_of_types
     if waits:
         compile_for = made._compile_for_args  # type: ignore[attr-defined]
 

@@ -84,15 +84,18 @@ def timed(panda, samples, processes, **more):
 
 
 def test_more_processes_are_faster(panda):
-    rates, results = {}, {}
-    for processes in (1, 2, 4):
-        results[processes], whole, rates[processes] = timed(panda, 12_000, processes)
-        print(f"\n{processes} processes: {rates[processes]:.0f} cycles/s, speed-up "
-              f"{rates[processes] / rates[1]:.2f}; {whole:.1f} s with start")  # fmt: skip
-    for processes in (2, 4):
-        np.testing.assert_array_equal(results[processes].figures, results[1].figures)
-    if CORES >= 2:
-        assert rates[2] > 1.3 * rates[1]
+    rates, results = dict.fromkeys((1, 2, 4), 0.0), {}
+    for _ in range(3):  # what else runs makes rates smaller only: the greatest of each is compared
+        for processes in rates:
+            results[processes], whole, rate = timed(panda, 12_000, processes)
+            rates[processes] = max(rate, rates[processes])
+            print(f"\n{processes} processes: {rate:.0f} cycles/s, speed-up "
+                  f"{rates[processes] / rates[1]:.2f}; {whole:.1f} s with start")  # fmt: skip
+        for processes in (2, 4):
+            np.testing.assert_array_equal(results[processes].figures, results[1].figures)
+        if CORES < 2 or rates[2] > 1.3 * rates[1]:
+            return
+    pytest.fail(f"two processes are {rates[2] / rates[1]:.2f} times as fast as one")
 
 
 def test_ten_thousand_cycles_in_bounded_memory(panda, tmp_path):

@@ -12,7 +12,7 @@ from types import ModuleType
 
 import pytest
 
-from pinfric.model.compiled import _CheckedFile
+from pinfric.model.compiled import _CheckedFile, at_once
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
@@ -27,6 +27,18 @@ def twice(x):
 
 if __name__ == "__main__":
     print(twice(21.0))
+"""
+CONSTANTS = """
+from numba import njit
+from pinfric.model.compiled import kernel
+
+@{0}
+def chosen(k, twice, x):
+    return 2.0 * x if twice else x + k
+
+@{0}
+def all_four(x):
+    return chosen(0, True, x) + chosen(1, True, x) + chosen(1, False, x) + chosen(0, False, x)
 """
 
 
@@ -68,6 +80,16 @@ def test_a_damaged_cache_is_said_and_compiled_anew(suffix, damage, tmp_path, mon
     assert (answer, hits) == (42.0, 0)
     assert f"{file}: a compiled kernel in numba's cache is damaged" in said
     assert run(tmp_path) == (42.0, 1, "")  # mended
+
+
+@pytest.mark.parametrize(("decorator", "count"), [("njit", 4), ("kernel", 1)])
+def test_constants_of_a_type_share_one_kernel(decorator, count, tmp_path, monkeypatch):
+    """Numba compiles what is called for each constant that is handed over, and all below it."""
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "constants_of_a_test.py").write_text(CONSTANTS.format(decorator))
+    made = runpy.run_path(tmp_path / "constants_of_a_test.py")
+    assert at_once(made["all_four"], 21.0) == 127.0
+    assert len(made["chosen"].signatures) == count
 
 
 def test_a_cache_that_names_a_class_gone_since_is_compiled_anew(tmp_path, monkeypatch):
