@@ -160,6 +160,7 @@ def try_modes(problem: Problem, modes: Modes) -> tuple[int, int]:
 @kernel
 def look_at(problem: Problem, modes: Modes, friction: np.ndarray) -> int:
     """Write the solution with given friction (nc,); return how many coordinates break their law."""
-    modes.friction[:] = friction
+    for c in range(friction.size):
+        modes.friction[c] = friction[c]
     evaluate(problem, friction, modes.load, modes.rate)
     return judge(problem, modes)

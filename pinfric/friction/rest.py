@@ -116,6 +116,11 @@ class Mechanism:
                 found.append(held[group])
         return found
 
+    def joints(self, which: np.ndarray) -> list[int]:
+        """Return the numbers of the joints of which coordinates (nc,) are among these."""
+        number: list[int] = self.block[which].tolist()
+        return list(dict.fromkeys(number))
+
     def normalized(self) -> np.ndarray:
         """Return the factor with columns of length 1, or 0."""
         size = np.linalg.norm(self.factor, axis=0)
@@ -145,7 +150,8 @@ def solve(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, in
         found, obeying = try_modes(problem, modes)
         if found <= 0:
             modes.friction[:1] = np.nan  # what is there is no guess for the next solve
-        mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
+        if mechanism.closed:
+            mechanism.way[:] = np.where(modes.stuck, -np.sign(modes.friction), modes.direction)
         return int(found), int(obeying)
     step = _Shared(problem, modes, mechanism, groups)
     start = np.zeros(len(modes.stuck))

@@ -81,67 +81,59 @@ def _search_open(
     held: np.ndarray | None,
 ) -> Found:
     """Find the modes of what is at rest where no joint passes its dead centre. See `search`."""
-    free, together = modes.at_rest.copy(), mechanism.is_dependent(modes.at_rest)
-    if not free.any():
+    rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
+    if not rests.any():
         return outcome(*solve(problem, modes, mechanism))
-    few = len(np.unique(mechanism.block[free])) <= MOST_ENUMERATED
+    few = len(mechanism.joints(rests)) <= MOST_ENUMERATED
     found = Found.NONE
     if together or not few:
-        _stick(modes, mechanism, free, forced)
+        _stick(modes, mechanism, forced)
         found = follow(problem, modes, mechanism, set(forced))
     if few and found in (Found.NONE, Found.NOT_CONVERGED):
-        found = _enumerate(problem, modes, mechanism, free, forced, held)
+        found = _enumerate(problem, modes, mechanism, forced, held)
     if few and together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
         # which way it breaks away was a first guess: a slow joint may rub along with the motion
-        found = _enumerate(problem, modes, mechanism, free, {}, held, fewest=1)
-    if (
-        found != Found.SOLVED
-        or not together
-        or len(mechanism.factor) > 1
-        or modes.stuck[free].any()
-    ):
-        return found
-    # with one freedom there is one other way to slip
-    backwards = _slips_backwards(problem, modes, mechanism, free)
-    return Found.AMBIGUOUS if backwards else found
+        found = _enumerate(problem, modes, mechanism, {}, held, fewest=1)
+    if found == Found.SOLVED and together and len(mechanism.factor) == 1:
+        other = modes.copy()  # with one freedom there is one other way to slip
+        other.direction[rests] *= -1.0
+        if not modes.stuck[rests].any() and solve(problem, other, mechanism)[1] > 0:
+            return Found.AMBIGUOUS
+    return found
 
 
-def _stick(modes: Modes, mechanism: Mechanism, free: np.ndarray, ways: Mapping[int, float]) -> None:
-    """Let everything free (nc,) stick but the joints of coordinates that slip, in these ways."""
-    modes.at_rest[:] = free
-    modes.stuck[free], modes.direction[free] = True, 0.0
+def _stick(modes: Modes, mechanism: Mechanism, ways: Mapping[int, float]) -> None:
+    """Let everything at rest stick but the joints of coordinates that slip, in these ways."""
+    modes.stuck[modes.at_rest], modes.direction[modes.at_rest] = True, 0.0
     for c, way in ways.items():
-        modes.stuck[mechanism.block == mechanism.block[c]] = False
-        modes.direction[c] = way
+        modes.stuck[c], modes.direction[c] = False, way
+        _agree(modes, mechanism, c)
 
 
-def _slips_backwards(
-    problem: Problem, modes: Modes, mechanism: Mechanism, free: np.ndarray
-) -> bool:
-    other, way = modes.copy(), mechanism.way.copy()
-    other.direction[free] *= -1.0
-    backwards = solve(problem, other, mechanism)[1] > 0
-    mechanism.way[:] = way
-    return backwards
+def _agree(modes: Modes, mechanism: Mechanism, c: int) -> None:
+    """Let the three coordinates of a ball stick or slip as one of them does."""
+    if mechanism.ball[c]:
+        here = mechanism.block == mechanism.block[c]
+        modes.stuck[here] = modes.stuck[c]
+        if modes.stuck[c]:
+            modes.direction[here] = 0.0
 
 
 def _enumerate(
     problem: Problem,
     modes: Modes,
     mechanism: Mechanism,
-    free: np.ndarray,
     forced: Mapping[int, float],
     held: np.ndarray | None,
     fewest: int = 0,
 ) -> Found:
     """Try all modes, with the fewest joints that slip beside the forced ones first."""
     status = Found.NONE
-    others = [int(c) for c in np.unique(mechanism.block[free]) if c not in forced]
+    others = [c for c in mechanism.joints(modes.at_rest) if c not in forced]
     for level in range(fewest, len(others) + 1):
         consistent: list[Modes] = []
         for ways in _ways(mechanism, others, level):
-            _stick(modes, mechanism, free, {**forced, **ways})
-            modes.friction[:1] = np.nan  # the answer depends on the state alone
+            _stick(modes, mechanism, {**forced, **ways} if forced else ways)
             solutions, obeying = _settle(problem, modes, mechanism)
             if solutions < 0:
                 status = Found.NOT_CONVERGED
@@ -167,6 +159,9 @@ def _ways(mechanism: Mechanism, others: list[int], level: int) -> Iterator[dict[
 
 def _settle(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, int]:
     """Solve the modes as they are, the balls that slip from rest turned; see `rest.solve`."""
+    if not mechanism.closed:
+        return solve(problem, modes, mechanism)
+    modes.friction[:1] = np.nan  # what is shared is no guess for other modes
     for _ in range(_CHANGES):
         solutions, obeying = solve(problem, modes, mechanism)
         if solutions <= 0 or not _turn_balls(problem, modes, mechanism):
@@ -242,18 +237,11 @@ def follow(
         for c in wrong if not alone else []:
             sticks = modes.verdict[c] == SHOULD_STICK
             modes.stuck[c] = sticks
-            modes.direction[c] = 0.0 if sticks else mechanism.way[c]
-        _agree(modes, mechanism, wrong)
+            way = mechanism.way[c] if mechanism.ball[c] else modes.verdict[c]
+            modes.direction[c] = 0.0 if sticks else way
+        for c in wrong:
+            _agree(modes, mechanism, c)
     return Found.NONE
-
-
-def _agree(modes: Modes, mechanism: Mechanism, changed: list[int]) -> None:
-    """The three coordinates of a ball stick or slip together."""
-    for c in changed:
-        if mechanism.ball[c]:
-            modes.stuck[mechanism.block == mechanism.block[c]] = modes.stuck[c]
-            if modes.stuck[c]:
-                modes.direction[mechanism.block == mechanism.block[c]] = 0.0
 
 
 def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
@@ -263,8 +251,10 @@ def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
     of which |x| falls with g: one root. At g = 0 the ball would be held.
     """
     turned = False
+    if not mechanism.closed:
+        return turned
     slipping = modes.at_rest & ~modes.stuck & mechanism.ball
-    for number in np.unique(mechanism.block[slipping]):
+    for number in mechanism.joints(slipping):
         here = np.flatnonzero(mechanism.block == number)
         x = modes.friction[here]
         limit = float(np.linalg.norm(x))

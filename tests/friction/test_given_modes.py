@@ -274,7 +274,7 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
         # enumeration of 3^10 is long: one level below where the pivoting ended
         level = int(np.count_nonzero(m.direction))
         for ways in search._ways(a_tree(10), list(range(10)), level - 1) if 0 < level < 4 else ():
-            search._stick(other, a_tree(10), other.at_rest, ways)
+            search._stick(other, a_tree(10), ways)
             assert solve(p, other, a_tree(10))[1] == 0
 
 
