@@ -10,7 +10,8 @@ from pinfric.dynamics.closure import consistent_motion, independent_joints
 from pinfric.dynamics.motion import INTERRUPTED, Motion
 from pinfric.dynamics.simulate import simulate
 from pinfric.errors import ClosureError, SceneError, choose_from
-from pinfric.model.closure import velocity_indices, velocity_names
+from pinfric.model.closure import closed_configurations, velocity_indices, velocity_names
+from pinfric.model.coordinates import motion_columns
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Start
 
@@ -55,8 +56,9 @@ def start_state(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     follow, from the configuration near which `start` has them.
 
     Raises:
-        SceneError: a joint that is not there, or has more than one degree of freedom.
-        ClosureError: the loops cannot close there, or do not determine how all joints move.
+        SceneError: a joint that is not there, or has more than one degree of freedom; loops do not
+            close near there.
+        ClosureError: the loops do not determine how all joints move.
     """
     v0 = np.zeros(scene.model.nv)
     assert scene.simulation is not None  # callers have a section
@@ -88,7 +90,10 @@ def _closed_start(scene: Scene, start: Start, v0: np.ndarray) -> tuple[np.ndarra
     try:
         q0 = scene.close(scene.start_configuration, driven)
     except ClosureError:  # what is driven cannot stay where it is: let all joints move
-        q0 = scene.close(scene.start_configuration)
+        try:
+            q0 = scene.close(scene.start_configuration)
+        except ClosureError as problem:
+            raise SceneError(_where_it_closes(scene, problem)) from None
     if not v0.any():
         return q0, v0
     others = independent_joints(scene, q0)
@@ -96,3 +101,17 @@ def _closed_start(scene: Scene, start: Start, v0: np.ndarray) -> tuple[np.ndarra
     rates = np.array([[v0[velocity_indices(scene.model, [n], "start")[0]] for n in leading]])
     v, _ = consistent_motion(scene, q0[None], leading, rates, np.zeros_like(rates))
     return q0, v[0]
+
+
+def _where_it_closes(scene: Scene, problem: ClosureError) -> str:
+    """Say that the loops do not close near the start, and of a configuration in which they do."""
+    assert scene.linkage is not None
+    start = scene.start_configuration
+    q = closed_configurations(scene.twin(), scene.linkage, start, scene.source, {}, wanted=1)
+    none = np.zeros((1, scene.model.nv))
+    columns = motion_columns(scene.model, np.array(q), none, none)
+    at = [f"{name[:-2]}: {value[0]:.3g}" for name, value in columns.items() if name[-2:] == ".q"]
+    return (
+        f"{scene.source}: simulation.start: loop {problem.loop!r} does not close near it "
+        f"({problem.residual:.3g} m apart); give `q` nearer, e.g. {{{', '.join(at)}}}"
+    )

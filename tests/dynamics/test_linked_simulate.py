@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from cases import boxer
 from dynamics.test_forward import mimic_scene
 from mechanisms import add_link, bar, four_bar, grounded_model, shifted
 
 import pinfric as pf
 from pinfric.dynamics.closure import consistent_motion
-from pinfric.errors import LoopMotionError
+from pinfric.errors import LoopMotionError, SceneError
 from pinfric.model.closure import loop_state
 from pinfric.study.scene_run import run_scene, start_state
 
@@ -256,3 +257,15 @@ def test_energy_of_mimic_joints_is_balanced():
     motion = pf.simulate(scene, [0.0], [2.0], [0.5], 0.4)
     energy = motion.energy()
     assert abs(energy.residual) < 1e-9 * (abs(energy.work) + energy.friction_loss.sum())
+
+
+def test_a_start_at_which_loops_do_not_close_is_refused_with_one_at_which_they_do():
+    """Newton's method leads nowhere from there; from what the message offers it closes."""
+    scene = pf.load_scene("four_bar")
+    far = dict.fromkeys(("crank_pin", "coupler_pin", "ground_pin"), 0.0)
+    refused = scene.with_(simulation={"start": {"q": far}, "t_end": 0.01})
+    with pytest.raises(SceneError, match=r"simulation\.start: loop 'rocker_pin'.*e\.g\.") as error:
+        run_scene(refused)
+    offered = yaml.safe_load(str(error.value).partition("e.g. ")[2])
+    taken = scene.with_(simulation={"start": {"q": offered}, "t_end": 0.01})
+    assert run_scene(taken).status == "finished"
