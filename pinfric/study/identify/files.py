@@ -156,6 +156,8 @@ def _comments(found: Identified) -> dict[tuple[str, ...], str]:
             where = ("actuators", str(order.index(parameter.joint)), "transmission")
         where += tuple(parameter.name.split("."))
         comments[where] = _interval(parameter)
+    comments |= {("friction", name): "not explained by the logs: as the scene says"
+                 for name in found.errors.keys() - found.laws.keys()}  # fmt: skip
     for name, law in found.laws.items():
         error = found.errors[name]
         where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)

@@ -139,10 +139,9 @@ def _friction(
 ) -> FloatArray:
     """The friction sign (x - rigid) that holds, gears' losses taken out of the effort."""
     law, slots = found.choice.laws[joint], found.fit.slots[joint]
-    losses = {way: float(slots[SLOT[f"gear {way}, {law.side} side"]])
-              for way in ("driving", "driven", "both")} if law.load == "gear" else {}  # fmt: skip
-    both = losses.get("both", 0.0)
-    driving, driven = losses.get("driving", 0.0) + both, losses.get("driven", 0.0) + both
+    driving, driven, both = (float(slots[SLOT[f"gear {way}, {law.side} side"]])
+                             for way in ("driving", "driven", "both"))  # fmt: skip
+    driving, driven = driving + both, driven + both
     if law.side == "joint":
         return sign * (effort / np.where(sign * effort > 0.0, 1.0 + driving, 1.0 - driven) - rigid)
     return sign * (effort - rigid) - np.abs(rigid) * np.where(sign * rigid > 0.0, driving, driven)

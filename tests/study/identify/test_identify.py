@@ -34,7 +34,7 @@ from pinfric.show.report.identify import identify_json
 from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.choice import smallest_good
 from pinfric.study.identify.delay import common_delay
-from pinfric.study.identify.files import posterior_text
+from pinfric.study.identify.files import posterior_text, scene_text
 from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.identify.laws import Law
 from pinfric.study.identify.normal import residuals
@@ -334,7 +334,7 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     assert ways[1] in posterior_text(found).splitlines()[0].split(",")
 
 
-def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws():
+def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_path):
     turned = replace(short(), q=short().q * np.array([1, -1, 1, 1, 1, 1]))
     laws = dict.fromkeys(NAMES, Law())
     found = pf.identify(guess(0), turned, inertia="keep", laws=laws)
@@ -347,6 +347,9 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws():
     assert found.law_of(NAMES[1]) == "not explained"
     assert found.scene.friction[NAMES[2]] == guess(0).friction[NAMES[2]]
     assert not any(NAMES[1] in key for key in (*found.posterior, *found.advice[0].factors))
+    robot = pf.load_scene("ur5_pick_and_place").robot
+    assert f"  {NAMES[2]}:  # not explained by the logs: as the scene says\n" in scene_text(
+        found, robot, tmp_path)  # fmt: skip
     text = identify_json(found)["joints"][1]
     assert (text["law"], text["error"]["error"] > 0.5 * text["error"]["rms"]) == (None, True)
     noise = np.random.default_rng(0).normal(size=short().effort.shape)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import real_numbers
-from pinfric.study.trajectory.log import files
+from pinfric.study.trajectory.log.files import OpenedLog, arrays_log
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Log:
     payload: Mapping[str, ArrayLike] = field(default_factory=dict)
     name: str = "log"
 
-    def opened(self, joints: Sequence[str]) -> files.Log:
+    def opened(self, joints: Sequence[str]) -> OpenedLog:
         """Return the file that it would be.
 
         Args:
@@ -56,4 +56,4 @@ class Log:
             columns |= {f"{joint}{quantity}": values[:, i] for i, joint in enumerate(joints)}
         for payload, carried in self.payload.items():
             columns[f"payload.{payload}"] = np.asarray(carried, dtype=np.float64)
-        return files.arrays_log(columns, {}, recorded=True)
+        return arrays_log(columns, {}, recorded=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
 from pinfric.study.trajectory.joint_columns import listing
-from pinfric.study.trajectory.log.files import Log, arrays_log
+from pinfric.study.trajectory.log.files import OpenedLog, arrays_log
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Endings of the quantities' columns, as the reader names them.
@@ -25,7 +25,7 @@ def is_bag(path: Path) -> bool:
     return is_file or (path / "metadata.yaml").is_file()
 
 
-def open_bag(path: Path, joint_names: Sequence[str]) -> Log:
+def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
     """Read the joint states of a bag.
 
     Times are those of the messages' headers; where these stand still, those at which the bag got

@@ -61,7 +61,7 @@ class Cells:
 
 
 @dataclass(frozen=True)
-class Log:
+class OpenedLog:
     """An opened file: its columns, a function that reads some of them, and words about the file.
 
     Args:
@@ -91,7 +91,7 @@ class _Text:
     separator: str
 
 
-def open_csv(path: Path) -> Log:
+def open_csv(path: Path) -> OpenedLog:
     """Open a CSV file; nothing below its header is parsed yet.
 
     Raises:
@@ -99,10 +99,10 @@ def open_csv(path: Path) -> Log:
     """
     text = _split(path, _numbered_lines(path))
     first = next(csv.reader([text.rows[0]], delimiter=text.separator))
-    return Log(text.header, lambda names, problems: _read_text(text, names, problems), first)
+    return OpenedLog(text.header, lambda names, problems: _read_text(text, names, problems), first)
 
 
-def open_parquet(path: Path) -> Log:
+def open_parquet(path: Path) -> OpenedLog:
     """Open a Parquet file; a column of time stamps counts as whole ns.
 
     Raises:
@@ -137,7 +137,7 @@ def arrays_log(
     units: Mapping[str, str],
     said: tuple[str, ...] = (),
     recorded: bool = False,
-) -> Log:
+) -> OpenedLog:
     """Return the log that columns of numbers are; whole numbers keep all their digits."""
 
     def read(names: Sequence[str], problems: list[str]) -> Cells:
@@ -152,7 +152,7 @@ def arrays_log(
         found = _Rows(rows, list(range(1, len(rows) + 1)), np.isnan(rows))
         return _sifted(names, found, np.zeros(len(names)), origin, problems)
 
-    return Log(list(columns), read, recorded=recorded, said=said, units=units)
+    return OpenedLog(list(columns), read, recorded=recorded, said=said, units=units)
 
 
 def _numbered_lines(path: Path) -> list[tuple[int, str]]:

@@ -13,10 +13,10 @@ from pinfric.errors import TrajectoryError
 from pinfric.model.brief import counted
 from pinfric.model.yamlfile import brief
 from pinfric.study.trajectory.joint_columns import JointColumn, listing, refuse
-from pinfric.study.trajectory.log import arrays
+from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.bags import is_bag, open_bag
 from pinfric.study.trajectory.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
-from pinfric.study.trajectory.log.files import Cells, Log, open_csv, open_parquet
+from pinfric.study.trajectory.log.files import Cells, OpenedLog, open_csv, open_parquet
 from pinfric.study.trajectory.log.motion import settle, unwrapped
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.log.rows import check_times, gap_problems, ordered_rows
@@ -34,7 +34,7 @@ Logged = tuple[tuple[JointColumn, ...], TrajectoryTable, Reading]
 
 
 def read_log(
-    source: Path | arrays.Log,
+    source: Path | Log,
     joints: Sequence[JointColumn],
     payloads: Sequence[str],
     choose: Callable[[Sequence[str], list[str]], tuple[JointColumn, ...]],
@@ -54,8 +54,8 @@ def read_log(
     Raises:
         TrajectoryError: the file cannot be opened, or holds nothing to compute with.
     """
-    name = source.name if isinstance(source, arrays.Log) else str(source)
-    if isinstance(source, arrays.Log):
+    name = source.name if isinstance(source, Log) else str(source)
+    if isinstance(source, Log):
         log, mapping = source.opened([joint.name for joint in joints]), None
     else:
         log, mapping = _open(source, joints), read_mapping(source, options.columns)
@@ -79,7 +79,7 @@ def read_log(
     return _read(log, found, named, cells, options, unit, problems, said)
 
 
-def _open(path: Path, joints: Sequence[JointColumn]) -> Log:
+def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
     if is_bag(path):
         return open_bag(path, [joint.name for joint in joints])
     if path.is_dir():
@@ -103,7 +103,7 @@ def _say_dropped(cells: Cells, said: list[str]) -> None:
 
 
 def _read(
-    log: Log,
+    log: OpenedLog,
     found: Columns,
     named: tuple[JointColumn, ...],
     cells: Cells,
