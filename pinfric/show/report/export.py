@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pinfric.model.brief import file_name
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
 from pinfric.show.report.values import digits, json_safe
 from pinfric.study.export.constants import JointConstants
 from pinfric.study.export.export import FORMATS, Exported
@@ -27,9 +27,7 @@ def export_json(exported: Exported, file: Path, warnings: Sequence[str] = ()) ->
 def export_report(exported: Exported) -> Report:
     """Return the table and lines that `pinfric export` prints, for a rich console."""
     form = FORMATS[exported.to]
-    units = {joint.unit for joint in exported.joints}
-    unit = units.pop() if len(units) == 1 else ""
-    key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
+    unit, key = key_columns([joint.unit for joint in exported.joints])
     headings = ("error\nRMS", "error\npeak", "torque\npeak", "worst\nat load")
     figures = [Column(f"{heading}\n{unit}".rstrip()) for heading in headings]
     columns = (*key, *map(Column, form.terms.values()), *figures,

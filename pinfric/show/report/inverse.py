@@ -14,7 +14,7 @@ from pinfric import __version__
 from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.result import InverseResult, runs
 from pinfric.model.brief import counted
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
 from pinfric.show.report.values import digits, json_safe, rough, span
 from pinfric.study.summary import (
     ROUNDING,
@@ -134,14 +134,12 @@ def _effort_table(
     log: JudgedLog | None,
 ) -> Table:
     assert result.t is not None
-    units = {s.unit for s in summaries}
-    unit = units.pop() if len(units) == 1 else ""
+    unit, key = key_columns([s.unit for s in summaries])
     title = (
         f"{Path(result.scene.source).stem} · {trajectory}" if trajectory else result.scene.source
     )
     count = len(result.t)
     title += f": {count} sample{'s' * (count > 1)}, {digits(result.t[-1] - result.t[0])} s"
-    key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
     headings = (
         ("peak", unit), ("RMS\nleast–worst", unit),  # noqa: RUF001 - a range
         ("frictionless\npeak, RMS", unit),

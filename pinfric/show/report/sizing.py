@@ -18,7 +18,7 @@ from pinfric.show.report.drives import (
     smaller_table,
     standstill_json,
 )
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
 from pinfric.show.report.values import digits, json_safe, span
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
@@ -188,10 +188,8 @@ def _off(report: SizingReport) -> float:
 
 
 def _demand_table(report: SizingReport) -> Table:
-    units = {joint.demand.unit for joint in report.joints}
-    unit = units.pop() if len(units) == 1 else ""
+    unit, key = key_columns([joint.demand.unit for joint in report.joints])
     title = f"{Path(report.given.source).stem} · {Path(report.trajectory).name}"
-    key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
     headings = ("peak", "RMS", "frictionless\npeak, RMS", "holding", "break-\naway")
     figures = [Column(heading + (f"\n{unit}" if unit else "")) for heading in headings]
     speed = {"N m": "\nrad/s", "N": "\nm/s"}.get(unit, "\nrad/s, m/s")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pinfric import __version__
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
 from pinfric.show.report.values import digits, json_safe
 from pinfric.study.sweep.cycle import DEMANDS
 from pinfric.study.sweep.motors import Trial
@@ -110,15 +110,14 @@ def sweep_report(result: SweepResult) -> Report:
 def _percentile_table(
     result: SweepResult, names: Sequence[str], units: Sequence[str], title: str
 ) -> Table:
-    same = len(set(units)) == 1
-    key = [Column("joint", Kind.NAME)] + ([] if same else [Column("unit", Kind.LABEL)])
+    unit, key = key_columns(units)
     figures = [Column(f"{_HEADINGS[name]}\n{p:g} %") for name in names for p in result.percentiles]
     quantiles = np.concatenate([result.quantiles(name) for name in names])
     rows = [
-        (drive, *([] if same else [units[i]]), *(digits(x) for x in quantiles[:, i]))
+        (drive, *([] if unit else [units[i]]), *(digits(x) for x in quantiles[:, i]))
         for i, drive in enumerate(result.actuator_names)
     ]
-    title = f"{title}, {units[0]}" if same else title
+    title = f"{title}, {unit}" if unit else title
     return Table(title, [*key, *figures], rows, keys=len(key))
 
 

@@ -55,6 +55,12 @@ class Column:
     among: Sequence[str] = ()
 
 
+def key_columns(units: Sequence[str]) -> tuple[str, list[Column]]:
+    """Return the unit that all rows share, else "", and the columns of a row's joint and unit."""
+    unit = units[0] if len(set(units)) == 1 else ""
+    return unit, [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
+
+
 @dataclass(frozen=True)
 class Table:
     """A table for a rich console.

@@ -10,8 +10,7 @@ from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions
 from pinfric.study.sizing.criteria import Case, Criterion, Status, check
-from pinfric.study.sizing.demand import GearDemand
-from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, candidates, motor_cycle
+from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, motor_cycle
 
 #: A candidate whose continuous torque cannot be checked is not offered: nothing speaks for it.
 _INDISPENSABLE = "continuous torque"
@@ -65,23 +64,11 @@ class Assessment:
         return "; ".join([c.why for c in self.failed] or list(self.lacking))
 
 
-def offered(catalog: Catalog, conditions: Conditions, demand: GearDemand) -> tuple[Candidate, ...]:
-    """Return every candidate for one joint.
-
-    Args:
-        catalog, conditions: what there is and what is demanded.
-        demand: of the joint.
-    """
-    linear = demand.unit == "N"
-    own = own_bearing(catalog, conditions, demand.name, linear)
-    return tuple(candidates(catalog, linear, own))
-
-
 def assess(offers: Sequence[Candidate], case: Case) -> tuple[Assessment, ...]:
     """Return every candidate with its criteria: those that fit by mass, then margin; the others.
 
     Args:
-        offers: `offered`. case: the joint.
+        offers: motors and gears. case: the joint.
     """
     return tuple(sorted((judged(c, case) for c in offers), key=_rank))
 

@@ -35,7 +35,6 @@ from pinfric.study.sizing.assess import (
     judged,
     lightest,
     nearest_miss,
-    offered,
     own_bearing,
 )
 from pinfric.study.sizing.brake import Standstill, standstills
@@ -54,7 +53,7 @@ from pinfric.study.sizing.demand import (
     joint_demand,
     screw_load,
 )
-from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, motor_cycle
+from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, candidates, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.sizing.front import DriveSet, Judge, trade_offs
 from pinfric.study.sizing.power import BusPower, bus_power
@@ -337,11 +336,12 @@ class _Sizing:
     def run(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
         drives = range(len(self.scene.drives))
+        tip_to_base = sorted(drives, key=lambda i: -depth(self.scene, i))
         passes, settled = 0, self.catalog is None
         while self.catalog is not None and not settled and passes < _MOST_PASSES:
             passes += 1
             before = _names(taken)
-            for i in _tip_to_base(self.scene):
+            for i in tip_to_base:
                 self.progress(f"pass {passes}: {self.scene.drives[i].name}")
                 assessment = self.joint(i, taken).taken
                 if assessment is not None:
@@ -415,7 +415,9 @@ class _Sizing:
             return ()
         key = demand.unit, self.conditions.bearings.get(demand.name)
         if key not in self.offered:
-            self.offered[key] = offered(self.catalog, self.conditions, demand)
+            linear = demand.unit == "N"
+            own = own_bearing(self.catalog, self.conditions, demand.name, linear)
+            self.offered[key] = tuple(candidates(self.catalog, linear, own))
         return self.offered[key]
 
     def _judge(self, i: int, result: InverseResult, inertias: np.ndarray) -> JointSizing:
@@ -592,11 +594,6 @@ def depth(scene: Scene, actuator: int) -> int:
     while joint:
         joint, count = int(scene.model.parents[joint]), count + 1
     return count
-
-
-def _tip_to_base(scene: Scene) -> list[int]:
-    """The drives, those farthest from the ground first."""
-    return sorted(range(len(scene.drives)), key=lambda i: -depth(scene, i))
 
 
 def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:
