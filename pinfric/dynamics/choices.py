@@ -6,7 +6,6 @@ what sticks is at one of its two limits or has none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,25 +21,24 @@ from pinfric.model.laws import Moving, frictions_at
 SLIDES, LOWER, UPPER, NONE = range(4)
 
 
-@dataclass(frozen=True)
-class Law:
-    """The friction of each site in each of its states, samples first.
+class Law(NamedTuple):
+    """The friction of each site for each code, x = -way (mu load + coulomb) - drag.
 
     Attributes:
         choices: (n, ns) number of frictions a site may have: 1 where it slides or has no dry
             friction, 2 where it sticks, 3 beside a reversal.
         code: (n, ns) what it is in the state that wrenches are given for.
-        slip: (n, ns) sign of its velocity; 1 for a ball.
         direction: (n, ne) along which its friction acts: 1, or a ball's unit vector.
-        mu, coulomb: (4, n, ns) for each code, at the limits with the drag of creeping (`laws`);
-            drag: (n, ns), viscous friction while it slides.
+        way: (4, n, ns) sign of its velocity, 1 for a ball; 1 and -1 at the limits, else 0.
+        mu, coulomb: (4, n, ns), at the limits with the drag of creeping (`laws`).
+        drag: (4, n, ns), viscous friction while it slides.
         fixed_load: (n, ns) load where it cannot vary, else 0.
     """
 
     choices: np.ndarray
     code: np.ndarray
-    slip: np.ndarray
     direction: np.ndarray
+    way: np.ndarray
     mu: np.ndarray
     coulomb: np.ndarray
     drag: np.ndarray
@@ -53,7 +51,6 @@ class Candidates(NamedTuple):
     Attributes:
         sample: (m,) which sample.
         code: (m, ns). direction: (m, ne).
-        slip, mu, dry, drag: (m, ns) of each site, x = -slip (mu load + dry) - drag.
         x: (m, MOST_SOLUTIONS, ns) friction of each site along its direction, of each solution.
         found: (m,) number of solutions, -1 where rounding defeats the solver.
         figures: (m, 2) contraction, passes.
@@ -62,10 +59,6 @@ class Candidates(NamedTuple):
     sample: np.ndarray
     code: np.ndarray
     direction: np.ndarray
-    slip: np.ndarray
-    mu: np.ndarray
-    dry: np.ndarray
-    drag: np.ndarray
     x: np.ndarray
     found: np.ndarray
     figures: np.ndarray
@@ -106,8 +99,8 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
     return Law(
         choices=np.where(dry & sticks, 2, np.where(dry & at_rest, 3, 1)),
         code=np.where(sticks & dry, NONE, SLIDES),
-        slip=slip,
         direction=direction,
+        way=np.array([slip, still + 1.0, still - 1.0, still]),
         mu=np.array([
             moving.mu + moving.drag_mu,
             laws.mu_static + np.where(ball | ahead, creeping_mu, 0.0),
@@ -120,7 +113,7 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
             along + laws.coulomb_static[:, 1],
             still,
         ]),
-        drag=drag,
+        drag=np.array([drag, still, still, still]),
         fixed_load=fixed,
     )  # fmt: skip
 
@@ -132,24 +125,29 @@ def solve_list(
     first_entry: np.ndarray,
     entry_count: np.ndarray,
     base: Problem,
+    law: Law,
     candidates: Candidates,
 ) -> None:
-    """Solve a list of candidates, x = -slip (mu load + dry) - drag for each site.
+    """Solve a list of candidates.
 
     Args:
         contact: (n, nt, 1 + ne, 3), of `Maps`.
         row: (number of varying contact forces,) which of the nt.
         first_entry, entry_count: of `Layout`.
         base: buffers; its sites, coordinates and constants are set.
+        law: of all samples.
         candidates: x, found, figures are overwritten.
     """
     ns, direction = first_entry.size, candidates.direction
-    nobody, no_guess = np.zeros(ns, np.bool_), np.full(1, np.nan)
+    nobody, no_guess, way = np.zeros(ns, np.bool_), np.full(1, np.nan), np.empty(ns)
     for m in range(candidates.sample.size):
         i = candidates.sample[m]
         for s in range(ns):
-            base.mu_slip[s], base.drag[s] = candidates.mu[m, s], candidates.drag[m, s]
-            base.coulomb_slip[s, 0] = base.coulomb_slip[s, 1] = candidates.dry[m, s]
+            code = candidates.code[m, s]
+            mu, way[s] = law.mu[code, i, s], law.way[code, i, s]
+            dry = mu * law.fixed_load[i, s] + law.coulomb[code, i, s]
+            base.mu_slip[s], base.drag[s] = mu, law.drag[code, i, s]
+            base.coulomb_slip[s, 0] = base.coulomb_slip[s, 1] = dry
         for r in range(row.size):
             t = row[r]
             for e in range(3):
@@ -160,5 +158,5 @@ def solve_list(
                         total += direction[m, c] * contact[i, t, 1 + c, e]
                     base.contact_slope[r, s, e] = total
         candidates.found[m] = solve_given_modes(
-            base, nobody, candidates.slip[m], no_guess, candidates.x[m], candidates.figures[m]
+            base, nobody, way, no_guess, candidates.x[m], candidates.figures[m]
         )

@@ -130,21 +130,21 @@ def _decide(
     """The verdict on everything with dry friction at rest."""
     dry = ws.tables.dry
     if not dry.any():
-        return Verdict(True, 0.0, np.zeros(len(dry)), True, 0)
+        return Verdict(True, 0.0, np.zeros(len(dry)), True)
     if not ws.mechanism.ball.any():
         return decide(ws.problem, ws.mechanism.factor, dry)
     # a ball's limit is a sphere: what holds is found as forward dynamics finds it, not proved
     try:
         ws.solve(q, np.zeros(ws.nv), effort, applied)
     except AccelerationError:
-        return Verdict(None, np.inf, np.full(len(dry), np.nan), False, 0)
+        return Verdict(None, np.inf, np.full(len(dry), np.nan), False)
     held = bool(ws.modes.stuck[dry].all())
     limit = np.maximum(np.maximum(ws.most, -ws.least), 1e-300)
     size = np.sqrt(ws.summed(ws.modes.friction**2))
     use = float((size / limit)[dry].max())
     friction = ws.modes.friction.copy()
     ws.assemble(q, np.zeros(ws.nv), effort, applied)
-    return Verdict(True if held else None, use, friction, held, 0)
+    return Verdict(True if held else None, use, friction, held)
 
 
 def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:

@@ -122,33 +122,20 @@ class Solver:
         self, sample: np.ndarray, code: np.ndarray, direction: np.ndarray | None = None
     ) -> Candidates:
         """Solve the given samples with the given codes (m, ns); directions (m, ne) of the law."""
-        law, layout = self.law, self.layout
-        m, ns = code.shape
-        direction = law.direction[sample] if direction is None else direction
-        sites = np.arange(ns)
-        mu, dry = law.mu[code, sample[:, None], sites], law.coulomb[code, sample[:, None], sites]
-        slip = np.choose(code, (law.slip[sample], 1.0, -1.0, 0.0))
-        drag = np.where(code == SLIDES, law.drag[sample], 0.0)
-        dry = dry + np.where(layout.varies, 0.0, mu * law.fixed_load[sample])
-        mu = np.where(layout.varies, mu, 0.0)
+        layout, (m, ns) = self.layout, code.shape
+        direction = self.law.direction[sample] if direction is None else direction
         x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
-        found = np.ones(m, dtype=np.int64)
-        out = Candidates(sample, code, direction, slip, mu, dry, drag, x, found, figures)
+        out = Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
         if ns > 0:  # else nothing rubs, and that is the solution
             solve_list(
                 self.maps.contact, self._rows, layout.first_entry, layout.entry_count, self.base,
-                out,
+                self.law, out,
             )  # fmt: skip
         return out
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
         """(m, ne) friction coordinates of one of the solutions."""
         return np.asarray(c.x[:, solution][:, self._phi_site] * c.direction)
-
-    def _efforts(self, sample: np.ndarray, phi: np.ndarray) -> np.ndarray:
-        """(m, na) efforts under friction (m, ne)."""
-        maps = self.maps.effort[sample]
-        return np.asarray(maps[:, :, 0] + np.einsum("mdk,mk->md", maps[:, :, 1:], phi))
 
     def _reference(self, answer: Answer, good: np.ndarray) -> None:
         """Solve the state that wrenches are given for, and all of a sample that only slides."""
@@ -167,7 +154,7 @@ class Solver:
             load[:, s] += norms[:, t]
         answer.load[good[some]] = load[some]
         slides = (self.law.choices[good] == 1).all(axis=1)
-        self._widen(answer, c, slides)
+        self._widen(answer, c._replace(found=np.where(slides, c.found, 0)), np.arange(0), 0, 0)
 
     def _note(self, answer: Answer, c: Candidates) -> None:
         """Let the outcomes of candidates worsen their samples' statuses."""
@@ -179,32 +166,41 @@ class Solver:
         np.add.at(answer.iterations, c.sample, c.figures[:, 1].astype(np.int32))
         np.maximum.at(answer.contraction, c.sample, c.figures[:, 0])
 
-    def _widen(self, answer: Answer, c: Candidates, which: np.ndarray) -> None:
-        """Let solutions widen the efforts and frictions of their samples."""
+    def _widen(
+        self, answer: Answer, c: Candidates, free: np.ndarray, drive: int, side: int
+    ) -> np.ndarray:
+        """Let solutions widen the ends of their samples; see `_evaluate`."""
+        sign, columns = (1.0 if side else -1.0), self.layout.first_entry[free]
+        value = np.full(len(c.sample), -sign * np.inf)
         for solution in range(int(c.found.max(initial=0))):
-            has = np.flatnonzero(which & (c.found > solution))
-            if not len(has):
-                continue
+            has = np.flatnonzero(c.found > solution)
             sample, phi = c.sample[has], self._phi(c, solution)[has]
-            effort = self._efforts(sample, phi)
-            self._take(answer, sample, effort, phi, effort, phi)
+            least, most = self._free_limits(sample, free)
+            maps = self.maps.effort[sample]
+            for up, ends in enumerate((answer.lower, answer.upper)):
+                chosen = np.repeat(phi[:, None], maps.shape[1], axis=1)  # (m, na, ne)
+                grows = (maps[:, :, 1 + columns] > 0) == bool(up)
+                chosen[:, :, columns] = np.where(grows, most[:, None], least[:, None])
+                effort = maps[:, :, 0] + np.einsum("mdk,mdk->md", maps[:, :, 1:], chosen)
+                self._take(answer, sample, effort, chosen, ends, up)
+                if up == side:
+                    value[has] = sign * np.maximum(sign * value[has], sign * effort[:, drive])
             self._widen_friction(answer, sample, c.x[has, solution])
+            answer.friction_lower[np.ix_(sample, free)] = least
+            answer.friction_upper[np.ix_(sample, free)] = most
+        return value
 
     def _take(
-        self, answer: Answer, sample: np.ndarray, low: np.ndarray, low_phi: np.ndarray,
-        high: np.ndarray, high_phi: np.ndarray,
+        self, answer: Answer, sample: np.ndarray, effort: np.ndarray, phi: np.ndarray,
+        ends: np.ndarray, side: int,
     ) -> None:  # fmt: skip
-        """Let efforts (m, na) be new ends of their samples where they reach beyond the present."""
-        for side, effort, phi, end in ((0, low, low_phi, answer.lower),
-                                       (1, high, high_phi, answer.upper)):  # fmt: skip
-            sign = 1.0 if side else -1.0
-            for drive in range(effort.shape[1]):
-                order = np.argsort(sign * effort[:, drive], kind="stable")  # the best comes last
-                best = order[sign * effort[order, drive] > sign * end[sample[order], drive]]
-                end[sample[best], drive] = effort[best, drive]
-                answer.ends[sample[best], drive, side] = (
-                    phi[best, drive] if phi.ndim == 3 else phi[best]
-                )
+        """Let efforts (m, na) of one side be new ends where they reach beyond the present."""
+        sign = 1.0 if side else -1.0
+        for drive in range(effort.shape[1]):
+            order = np.argsort(sign * effort[:, drive], kind="stable")  # the best comes last
+            best = order[sign * effort[order, drive] > sign * ends[sample[order], drive]]
+            ends[sample[best], drive] = effort[best, drive]
+            answer.ends[sample[best], drive, side] = phi[best, drive]
 
     def _widen_friction(self, answer: Answer, sample: np.ndarray, x: np.ndarray) -> None:
         low = x.copy()
@@ -255,15 +251,14 @@ class Solver:
 
     def _free_limits(self, sample: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m, number of free sites) least and greatest friction where loads are fixed."""
-        law = self.law
-        load = law.fixed_load[sample][:, free]
+        law, load = self.law, self.law.fixed_load[sample][:, free]
 
         def friction(code: int) -> np.ndarray:
-            dry = law.mu[code][sample][:, free] * load + law.coulomb[code][sample][:, free]
-            return np.asarray(dry)
+            way, mu, coulomb, drag = (numbers[code][sample][:, free] for numbers in
+                                      (law.way, law.mu, law.coulomb, law.drag))  # fmt: skip
+            return np.asarray(-way * (mu * load + coulomb) - drag)
 
-        least, most = -friction(LOWER), friction(UPPER)
-        slides = -law.slip[sample][:, free] * friction(SLIDES) - law.drag[sample][:, free]
+        least, most, slides = friction(LOWER), friction(UPPER), friction(SLIDES)
         reverses = law.choices[sample][:, free] == 3
         return (np.where(reverses, np.minimum(least, slides), least),
                 np.where(reverses, np.maximum(most, slides), most))  # fmt: skip
@@ -291,29 +286,7 @@ class Solver:
             if turn < _STAYS:
                 break
         self._note(answer, c)
-        sign, columns = (1.0 if side else -1.0), self.layout.first_entry[free]
-        value = np.full(len(sample), -sign * np.inf)
-        for solution in range(int(c.found.max(initial=0))):
-            has = np.flatnonzero(c.found > solution)
-            if not len(has):
-                continue
-            part, phi = c.sample[has], self._phi(c, solution)[has]
-            least, most = self._free_limits(part, free)
-            slope = self.maps.effort[part][:, :, 1 + columns]  # (m, na, number free)
-            sides = []
-            for up in (False, True):
-                chosen = np.repeat(phi[:, None], slope.shape[1], axis=1)
-                grows = (slope > 0) == up
-                chosen[:, :, columns] = np.where(grows, most[:, None], least[:, None])
-                picked = np.einsum("mdk,mdk->md", self.maps.effort[part][:, :, 1:], chosen)
-                sides += [self.maps.effort[part][:, :, 0] + picked, chosen]
-            self._take(answer, part, *sides)
-            self._widen_friction(answer, part, c.x[has, solution])
-            answer.friction_lower[np.ix_(part, free)] = least
-            answer.friction_upper[np.ix_(part, free)] = most
-            new = sides[2 * side][:, drive]
-            value[has] = sign * np.maximum(sign * value[has], sign * new)
-        return value
+        return self._widen(answer, c, free, drive, side)
 
     def _turned(self, c: Candidates, balls: np.ndarray, drive: int, side: int) -> np.ndarray:
         """(m, ne) directions in which the balls' friction moves one effort most.
@@ -330,7 +303,8 @@ class Solver:
             slope = self.maps.contact[c.sample, t, 1:]
             force = self.maps.contact[c.sample, t, 0] + np.einsum("mke,mk->me", slope, phi)
             size = np.maximum(np.linalg.norm(force, axis=1), 1e-300)
-            gain = -c.slip[:, s] * c.mu[:, s] / size
+            here = c.code[:, s], c.sample, s
+            gain = -self.law.way[here] * self.law.mu[here] / size
             L[:, s] += gain[:, None] * np.einsum("mke,me->mk", slope, force)
         D = np.zeros((m, ne, ns))
         D[:, np.arange(ne), self._phi_site] = c.direction

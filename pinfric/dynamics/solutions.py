@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.dynamics.choices import LOWER
+from pinfric.dynamics.choices import LOWER, SLIDES
 from pinfric.dynamics.closure import pair_rates
 from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
 from pinfric.dynamics.interval_ends import Solver
@@ -71,8 +71,8 @@ def reduced_problem(solver: Solver) -> Reduced:
     law = solver.law
     code = np.where(law.choices > 1, LOWER, law.code)  # what sticks is at a limit
     solver.candidates(np.zeros(1, dtype=np.int64), code)
-    slip = np.choose(code[0], (law.slip[0], 1.0, -1.0, 0.0))
-    reduced: Reduced = reduce_problem(solver.base, np.zeros(len(slip), dtype=bool), slip)[1]
+    way = law.way[code[0], 0, np.arange(code.shape[1])]
+    reduced: Reduced = reduce_problem(solver.base, np.zeros(len(way), dtype=bool), way)[1]
     return reduced
 
 
@@ -103,7 +103,7 @@ def _search(solver: Solver) -> np.ndarray:
     scale = float(np.abs(contact[:, 0]).max(initial=0.0)) * float(np.abs(gain).max(initial=0.0))
     way = np.ones(nz)
     for s in np.flatnonzero(unknown >= 0):
-        way[unknown[s]] = -law.slip[0, s]
+        way[unknown[s]] = -law.way[SLIDES, 0, s]
     found = []
     for start in range(_STARTS if nz else 1):
         z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)

@@ -19,8 +19,8 @@ from pinfric.model.compiled import at_once, kernel
 _MARGIN, _EXACT = 1e-9, 1e-12
 #: Nodes that may wait.
 _MOST_WAITING = 4096
-#: Most proofs are over by then; only those that are not are worth compiling for.
-_FEW_NODES = 200
+#: Most proofs are over by then, only those that are not are worth compiling for; given up.
+_FEW_NODES, _MOST_NODES = 200, 40_000
 
 
 class Program(NamedTuple):
@@ -40,8 +40,8 @@ class Program(NamedTuple):
     largest: float
 
 
-def prove(rest: Rest, z: np.ndarray, most_nodes: int) -> tuple[int, int]:
-    """Find a z (dz,) that holds, or prove that none does; see `branch`."""
+def prove(rest: Rest, z: np.ndarray) -> int:
+    """Find a z (dz,) that holds: 1; or prove that there is none: 0; or give up: -1."""
     n, dz = rest.N.shape
     rows, nf = 4 * n + 2 * len(rest.owner), len(rest.owner)
     above, below = np.empty(n), np.empty(n)
@@ -49,10 +49,10 @@ def prove(rest: Rest, z: np.ndarray, most_nodes: int) -> tuple[int, int]:
     largest = float(np.linalg.norm(rest.force, axis=1).max(initial=1e-300))
     program = Program(np.empty((rows, dz)), np.empty(rows), np.empty(rows),
                       np.empty((nf, dz + 1)), np.maximum(above, below), largest)  # fmt: skip
-    outcome, nodes = branch(rest, program, z, min(_FEW_NODES, most_nodes))
-    if outcome < 0 and nodes < most_nodes:
-        outcome, nodes = at_once(branch, rest, program, z, most_nodes)
-    return int(outcome), int(nodes)
+    outcome = branch(rest, program, z, _FEW_NODES)
+    if outcome < 0:
+        outcome = at_once(branch, rest, program, z, _MOST_NODES)
+    return int(outcome)
 
 
 @kernel
@@ -162,7 +162,7 @@ def worst_bounded(
 
 
 @kernel
-def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> tuple[int, int]:
+def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> int:
     """Find a z (dz,) that holds, or prove that none does.
 
     Args:
@@ -172,7 +172,7 @@ def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> tupl
         most_nodes: where to give up.
 
     Returns:
-        1 found, 0 there is none, -1 given up; and the nodes looked at.
+        1 found, 0 there is none, -1 given up.
     """
     n, nf = rest.x0.size, rest.owner.size
     x, above, below = np.empty(n), np.empty(n), np.empty(n)
@@ -185,7 +185,7 @@ def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> tupl
     waiting, nodes = 1, 0
     while waiting > 0:
         if nodes >= most_nodes:
-            return -1, nodes
+            return -1
         nodes += 1
         waiting -= 1
         for i in range(nf):
@@ -194,10 +194,10 @@ def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> tupl
         if least_violation(program.G, program.h, program.s, rows, reach, z) > _EXACT:
             continue
         if friction_and_limits(rest, z, x, above, below) <= 1.0:
-            return 1, nodes
+            return 1
         cut, angle = worst_bounded(rest, program, half, z)
         if cut < 0 or waiting + 4 > _MOST_WAITING:
-            return -1, nodes
+            return -1
         whole = half[cut] < 0.0
         parts = 2 if rest.on_a_line[cut] or not whole else 4
         for part in range(parts):
@@ -210,4 +210,4 @@ def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> tupl
                 centres[waiting, cut] = centre[cut] + (part - 0.5) * half[cut]
                 halves[waiting, cut] = 0.5 * half[cut]
             waiting += 1
-    return 0, nodes
+    return 0

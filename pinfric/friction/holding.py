@@ -15,10 +15,7 @@ import numpy as np
 from pinfric.friction.branching import prove
 from pinfric.friction.least_use import descend, make_rest
 from pinfric.friction.problem import Problem, bounded
-from pinfric.friction.sharing import RANK
-
-#: Nodes after which a proof is given up.
-MOST_NODES = 40_000
+from pinfric.friction.sharing import FITS, Group
 
 
 @dataclass(frozen=True)
@@ -32,14 +29,12 @@ class Verdict:
         friction: (nc,) with that use (N m or N).
         proved: an x that holds is its own proof; that none does is proved by branching, where
             friction cannot wedge itself whatever its size.
-        nodes: of the proof.
     """
 
     held: bool | None
     use: float
     friction: np.ndarray
     proved: bool
-    nodes: int
 
 
 def decide(problem: Problem, factor: np.ndarray, at_rest: np.ndarray) -> Verdict:
@@ -52,15 +47,11 @@ def decide(problem: Problem, factor: np.ndarray, at_rest: np.ndarray) -> Verdict
     """
     problem = bounded(problem)
     resting = np.flatnonzero(at_rest & factor.any(axis=0))
-    _, size, right = np.linalg.svd(factor[:, resting], full_matrices=False)
-    rank = int((size > RANK * size[:1]).sum())
-    A = right[:rank]
-    push = A @ problem.rate_free[resting]
-    # rates = A^T (push + size^2 A x): what does not fit moves whatever the friction
-    unmatched = np.abs(problem.rate_free[resting] - A.T @ push)
-    if (unmatched > 1e-7 * problem.rate_scale[resting].max(initial=0.0) + 1e-300).any():
-        return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True, 0)
-    rest, planar, certain = make_rest(problem, resting, A, -push / size[:rank] ** 2)
+    group = Group.of(factor, resting)
+    b, left = group.needs(problem.rate_free[resting])
+    if (left > FITS * problem.rate_scale[resting].max(initial=0.0) + 1e-300).any():
+        return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True)
+    rest, planar, certain = make_rest(problem, resting, group.rates, b)
 
     def friction(z: np.ndarray) -> np.ndarray:
         x = np.zeros(len(at_rest))
@@ -70,12 +61,12 @@ def decide(problem: Problem, factor: np.ndarray, at_rest: np.ndarray) -> Verdict
     z = np.zeros(rest.N.shape[1])
     use = float(descend(rest, z))
     if use <= 1.0 or not z.size:
-        return Verdict(use <= 1.0, use, friction(z), True, 0)
+        return Verdict(use <= 1.0, use, friction(z), True)
     if not planar:
-        return Verdict(None, use, friction(z), False, 0)
+        return Verdict(None, use, friction(z), False)
     near = z.copy()
-    outcome, nodes = prove(rest, near, MOST_NODES)
+    outcome = prove(rest, near)
     if outcome == 1:
-        return Verdict(True, float(descend(rest, near)), friction(near), True, nodes)
+        return Verdict(True, float(descend(rest, near)), friction(near), True)
     held = False if outcome == 0 else None
-    return Verdict(held, use, friction(z), held is False and certain, nodes)
+    return Verdict(held, use, friction(z), held is False and certain)

@@ -18,7 +18,6 @@ it uses beyond the limits does not decide: whether another x holds is asked of `
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -28,20 +27,7 @@ from pinfric.friction.given_modes import slip_law
 from pinfric.friction.holding import decide
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, bounded
-from pinfric.friction.sharing import RANK, share, share_one
-
-
-class Group(NamedTuple):
-    """Coordinates that rest together: their part of the factor is basis rates.
-
-    Attributes:
-        members: (m,) coordinates.
-        basis: (d, r), of rank r. rates: (r, m), orthonormal rows.
-    """
-
-    members: np.ndarray
-    basis: np.ndarray
-    rates: np.ndarray
+from pinfric.friction.sharing import FITS, RANK, Group, joint_sizes, share, share_one
 
 
 @dataclass(eq=False)
@@ -76,13 +62,8 @@ class Mechanism:
             return []
         key = stuck.tobytes(), self.factor.tobytes()
         if self._groups[0] != key:
-            self._groups = key, [self._decomposed(group) for group in self._find_groups(stuck)]
+            self._groups = key, [Group.of(self.factor, c) for c in self._find_groups(stuck)]
         return self._groups[1]
-
-    def _decomposed(self, group: np.ndarray) -> Group:
-        left, size, right = np.linalg.svd(self.factor[:, group], full_matrices=False)
-        r = int((size > RANK * size[0]).sum())
-        return Group(group, left[:, :r] * size[:r], right[:r])
 
     def is_locked(self, stuck: np.ndarray) -> bool:
         """Return whether what sticks lets nothing move."""
@@ -221,18 +202,16 @@ class _Shared:
             here = np.ix_(self.alone, self.alone)
             new[self.alone] = -np.linalg.lstsq(p.rate_slope[here], rate[self.alone], rcond=None)[0]
             rate = p.rate_free + p.rate_slope @ new
-        for i, (group, basis, A) in enumerate(self.groups):
+        for i, each in enumerate(self.groups):
+            group, _, A = each
             if not len(A):  # what cannot move at all needs no friction
                 new[group] = self.push[group] = 0.0
                 continue
-            # rates of the group are A^T s: what does not fit cannot be held together
-            s = A @ rate[group]
+            b, left = each.needs(rate[group])
             terms = p.rate_scale[group] + np.abs(p.rate_slope[group]) @ np.abs(new)
-            if (np.abs(rate[group] - A.T @ s) > 1e-7 * terms.max() + 1e-300).any():
+            if (left > FITS * terms.max() + 1e-300).any():
                 self.possible = False
                 return np.full(len(x), np.nan)
-            # rate_slope = A^T basis^T basis A: hold A x = -(basis^T basis)^-1 s
-            b = -np.linalg.solve(basis.T @ basis, s)
             towards = A.T @ b
             self.push[group] = -towards
             limit = np.where(towards > 0.0, self.most[group], -self.least[group])
@@ -240,7 +219,7 @@ class _Shared:
             if len(A) > 1 or not self.follows_loads:
                 new[group], self.weakest[i] = share(A, b, limit, block, self.weakest[i])
                 continue
-            used = np.sqrt(np.equal.outer(block, block) @ x[group] ** 2)
+            used = joint_sizes(x[group], block)
             most = float((used / np.where(limit > 0.0, limit, np.inf)).max())
             slope = self._slope(x)[np.ix_(group, group)]
             new[group] = share_one(A, b, limit, slope, min(most, 1.0), block)
@@ -270,7 +249,7 @@ class _Shared:
             size, limit, over = self._against_limits(group)
             over &= m.at_rest[group]
             push, block = self.push[group], self.mechanism.block[group]
-            pushed = np.sqrt(np.equal.outer(block, block) @ push**2)
+            pushed = joint_sizes(push, block)
             way[group] = push / np.where(pushed > 0.0, pushed, 1.0)
             if over.any():
                 used = size / np.where(limit > 0.0, limit, 1e-300)
@@ -286,16 +265,15 @@ class _Shared:
     def _against_limits(self, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Friction of each joint of a group, its limit, and whether it is beyond (not rounding)."""
         x, block = self.modes.friction[group], self.mechanism.block[group]
-        size = np.sqrt(np.equal.outer(block, block) @ x**2)
+        size = joint_sizes(x, block)
         limit = np.where(x > 0.0, self.most[group], -self.least[group])
         ball = self.mechanism.ball[group]
         limit[ball] = self.most[group][ball]
         return size, limit, size > limit + ROUNDING * (limit + self._rounding(group))
 
-    def _rounding(self, group: np.ndarray) -> np.ndarray:
-        """(n,) friction that corresponds to the size of the terms that rates are the sum of."""
+    def _rounding(self, group: np.ndarray) -> float:
+        """Friction that corresponds to the size of the terms that rates are the sum of."""
         p = self.problem
         slope = np.diag(p.rate_slope)[group]
         strongest = int(np.argmax(slope))
-        terms = p.rate_scale[group][strongest] / max(slope[strongest], 1e-300)
-        return np.full(len(group), terms)
+        return float(p.rate_scale[group][strongest] / max(slope[strongest], 1e-300))

@@ -2,14 +2,48 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 #: Singular values below this many times the first one are zero.
 RANK = 1e-9
+#: Rates that friction cannot take away are rounding below this many times the terms' size.
+FITS = 1e-7
 #: A joint this much slower than the others (relative) does not take part in the motion w.
 _SMOOTH = 1e-6
 #: Passes of Newton's method.
 _NEWTON_PASSES = 40
+
+
+class Group(NamedTuple):
+    """Coordinates that rest together: of the factor A, rate_slope = A^T A, their columns.
+
+    These are U diag(size) rates with U^T U = 1.
+
+    Attributes:
+        members: (m,) coordinates.
+        size: (r,). rates: (r, m), orthonormal rows.
+    """
+
+    members: np.ndarray
+    size: np.ndarray
+    rates: np.ndarray
+
+    @classmethod
+    def of(cls, factor: np.ndarray, members: np.ndarray) -> Group:
+        """Take coordinates (m,) of a factor (d, nc) together."""
+        _, size, right = np.linalg.svd(factor[:, members], full_matrices=False)
+        rank = int((size > RANK * size[:1]).sum())
+        return cls(members, size[:rank], right[:rank])
+
+    def needs(self, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what takes rates (m,) away, b (r,) of rates x = b; and what of them nothing does.
+
+        All x with that b hold alike; the second (m,) moves whatever the friction.
+        """
+        s = self.rates @ rate
+        return -s / self.size**2, np.abs(rate - self.rates.T @ s)
 
 
 def share(
@@ -43,6 +77,11 @@ def share(
     for _ in range(2):  # once more for what rounding left
         x += root * np.linalg.lstsq(scaled, b - A @ x, rcond=1e-15)[0]
     return x + np.linalg.lstsq(A, b - A @ x, rcond=RANK)[0], w
+
+
+def joint_sizes(x: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """Return for every column (n,) the length of x over the columns of its joint."""
+    return np.asarray(np.sqrt(np.equal.outer(block, block) @ x**2))
 
 
 def share_one(

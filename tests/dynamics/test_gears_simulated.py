@@ -259,9 +259,9 @@ def test_a_scene_says_what_drives_its_simulation():
 
 def test_what_one_way_to_hold_leaves_open_is_not_refuted(monkeypatch):
     """A worm holds little load or much: `held` is False where both are shown not to hold."""
-    nothing = Verdict(False, np.inf, np.zeros(1), True, 0)
-    doubt = Verdict(None, np.inf, np.zeros(1), False, 0)
-    bound = Verdict(False, np.inf, np.zeros(1), False, 0)
+    nothing = Verdict(False, np.inf, np.zeros(1), True)
+    doubt = Verdict(None, np.inf, np.zeros(1), False)
+    bound = Verdict(False, np.inf, np.zeros(1), False)
     scene = screw(0.4, -0.1, {})
     high = pf.inverse_dynamics(scene, [[0.2]], [[0.0]], [[0.0]]).motor_torque_upper[0, 0]
     for second, held, proved in ((nothing, False, True), (doubt, None, False),

@@ -105,8 +105,8 @@ def test_a_sticking_balls_ends_are_those_of_its_sphere():
         codes = np.tile([code, choices.UPPER], (len(directions), 1))
         every = np.column_stack([np.ones(len(directions)), directions])
         c = solver.candidates(np.zeros(len(directions), dtype=np.int64), codes, every)
-        effort = solver._efforts(c.sample, solver._phi(c, 0))
-        low, high = np.minimum(low, effort.min(axis=0)), np.maximum(high, effort.max(axis=0))
+        effort = samples.maps.effort[0] @ np.insert(solver._phi(c, 0), 0, 1.0, axis=1).T
+        low, high = np.minimum(low, effort.min(axis=1)), np.maximum(high, effort.max(axis=1))
     width = high - low
     assert (result.effort_lower[0] <= low + 1e-9 * width).all()
     assert (result.effort_upper[0] >= high - 1e-9 * width).all()

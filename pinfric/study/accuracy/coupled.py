@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.dynamics.choices import SLIDES
 from pinfric.dynamics.interval_ends import Solver
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.solutions import one_sample
@@ -115,8 +116,8 @@ class _Sample:
                 free=np.ascontiguousarray(samples.maps.contact[0, :, 0]),
                 slope=slope,
                 site=layout.contact_site,
-                gain=-law.slip[0] * law.mu[0, 0],
-                rest=-law.slip[0] * law.coulomb[0, 0] - law.drag[0],
+                gain=-law.way[SLIDES, 0] * law.mu[SLIDES, 0],
+                rest=-law.way[SLIDES, 0] * law.coulomb[SLIDES, 0] - law.drag[SLIDES, 0],
                 constant=layout.constant,
             ),
         )
@@ -124,7 +125,7 @@ class _Sample:
     def known(self, factor: float) -> tuple[int, np.ndarray, float]:
         """Return how many solutions the package finds with mu times a factor, one, contraction."""
         own = self.solver.law
-        self.solver.law = replace(own, mu=factor * own.mu)
+        self.solver.law = own._replace(mu=factor * own.mu)
         try:
             found = self.solver.candidates(np.zeros(1, dtype=np.int64), own.code)
         finally:
