@@ -22,7 +22,7 @@ SLIDES, LOWER, UPPER, NONE = range(4)
 
 
 class Law(NamedTuple):
-    """The friction of each site for each code, x = -way (mu load + coulomb) - drag.
+    """The friction of each site for each code, x = -way (mu load + coulomb).
 
     Attributes:
         choices: (n, ns) number of frictions a site may have: 1 where it slides or has no dry
@@ -30,9 +30,9 @@ class Law(NamedTuple):
         code: (n, ns) what it is in the state that wrenches are given for.
         direction: (n, ne) along which its friction acts: 1, or a ball's unit vector.
         way: (4, n, ns) sign of its velocity, 1 for a ball; 1 and -1 at the limits, else 0.
-        mu, coulomb: (4, n, ns), at the limits with the drag of creeping (`laws`).
-        drag: (4, n, ns), viscous friction while it slides.
-        fixed_load: (n, ns) load where it cannot vary, else 0.
+        mu, coulomb: (4, n, ns), with drag: what is viscous while it slides, at the limits that of
+            creeping (`laws`).
+        constant: (n, ns) part of its load that is constant: all of it where it cannot vary.
     """
 
     choices: np.ndarray
@@ -41,8 +41,7 @@ class Law(NamedTuple):
     way: np.ndarray
     mu: np.ndarray
     coulomb: np.ndarray
-    drag: np.ndarray
-    fixed_load: np.ndarray
+    constant: np.ndarray
 
 
 class Candidates(NamedTuple):
@@ -87,15 +86,15 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
     numbers = np.empty((6, *speed.shape))
     frictions_at(laws, speed, numbers)
     moving = Moving(*numbers)
-    drag = laws.viscous * v + slip * np.where(ahead, moving.drag_forward, moving.drag_backward)
-    creeping, creeping_mu = np.where(sticks, (drag, moving.drag_mu), 0.0)
+    drag = laws.viscous * speed + np.where(ahead, moving.drag_forward, moving.drag_backward)
+    creeping, creeping_mu = np.where(sticks, (slip * drag, moving.drag_mu), 0.0)
     ball = layout.entry_count == 3  # its limit is a sphere about 0, whatever the direction
     against = np.where(ball, np.abs(creeping), np.maximum(creeping, 0.0))
     along = np.where(ball, np.abs(creeping), np.maximum(-creeping, 0.0))
     still = np.zeros(v.shape)
-    fixed = still + np.where(layout.varies, 0.0, layout.constant)
+    constant = still + layout.constant
     for t in np.flatnonzero(~layout.varies[layout.contact_site]):
-        fixed[:, layout.contact_site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
+        constant[:, layout.contact_site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
     return Law(
         choices=np.where(dry & sticks, 2, np.where(dry & at_rest, 3, 1)),
         code=np.where(sticks & dry, NONE, SLIDES),
@@ -108,13 +107,12 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
             still,
         ]),
         coulomb=np.array([
-            np.where(ahead, moving.forward, moving.backward),
+            np.where(ahead, moving.forward, moving.backward) + drag,
             against + laws.coulomb_static[:, 0],
             along + laws.coulomb_static[:, 1],
             still,
         ]),
-        drag=np.array([drag, still, still, still]),
-        fixed_load=fixed,
+        constant=constant,
     )  # fmt: skip
 
 
@@ -122,8 +120,7 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
 def solve_list(
     contact: np.ndarray,
     row: np.ndarray,
-    first_entry: np.ndarray,
-    entry_count: np.ndarray,
+    entry_site: np.ndarray,
     base: Problem,
     law: Law,
     candidates: Candidates,
@@ -133,30 +130,28 @@ def solve_list(
     Args:
         contact: (n, nt, 1 + ne, 3), of `Maps`.
         row: (number of varying contact forces,) which of the nt.
-        first_entry, entry_count: of `Layout`.
-        base: buffers; its sites, coordinates and constants are set.
+        entry_site: of `Layout`.
+        base: buffers; its sites and coordinates are set.
         law: of all samples.
         candidates: x, found, figures are overwritten.
     """
-    ns, direction = first_entry.size, candidates.direction
+    ns, direction = base.constant.size, candidates.direction
     nobody, no_guess, way = np.zeros(ns, np.bool_), np.full(1, np.nan), np.empty(ns)
     for m in range(candidates.sample.size):
         i = candidates.sample[m]
         for s in range(ns):
             code = candidates.code[m, s]
-            mu, way[s] = law.mu[code, i, s], law.way[code, i, s]
-            dry = mu * law.fixed_load[i, s] + law.coulomb[code, i, s]
-            base.mu_slip[s], base.drag[s] = mu, law.drag[code, i, s]
-            base.coulomb_slip[s, 0] = base.coulomb_slip[s, 1] = dry
+            way[s], base.mu_slip[s] = law.way[code, i, s], law.mu[code, i, s]
+            base.coulomb_slip[s] = law.coulomb[code, i, s]
+            base.constant[s] = law.constant[i, s]
+        base.contact_slope[:] = 0.0
         for r in range(row.size):
             t = row[r]
             for e in range(3):
                 base.contact_free[r, e] = contact[i, t, 0, e]
-                for s in range(ns):
-                    total = 0.0
-                    for c in range(first_entry[s], first_entry[s] + entry_count[s]):
-                        total += direction[m, c] * contact[i, t, 1 + c, e]
-                    base.contact_slope[r, s, e] = total
+                for k in range(entry_site.size):
+                    along = direction[m, k] * contact[i, t, 1 + k, e]
+                    base.contact_slope[r, entry_site[k], e] += along
         candidates.found[m] = solve_given_modes(
             base, nobody, way, no_guess, candidates.x[m], candidates.figures[m]
         )

@@ -94,9 +94,7 @@ class Solver:
         ns = len(layout.joint)
         self._rows = np.flatnonzero(layout.varies[layout.contact_site])
         sites = layout.contact_site[self._rows]
-        constant = np.where(layout.varies, layout.constant, 0.0)
-        self.base = empty_problem(np.arange(ns), np.ones(ns), sites, constant)
-        self._phi_site = np.repeat(np.arange(ns), layout.entry_count)
+        self.base = empty_problem(np.arange(ns), np.ones(ns), sites, np.zeros(ns))
         self._balls = np.flatnonzero(layout.entry_count == 3)
 
     def solve(self) -> Answer:
@@ -122,20 +120,19 @@ class Solver:
         self, sample: np.ndarray, code: np.ndarray, direction: np.ndarray | None = None
     ) -> Candidates:
         """Solve the given samples with the given codes (m, ns); directions (m, ne) of the law."""
-        layout, (m, ns) = self.layout, code.shape
+        m, ns = code.shape
         direction = self.law.direction[sample] if direction is None else direction
         x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
         out = Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
         if ns > 0:  # else nothing rubs, and that is the solution
             solve_list(
-                self.maps.contact, self._rows, layout.first_entry, layout.entry_count, self.base,
-                self.law, out,
-            )  # fmt: skip
+                self.maps.contact, self._rows, self.layout.entry_site, self.base, self.law, out
+            )
         return out
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
         """(m, ne) friction coordinates of one of the solutions."""
-        return np.asarray(c.x[:, solution][:, self._phi_site] * c.direction)
+        return np.asarray(c.x[:, solution][:, self.layout.entry_site] * c.direction)
 
     def _reference(self, answer: Answer, good: np.ndarray) -> None:
         """Solve the state that wrenches are given for, and all of a sample that only slides."""
@@ -246,17 +243,18 @@ class Solver:
             axis=(0, 1, 3), initial=0.0
         )
         changes = np.zeros(len(layout.joint), dtype=bool)
-        np.logical_or.at(changes, self._phi_site, moved > 0)
+        np.logical_or.at(changes, self.layout.entry_site, moved > 0)
         return np.asarray(~changes & ~layout.varies & (layout.entry_count == 1))
 
     def _free_limits(self, sample: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m, number of free sites) least and greatest friction where loads are fixed."""
-        law, load = self.law, self.law.fixed_load[sample][:, free]
+        law, load = self.law, self.law.constant[sample][:, free]
 
         def friction(code: int) -> np.ndarray:
-            way, mu, coulomb, drag = (numbers[code][sample][:, free] for numbers in
-                                      (law.way, law.mu, law.coulomb, law.drag))  # fmt: skip
-            return np.asarray(-way * (mu * load + coulomb) - drag)
+            way, mu, dry = (
+                array[code][sample][:, free] for array in (law.way, law.mu, law.coulomb)
+            )
+            return np.asarray(-way * (mu * load + dry))
 
         least, most, slides = friction(LOWER), friction(UPPER), friction(SLIDES)
         reverses = law.choices[sample][:, free] == 3
@@ -307,7 +305,7 @@ class Solver:
             gain = -self.law.way[here] * self.law.mu[here] / size
             L[:, s] += gain[:, None] * np.einsum("mke,me->mk", slope, force)
         D = np.zeros((m, ne, ns))
-        D[:, np.arange(ne), self._phi_site] = c.direction
+        D[:, np.arange(ne), self.layout.entry_site] = c.direction
         U = self.maps.effort[c.sample, drive, 1:]
         g = U.copy()
         inner = np.eye(ns) - L @ D

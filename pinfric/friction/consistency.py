@@ -149,18 +149,12 @@ def try_modes(problem: Problem, modes: Modes) -> tuple[int, int]:
     )
     first, obeying = 0, 0
     for i in range(found - 1, -1, -1):
-        if look_at(problem, modes, solutions[i]) == 0:
-            first = i
-            obeying += 1
-    if first > 0:
-        look_at(problem, modes, solutions[first])
+        friction[:] = solutions[i]
+        evaluate(problem, friction, modes.load, modes.rate)
+        if judge(problem, modes) == 0:
+            first, obeying = i, obeying + 1
+    if first > 0:  # another was written last
+        friction[:] = solutions[first]
+        evaluate(problem, friction, modes.load, modes.rate)
+        judge(problem, modes)
     return found, obeying
-
-
-@kernel
-def look_at(problem: Problem, modes: Modes, friction: np.ndarray) -> int:
-    """Write the solution with given friction (nc,); return how many coordinates break their law."""
-    for c in range(friction.size):
-        modes.friction[c] = friction[c]
-    evaluate(problem, friction, modes.load, modes.rate)
-    return judge(problem, modes)

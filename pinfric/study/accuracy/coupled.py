@@ -117,7 +117,7 @@ class _Sample:
                 slope=slope,
                 site=layout.contact_site,
                 gain=-law.way[SLIDES, 0] * law.mu[SLIDES, 0],
-                rest=-law.way[SLIDES, 0] * law.coulomb[SLIDES, 0] - law.drag[SLIDES, 0],
+                rest=-law.way[SLIDES, 0] * law.coulomb[SLIDES, 0],
                 constant=layout.constant,
             ),
         )
