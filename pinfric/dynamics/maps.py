@@ -27,7 +27,7 @@ from pinfric.dynamics.gearing import (
 )
 from pinfric.dynamics.machine import Machine, Supply, Tables, Work
 from pinfric.friction.consistency import site_friction, stick_limits, try_modes
-from pinfric.friction.dense import eliminate_full_pivot, factorize, solve_dense
+from pinfric.friction.dense import affine, eliminate_full_pivot, factorize, solve_dense
 from pinfric.friction.given_modes import slip_law
 from pinfric.model.compiled import kernel
 from pinfric.model.kinematics import act_on_joints, relate_pairs
@@ -404,7 +404,7 @@ def _write_problem_rates(
         related: whether there are pairs, along which coordinates may depend on each other.
     """
     D, a_map, factor, action, d = w.D, w.a_map, w.factor, t.layout.coordinate_action, w.freedoms[0]
-    p = w.problem
+    rate_free, rate_scale, rate_slope = w.problem.rate_free, w.problem.rate_scale, w.problem.rate_slope
     nc, nv = D.shape
     scale = step if step > 0.0 else 1.0
     root = np.sqrt(scale)
@@ -420,7 +420,7 @@ def _write_problem_rates(
         if step == 0.0 and action[c] >= 0:
             offset = w.rate_derivative[0, action[c]]
             size += abs(offset)
-        p.rate_free[c], p.rate_scale[c] = scale * total + offset, size
+        rate_free[c], rate_scale[c] = scale * total + offset, size
         for f in range(d):
             factor[f, c] *= root
     if related:
@@ -433,7 +433,7 @@ def _write_problem_rates(
             if w.locking[0] > 0:  # there is no such factor
                 for i in range(nv):
                     total += scale * D[c, i] * a_map[i, 1 + e]
-            p.rate_slope[c, e] = p.rate_slope[e, c] = total
+            rate_slope[c, e] = rate_slope[e, c] = total
 
 
 @kernel
@@ -857,35 +857,36 @@ def turn_balls(t: Tables, w: Work) -> None:
 def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     t, w = machine.tables, machine.work
-    layout, m = t.layout, w.modes
-    problem, x, a_map, G = w.problem, m.friction, w.a_map, w.wrench_map
-    nc = x.size
-    for i in range(w.a.size):
-        w.a[i] = a_map[i, 0]
-        for c in range(nc):
-            w.a[i] += a_map[i, 1 + c] * x[c]
-    for c in range(nc):
-        if m.stuck[c] and layout.coordinate_v[c] >= 0:
+    layout, x, stuck = t.layout, w.modes.friction, w.modes.stuck
+    affine(w.a_map, x, w.a)
+    for c in range(x.size):
+        if stuck[c] and layout.coordinate_v[c] >= 0:
             w.a[layout.coordinate_v[c]] = 0.0
-    for r in range(w.multiplier.size):
-        w.multiplier[r] = w.multiplier_map[r, 0]
-        for c in range(nc):
-            w.multiplier[r] += w.multiplier_map[r, 1 + c] * x[c]
-    stick_limits(problem, m.load, w.least, w.most)
-    site_friction(problem, m, w.least, w.most, w.entry_phi)
+    affine(w.multiplier_map, x, w.multiplier)
+    stick_limits(w.problem, w.modes.load, w.least, w.most)
+    site_friction(w.problem, w.modes, w.least, w.most, w.entry_phi)
     write_efforts(t, w)
-    for s in range(w.phi.size):
+    _write_sites(t, w)
+
+
+@kernel
+def _write_sites(t: Tables, w: Work) -> None:
+    """Write wrench, load, friction and mode of each site."""
+    layout, x, G, wrench = t.layout, w.modes.friction, w.wrench_map, w.wrench
+    stuck, direction, load = w.modes.stuck, w.modes.direction, w.modes.load
+    phi, ratio = w.phi, w.problem.ratio
+    for s in range(phi.size):
         e = layout.first_entry[s]
         c, row = layout.entry_coordinate[e], t.site_row[s]
-        w.load[s], w.phi[s] = m.load[e], w.entry_phi[e]
-        w.site_modes[s] = np.sign(m.direction[c] * w.problem.ratio[e])
+        w.load[s], phi[s] = load[e], w.entry_phi[e]
+        w.site_modes[s] = np.sign(direction[c] * ratio[e])
         if layout.ball[c]:
-            w.phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
-            w.site_modes[s] = 0 if m.stuck[c] else 1
+            phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
+            w.site_modes[s] = 0 if stuck[c] else 1
         for i in range(6):
-            w.wrench[s, i] = G[row, i, 0]
-            for n in range(nc):
-                w.wrench[s, i] += G[row, i, 1 + n] * x[n]
+            wrench[s, i] = G[row, i, 0]
+            for n in range(x.size):
+                wrench[s, i] += G[row, i, 1 + n] * x[n]
 
 
 @kernel
