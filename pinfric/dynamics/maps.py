@@ -404,7 +404,8 @@ def _write_problem_rates(
         related: whether there are pairs, along which coordinates may depend on each other.
     """
     D, a_map, factor, action, d = w.D, w.a_map, w.factor, t.layout.coordinate_action, w.freedoms[0]
-    rate_free, rate_scale, rate_slope = w.problem.rate_free, w.problem.rate_scale, w.problem.rate_slope
+    rate_free, rate_scale = w.problem.rate_free, w.problem.rate_scale
+    rate_slope = w.problem.rate_slope
     nc, nv = D.shape
     scale = step if step > 0.0 else 1.0
     root = np.sqrt(scale)
