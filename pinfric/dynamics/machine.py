@@ -102,7 +102,7 @@ class Work(NamedTuple):
         coordinate_rate: (nc,) relative velocity of each coordinate.
         idle: (nc,) whether a joint is near its dead centre.
         given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
-            (nj, 1 + nc, 6): of intermediate results.
+            (nj, 1 + nc, 6), row (6,): of intermediate results.
         freedoms: (1,) int.
         modes: of the coupled problem. least, most: (nc,) static limits.
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6), of the solution.
@@ -149,6 +149,7 @@ class Work(NamedTuple):
     right: np.ndarray
     below: np.ndarray
     above: np.ndarray
+    row: np.ndarray
     freedoms: np.ndarray
     modes: Modes
     least: np.ndarray

@@ -659,26 +659,19 @@ def add_products(A: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel
-def contact_row(B: np.ndarray, C: np.ndarray, i: int, e: int, moved: float) -> Vector6:
-    """Return row e of B + moved C (nt, 3, 6), the map of a wrench to contact force i."""
-    return (B[i, e, 0] + moved * C[i, e, 0], B[i, e, 1] + moved * C[i, e, 1],
-            B[i, e, 2] + moved * C[i, e, 2], B[i, e, 3] + moved * C[i, e, 3],
-            B[i, e, 4] + moved * C[i, e, 4], B[i, e, 5] + moved * C[i, e, 5])  # fmt: skip
-
-
-@kernel
-def along(row: Vector6, wrench: np.ndarray, j: int, n: int) -> float:
-    """Return the component of a wrench's column, wrench[j, :, n], that a row maps to."""
-    x, y, z, a, b, c = row
-    return (x * wrench[j, 0, n] + y * wrench[j, 1, n] + z * wrench[j, 2, n]
-            + a * wrench[j, 3, n] + b * wrench[j, 4, n] + c * wrench[j, 5, n])  # fmt: skip
+def along(row: np.ndarray, wrench: np.ndarray, j: int, n: int) -> float:
+    """Return a row (6,) of a contact's map times a wrench's column, wrench[j, :, n]."""
+    total = 0.0
+    for m in range(6):
+        total += row[m] * wrench[j, m, n]
+    return total
 
 
 @kernel
 def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
     """Write contact forces as maps of friction; False: not finite."""
     layout, free, slope = t.layout, w.problem.contact_free, w.problem.contact_slope
-    G, total = w.wrench_map, 0.0
+    G, row, total = w.wrench_map, w.row, 0.0
     for i in range(t.contact_row.size):
         s, j = layout.entry_site[t.contact_site[i]], t.contact_row[i]
         moved = (
@@ -686,7 +679,8 @@ def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
             + layout.displacement_ratio[s] * q[layout.displacement_q[s]]
         )
         for e in range(t.contact_rank[i]):
-            row = contact_row(t.contact_map, t.contact_map_moved, i, e, moved)
+            for m in range(6):
+                row[m] = t.contact_map[i, e, m] + moved * t.contact_map_moved[i, e, m]
             free[i, e] = along(row, G, j, 0)
             total += abs(free[i, e])
             for c in range(slope.shape[1]):
@@ -858,7 +852,8 @@ def turn_balls(t: Tables, w: Work) -> None:
 def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     t, w = machine.tables, machine.work
-    layout, x, stuck = t.layout, w.modes.friction, w.modes.stuck
+    layout, x, G, wrench, phi = t.layout, w.modes.friction, w.wrench_map, w.wrench, w.phi
+    stuck, direction, ratio = w.modes.stuck, w.modes.direction, w.problem.ratio
     affine(w.a_map, x, w.a)
     for c in range(x.size):
         if stuck[c] and layout.coordinate_v[c] >= 0:
@@ -867,19 +862,10 @@ def finish(machine: Machine) -> None:
     stick_limits(w.problem, w.modes.load, w.least, w.most)
     site_friction(w.problem, w.modes, w.least, w.most, w.entry_phi)
     write_efforts(t, w)
-    _write_sites(t, w)
-
-
-@kernel
-def _write_sites(t: Tables, w: Work) -> None:
-    """Write wrench, load, friction and mode of each site."""
-    layout, x, G, wrench = t.layout, w.modes.friction, w.wrench_map, w.wrench
-    stuck, direction, load = w.modes.stuck, w.modes.direction, w.modes.load
-    phi, ratio = w.phi, w.problem.ratio
     for s in range(phi.size):
         e = layout.first_entry[s]
         c, row = layout.entry_coordinate[e], t.site_row[s]
-        w.load[s], phi[s] = load[e], w.entry_phi[e]
+        w.load[s], phi[s] = w.modes.load[e], w.entry_phi[e]
         w.site_modes[s] = np.sign(direction[c] * ratio[e])
         if layout.ball[c]:
             phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)

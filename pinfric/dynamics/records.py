@@ -230,7 +230,7 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> Work:
         idle=np.zeros(nc, dtype=bool),
         given=np.zeros(nv), size=np.zeros(nv), push=np.zeros(nv), a_closure=np.zeros(nv),
         lower=np.zeros((nv, nv)), right=np.zeros((nv, 1 + nc)), below=np.zeros((nj, 1 + nc, 6)),
-        above=np.zeros((nj, 1 + nc, 6)),
+        above=np.zeros((nj, 1 + nc, 6)), row=np.zeros(6),
         freedoms=np.zeros(1, dtype=np.int64),
         modes=Modes.of(nc, ne), least=np.zeros(nc), most=np.zeros(nc), a=np.zeros(nv),
         effort=np.zeros(na), phi=np.zeros(ns), load=np.zeros(ns), wrench=np.zeros((ns, 6)),
