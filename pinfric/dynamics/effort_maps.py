@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.dynamics.layout import Layout
-from pinfric.dynamics.maps import add_products, along, contact_row, share_redundant
+from pinfric.dynamics.maps import add_products, along, share_redundant
 from pinfric.friction.dense import eliminate_full_pivot
 from pinfric.model.compiled import kernel
 
@@ -98,7 +98,7 @@ def map_friction(
         maps: overwritten.
     """
     columns = maps.effort.shape[2]
-    site_wrench = np.empty((1, 6, columns))
+    site_wrench, row = np.empty((1, 6, columns)), np.empty(6)
     maps.contact[:] = 0.0
     for i in range(wrench.shape[0]):
         y = maps.y[i]
@@ -116,7 +116,8 @@ def map_friction(
                 _write_wrench(t, t.joint[s], wrench[i], X[i], y, site_wrench[0])
             moved = displacement[i, s] if displacement.size > 0 else 0.0
             for e in range(t.contact_rank[n]):
-                row = contact_row(t.contact_map, t.contact_map_moved, n, e, moved)
+                for m in range(6):
+                    row[m] = t.contact_map[n, e, m] + moved * t.contact_map_moved[n, e, m]
                 for k in range(columns):
                     maps.contact[i, n, k, e] = along(row, site_wrench, 0, k)
 

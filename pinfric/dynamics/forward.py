@@ -152,12 +152,11 @@ def solution(ws: Workspace) -> Instant:
 
 def instant(ws: Workspace) -> Instant:
     """Return the workspace's solution with arrays of its own."""
-    out, (i, j, k, m) = ws.out.copy(), ws.parts
     contraction, passes = ws.modes.figures.tolist()
     multipliers = ws.multipliers.copy() if ws.closed else ws.multipliers
     return Instant(
-        out[:i], ws.site_modes.copy(), out[j:k], multipliers, out[k:m], out[m:].reshape(-1, 6),
-        contraction, Status.CONVERGED, int(passes), out[i:j],
+        ws.a.copy(), ws.site_modes.copy(), ws.phi.copy(), multipliers, ws.load.copy(),
+        ws.wrench.copy(), contraction, Status.CONVERGED, int(passes), ws.effort.copy(),
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.machine import Machine, Tables, Work
+from pinfric.friction.dense import affine
 from pinfric.model.compiled import kernel
 from pinfric.model.drives import Gears, gear_drag, gear_line, gear_slips
 
@@ -231,18 +232,16 @@ def write_efforts(t: Tables, w: Work) -> None:
     Where a gear holds whatever the load, how it shares with a bearing is not known: what the
     bearing's limits leave in the middle.
     """
-    layout, x, p = t.layout, w.modes.friction, w.problem
-    for d in range(w.effort.size):
-        w.effort[d] = w.delivered_map[d, 0]
-        for k in range(x.size):
-            w.effort[d] += w.delivered_map[d, 1 + k] * x[k]
+    layout, x, stuck = t.layout, w.modes.friction, w.modes.stuck
+    coordinate, ratio = w.problem.coordinate, w.problem.ratio
+    affine(w.delivered_map, x, w.effort)
     for d in range(layout.gear_entry.size):
         e, c = layout.gear_entry[d], layout.gear_coordinate[d]
-        if e < 0 or not w.modes.stuck[c]:
+        if e < 0 or not stuck[c]:
             continue
         if not w.most[c] - w.least[c] < np.inf:
             w.entry_phi[e] = x[c]
-            for other in range(p.coordinate.size):
-                if other != e and p.coordinate[other] == c:
-                    w.entry_phi[e] -= p.ratio[other] * w.entry_phi[other]
+            for other in range(coordinate.size):
+                if other != e and coordinate[other] == c:
+                    w.entry_phi[e] -= ratio[other] * w.entry_phi[other]
         w.effort[d] += w.entry_phi[e]

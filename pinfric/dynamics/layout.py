@@ -212,20 +212,24 @@ def _shares(scene: Scene, drive_v: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     return share / (together @ share), cost, shifts
 
 
+#: What a coordinate's rate is: that of a velocity, of an action, or of a coupled drive; else -1.
+_Key = tuple[int, int, int]
+
+
 def _coordinates(scene: Scene, motors: bool) -> dict[str, Any]:
     """Entries of all sites and gears, and the coordinates they act on."""
     laws, linkage = scene.site_tables.laws, scene.linkage
-    keys: list[tuple[int, int]] = []  # (velocity, action) of each coordinate, or (-1, -2 - drive)
+    keys: list[_Key] = []
     entries: list[tuple[int, int, float]] = []  # (site, coordinate, ratio)
     first, count = [], []
     for s, site in enumerate(scene.sites):
         first.append(len(entries))
         count.append(3 if site.ball else 1)
         for i in range(count[-1]):
-            key = (int(site.velocity_index), -1)
+            key = (int(site.velocity_index), -1, -1)
             if site.pair >= 0:
                 assert linkage is not None
-                key = (-1, int(linkage.friction_column[site.pair]) + i)
+                key = (-1, int(linkage.friction_column[site.pair]) + i, -1)
             if key not in keys:
                 keys.append(key)
             entries.append((s, keys.index(key), float(site.ratio)))
@@ -240,9 +244,10 @@ def _coordinates(scene: Scene, motors: bool) -> dict[str, Any]:
         if laws.dry[s]:
             dry[c], stick[c] = True, min(stick[c], laws.stick_velocity[s] / abs(ratio))
     rows, S = np.zeros((nc, scene.model.nv)), rate_rows(scene.drives, scene.model.nv)
-    for c, (v, action) in enumerate(keys):
-        rows[c] = S[-2 - action] if action < -1 else 0.0
-        if v >= 0:
+    for c, (v, _, drive) in enumerate(keys):
+        if drive >= 0:
+            rows[c] = S[drive]
+        elif v >= 0:
             rows[c, v] = 1.0
     for c, slowest in zip(geared["gear_coordinate"], geared["gears"].stick_velocity, strict=True):
         if c >= 0:
@@ -255,16 +260,14 @@ def _coordinates(scene: Scene, motors: bool) -> dict[str, Any]:
         "entry_ratio": np.array([ratio for _, _, ratio in entries], dtype=float),
         "entry_v": np.array([keys[c][0] for _, c, _ in entries], dtype=np.int64),
         "entry_action": np.array([keys[c][1] for _, c, _ in entries], dtype=np.int64),
-        "coordinate_v": np.array([v for v, _ in keys], dtype=np.int64),
-        "coordinate_action": np.array([max(action, -1) for _, action in keys], dtype=np.int64),
+        "coordinate_v": np.array([key[0] for key in keys], dtype=np.int64),
+        "coordinate_action": np.array([key[1] for key in keys], dtype=np.int64),
         "coordinate_row": rows,
         "viscous": viscous, "dry": dry, "stick_velocity": stick, "block": block, "ball": ball,
     }  # fmt: skip
 
 
-def _gear_coordinates(
-    scene: Scene, keys: list[tuple[int, int]], entries: int, motors: bool
-) -> dict[str, Any]:
+def _gear_coordinates(scene: Scene, keys: list[_Key], entries: int, motors: bool) -> dict[str, Any]:
     """Gears, their entries, which follow those of the sites, and their coordinates.
 
     Args:
@@ -277,12 +280,12 @@ def _gear_coordinates(
     gears = scene_gears(scene) if motors else gear_table([], [])
     entry, coordinate = np.full((2, len(drives)), -1, dtype=np.int64)
     for d in np.flatnonzero(loses(gears)):
-        key = int(drives[d].velocity_index), drives[d].column
+        key = int(drives[d].velocity_index), drives[d].column, -1
         if drives[d].couples:
-            key = -1, -2 - int(d)
+            key = -1, -1, int(d)
         if key[1] >= 0 and scene.linkage is not None:  # friction acts along the same line
             column = scene.linkage.friction_column[scene.linkage.column_pair[key[1]]]
-            key = key if column < 0 else (-1, int(column))
+            key = key if column < 0 else (-1, int(column), -1)
         if key not in keys:
             keys.append(key)
         entry[d], coordinate[d] = entries + (entry >= 0).sum(), keys.index(key)

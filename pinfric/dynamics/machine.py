@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pinfric.dynamics.layout import Layout
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
-from pinfric.model.compiled import kernel, record
+from pinfric.model.compiled import record
 from pinfric.model.kinematics import Actions
 
 
@@ -102,7 +102,7 @@ class Work(NamedTuple):
         coordinate_rate: (nc,) relative velocity of each coordinate.
         idle: (nc,) whether a joint is near its dead centre.
         given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
-            (nj, 1 + nc, 6): of intermediate results.
+            (nj, 1 + nc, 6), row (6,): of intermediate results.
         freedoms: (1,) int.
         modes: of the coupled problem. least, most: (nc,) static limits.
         a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6), of the solution.
@@ -149,6 +149,7 @@ class Work(NamedTuple):
     right: np.ndarray
     below: np.ndarray
     above: np.ndarray
+    row: np.ndarray
     freedoms: np.ndarray
     modes: Modes
     least: np.ndarray
@@ -183,35 +184,5 @@ class Machine(NamedTuple):
     work: Work
 
 
-LayoutRecord, TablesRecord, SupplyRecord = record(Layout), record(Tables), record(Supply)
-WorkRecord, MachineRecord = record(Work), record(Machine)
-
-
-@kernel
-def box_layout(values: tuple[Any, ...]) -> Any:
-    """Return `Layout` as one argument of kernels."""
-    return LayoutRecord(*values)
-
-
-@kernel
-def box_tables(values: tuple[Any, ...]) -> Any:
-    """Return `Tables` as one argument of kernels (an array costs 0.1 us to hand over)."""
-    return TablesRecord(*values)
-
-
-@kernel
-def box_supply(values: tuple[Any, ...]) -> Any:
-    """Return `Supply` as one argument of kernels."""
-    return SupplyRecord(*values)
-
-
-@kernel
-def box_work(values: tuple[Any, ...]) -> Any:
-    """Return `Work` as one argument of kernels."""
-    return WorkRecord(*values)
-
-
-@kernel
-def box_machine(values: tuple[Any, ...]) -> Any:
-    """Return `Machine`, of records, as one argument of kernels."""
-    return MachineRecord(*values)
+box_layout, box_tables, box_supply = record(Layout), record(Tables), record(Supply)
+box_work, box_machine = record(Work), record(Machine)

@@ -27,7 +27,7 @@ from pinfric.dynamics.gearing import (
 )
 from pinfric.dynamics.machine import Machine, Supply, Tables, Work
 from pinfric.friction.consistency import site_friction, stick_limits, try_modes
-from pinfric.friction.dense import eliminate_full_pivot, factorize, solve_dense
+from pinfric.friction.dense import affine, eliminate_full_pivot, factorize, solve_dense
 from pinfric.friction.given_modes import slip_law
 from pinfric.model.compiled import kernel
 from pinfric.model.kinematics import act_on_joints, relate_pairs
@@ -404,7 +404,8 @@ def _write_problem_rates(
         related: whether there are pairs, along which coordinates may depend on each other.
     """
     D, a_map, factor, action, d = w.D, w.a_map, w.factor, t.layout.coordinate_action, w.freedoms[0]
-    p = w.problem
+    rate_free, rate_scale = w.problem.rate_free, w.problem.rate_scale
+    rate_slope = w.problem.rate_slope
     nc, nv = D.shape
     scale = step if step > 0.0 else 1.0
     root = np.sqrt(scale)
@@ -420,7 +421,7 @@ def _write_problem_rates(
         if step == 0.0 and action[c] >= 0:
             offset = w.rate_derivative[0, action[c]]
             size += abs(offset)
-        p.rate_free[c], p.rate_scale[c] = scale * total + offset, size
+        rate_free[c], rate_scale[c] = scale * total + offset, size
         for f in range(d):
             factor[f, c] *= root
     if related:
@@ -433,7 +434,7 @@ def _write_problem_rates(
             if w.locking[0] > 0:  # there is no such factor
                 for i in range(nv):
                     total += scale * D[c, i] * a_map[i, 1 + e]
-            p.rate_slope[c, e] = p.rate_slope[e, c] = total
+            rate_slope[c, e] = rate_slope[e, c] = total
 
 
 @kernel
@@ -658,26 +659,19 @@ def add_products(A: np.ndarray, y: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel
-def contact_row(B: np.ndarray, C: np.ndarray, i: int, e: int, moved: float) -> Vector6:
-    """Return row e of B + moved C (nt, 3, 6), the map of a wrench to contact force i."""
-    return (B[i, e, 0] + moved * C[i, e, 0], B[i, e, 1] + moved * C[i, e, 1],
-            B[i, e, 2] + moved * C[i, e, 2], B[i, e, 3] + moved * C[i, e, 3],
-            B[i, e, 4] + moved * C[i, e, 4], B[i, e, 5] + moved * C[i, e, 5])  # fmt: skip
-
-
-@kernel
-def along(row: Vector6, wrench: np.ndarray, j: int, n: int) -> float:
-    """Return the component of a wrench's column, wrench[j, :, n], that a row maps to."""
-    x, y, z, a, b, c = row
-    return (x * wrench[j, 0, n] + y * wrench[j, 1, n] + z * wrench[j, 2, n]
-            + a * wrench[j, 3, n] + b * wrench[j, 4, n] + c * wrench[j, 5, n])  # fmt: skip
+def along(row: np.ndarray, wrench: np.ndarray, j: int, n: int) -> float:
+    """Return a row (6,) of a contact's map times a wrench's column, wrench[j, :, n]."""
+    total = 0.0
+    for m in range(6):
+        total += row[m] * wrench[j, m, n]
+    return total
 
 
 @kernel
 def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
     """Write contact forces as maps of friction; False: not finite."""
     layout, free, slope = t.layout, w.problem.contact_free, w.problem.contact_slope
-    G, total = w.wrench_map, 0.0
+    G, row, total = w.wrench_map, w.row, 0.0
     for i in range(t.contact_row.size):
         s, j = layout.entry_site[t.contact_site[i]], t.contact_row[i]
         moved = (
@@ -685,7 +679,8 @@ def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
             + layout.displacement_ratio[s] * q[layout.displacement_q[s]]
         )
         for e in range(t.contact_rank[i]):
-            row = contact_row(t.contact_map, t.contact_map_moved, i, e, moved)
+            for m in range(6):
+                row[m] = t.contact_map[i, e, m] + moved * t.contact_map_moved[i, e, m]
             free[i, e] = along(row, G, j, 0)
             total += abs(free[i, e])
             for c in range(slope.shape[1]):
@@ -857,35 +852,28 @@ def turn_balls(t: Tables, w: Work) -> None:
 def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     t, w = machine.tables, machine.work
-    layout, m = t.layout, w.modes
-    problem, x, a_map, G = w.problem, m.friction, w.a_map, w.wrench_map
-    nc = x.size
-    for i in range(w.a.size):
-        w.a[i] = a_map[i, 0]
-        for c in range(nc):
-            w.a[i] += a_map[i, 1 + c] * x[c]
-    for c in range(nc):
-        if m.stuck[c] and layout.coordinate_v[c] >= 0:
+    layout, x, G, wrench, phi = t.layout, w.modes.friction, w.wrench_map, w.wrench, w.phi
+    stuck, direction, ratio = w.modes.stuck, w.modes.direction, w.problem.ratio
+    affine(w.a_map, x, w.a)
+    for c in range(x.size):
+        if stuck[c] and layout.coordinate_v[c] >= 0:
             w.a[layout.coordinate_v[c]] = 0.0
-    for r in range(w.multiplier.size):
-        w.multiplier[r] = w.multiplier_map[r, 0]
-        for c in range(nc):
-            w.multiplier[r] += w.multiplier_map[r, 1 + c] * x[c]
-    stick_limits(problem, m.load, w.least, w.most)
-    site_friction(problem, m, w.least, w.most, w.entry_phi)
+    affine(w.multiplier_map, x, w.multiplier)
+    stick_limits(w.problem, w.modes.load, w.least, w.most)
+    site_friction(w.problem, w.modes, w.least, w.most, w.entry_phi)
     write_efforts(t, w)
-    for s in range(w.phi.size):
+    for s in range(phi.size):
         e = layout.first_entry[s]
         c, row = layout.entry_coordinate[e], t.site_row[s]
-        w.load[s], w.phi[s] = m.load[e], w.entry_phi[e]
-        w.site_modes[s] = np.sign(m.direction[c] * w.problem.ratio[e])
+        w.load[s], phi[s] = w.modes.load[e], w.entry_phi[e]
+        w.site_modes[s] = np.sign(direction[c] * ratio[e])
         if layout.ball[c]:
-            w.phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
-            w.site_modes[s] = 0 if m.stuck[c] else 1
+            phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
+            w.site_modes[s] = 0 if stuck[c] else 1
         for i in range(6):
-            w.wrench[s, i] = G[row, i, 0]
-            for n in range(nc):
-                w.wrench[s, i] += G[row, i, 1 + n] * x[n]
+            wrench[s, i] = G[row, i, 0]
+            for n in range(x.size):
+                wrench[s, i] += G[row, i, 1 + n] * x[n]
 
 
 @kernel

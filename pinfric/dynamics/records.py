@@ -200,8 +200,8 @@ def _freedoms(twin: Twin) -> dict[str, np.ndarray]:
     }
 
 
-def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, Work]:
-    """Make the buffers of a scene; (nv + na + 8 ns,) holds the solution, see `Workspace.out`."""
+def make_work(twin: Twin, layout: Layout, tables: Tables) -> Work:
+    """Make the buffers of a scene."""
     nv, nj, ns = twin.nv, twin.n_joints, len(layout.joint)
     geared = layout.gear_coordinate[layout.gear_coordinate >= 0]
     ne = len(layout.entry_site) + len(geared)
@@ -212,14 +212,12 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         tables.actions.pair_kind,
     )
     pairs = len(kind)
-    out = np.zeros(nv + na + 8 * ns)
-    a, effort, phi, load, wrench = np.split(out, np.cumsum([nv, na, ns, ns]))
     problem = empty_problem(
         np.concatenate([layout.entry_coordinate, geared]),
         np.concatenate([layout.entry_ratio, np.ones(len(geared))]), tables.contact_site,
         np.concatenate([layout.constant[layout.entry_site], np.zeros(len(geared))]),
     )  # fmt: skip
-    work = Work(
+    return Work(
         R=np.empty((1, nj, 3, 3)), p=np.empty((1, nj, 3)), velocity=np.empty((1, nj, 6)),
         acceleration=np.empty((1, nj, 6)), motion=np.empty((len(tables.freedom_v), 6)),
         momentum=np.empty((len(tables.freedom_v), 6)), X=np.empty((1, nj + pairs, 6, nx)),
@@ -232,14 +230,14 @@ def make_work(twin: Twin, layout: Layout, tables: Tables) -> tuple[np.ndarray, W
         idle=np.zeros(nc, dtype=bool),
         given=np.zeros(nv), size=np.zeros(nv), push=np.zeros(nv), a_closure=np.zeros(nv),
         lower=np.zeros((nv, nv)), right=np.zeros((nv, 1 + nc)), below=np.zeros((nj, 1 + nc, 6)),
-        above=np.zeros((nj, 1 + nc, 6)),
+        above=np.zeros((nj, 1 + nc, 6)), row=np.zeros(6),
         freedoms=np.zeros(1, dtype=np.int64),
-        modes=Modes.of(nc, ne), least=np.zeros(nc), most=np.zeros(nc), a=a, effort=effort,
-        phi=phi, load=load, wrench=wrench.reshape(ns, 6), multiplier=np.zeros(nl),
+        modes=Modes.of(nc, ne), least=np.zeros(nc), most=np.zeros(nc), a=np.zeros(nv),
+        effort=np.zeros(na), phi=np.zeros(ns), load=np.zeros(ns), wrench=np.zeros((ns, 6)),
+        multiplier=np.zeros(nl),
         entry_phi=np.zeros(ne), site_modes=np.zeros(ns, dtype=np.int8),
         gear_way=np.zeros(na), delivered=np.zeros(na), delivered_map=np.zeros((na, 1 + nc)),
         slope=np.ones(na), offset=np.zeros(na), reflected=np.zeros(na), line=np.zeros((na, 2)),
         held=np.zeros((na, 2)), arriving=np.zeros(na), locking=np.zeros(1, dtype=np.int64),
         push_size=np.zeros(1), problem=problem,
     )  # fmt: skip
-    return out, work

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,13 +111,7 @@ class Sample(NamedTuple):
     wrench: np.ndarray
 
 
-SampleRecord = record(Sample)
-
-
-@kernel
-def box_sample(values: tuple[Any, ...]) -> Any:
-    """Return `Sample` as one argument of kernels."""
-    return SampleRecord(*values)
+box_sample = record(Sample)
 
 
 @kernel
@@ -190,10 +184,6 @@ def make_sample(ws: Workspace) -> Sample:
     )  # fmt: skip
 
 
-def _box(sample: Sample) -> Sample:
-    return cast("Sample", box_sample(tuple(sample)))
-
-
 class Solver:
     """Inverse and forward dynamics of one scene, one state at a time, for one thread.
 
@@ -222,7 +212,7 @@ class Solver:
         if self._at_once:
             self._sample = x = make_sample(self._ws)
             self._q, self._v, self._a = x.q, x.v[0], x.a[0]
-            self._argument = KernelArgument(x, _box, is_ready(box_sample, (tuple(x),)))
+            self._argument = KernelArgument(x, box_sample, is_ready(box_sample, (x,)))
             found = {name: getattr(x, name)[0] for name in InverseInstant._fields[:-1]}
             self._found = InverseInstant(**found, status=Status.CONVERGED)
 

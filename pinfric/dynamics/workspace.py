@@ -89,9 +89,7 @@ class Workspace:
         must_obey: whether a configuration can be none: loops open, quaternions not of length 1.
         closed: whether coordinates may depend on each other, see `Tables.dependent`.
         a, effort, phi, load, wrench: (nv,), (na,), (ns,), (ns,), (ns, 6) of the solution:
-            accelerations, what drives deliver, friction, normal load and wrench of each site; one
-            after the other in `out`.
-        parts: the four borders in `out`.
+            accelerations, what drives deliver, friction, normal load and wrench of each site.
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
         locked: whether what sticks lets nothing move (known where loops close).
@@ -118,10 +116,8 @@ class Workspace:
         self.supplier = Supplier(self.twin)
         tables = make_tables(self.twin, scene.linkage, t)
         self.closed = tables.dependent
-        self.out, self.work = make_work(self.twin, t, tables)
-        self.parts = tuple(np.cumsum([self.nv, self.na, len(t.joint), len(t.joint)]).tolist())
-        w = self.work
-        ready = is_ready(box_work, (tuple(w),))
+        self.work = w = make_work(self.twin, t, tables)
+        ready = is_ready(box_work, (w,))
         self._argument = KernelArgument(Machine(tables, self.supplier.supply, w), _box, ready)
         self.problem, self.modes = w.problem, w.modes
         self.mechanism = Mechanism(
@@ -707,9 +703,8 @@ def check_transmissions(scene: Scene) -> None:
 
 def _box(machine: Machine) -> Machine:
     tables, supply, work = machine
-    scene = box_tables((box_layout(tuple(tables.layout)), *tables[1:]))
-    boxed = box_machine((scene, box_supply(tuple(supply)), box_work(tuple(work))))
-    return cast("Machine", boxed)
+    scene = box_tables(tables._replace(layout=box_layout(tables.layout)))
+    return cast("Machine", box_machine(Machine(scene, box_supply(supply), box_work(work))))
 
 
 class _Last(threading.local):

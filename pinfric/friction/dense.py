@@ -78,6 +78,15 @@ def spectral_radius_bound(A: np.ndarray, vector: np.ndarray) -> float:
 
 
 @kernel
+def affine(A: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
+    """Write A (1, x) (n,) of a map A (n, 1 + nx)."""
+    for i in range(out.size):
+        out[i] = A[i, 0]
+        for c in range(x.size):
+            out[i] += A[i, 1 + c] * x[c]
+
+
+@kernel
 def largest(values: np.ndarray) -> float:
     """Return the largest magnitude in (n,)."""
     most = 0.0

@@ -117,7 +117,7 @@ def reduce_problem(
             X[c, 1 + unknown[c]], offset[unknown[c]] = 1.0, law[c]
         elif not stuck[c]:
             X[c, 0] = law[c]
-    place, gain, contact = np.empty(count, np.int64), np.empty(count), np.empty((count, 1 + nz, 3))
+    place, gain, contact = np.empty(count, np.int64), np.empty(count), np.zeros((count, 1 + nz, 3))
     reduced = Reduced(unknown, X, offset, place, gain, contact)
     if sticking > 0 and not _hold(problem, stuck, X):
         return -1, reduced
@@ -168,8 +168,6 @@ def _reduce_contacts(
         place[n], gain[n] = unknown[problem.coordinate[s]], site_gain[s]
         for e in range(3):
             contact[n, 0, e] = problem.contact_free[t, e]
-            for j in range(1, columns):
-                contact[n, j, e] = 0.0
         for c in range(unknown.size):
             # what slips is a number or one of z
             first, last = (0, columns) if stuck[c] else (1 + unknown[c], 2 + unknown[c])
@@ -180,8 +178,8 @@ def _reduce_contacts(
 
 
 @kernel
-def _force(contact: np.ndarray, t: int, z: np.ndarray) -> tuple[float, float, float, float]:
-    """Return one contact force under z, and the size of the terms it is the sum of."""
+def _force(contact: np.ndarray, t: int, z: np.ndarray) -> tuple[float, float, float, float, float]:
+    """Return one contact force under z, its size, and that of the terms it is the sum of."""
     px, py, pz = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
     terms = abs(px) + abs(py) + abs(pz)
     for j in range(z.size):
@@ -189,7 +187,7 @@ def _force(contact: np.ndarray, t: int, z: np.ndarray) -> tuple[float, float, fl
         w = contact[t, 1 + j, 2] * z[j]
         px, py, pz = px + x, py + y, pz + w
         terms += abs(x) + abs(y) + abs(w)
-    return px, py, pz, terms
+    return px, py, pz, np.sqrt(px * px + py * py + pz * pz), terms
 
 
 @kernel
@@ -206,8 +204,8 @@ def residual(reduced: Reduced, z: np.ndarray, rest: np.ndarray, size: np.ndarray
     for k in range(z.size):
         rest[k], size[k] = z[k] - offset[k], abs(z[k]) + abs(offset[k])
     for t in range(gain.size):
-        px, py, pz, terms = _force(contact, t, z)
-        rest[place[t]] -= gain[t] * np.sqrt(px * px + py * py + pz * pz)
+        _, _, _, norm, terms = _force(contact, t, z)
+        rest[place[t]] -= gain[t] * norm
         size[place[t]] += abs(gain[t]) * terms
     for k in range(z.size):
         if not abs(rest[k]) <= 1e300:
@@ -229,8 +227,7 @@ def residual_slope(reduced: Reduced, z: np.ndarray, J: np.ndarray) -> None:
         for j in range(z.size):
             J[k, j] = 1.0 if j == k else 0.0
     for t in range(gain.size):
-        px, py, pz, _ = _force(contact, t, z)
-        norm = np.sqrt(px * px + py * py + pz * pz)
+        px, py, pz, norm, _ = _force(contact, t, z)
         if norm > 0.0:
             for j in range(z.size):
                 along = (px * contact[t, 1 + j, 0] + py * contact[t, 1 + j, 1]
@@ -348,9 +345,7 @@ def settles(reduced: Reduced, z: np.ndarray) -> bool:
 def contraction_matrix(reduced: Reduced, A: np.ndarray) -> None:
     """Write A_kj = sum |gain| Lip(load along z_j): |G(z) - G(z')| <= A |z - z'|."""
     _, _, _, place, gain, contact = reduced
-    for k in range(A.shape[0]):
-        for j in range(A.shape[0]):
-            A[k, j] = 0.0
+    A[:] = 0.0
     for t in range(gain.size):
         for j in range(A.shape[0]):
             x, y, z = contact[t, 1 + j, 0], contact[t, 1 + j, 1], contact[t, 1 + j, 2]

@@ -126,8 +126,8 @@ class _NoCache(NullCache):
         say_compiling("in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)")
 
 
-def record(fields: type) -> Any:
-    """Return a type for kernels with the fields of a NamedTuple, made of a tuple of them.
+def record(fields: type) -> Callable[[Any], Any]:
+    """Return what makes one argument of kernels of a NamedTuple of the given class.
 
     To hand a tuple over from Python costs 0.1 us for each array in it, a record 0.5 us in all. A
     kernel reads both alike, so that interpreted it takes the NamedTuple itself.
@@ -141,12 +141,18 @@ def record(fields: type) -> Any:
     Struct.__name__ = Struct.__qualname__ = f"{name}Struct"  # where pickle, and so the cache,
     Struct.__module__ = fields.__module__  # finds it
     setattr(module, Struct.__name__, structref.register(Struct))
-    proxy = type(f"{name}Record", (structref.StructRefProxy,),
-                 {"__slots__": (), "__module__": fields.__module__})  # fmt: skip
-    names = vars(fields)["_fields"]
-    structref.define_constructor(proxy, Struct, names)
+    proxy: Any = type(f"{name}Record", (structref.StructRefProxy,), {
+        "__slots__": (), "__module__": fields.__module__,
+        "_numba_type_": vars(structref.StructRefProxy)["_type"],  # no property: 0.1 us less
+    })  # fmt: skip
+    setattr(module, proxy.__name__, proxy)
+    structref.define_constructor(proxy, Struct, vars(fields)["_fields"])
     structref.define_boxing(Struct, proxy)
-    return proxy
+
+    def box(values: Any) -> Any:
+        return proxy(*values)
+
+    return _compiled(box, {"nogil": True}, waits=False)
 
 
 class KernelArgument(Generic[Fields]):

@@ -114,7 +114,7 @@ class Problem:
         """
         x, u = np.empty(len(self.grid.stop)), np.empty((len(self.grid.step), 2))
         scan = self.scan()
-        failed = fastest(box_scan(tuple(scan)), x, u)
+        failed = fastest(box_scan(scan), x, u)
         if failed >= 0:
             raise RetimeError(self._why(failed))
         return replace(Profile.of(self.grid, x, u), holes=int(scan.holes[0]))
@@ -160,7 +160,7 @@ class Problem:
         for k, drive in enumerate(self.scene.drives):
             x, u = np.empty(n + 1), np.empty((n, 2))
             scan = self.with_limits(k, DriveLimits()).scan()
-            if fastest(box_scan(tuple(scan)), x, u) != interval:
+            if fastest(box_scan(scan), x, u) != interval:
                 return (f"{where}: drive {drive.name!r} cannot follow the path on from there at "
                         "any speed; a stronger drive, or less curvature")  # fmt: skip
         return f"{where}: several drives together cannot follow the path at any speed"

@@ -119,7 +119,7 @@ class RetimeResult(Shown):
         """
         found = np.empty(len(self.profile.grid.step))
         most = 100.0 * max(float(self.profile.x.max()), 1e-9)
-        limit_curve(box_scan(tuple(self.problem.scan())), most, found)
+        limit_curve(box_scan(self.problem.scan()), most, found)
         return found
 
     def sensitivity(self, change: float = 0.01) -> dict[str, dict[str, float]]:

@@ -16,7 +16,7 @@ limits that are linear in (x, u)).
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -88,13 +88,7 @@ class Scan(NamedTuple):
     holes: np.ndarray
 
 
-ScanRecord = record(Scan)
-
-
-@kernel
-def box_scan(fields: tuple[Any, ...]) -> Any:
-    """Return the record of a `Scan`'s fields."""
-    return ScanRecord(*fields)
+box_scan = record(Scan)
 
 
 @kernel

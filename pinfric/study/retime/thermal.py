@@ -81,7 +81,7 @@ class _Barrier:
         grid = problem.grid
         constant = replace(problem, constant=np.ones(len(grid.step), dtype=bool))
         scan = constant.scan()
-        self.scan, self.cycle = box_scan(tuple(scan)), cycle
+        self.scan, self.cycle = box_scan(scan), cycle
         self.names = problem.scene.actuator_names
         self.step, self.free = grid.step, ~grid.stop
         top = np.minimum(scan.top[np.append(scan.start, scan.end[-1])],
