@@ -11,6 +11,7 @@ CASE = fuzz.Case({"arm.yaml": b""}, ["inverse", "arm.yaml", "way.yaml", "--json"
 ERROR = "pinfric: error: arm.yaml: `pinfric` is missing\n"
 
 
+@pytest.mark.slow
 def test_a_short_run_finds_nothing():
     findings, counts = fuzz.fuzz(150, seed=0)
     assert findings == []

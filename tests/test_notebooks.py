@@ -76,6 +76,7 @@ def pictures(outputs):
             yield np.asarray(picture.resize((80, 60)), dtype=float)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_runs_from_top_to_bottom(file, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", os.defpath)  # `pinfric` is found without an activated environment

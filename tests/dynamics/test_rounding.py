@@ -94,6 +94,7 @@ def events_of(motion):
     return [(e.name, e.kind, e.direction) for e in ordered], [e.time for e in ordered]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 @pytest.mark.parametrize("name", HARD)
 def test_states_that_differ_by_rounding_have_the_same_events(name, method):
@@ -111,6 +112,7 @@ def test_states_that_differ_by_rounding_have_the_same_events(name, method):
         assert all(stick.start < stick.end for stick in motion.stick_intervals())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [501, 997, 1013, 1511, 2003])
 def test_time_stepping_takes_no_turning_point_for_a_stop(steps):
     """A block on a spring with dry friction: it turns round while the spring can pull it back.
@@ -138,6 +140,7 @@ def test_time_stepping_takes_no_turning_point_for_a_stop(steps):
     assert (np.abs(motion.friction) <= limit * (1 + 1e-9)).all()  # at the turns, too
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("bits", range(20, 53, 2))
 def test_next_to_contraction_1_there_is_one_acceleration_or_none_and_never_two(bits, sign):

@@ -15,8 +15,11 @@ from scipy.optimize import linprog, minimize
 import pinfric as pf
 from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import StateError
+from pinfric.friction.branching import bound_force
 from pinfric.friction.holding import decide
+from pinfric.friction.least_use import descend, friction_and_limits, make_rest
 from pinfric.friction.minimax import least_violation
+from pinfric.friction.sharing import Group
 
 G = 9.81
 
@@ -168,6 +171,7 @@ def test_three_cuts_one_verdict():
     assert seen == {True, False}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
 @pytest.mark.parametrize("seed", [17, 51])
 def test_a_five_bar_breaks_away_where_no_stick_is_left(seed):
@@ -268,6 +272,62 @@ def test_the_small_linear_programs_are_what_highs_finds(seed):
     assert bound == pytest.approx(best.fun, abs=1e-9)
     assert ((A @ z + h) / s).max() == pytest.approx(best.fun, abs=1e-9)
     assert (np.abs(z) <= reach + 1e-12).all()
+
+
+def resting_six_bar(seed):
+    """(Rest, problem) of a random chain of 6 pins that rests under its weight."""
+    rng = np.random.default_rng(seed)
+    scene, q = random_chain(rng, 6)
+    balance, push = near_the_limit(rng, scene, q)
+    ws = Workspace(scene)
+    ws.modes.stuck[:] = True
+    ws.assemble(q, np.zeros(ws.nv), balance + push, None)
+    every = np.arange(len(ws.problem.rate_free))
+    group = Group.of(ws.mechanism.factor, every)
+    return make_rest(ws.problem, every, group.rates, group.needs(ws.problem.rate_free)[0])[0], ws
+
+
+def test_a_force_is_below_its_bound_wherever_it_points_into_its_sector():
+    rest, _ = resting_six_bar(0)
+    rng, dz = np.random.default_rng(1), rest.N.shape[1]
+    line, sides = np.empty(dz + 1), np.empty((2, dz + 1))
+    inside = outside = 0
+    for i in np.flatnonzero(~rest.on_a_line):
+        for half in (-1.0, 0.25 * np.pi, 0.05):
+            centre = rng.uniform(-np.pi, np.pi)
+            count = bound_force(rest, i, centre, half, line, sides)
+            assert count == (0 if half < 0.0 else 2)
+            for z in rng.uniform(-1.0, 1.0, (200, dz)) * rest.reach:
+                force = rest.force[i] + rest.slope[i] @ z
+                size, angle = np.hypot(*force), np.arctan2(force[1], force[0])
+                off = abs((angle - centre + np.pi) % (2 * np.pi) - np.pi)
+                within = bool((sides[:count, :-1] @ z + sides[:count, -1] <= 0.0).all())
+                assert within == (half < 0.0 or off <= half)
+                inside, outside = inside + within, outside + (not within)
+                if half < 0.0 and ((force < rest.low[i]) | (force > rest.high[i])).any():
+                    continue  # beyond the box, where that bound is made
+                if within:
+                    bound = line[:-1] @ z + line[-1]
+                    assert size <= bound * (1 + 1e-12)
+                    assert half < 0.0 or bound <= size / np.cos(half) * (1 + 1e-12)
+    assert min(inside, outside) > 100
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_use_falls_to_where_no_friction_nearby_has_less(seed):
+    rest, ws = resting_six_bar(seed)
+    n, dz = rest.N.shape
+    rng, out = np.random.default_rng(seed), (np.empty(n), np.empty(n), np.empty(n))
+    start = 0.1 * rng.uniform(-1.0, 1.0, dz) * rest.reach
+    z = start.copy()
+    use = descend(rest, z)
+    assert use == friction_and_limits(rest, z, *out) < friction_and_limits(rest, start, *out)
+    x = rest.x0 + rest.N @ z
+    rate = ws.problem.rate_free + ws.problem.rate_slope @ x
+    assert np.abs(rate).max() < 1e-9 * ws.problem.rate_scale.max()  # in equilibrium
+    for size in (1e-2, 1e-4):
+        for step in rng.normal(size=(200, dz)) * size * np.linalg.norm(x):
+            assert friction_and_limits(rest, z + step, *out) > use * (1 - 1e-8)
 
 
 def test_the_verdict_is_that_of_a_grid():

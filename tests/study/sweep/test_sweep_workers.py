@@ -86,6 +86,7 @@ def check_undisturbed(found, undisturbed, progress):
     assert found.solved.all()
 
 
+@pytest.mark.slow
 def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undisturbed, tmp_path):
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
@@ -107,6 +108,7 @@ def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undistu
     assert found.processes == 0
 
 
+@pytest.mark.slow
 def test_own_processes_survive_a_lost_one_and_end_with_the_sweep(panda, undisturbed):
     before = set(children(os.getpid()))
     progress = KillOne(lambda: computing(os.getpid()))
@@ -116,6 +118,7 @@ def test_own_processes_survive_a_lost_one_and_end_with_the_sweep(panda, undistur
     assert set(children(os.getpid())) <= before
 
 
+@pytest.mark.slow
 def test_scheduler_lost_in_the_run_is_said_and_nothing_finished_is_lost(
     panda, undisturbed, tmp_path
 ):
