@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 import typer
 import yaml
 
@@ -125,8 +126,10 @@ def test_way_to_the_solver_exists():
 
 
 def test_scene_in_the_guide_loads(tmp_path):
-    (scene_text,) = blocks("yaml", GUIDE / "scene.md")
+    scene_text, loops = blocks("yaml", GUIDE / "scene.md")
     (tmp_path / "scene.yaml").write_text(scene_text)
     scene = pf.load_scene(tmp_path / "scene.yaml")
     assert scene.site_names == ("shoulder_lift_joint", "elbow_joint")
     assert len(scene.drives) == 4
+    (loop,) = pf.load_scene("four_bar").with_(**yaml.safe_load(loops)).loops
+    assert (loop.name, loop.kind, loop.b.link) == ("rocker_pin", "planar_pin", "rocker")
