@@ -13,7 +13,6 @@ compiled.say_compiling = lambda again="": None
 #: find it in the cache.
 FIRST = {
     "dynamics/test_forward.py": "forward dynamics",
-    "friction/test_given_modes.py": "inverse dynamics",
     "dynamics/test_threaded.py": "inverse dynamics",
     "dynamics/test_inverse.py": "inverse dynamics",
     "dynamics/test_cases_inverse.py": "inverse dynamics",

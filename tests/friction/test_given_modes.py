@@ -17,6 +17,16 @@ from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_fri
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem, empty_problem
 from pinfric.friction.rest import Mechanism, solve
+from pinfric.model import interpreted
+
+
+@pytest.fixture(autouse=True)
+def _interpreted(monkeypatch):
+    """For tuples of arrays they would be compiled anew, 30 s: forward dynamics takes records.
+
+    That both forms agree is tested in `dynamics/test_maps.py`.
+    """
+    monkeypatch.setattr(interpreted, "PATIENCE", np.inf)
 
 
 def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Problem:

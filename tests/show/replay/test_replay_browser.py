@@ -25,6 +25,7 @@ FLAGS = (
     "--window-size=1000,700"
 )
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:.*<dynamics>:pinfric.errors.PinfricWarning"),
     pytest.mark.skipif(
         CHROMIUM is None or DRIVER is None,

@@ -245,6 +245,7 @@ const wait = setInterval(() => {
 </script></body>"""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is installed")
 def test_browser_draws_every_figure_without_errors(report, tmp_path):
     path, page = tmp_path / "report.html", sizing_page(report).rpartition("</body>")
