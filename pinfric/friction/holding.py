@@ -64,7 +64,7 @@ def decide(problem: Problem, factor: np.ndarray, at_rest: np.ndarray) -> Verdict
         return Verdict(use <= 1.0, use, friction(z), True)
     if not planar:
         return Verdict(None, use, friction(z), False)
-    near = z.copy()
+    near = np.zeros_like(z)  # where the search ended is no measure of the limits
     outcome = prove(rest, near)
     if outcome == 1:
         return Verdict(True, float(descend(rest, near)), friction(near), True)

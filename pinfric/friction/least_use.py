@@ -24,6 +24,8 @@ from pinfric.model.compiled import kernel
 _LEAST_LIMIT = 1e-9
 #: Descent ends where a program lowers the use by less than this (relative), or after so many.
 _STAYS, _PROGRAMS = 1e-9, 60
+#: Its longest step, so many times the friction that it starts from.
+_FAR = 1e6
 #: Friction looked at is at most this many times the limits, where friction can wedge itself.
 _WEDGED = 50.0
 #: Singular values below this many times the largest are zero.
@@ -159,7 +161,11 @@ def friction_and_limits(
 
 @kernel
 def descend(rest: Rest, z: np.ndarray) -> float:
-    """Lower the use from z on, one linear program a step; return it, and overwrite z (dz,)."""
+    """Lower the use from z on, one linear program a step; return it, and overwrite z (dz,).
+
+    Where friction can wedge itself the use may fall towards a friction without bound. Steps grow
+    with it, but so far only that what balances is not lost beside it in rounding.
+    """
     n, dz = rest.N.shape
     x, above, below = np.empty(n), np.empty(n), np.empty(n)
     use = friction_and_limits(rest, z, x, above, below)
@@ -167,6 +173,7 @@ def descend(rest: Rest, z: np.ndarray) -> float:
         return use
     G, h, s = np.empty((2 * n, dz)), np.empty(2 * n), np.empty(2 * n)
     tangent, step, trial = np.empty((n, dz)), np.empty(dz), np.empty(dz)
+    farthest = np.inf
     for _ in range(_PROGRAMS):
         for k in range(n):
             for j in range(dz):
@@ -191,13 +198,15 @@ def descend(rest: Rest, z: np.ndarray) -> float:
                 for j in range(dz):
                     G[r, j] = sign * rest.N[k, j] - use * tangent[k, j]
                 largest = max(largest, limit * max(use, 1.0), abs(x[k]))
-        least_violation(G, h, s, 2 * n, 10.0 * largest, step)
+        farthest = min(farthest, _FAR * largest)
+        least_violation(G, h, s, 2 * n, min(10.0 * largest, farthest), step)
         for j in range(dz):
             trial[j] = z[j] + step[j]
-        new = friction_and_limits(rest, trial, x, above, below)
-        if not new < use * (1.0 - _STAYS):
+        before, new = use, friction_and_limits(rest, trial, x, above, below)
+        if new < before:
+            use = new
+            for j in range(dz):
+                z[j] = trial[j]
+        if not new < before * (1.0 - _STAYS):
             break
-        use = new
-        for j in range(dz):
-            z[j] = trial[j]
     return use

@@ -12,8 +12,9 @@ RANK = 1e-9
 FITS = 1e-7
 #: A joint this much slower than the others (relative) does not take part in the motion w.
 _SMOOTH = 1e-6
-#: Passes of Newton's method.
-_NEWTON_PASSES = 40
+#: Passes of Newton's method; what it may leave of the gradient, relative: at the least it leaves
+#: 1e-9, where a kink beside its start keeps it 1e-3 or more.
+_NEWTON_PASSES, _STATIONARY = 40, 1e-5
 
 
 class Group(NamedTuple):
@@ -119,30 +120,49 @@ def share_one(
 def _weakest(
     A: np.ndarray, b: np.ndarray, limit: np.ndarray, same: np.ndarray, w: np.ndarray | None
 ) -> np.ndarray:
-    """Motion w (r,), b^T w = 1, |b| = 1, of least resistance: Newton, kinks rounded ever less."""
+    """Motion w (r,), b^T w = 1, |b| = 1, of least resistance: Newton, kinks rounded ever less.
+
+    From w on they are as sharp as at the end; where that ends early all begins anew from b.
+    """
+    if w is not None and float(w @ b) > 0.0:
+        w, stationary = _newton(A, b, limit, same, w / float(w @ b), _SMOOTH)
+        if stationary:
+            return w
+    w = b
+    for smooth in 10.0 ** np.arange(-1, np.log10(_SMOOTH) - 0.5, -1):
+        w, _ = _newton(A, b, limit, same, w, smooth)
+    return w
+
+
+def _newton(
+    A: np.ndarray, b: np.ndarray, limit: np.ndarray, same: np.ndarray, w: np.ndarray, smooth: float
+) -> tuple[np.ndarray, bool]:
+    """`_weakest` from w on with kinks of one roundness; and whether the resistance is least."""
     across = np.linalg.svd(b[None])[2][1:].T  # (r, r - 1)
-    scale = np.sqrt(same @ (A**2).sum(axis=0))
+    rounding = smooth * np.sqrt(same @ (A**2).sum(axis=0)) + 1e-300
     number = same.sum(axis=0)
 
-    def resistance(w: np.ndarray, rounding: np.ndarray) -> float:
-        return float((limit / number) @ np.sqrt(same @ (A.T @ w) ** 2 + rounding**2))
+    def speeds(w: np.ndarray) -> np.ndarray:
+        return np.asarray(np.sqrt(same @ (A.T @ w) ** 2 + rounding**2))
 
-    started = w is not None and float(w @ b) > 0.0
-    w = w / float(w @ b) if started and w is not None else b
-    for smooth in (_SMOOTH,) if started else 10.0 ** np.arange(-1, np.log10(_SMOOTH) - 0.5, -1):
-        rounding = smooth * scale + 1e-300
-        for _ in range(_NEWTON_PASSES):
-            y = A.T @ w
-            speed = np.sqrt(same @ y**2 + rounding**2)
-            weight = limit / speed
-            along = A @ (same * y[:, None])
-            H = (A * weight) @ A.T - (along * (weight / speed**2 / number)) @ along.T
-            gradient = across.T @ (A @ (weight * y))
-            step = across @ np.linalg.lstsq(across.T @ H @ across, -gradient, rcond=1e-14)[0]
-            damping, now = 1.0, resistance(w, rounding)
-            while damping > 1e-6 and resistance(w + damping * step, rounding) > now:
-                damping *= 0.5
-            w = w + damping * step
-            if np.abs(step).max() <= 1e-13 * np.abs(w).max() or damping <= 1e-6:
-                break
-    return w
+    def resistance(w: np.ndarray) -> float:
+        return float((limit / number) @ speeds(w))
+
+    def gradient(w: np.ndarray) -> np.ndarray:
+        return np.asarray(A @ (limit / speeds(w) * (A.T @ w)))
+
+    for _ in range(_NEWTON_PASSES):
+        y, speed = A.T @ w, speeds(w)
+        weight = limit / speed
+        along = A @ (same * y[:, None])
+        H = (A * weight) @ A.T - (along * (weight / speed**2 / number)) @ along.T
+        towards = -across.T @ gradient(w)
+        step = across @ np.linalg.lstsq(across.T @ H @ across, towards, rcond=1e-14)[0]
+        damping, now = 1.0, resistance(w)
+        while damping > 1e-6 and resistance(w + damping * step) > now:
+            damping *= 0.5
+        w = w + damping * step
+        if np.abs(step).max() <= 1e-13 * np.abs(w).max() or damping <= 1e-6:
+            break
+    left = gradient(w)
+    return w, bool(np.linalg.norm(across.T @ left) <= _STATIONARY * np.linalg.norm(left))

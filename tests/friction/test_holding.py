@@ -9,7 +9,15 @@ import pinocchio as pin
 import pytest
 from builders import block, plane_friction
 from cases import ball_tripod, resting_four_bar
-from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
+from mechanisms import (
+    add_link,
+    bar,
+    four_bar,
+    grounded_model,
+    pin_friction,
+    shifted,
+    spatial_loop,
+)
 from scipy.optimize import linprog, minimize
 
 import pinfric as pf
@@ -151,6 +159,17 @@ def test_what_holds_is_held_where_its_friction_is_no_fixed_point(seed, pins, str
     assert pf.holds(scene, q, balance + push).held
     instant = pf.forward_dynamics(scene, q, np.zeros(scene.model.nv), balance + push)
     assert (instant.modes == 0).all()
+
+
+def test_a_search_towards_friction_without_bound_comes_back():
+    """Friction of this loop could almost wedge itself; less of it has the least use."""
+    scene, q, _ = spatial_loop("universal", 8, mu=0.2)
+    effort = np.array([1611.1197100341865, 4084.982190410973, 138.01920479405646])
+    for k in range(-10, 11):
+        found = pf.holds(scene, q, effort * (1 + k * 1e-15))
+        assert found.held is False
+        assert found.use == pytest.approx(2.6273818957, rel=1e-9)
+        assert np.abs(found.friction).max() < 6e3
 
 
 @pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")

@@ -58,14 +58,16 @@ def test_extrapolation_finds_a_fixed_point_that_passes_alone_run_away_from(seed)
     assert anderson(lambda x: x + 1.0, np.zeros(2), 1e-12)[0] is None
 
 
+@pytest.mark.parametrize("started", [False, True])
 @pytest.mark.parametrize("seed", range(20))
-def test_a_load_is_shared_with_the_least_largest_use(seed):
-    """Against the linear program min t, A x = b, |x_k| <= t limit_k."""
+def test_a_load_is_shared_with_the_least_largest_use(seed, started):
+    """Against the linear program min t, A x = b, |x_k| <= t limit_k; from other limits' motion."""
     rng = np.random.default_rng(seed)
     r, n = int(rng.integers(1, 4)), int(rng.integers(4, 9))
     A = np.linalg.qr(rng.normal(size=(n, r)))[0].T
     b, limit = rng.normal(size=r), rng.uniform(0.2, 2.0, n)
-    x, _ = share(A, b, limit, np.arange(n))
+    other = share(A, b, rng.uniform(0.2, 2.0, n), np.arange(n))[1] if started else None
+    x, _ = share(A, b, limit, np.arange(n), other)
     np.testing.assert_allclose(A @ x, b, atol=1e-12)
     beside = np.hstack([np.eye(n), -limit[:, None]])
     below = np.hstack([-np.eye(n), -limit[:, None]])
