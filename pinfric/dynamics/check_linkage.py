@@ -69,7 +69,7 @@ def linkage_residuals(
     for end in ends:
         worst = np.maximum(worst, _residuals(result, model, data, pairs, i, end))
     worst[0] = max(worst[0], _frictionless(result, model, data, pairs, i))
-    return worst, max(float(np.abs(end.effort).max(initial=0.0)) for end in ends)
+    return worst, max((float(np.abs(end.effort).max(initial=0.0)) for end in ends), default=0.0)
 
 
 def _reported(
@@ -103,6 +103,8 @@ def _site_velocity(
 
 def _ends(result: InverseResult, i: int, efforts: np.ndarray) -> float:
     """How far the reported ends are from the least and greatest of the solutions."""
+    if not efforts.size:  # of no drive
+        return 0.0
     return max(
         float(np.abs(result.effort_lower[i] - efforts.min(axis=0)).max(initial=0.0)),
         float(np.abs(result.effort_upper[i] - efforts.max(axis=0)).max(initial=0.0)),

@@ -151,7 +151,7 @@ class Solver:
             load[:, s] += norms[:, t]
         answer.load[good[some]] = load[some]
         slides = (self.law.choices[good] == 1).all(axis=1)
-        self._widen(answer, c._replace(found=np.where(slides, c.found, 0)), np.arange(0), 0, 0)
+        self._widen(answer, c._replace(found=np.where(slides, c.found, 0)), np.arange(0), -1, 0)
 
     def _note(self, answer: Answer, c: Candidates) -> None:
         """Let the outcomes of candidates worsen their samples' statuses."""
@@ -180,7 +180,7 @@ class Solver:
                 chosen[:, :, columns] = np.where(grows, most[:, None], least[:, None])
                 effort = maps[:, :, 0] + np.einsum("mdk,mdk->md", maps[:, :, 1:], chosen)
                 self._take(answer, sample, effort, chosen, ends, up)
-                if up == side:
+                if drive >= 0 and up == side:
                     value[has] = sign * np.maximum(sign * value[has], sign * effort[:, drive])
             self._widen_friction(answer, sample, c.x[has, solution])
             answer.friction_lower[np.ix_(sample, free)] = least

@@ -3,18 +3,53 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from cases import Case, ball_tripod, four_bars_in_a_row, resting_four_bar, turning_four_bar
-from mechanisms import pin_friction
+from mechanisms import add_link, bar, grounded_model, pin_friction, shifted
 
 import pinfric as pf
 from pinfric.dynamics import choices, interval_ends
 from pinfric.dynamics.interval_ends import Solver
 from pinfric.dynamics.solutions import one_sample
+
+# ---------------------------------------------------------------- without drives
+
+
+@pytest.mark.parametrize("rubbing", ["ABC", "AB", ""])
+def test_pins_of_a_structure_that_nothing_drives_have_intervals_all_the_same(rubbing):
+    """Two bars that lean on each other; moments about A and B by hand, at all eight corners."""
+    model, length, span, g = grounded_model(), 0.3, 0.4, np.array([0.0, -9.81])
+    for name, x in (("A", 0.0), ("B", span)):
+        add_link(model, 0, pin.JointModelRZ(), shifted(x), name, bar(1.0, length))
+    sides = {side: {"link": link, "xyz": [length, 0, 0]} for side, link in (("a", "A"), ("b", "B"))}
+    friction = {name: pin_friction(0.1, 0.01, static=0.2) for name in rubbing}
+    scene = pf.Scene(model=model, friction=friction, actuators=[],
+                     loops=[{"name": "C", "kind": "planar_pin", **sides}])  # fmt: skip
+    q = scene.close([0.8, 2.3])
+    still = np.zeros((1, 2))
+    result = pf.inverse_dynamics(scene, q[None], still, still)
+    assert result.effort_lower.shape == (1, 0)
+    assert result.check().passed(1e-12)
+    along = length * np.column_stack([np.cos(q), np.sin(q)])
+    arms = np.array([[-along[0, 1], along[0, 0]], [along[1, 1], -along[1, 0]]])
+    weights = 0.5 * (along[:, 0] * g[1] - along[:, 1] * g[0])
+    mu = np.array([0.2 * 0.01 * (name in rubbing) for name in "ABC"])
+    every = []
+    for signs in itertools.product((-1.0, 1.0), repeat=3):
+        x = np.zeros(3)
+        for _ in range(60):  # friction at A and B on the bars, at C of the first on the second
+            force = np.linalg.solve(arms, -weights - x[:2] - [-x[2], x[2]])
+            x = signs * mu * [np.linalg.norm(f) for f in (force + g, force - g, force)]
+        every.append([value for value, name in zip(x, "ABC", strict=True) if name in rubbing])
+    ends = np.min(every, axis=0), np.max(every, axis=0)
+    np.testing.assert_allclose(result.friction_lower[0], ends[0], atol=1e-13)
+    np.testing.assert_allclose(result.friction_upper[0], ends[1], atol=1e-13)
+
 
 # ---------------------------------------------------------------- creeping
 
