@@ -110,9 +110,8 @@ def _search(solver: Solver) -> np.ndarray:
         error = newton(reduced, z, False)[0] if nz else 0.0
         if error <= _RESIDUAL:
             found.append(X[:, 0] + X[:, 1:] @ z)
-    sites = np.repeat(np.arange(len(layout.first_entry)), layout.entry_count)
     x = np.array(found).reshape(len(found), len(layout.first_entry))
-    return np.asarray(x[:, sites] * law.direction[0])
+    return np.asarray(x[:, layout.entry_site] * law.direction[0])
 
 
 def _distinct(found: np.ndarray) -> list[np.ndarray]:

@@ -437,7 +437,7 @@ class Workspace:
     def search(
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> Found:
-        """Search the modes of what is at rest; see `modes.search`, `rest.search`."""
+        """Search the modes of what is at rest; see `friction/search.py`."""
 
         def attempt() -> Found:
             found = search(self.problem, self.modes, self.mechanism, forced, held)

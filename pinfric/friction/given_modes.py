@@ -4,7 +4,7 @@ Modes given, the unknown is the friction z of the slipping coordinates whose loa
 z = G(z), by fixed point while that is fast (the paper), then by semi-smooth Newton; the residual of
 the answer is always verified. The certificate is `contraction`, a bound of the spectral radius of
 A_kj = gain Lip(load along z_j): below 1 the solution exists and is the only one; else others are
-searched for. Which modes are consistent is the matter of `consistency.py`, `modes.py`.
+searched for. Which modes are consistent is the matter of `consistency.py`, `search.py`.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ used more than it must be: of all x that hold, the one with the least t in
 
 (limit analysis). With one freedom all joints are used alike, x_k = -t limit_k sign(A_k); with
 several, only those are that would move in the weakest direction w, which is what breaks away when t
-reaches 1. Joints that rest independently of each other are left to `modes.py`.
+reaches 1. Joints that rest independently of each other share none.
 
 Limits depend on loads, loads on friction: t is a stationary value, with one freedom by its own
 conditions, with several by freezing the limits again and again. It can lie above the least. So what

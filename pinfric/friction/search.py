@@ -94,10 +94,11 @@ def _search_open(
     if few and together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
         # which way it breaks away was a first guess: a slow joint may rub along with the motion
         found = _enumerate(problem, modes, mechanism, {}, held, fewest=1)
-    if found == Found.SOLVED and together and len(mechanism.factor) == 1:
-        other = modes.copy()  # with one freedom there is one other way to slip
+    one_freedom = together and len(mechanism.factor) == 1
+    if found == Found.SOLVED and one_freedom and not modes.stuck[rests].any():
+        other = modes.copy()  # there is one other way to slip
         other.direction[rests] *= -1.0
-        if not modes.stuck[rests].any() and solve(problem, other, mechanism)[1] > 0:
+        if solve(problem, other, mechanism)[1] > 0:
             return Found.AMBIGUOUS
     return found
 
