@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.check_linkage import linkage_residuals
+from pinfric.dynamics.check_linkage import Verdict, judge_linkage
+from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.plain_laws import plain_displacement, plain_friction, plain_normal_load
 
 if TYPE_CHECKING:
@@ -22,51 +23,62 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Check:
-    """Largest residuals over all samples.
+    """Largest residuals over all samples, and what else the judge finds.
 
     Attributes:
         equilibrium: |M a + h - J^T f_ext - u - D phi| at both ends of every interval (N m or N).
         friction_law: |phi - law(v, c)| at both ends (N m or N).
         wrench: |w - data.f| (N or N m); 0 where no wrench was needed.
+        ends: how far the intervals' ends are from those that the judge finds (N m or N).
+        wrong_status: number of samples whose `Status` the judge contradicts: jammed although
+            something obeys the laws, converged although nothing or more than one state does.
+        undecided: number of samples where the judge's own search is not complete: it confirms what
+            it found, and cannot say that there is no more.
         scale: largest effort in the result, to compare the residuals with.
-        sample: the sample of the largest equilibrium residual.
+        sample: the sample of the largest of these residuals, or the first of a wrong status.
     """
 
     equilibrium: float
     friction_law: float
     wrench: float
+    ends: float
+    wrong_status: int
+    undecided: int
     scale: float
     sample: int
 
     def passed(self, relative: float = 1e-9) -> bool:
-        """Say whether every residual is below `relative` times the scale."""
-        worst = max(self.equilibrium, self.friction_law, self.wrench)
-        return bool(worst <= relative * max(self.scale, 1e-300))
+        """Say whether every residual is below `relative` times the scale, every status right."""
+        worst = np.max([self.equilibrium, self.friction_law, self.wrench, self.ends])
+        return bool(worst <= relative * max(self.scale, 1e-300)) and not self.wrong_status
 
 
 def check_result(result: InverseResult) -> Check:
     """Recompute the residuals of a result (see `Check`)."""
     states, scene = result.states, result.scene
-    worst = np.zeros(3)
-    worst_sample = 0
     every = (result.effort_lower, result.effort_upper, result.effort_frictionless)
     scale = max(float(np.abs(np.nan_to_num(efforts)).max(initial=0)) for efforts in every)
+    verdicts: list[Verdict] = []
     for start, stop, carried in states.phases(scene):
         model = scene.loaded_model(carried)
         data = model.createData()
         for i in range(start, stop):
-            total, wrenches = _plain_rnea(model, data, result, i)
-            if scene.linkage is None:
-                residuals = _residuals(result, i, total, wrenches)
-            else:
-                residuals, largest = linkage_residuals(result, model, data, i)
-                scale = max(scale, largest)
-            if residuals[0] > worst[0]:
-                worst_sample = i
-            worst = np.maximum(worst, residuals)
-            scale = max(scale, float(np.abs(wrenches).max(initial=0)))
-    equilibrium, friction_law, wrench = (float(w) for w in worst)
-    return Check(equilibrium, friction_law, wrench, scale, worst_sample)
+            judge = _judge_tree if scene.linkage is None else judge_linkage
+            verdicts.append(judge(result, model, data, i))
+    residuals = np.array([verdict[:4] for verdict in verdicts]).reshape(-1, 4)
+    wrong = np.array([verdict.wrong_status for verdict in verdicts], dtype=bool)
+    each = np.where(wrong, np.inf, np.nan_to_num(residuals, nan=np.inf).max(axis=1, initial=0.0))
+    equilibrium, friction_law, wrench, ends = residuals.max(axis=0, initial=0.0).tolist()
+    return Check(
+        equilibrium,
+        friction_law,
+        wrench,
+        ends,
+        wrong_status=int(wrong.sum()),
+        undecided=sum(verdict.undecided for verdict in verdicts),
+        scale=max([scale, *(verdict.scale for verdict in verdicts)]),
+        sample=int(np.argmax(each)) if len(each) else 0,
+    )
 
 
 def _plain_rnea(
@@ -82,37 +94,57 @@ def _plain_rnea(
     return total, np.array([f.vector for f in data.f][1:]).reshape(-1, 6)
 
 
-def _residuals(
-    result: InverseResult, i: int, total: np.ndarray, wrenches: np.ndarray
-) -> np.ndarray:
-    sites, states = result.scene.sites, result.states
-    undriven = list(result.scene.mobility.undriven)
-    D = np.zeros((len(total), len(sites)))
-    law = wrench = 0.0
-    for s, site in enumerate(sites):
+def _judge_tree(result: InverseResult, model: pin.Model, data: pin.Data, i: int) -> Verdict:
+    """Judge one sample of an open chain: every end is a closed form of its site's limits."""
+    total, wrenches = _plain_rnea(model, data, result, i)
+    scene, states = result.scene, result.states
+    D, law, wrench = np.zeros((len(total), len(scene.sites))), 0.0, 0.0
+    low, high = np.zeros((2, len(scene.sites)))
+    for s, site in enumerate(scene.sites):
         D[site.velocity_index, s] = site.ratio
         w = wrenches[site.joint]
         if result.wrench is not None:
-            wrench = max(wrench, float(np.abs(result.wrench[i, s] - w).max()))
-        load = plain_normal_load(site, w, plain_displacement(result.scene, site, states.q[i]))
+            wrench = float(np.max([wrench, np.abs(result.wrench[i, s] - w).max()]))
+        load = plain_normal_load(site, w, plain_displacement(scene, site, states.q[i]))
         v = site.ratio * states.v[i, site.velocity_index]
-        least, greatest = plain_friction(site, v, load, bool(result.reversal[i, s]))
-        ends = result.friction_lower[i, s] - least, greatest - result.friction_upper[i, s]
-        # what balances an undriven joint is less than what friction can do
-        off = max(-min(ends), 0.0) if site.velocity_index in undriven else np.abs(ends).max()
-        law = max(law, off, abs(result.normal_load[i, s] - load))
-    # the friction that gives each end of each effort, by the sign of its column
-    phi_low, phi_high = result.friction_lower[i], result.friction_upper[i]
+        low[s], high[s] = plain_friction(site, v, load, bool(result.reversal[i, s]))
+        law = float(np.max([law, abs(result.normal_load[i, s] - load)]))
+    most, fewest = _ends(D, low, high)
+    undriven = list(scene.mobility.undriven)
+    beyond = float(np.maximum(total - most, fewest - total)[undriven].max(initial=0.0))
+    low, high = _left_by_others(D, total, low, high, undriven)
+    law = float(np.max([law, *np.abs(result.friction_lower[i] - low),
+                        *np.abs(result.friction_upper[i] - high)]))  # fmt: skip
     drives = _drive_matrix(result, len(total))
-    u, (taken, left) = drives @ total, _ends(drives @ D, phi_low, phi_high)
-    most, fewest = _ends(D, phi_low, phi_high)
-    equilibrium = max(
-        float(np.abs(u - taken - result.effort_lower[i]).max(initial=0)),
-        float(np.abs(u - left - result.effort_upper[i]).max(initial=0)),
-        float(np.abs(u - result.effort_frictionless[i]).max(initial=0)),
-        float(np.maximum(total - most, fewest - total)[undriven].max(initial=0)),
+    u, (taken, left) = drives @ total, _ends(drives @ D, low, high)
+    ends = np.concatenate([u - taken - result.effort_lower[i], u - left - result.effort_upper[i]])
+    frictionless = np.abs(u - result.effort_frictionless[i]).max(initial=0)
+    return Verdict(
+        equilibrium=float(np.max([frictionless, beyond])),
+        friction_law=law,
+        wrench=wrench,
+        ends=float(np.abs(ends).max(initial=0)),
+        scale=float(np.abs(wrenches).max(initial=0)),
+        wrong_status=bool(result.status[i] != Status.CONVERGED),  # there is always one state
     )
-    return np.array([equilibrium, law, wrench])
+
+
+def _left_by_others(
+    D: np.ndarray, total: np.ndarray, low: np.ndarray, high: np.ndarray, undriven: list[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Narrow what friction can be where it alone balances a joint: D phi = total there.
+
+    Each site has what the others on that joint leave.
+    """
+    low, high = low.copy(), high.copy()
+    for v in undriven:
+        on = np.flatnonzero(D[v])
+        ends = np.sort(D[v, on] * np.array([low[on], high[on]]), axis=0)
+        for n, s in enumerate(on):
+            others = np.delete(ends, n, axis=1).sum(axis=1)
+            own = np.clip(total[v] - others[::-1], *ends[:, n]) / D[v, s]
+            low[s], high[s] = own.min(), own.max()
+    return low, high
 
 
 def _ends(D: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,181 +2,150 @@
 
 Jacobians come from Pinocchio's joint Jacobians, wrenches from `data.f` of its RNEA with every
 closure force, drive and friction torque as external forces, laws from plain NumPy (`plain_laws`).
+The ends of efforts, and whether a sample has one state of friction, several or none, come from an
+enumeration of the judge's own (`check_states`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from pinfric.dynamics.check_balance import Balance, balance
+from pinfric.dynamics.check_pairs import Pair, Sample, pair_friction
+from pinfric.dynamics.check_states import Enumeration, States, site_laws
 from pinfric.dynamics.outcome import Solution, Status
 from pinfric.dynamics.plain_laws import plain_displacement, plain_friction, plain_normal_load
-from pinfric.model.scene import Scene, Site
+from pinfric.model.scene import Scene
 
 if TYPE_CHECKING:
     from pinfric.dynamics.result import InverseResult
 
+#: A sample is called singular wrongly where no singular value that counts is as small as this.
+_REGULAR = 1e-6
+#: What must be numbers where there is an answer.
+_ARRAYS = ("effort_lower", "effort_upper", "effort_frictionless", "normal_load", "friction_lower",
+           "friction_upper", "wrench", "multipliers")  # fmt: skip
 
-@dataclass(frozen=True)
-class Pair:
-    """A wrench of side a on side b: where it acts and on whom, at one sample.
+
+class Verdict(NamedTuple):
+    """What the judge says of one sample.
 
     Attributes:
-        name: of the loop or the drive.
-        a, b: joint ids of the two links, 0 for the ground.
-        at: (3,) where it acts, world. frame: (3, 3) frame b. direction: (6,) unit wrench of a
-            drive in the world's axes at `at`; of a loop along what moves, of a universal about
-            the common normal of its axes.
-        along_line: whether it is a cylinder, along whose line its friction acts, too.
+        equilibrium, friction_law, wrench, ends: residuals, see `check.Check`.
+        scale: the largest effort.
+        wrong_status: the judge finds another status.
+        undecided: its search had to stop before it knew.
     """
 
-    name: str
-    a: int
-    b: int
-    at: np.ndarray
-    frame: np.ndarray
-    direction: np.ndarray
-    along_line: bool = False
+    equilibrium: float = 0.0
+    friction_law: float = 0.0
+    wrench: float = 0.0
+    ends: float = 0.0
+    scale: float = 0.0
+    wrong_status: bool = False
+    undecided: bool = False
 
 
-def linkage_residuals(
-    result: InverseResult, model: pin.Model, data: pin.Data, i: int
-) -> tuple[np.ndarray, float]:
-    """Return (equilibrium, friction law, wrench) residuals of one sample, and its largest effort.
+def judge_linkage(result: InverseResult, model: pin.Model, data: pin.Data, i: int) -> Verdict:
+    """Judge one sample.
 
     Args:
         result: of a scene with loops or drives off the joints.
         model, data: with the payloads of this sample.
         i: the sample.
     """
-    if result.status[i] in (Status.JAMMED, Status.NOT_CONVERGED, Status.SINGULAR):
-        return np.zeros(3), 0.0
-    scene, states = result.scene, result.states
-    pin.computeJointJacobians(model, data, states.q[i])
-    pairs = _pairs(scene, model, data)
-    worst = np.zeros(3)
-    if (result.sticking[i] | result.reversal[i]).any() or result.status[i] == Status.AMBIGUOUS:
-        ends = result.solutions(i)
-        worst[0] = _ends(result, i, np.array([end.effort for end in ends]))
+    status, sample = Status(int(result.status[i])), Sample.of(result, model, data, i)
+    maps = balance(sample)
+    if status in (Status.SINGULAR, Status.NOT_CONVERGED):
+        wrong = status == Status.SINGULAR and maps.regular > _REGULAR
+        return Verdict(wrong_status=wrong, undecided=status == Status.NOT_CONVERGED)
+    laws = site_laws(sample, max(1.0, float(np.abs(maps.contact[:, :, 0]).max(initial=0.0))))
+    states = Enumeration(maps, laws).run()
+    wrong, undecided = not states.possible(status), not states.certain
+    if status == Status.JAMMED:
+        return Verdict(wrong_status=wrong, undecided=undecided)
+    if any(np.isnan(getattr(result, name)[i]).any() for name in _ARRAYS):
+        return Verdict(np.inf, wrong_status=wrong, undecided=undecided)
+    chooses = any(len(law.options) > 1 for law in laws)
+    if chooses or status == Status.AMBIGUOUS:
+        solutions = result.solutions(i)
+        wrong |= not chooses and states.certain and len(solutions) != states.most
+        apart, law = _ends(sample, states, solutions, any(law.sphere for law in laws))
+        law = max(law, _reference(sample, maps, states)) if chooses else law
     else:
-        ends = (_reported(result, model, data, pairs, i),)
-        low, high = result.effort_lower[i], result.effort_upper[i]
-        worst[0] = np.abs(low - high).max(initial=0.0)
-        worst[1] = np.abs(result.friction_lower[i] - result.friction_upper[i]).max(initial=0.0)
-    for end in ends:
-        worst = np.maximum(worst, _residuals(result, model, data, pairs, i, end))
-    worst[0] = max(worst[0], _frictionless(result, model, data, pairs, i))
-    return worst, max((float(np.abs(end.effort).max(initial=0.0)) for end in ends), default=0.0)
+        solutions, law = (_reported(sample),), 0.0
+        apart = max(_apart(result.effort_lower[i], result.effort_upper[i]),
+                    _apart(result.friction_lower[i], result.friction_upper[i]))  # fmt: skip
+    rows = [_residuals(sample, one) for one in solutions]
+    worst = np.array([*rows, np.zeros(3)]).max(axis=0)
+    frictionless = _apart(result.effort_frictionless[i], maps.effort[:, 0])
+    equilibrium = float(np.max([worst[0], maps.missed, frictionless]))
+    scale = max([maps.scale, *(float(np.abs(one.effort).max(initial=0.0)) for one in solutions)])
+    return Verdict(equilibrium, float(np.max([worst[1], law])), float(worst[2]), apart, scale,
+                   wrong, undecided)  # fmt: skip
 
 
-def _reported(
-    result: InverseResult, model: pin.Model, data: pin.Data, pairs: dict[str, Pair], i: int
-) -> Solution:
+def _apart(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.abs(a - b).max(initial=0.0))
+
+
+def _ends(
+    sample: Sample, states: States, solutions: tuple[Solution, ...], spheres: bool
+) -> tuple[float, float]:
+    """How far reported ends of efforts, of frictions, are from those that the judge has found.
+
+    Where the judge may have missed some, reported ones may lie beyond if a solution attains them.
+    Ranges of friction that come from a search are not compared.
+    """
+    result, i = sample.result, sample.i
+    lower, upper = result.effort_lower[i], result.effort_upper[i]
+    inside = np.concatenate([lower - states.lower, states.upper - upper])
+    if not lower.size:  # of no drive
+        apart = 0.0
+    elif states.certain:
+        apart = float(np.abs(inside).max())
+    else:
+        efforts = np.array([one.effort for one in solutions])
+        attained = max(_apart(lower, efforts.min(axis=0)), _apart(upper, efforts.max(axis=0)))
+        apart = float(np.fmax.reduce(inside, initial=attained))
+    if not states.certain or spheres or not result.interval_exact[i]:
+        return apart, 0.0
+    return apart, max(_apart(result.friction_lower[i], states.friction_lower),
+                      _apart(result.friction_upper[i], states.friction_upper))  # fmt: skip
+
+
+def _reference(sample: Sample, maps: Balance, states: States) -> float:
+    """How far loads, wrenches and multipliers are from a state in which what sticks has none."""
+    result, i = sample.result, sample.i
+    assert result.wrench is not None
+    assert result.multipliers is not None
+    nearest = 0.0 if len(states.reference) == 0 else np.inf
+    for phi in states.reference:
+        one = np.concatenate([[1.0], phi])
+        size = np.linalg.norm(maps.contact @ one, axis=1)
+        load = maps.constant + np.bincount(maps.owner, size, len(maps.constant))
+        nearest = min(nearest, max(
+            _apart(result.normal_load[i], load), _apart(result.wrench[i], maps.wrench @ one),
+            _apart(result.multipliers[i], maps.multipliers @ one),
+        ))  # fmt: skip
+    return nearest
+
+
+def _reported(sample: Sample) -> Solution:
     """The result's own figures of a sample where everything slides."""
+    result, i = sample.result, sample.i
     assert result.wrench is not None
     assert result.multipliers is not None
     parts = [np.zeros(0)]
     for site, size in zip(result.scene.sites, result.friction_lower[i], strict=True):
-        velocity = _site_velocity(result, site, pairs, model, data, i)
+        velocity = sample.velocity(site)
         speed = float(np.linalg.norm(velocity))
         parts.append(size * velocity / speed if site.ball else np.array([size]))
     return Solution(result.effort_lower[i], result.friction_lower[i], np.concatenate(parts),
                     result.normal_load[i], result.wrench[i], result.multipliers[i])  # fmt: skip
-
-
-def _site_velocity(
-    result: InverseResult, site: Site, pairs: dict[str, Pair], model: pin.Model, data: pin.Data,
-    i: int,
-) -> np.ndarray:  # fmt: skip
-    """(1,) relative velocity of a site, (3,) in frame b for a ball."""
-    v = result.states.v[i]
-    if site.pair < 0:
-        return np.array([site.ratio * v[site.velocity_index]])
-    pair = pairs[site.name]
-    units = np.eye(3) if site.ball else np.ones((1, 1))
-    wrenches = [_friction_in_world(pair, site, unit) for unit in units]
-    return np.array([_generalized(model, data, pair, wrench) @ v for wrench in wrenches])
-
-
-def _ends(result: InverseResult, i: int, efforts: np.ndarray) -> float:
-    """How far the reported ends are from the least and greatest of the solutions."""
-    if not efforts.size:  # of no drive
-        return 0.0
-    return max(
-        float(np.abs(result.effort_lower[i] - efforts.min(axis=0)).max(initial=0.0)),
-        float(np.abs(result.effort_upper[i] - efforts.max(axis=0)).max(initial=0.0)),
-    )
-
-
-def _pairs(scene: Scene, model: pin.Model, data: pin.Data) -> dict[str, Pair]:
-    """All pairs of one sample by name, from the scene's own entries."""
-    pairs = {}
-
-    def place(link: str, xyz: tuple[float, ...], rpy: tuple[float, ...] = (0.0, 0.0, 0.0)):  # type: ignore[no-untyped-def]
-        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-        local = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
-        return frame.parentJoint, data.oMi[frame.parentJoint] * frame.placement * local
-
-    for loop in scene.loops:
-        a, start = place(loop.a.link, loop.a.xyz, loop.a.rpy)
-        b, pose = place(loop.b.link, loop.b.xyz, loop.b.rpy)
-        axis = pose.rotation @ np.array(loop.axis) / np.linalg.norm(loop.axis)
-        if loop.kind == "universal":
-            axis = np.cross(start.rotation @ loop.axis, pose.rotation @ loop.axis_b)
-            axis /= np.linalg.norm(axis)
-        still = np.zeros(3)
-        direction = np.concatenate([axis, still] if loop.kind == "prismatic" else [still, axis])
-        pairs[loop.name] = Pair(loop.name, a, b, pose.translation, pose.rotation, direction)
-    for actuator in scene.actuators or ():
-        if actuator.cylinder is not None:
-            a, start = place(actuator.cylinder.a.link, actuator.cylinder.a.xyz)
-            b, end = place(actuator.cylinder.b.link, actuator.cylinder.b.xyz)
-            line = end.translation - start.translation
-            direction = np.concatenate([line / np.linalg.norm(line), np.zeros(3)])
-            name = actuator.cylinder.name
-            pairs[name] = Pair(name, a, b, end.translation, end.rotation, direction, True)
-        elif actuator.force is not None:
-            force = actuator.force
-            b, pose = place(force.link, force.xyz)
-            along = np.array(force.direction) / np.linalg.norm(force.direction)
-            direction = np.concatenate([pose.rotation @ along, np.zeros(3)])
-            pairs[force.name] = Pair(force.name, 0, b, pose.translation, pose.rotation, direction)
-        elif actuator.joint in pairs:  # of a loop, under the drive's own name
-            pairs[actuator.drive_name] = pairs[actuator.joint]
-    return pairs
-
-
-def _generalized(model: pin.Model, data: pin.Data, pair: Pair, wrench: np.ndarray) -> np.ndarray:
-    """(nv,) effort of a wrench (world, at the pair's place) on b and its opposite on a."""
-    total = np.zeros(model.nv)
-    for joint, sign in ((pair.b, 1.0), (pair.a, -1.0)):
-        if joint:
-            J = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-            arm = pair.at - data.oMi[joint].translation
-            moment = wrench[3:] + np.cross(arm, wrench[:3])
-            total += sign * (J[:3].T @ wrench[:3] + J[3:].T @ moment)
-    return total
-
-
-def _in_world(pair: Pair, wrench: np.ndarray) -> np.ndarray:
-    return np.concatenate([pair.frame @ wrench[:3], pair.frame @ wrench[3:]])
-
-
-def _friction_in_world(pair: Pair, site: Site, phi: np.ndarray) -> np.ndarray:
-    """(6,) friction of a on b, world axes, at the pair's place; a cylinder's is along its line."""
-    if pair.along_line:
-        return phi[0] * pair.direction
-    return _in_world(pair, _pair_friction(site, phi))
-
-
-def _pair_friction(site: Site, phi: np.ndarray) -> np.ndarray:
-    """(6,) friction of a on b in frame b, of a cylinder in axes whose z is its line."""
-    along = phi if site.ball else phi[0] * site.axis
-    none = np.zeros(3)
-    return np.concatenate([along, none] if site.sliding else [none, along])
 
 
 def _split(scene: Scene, phi: np.ndarray) -> list[np.ndarray]:
@@ -184,63 +153,51 @@ def _split(scene: Scene, phi: np.ndarray) -> list[np.ndarray]:
     return np.split(phi, counts[:-1]) if len(counts) else []
 
 
-def _residuals(
-    result: InverseResult, model: pin.Model, data: pin.Data, pairs: dict[str, Pair], i: int,
-    end: Solution,
-) -> np.ndarray:  # fmt: skip
-    scene, s = result.scene, result.states
-    forces = [pin.Force.Zero() for _ in range(model.njoints)]
-    for applied in result.external:
-        forces[applied.joint + 1] += pin.Force(applied.wrench[i])
-    acting = _acting(scene, pairs, end)
-    drive_effort = _joint_efforts(scene, model, end)
-    for pair, wrench in acting:
+def _residuals(sample: Sample, end: Solution) -> np.ndarray:
+    """(3,) equilibrium, friction law, wrench, with all that acts in a solution on the links."""
+    scene, pairs, forces = sample.scene, sample.pairs, sample.external()
+    for pair, wrench in _acting(sample, end):
         for joint, sign in ((pair.b, 1.0), (pair.a, -1.0)):
-            moment = wrench[3:] + np.cross(pair.at, wrench[:3])  # about the world's origin
-            whole = pin.Force(sign * wrench[:3], sign * moment)
-            forces[joint] += data.oMi[joint].actInv(whole)
+            forces[joint] += pair.on_link(sample.data, joint, sign * wrench)
     forces[0] = pin.Force.Zero()
-    vector = pin.StdVec_Force()
-    vector.extend(forces)
-    left = pin.rnea(model, model.createData(), s.q[i], s.v[i], s.a[i], vector) - drive_effort
-    if not result.interval_exact[i]:  # ends are bounds, of whatever balances what is undriven
+    total, wrenches = sample.rnea(forces)
+    left = total - _joint_efforts(sample, end)
+    if not sample.result.interval_exact[sample.i]:  # ends of whatever balances what is undriven
         left[list(scene.mobility.undriven)] = 0.0
-    work = model.createData()
-    pin.rnea(model, work, s.q[i], s.v[i], s.a[i], vector)
-    wrenches = np.array([f.vector for f in work.f][1:]).reshape(-1, 6)
     law = wrench_error = 0.0
     for k, (site, phi) in enumerate(zip(scene.sites, _split(scene, end.friction_coordinates),
                                         strict=True)):  # fmt: skip
         if site.pair >= 0:
-            w = _pair_friction(site, phi)
+            w = pair_friction(site, phi)
             if not pairs[site.name].along_line:
                 w = w + end.multipliers[site.pair]
             for drive, effort in zip(scene.drives, end.effort, strict=True):
                 if drive.velocity_index < 0 and pairs[drive.name] is pairs[site.name]:
-                    w = w + effort * _pair_friction(site, np.ones(1))
+                    w = w + effort * pair_friction(site, np.ones(1))
         else:
             w = wrenches[site.joint]
-        wrench_error = max(wrench_error, float(np.abs(end.wrench[k] - w).max()))
-        law = max(law, _law_error(result, pairs, model, data, i, k, end, phi, w))
+        wrench_error = float(np.max([wrench_error, np.abs(end.wrench[k] - w).max()]))
+        law = float(np.max([law, _law_error(sample, k, end, phi, w)]))
     return np.array([float(np.abs(left).max(initial=0.0)), law, wrench_error])
 
 
-def _acting(scene: Scene, pairs: dict[str, Pair], end: Solution) -> list[tuple[Pair, np.ndarray]]:
+def _acting(sample: Sample, end: Solution) -> list[tuple[Pair, np.ndarray]]:
     """Everything that acts between pairs in one solution, world axes, at the pair's place."""
-    acting = [(pairs[loop.name], _in_world(pairs[loop.name], end.multipliers[row]))
+    scene, pairs = sample.scene, sample.pairs
+    acting = [(pairs[loop.name], pairs[loop.name].in_world(end.multipliers[row]))
               for row, loop in enumerate(scene.loops)]  # fmt: skip
     for drive, effort in zip(scene.drives, end.effort, strict=True):
         if drive.velocity_index < 0:
             acting.append((pairs[drive.name], effort * pairs[drive.name].direction))
     for site, phi in zip(scene.sites, _split(scene, end.friction_coordinates), strict=True):
         if site.pair >= 0:
-            acting.append((pairs[site.name], _friction_in_world(pairs[site.name], site, phi)))
+            acting.append((pairs[site.name], sample.friction_in_world(site, phi)))
     return acting
 
 
-def _joint_efforts(scene: Scene, model: pin.Model, end: Solution) -> np.ndarray:
+def _joint_efforts(sample: Sample, end: Solution) -> np.ndarray:
     """(nv,) what drives and friction on the tree's joints contribute."""
-    total = np.zeros(model.nv)
+    scene, total = sample.scene, np.zeros(sample.model.nv)
     for drive, effort in zip(scene.drives, end.effort, strict=True):
         if drive.velocity_index >= 0:
             total[drive.velocity_index] += effort
@@ -252,64 +209,19 @@ def _joint_efforts(scene: Scene, model: pin.Model, end: Solution) -> np.ndarray:
     return total
 
 
-def _law_error(
-    result: InverseResult, pairs: dict[str, Pair], model: pin.Model, data: pin.Data, i: int,
-    k: int, end: Solution, phi: np.ndarray, w: np.ndarray,
-) -> float:  # fmt: skip
+def _law_error(sample: Sample, k: int, end: Solution, phi: np.ndarray, w: np.ndarray) -> float:
     """How far one site's load and friction are from the formulas."""
-    site = result.scene.sites[k]
-    velocity = _site_velocity(result, site, pairs, model, data, i)
-    moved = plain_displacement(result.scene, site, result.states.q[i]) if site.pair < 0 else 0.0
+    scene, q = sample.scene, sample.motion[0]
+    site = scene.sites[k]
+    velocity = sample.velocity(site)
+    moved = plain_displacement(scene, site, q) if site.pair < 0 else 0.0
     load = plain_normal_load(site, w, moved)
-    error = abs(end.normal_load[k] - load)
+    error, passes = abs(end.normal_load[k] - load), bool(sample.result.reversal[sample.i, k])
     if not site.ball:
-        least, most = plain_friction(site, float(velocity[0]), load, bool(result.reversal[i, k]))
-        return max(error, least - phi[0], phi[0] - most)
+        least, most = plain_friction(site, float(velocity[0]), load, passes)
+        return float(np.max([error, least - phi[0], phi[0] - most]))
     speed = float(np.linalg.norm(velocity))
-    least, most = plain_friction(site, speed, load, bool(result.reversal[i, k]))
+    least, most = plain_friction(site, speed, load, passes)
     if least < most:
-        return max(error, float(np.linalg.norm(phi)) - max(-least, most))
-    return max(error, float(np.abs(phi - least * velocity / max(speed, 1e-300)).max()))
-
-
-def _frictionless(
-    result: InverseResult, model: pin.Model, data: pin.Data, pairs: dict[str, Pair], i: int
-) -> float:
-    """How far `effort_frictionless` is from the least-squares solution of the equilibrium.
-
-    Of all that balances along the motions that loops and undriven joints leave, the sum of
-    effort^2 / share is least.
-    """
-    scene, s = result.scene, result.states
-    forces = pin.StdVec_Force()
-    forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
-    for applied in result.external:
-        forces[applied.joint + 1] += pin.Force(applied.wrench[i])
-    tau = pin.rnea(model, model.createData(), s.q[i], s.v[i], s.a[i], forces)
-    columns = []
-    for drive in scene.drives:
-        unit = np.zeros(model.nv)
-        if drive.velocity_index >= 0:
-            unit[drive.velocity_index] = 1.0
-            unit[[v for v, _ in drive.couples]] = [factor for _, factor in drive.couples]
-        else:
-            unit = _generalized(model, data, pairs[drive.name], pairs[drive.name].direction)
-        columns.append(unit)
-    passive = list(np.eye(model.nv)[list(scene.mobility.undriven)])
-    linkage = scene.linkage
-    assert linkage is not None
-    for c in range(linkage.off_joint, linkage.solved):
-        pair = pairs[scene.loops[linkage.column_pair[c]].name]
-        turns = (
-            scene.loops[linkage.column_pair[c]].kind == "universal" and linkage.unit[c, 3:].any()
-        )
-        wrench = pair.direction if turns else _in_world(pair, linkage.unit[c])
-        passive.append(_generalized(model, data, pair, wrench))
-    root = np.sqrt([drive.share or 1.0 for drive in scene.drives])
-    S = np.array(columns).reshape(-1, model.nv).T
-    still, size, _ = np.linalg.svd(np.array(passive).reshape(-1, model.nv).T)
-    rank = int((size > 1e-12 * size.max(initial=0.0)).sum())
-    free = still[:, rank:].T
-    u = root * np.linalg.lstsq(free @ S * root, free @ tau, rcond=1e-12)[0]
-    error = np.abs(result.effort_frictionless[i] - u).max(initial=0.0)
-    return max(float(error), float(np.abs(free @ (S @ u - tau)).max(initial=0.0)))
+        return float(np.max([error, np.linalg.norm(phi) - max(-least, most)]))
+    return float(np.max([error, np.abs(phi - least * velocity / max(speed, 1e-300)).max()]))

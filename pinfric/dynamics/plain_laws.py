@@ -27,60 +27,84 @@ def plain_normal_load(site: Site, wrench: np.ndarray, displacement: float) -> fl
         wrench: (6,), parent on child in the child's joint frame.
         displacement: position of the child along the axis (m), for guides fixed to the parent.
     """
+    forces, constant = _forces(site, wrench, displacement)
+    return float(sum(map(np.linalg.norm, forces)) + constant)
+
+
+def plain_load_terms(site: Site, displacement: float) -> tuple[list[np.ndarray], float]:
+    """Return (3, 6) maps B and the constant of the load sum |B w| + constant.
+
+    Args: see `plain_normal_load`; each contact force is linear in the wrench w.
+    """
+    columns = [_forces(site, unit, displacement)[0] for unit in np.eye(6)]
+    maps = [np.column_stack(vectors) for vectors in zip(*columns, strict=True)]
+    return maps, float(_forces(site, np.zeros(6), displacement)[1])
+
+
+#: Vectors linear in the wrench whose lengths add up to the load, and what is constant in it.
+_Forces = tuple[list[np.ndarray], float]
+
+
+def _forces(site: Site, wrench: np.ndarray, displacement: float) -> _Forces:
+    """The weighted contact forces of one site and the constant part of its load."""
     bearing, k = site.friction.bearing, site.axis
     if bearing is None:
-        return 0.0
+        return [], 0.0
     if bearing.kind not in _LOADS:  # a kind that a class has added
         return _by_terms(bearing.terms(), k, wrench, displacement)
     on_parent = getattr(bearing, "on", "child") == "parent"
     middle = getattr(bearing, "offset", 0.0) - (displacement if on_parent else 0.0)
     F, M = wrench[:3], wrench[3:] - middle * np.cross(k, wrench[:3])
-    F_a, M_a = F @ k, M @ k
-    F_r, M_b = F - F_a * k, M - M_a * k
-    return float(_LOADS[bearing.kind](bearing, k, F_r, F_a, M_b, M_a))
+    F_a, M_a = (F @ k) * k, (M @ k) * k
+    return _LOADS[bearing.kind](bearing, k, F - F_a, F_a, M - M_a, M_a)
 
 
-def _by_terms(terms: LoadTerms, k: np.ndarray, wrench: np.ndarray, displacement: float) -> float:
+def _by_terms(terms: LoadTerms, k: np.ndarray, wrench: np.ndarray, displacement: float) -> _Forces:
     turn = pin.Quaternion.FromTwoVectors(k, np.array([0.0, 0.0, 1.0])).toRotationMatrix()
     w = np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
     moved = [*terms.moved, *np.zeros((len(terms.maps) - len(terms.moved), 3, 6))]
     forces = [(B + displacement * C) @ w for B, C in zip(terms.maps, moved, strict=True)]
-    return float(sum(map(np.linalg.norm, forces)) + terms.constant)
+    return forces, terms.constant
 
 
-def _two_ends(length: float, k: np.ndarray, F_r: np.ndarray, M_b: np.ndarray) -> float:
+def _two_ends(length: float, k: np.ndarray, F_r: np.ndarray, M_b: np.ndarray) -> list[np.ndarray]:
     couple = np.cross(M_b, k) / length
-    return float(np.linalg.norm(F_r / 2 + couple) + np.linalg.norm(F_r / 2 - couple))
+    return [F_r / 2 + couple, F_r / 2 - couple]
 
 
-def _pin(b: Pin, k: np.ndarray, F_r: np.ndarray, F_a: float, M_b: np.ndarray, _: float) -> float:
-    radial = np.linalg.norm(F_r) if b.length is None else _two_ends(b.length, k, F_r, M_b)
-    return float(b.radius * (radial + b.preload) + b.thrust_radius * abs(F_a))
+def _pin(
+    b: Pin, k: np.ndarray, F_r: np.ndarray, F_a: np.ndarray, M_b: np.ndarray, _: np.ndarray
+) -> _Forces:
+    radial = [F_r] if b.length is None else _two_ends(b.length, k, F_r, M_b)
+    return [*(b.radius * F for F in radial), b.thrust_radius * F_a], b.radius * b.preload
 
 
 def _guide(
-    b: Guide, k: np.ndarray, F_r: np.ndarray, _: float, M_b: np.ndarray, M_a: float
-) -> float:
-    roll = 0.0 if b.width is None else 2 * abs(M_a) / b.width
-    return _two_ends(b.length, k, F_r, M_b) + roll + b.preload
+    b: Guide, k: np.ndarray, F_r: np.ndarray, _: np.ndarray, M_b: np.ndarray, M_a: np.ndarray
+) -> _Forces:
+    roll = [] if b.width is None else [2 * M_a / b.width]
+    return [*_two_ends(b.length, k, F_r, M_b), *roll], b.preload
 
 
 def _linear(
-    b: Linear, k: np.ndarray, F_r: np.ndarray, F_a: float, M_b: np.ndarray, _: float
-) -> float:
-    radial, bending = np.linalg.norm(F_r), np.linalg.norm(M_b)
-    return float(b.radial * radial + b.axial * abs(F_a) + b.moment * bending + b.preload)
+    b: Linear, k: np.ndarray, F_r: np.ndarray, F_a: np.ndarray, M_b: np.ndarray, _: np.ndarray
+) -> _Forces:
+    return [b.radial * F_r, b.axial * F_a, b.moment * M_b], b.preload
 
 
-def _ball(b: Ball, k: np.ndarray, F_r: np.ndarray, F_a: float, _: np.ndarray, __: float) -> float:
-    return float(b.radius * (np.linalg.norm(F_r + F_a * k) + b.preload))
+def _ball(
+    b: Ball, k: np.ndarray, F_r: np.ndarray, F_a: np.ndarray, _: np.ndarray, __: np.ndarray
+) -> _Forces:
+    return [b.radius * (F_r + F_a)], b.radius * b.preload
 
 
-def _seal(b: Seal, k: np.ndarray, F_r: np.ndarray, F_a: float, _: np.ndarray, __: float) -> float:
-    return abs(F_a) + b.preload
+def _seal(
+    b: Seal, k: np.ndarray, F_r: np.ndarray, F_a: np.ndarray, _: np.ndarray, __: np.ndarray
+) -> _Forces:
+    return [F_a], b.preload
 
 
-_LOADS: dict[str, Callable[..., float]] = {
+_LOADS: dict[str, Callable[..., _Forces]] = {
     "pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball, "seal": _seal,
 }  # fmt: skip
 

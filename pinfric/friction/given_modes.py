@@ -466,4 +466,14 @@ def _search(
         figures[1] += passes
         if error <= tolerance and settles(reduced, z):
             found = keep(X, z, solutions, found)
+    # between two solutions there may be one that no start far out leads to
+    for one in range(found):
+        for other in range(one):
+            for c in range(unknown.size):
+                if unknown[c] >= 0:
+                    z[unknown[c]] = 0.5 * (solutions[one, c] + solutions[other, c])
+            error, passes = newton(reduced, z, False)
+            figures[1] += passes
+            if error <= tolerance and settles(reduced, z):
+                found = keep(X, z, solutions, found)
     return found

@@ -1,0 +1,205 @@
+"""The judge notices what is wrong: each test spoils a right result, or the solver behind it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import block, plane_friction
+from cases import (
+    Case,
+    ball_tripod,
+    decelerating_drawer,
+    drawer_forces,
+    four_bars_in_a_row,
+    jamming_drawer,
+    resting_four_bar,
+    turning_four_bar,
+)
+from mechanisms import pin_friction
+
+import pinfric as pf
+from pinfric.dynamics import check_states, interval_ends, result
+from pinfric.dynamics.check_search import Loads, all_solutions
+from pinfric.dynamics.choices import LOWER, UPPER
+from pinfric.dynamics.outcome import Status
+
+EFFORTS = ("effort_lower", "effort_upper", "motor_torque_lower", "motor_torque_upper")
+
+
+def at_rest(case):
+    return Case(case.scene, case.q[:1], 0 * case.v[:1], 0 * case.a[:1])
+
+
+def resting_block():
+    scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})
+    return Case(scene, *np.zeros((3, 1, 1)))
+
+
+def spoiled(found, sample, status, **values):
+    """The same result with another status and other numbers at one sample."""
+    arrays = {name: getattr(found, name).copy() for name in (*values, "status")}
+    arrays["status"][sample] = status
+    for name, value in values.items():
+        arrays[name][sample] = value
+    return replace(found, **arrays)
+
+
+# ---------------------------------------------------------------- ends
+
+
+@pytest.mark.parametrize("change", [1e-6, -1e-6])
+@pytest.mark.parametrize("name", ["effort_lower", "effort_upper"])
+@pytest.mark.parametrize(
+    "case", [resting_block(), resting_four_bar(2), at_rest(ball_tripod())],
+    ids=["block", "four_bar", "balls"],
+)  # fmt: skip
+def test_an_end_a_millionth_too_narrow_or_too_wide_is_noticed(case, name, change):
+    found = case.inverse()
+    assert found.check().passed(1e-12), found.check()
+    getattr(found, name)[0] += change * found.check().scale
+    assert not found.check().passed()
+
+
+@pytest.mark.parametrize("factor", [1 - 1e-6, 1 + 1e-6])
+@pytest.mark.parametrize("case", [resting_four_bar(2), at_rest(ball_tripod())],
+                         ids=["four_bar", "balls"])  # fmt: skip
+def test_ends_that_the_solver_itself_gets_wrong_are_noticed(monkeypatch, case, factor):
+    """Its solutions then agree with its ends: only limits of one's own tell."""
+    friction_laws = interval_ends.friction_laws
+
+    def wrong_laws(*given):
+        law = friction_laws(*given)
+        law.mu[[LOWER, UPPER]] *= factor
+        return law
+
+    assert case.inverse().check().passed(1e-12)
+    monkeypatch.setattr(interval_ends, "friction_laws", wrong_laws)
+    found = case.inverse()
+    attained = [solution.effort[0] for solution in found.solutions(0)]
+    assert found.effort_upper[0, 0] == pytest.approx(max(attained), rel=1e-12)
+    assert not found.check().passed()
+
+
+def test_an_end_that_the_solver_has_not_looked_at_is_noticed(monkeypatch):
+    """A crank's friction changes no load, all other pins are left at their lower limits."""
+    monkeypatch.setattr(interval_ends, "_options", lambda choices: (LOWER,) * int(choices))
+    found = resting_four_bar(2).inverse()
+    assert found.interval_exact.all()
+    assert found.check().ends > 1e-3
+    assert not found.check().passed()
+
+
+def test_ten_pins_at_rest_are_searched_where_there_are_too_many_to_enumerate(monkeypatch):
+    case = four_bars_in_a_row(1, radius=0.03)
+    found = case.inverse()
+    assert found.check().passed(1e-11), found.check()
+    monkeypatch.setattr(check_states, "_ENUMERATED", 100)
+    assert found.check().passed(1e-11)
+    assert found.check().undecided == 1
+    found.effort_upper[:] *= 1 - 1e-6
+    assert not found.check().passed()
+
+
+# ---------------------------------------------------------------- statuses
+
+
+NOTHING = dict.fromkeys((*EFFORTS, "friction_lower", "friction_upper", "normal_load", "wrench",
+                         "multipliers"), np.nan)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "case",
+    [turning_four_bar(3), resting_four_bar(3), jamming_drawer(0.49), at_rest(ball_tripod()),
+     decelerating_drawer()],
+    ids=["turning", "resting", "drawer", "balls", "ambiguous"],
+)  # fmt: skip
+@pytest.mark.parametrize("status", [Status.JAMMED, Status.SINGULAR])
+def test_a_false_jam_and_a_false_toggle_are_noticed(case, status):
+    found = case.inverse()
+    assert found.check().passed(1e-11)
+    check = spoiled(found, 0, status, **NOTHING).check()
+    assert (check.wrong_status, check.passed()) == (1, False)
+    assert check.sample == 0
+
+
+def test_an_open_chain_cannot_jam():
+    found = resting_block().inverse()
+    values = {name: value for name, value in NOTHING.items() if name != "multipliers"}
+    assert spoiled(found, 0, Status.JAMMED, **values).check().wrong_status == 1
+
+
+def test_a_jam_is_confirmed_and_efforts_in_its_place_are_not():
+    jam = jamming_drawer(0.6, 1.0).inverse()
+    assert jam.status[0] == Status.JAMMED
+    check = jam.check()
+    assert (check.wrong_status, check.undecided, check.passed()) == (0, 0, True)
+    right = jamming_drawer(0.49, 1.0).inverse()
+    assert not replace(right, scene=jam.scene).check().passed()
+
+
+def test_numbers_that_are_missing_are_noticed():
+    for case in (turning_four_bar(3), resting_block()):
+        for name in ("effort_upper", "friction_lower", "normal_load", "wrench"):
+            found = case.inverse()
+            getattr(found, name)[0] = np.nan
+            assert not found.check().passed(), name
+
+
+@pytest.mark.parametrize("kept", [0, 1])
+def test_a_missing_second_solution_is_noticed(monkeypatch, kept):
+    """A braked drawer beyond its critical friction; the other push is never mentioned."""
+    case = decelerating_drawer()
+    found = case.inverse()
+    both = found.solutions(0)
+    np.testing.assert_allclose(sorted(s.effort[0] for s in both), case.known["forces"], rtol=1e-12)
+    monkeypatch.setattr(result, "find_solutions", lambda *_: both[kept : kept + 1])
+    one = both[kept]
+    values = {**dict.fromkeys(EFFORTS, one.effort), "wrench": one.wrench,
+              "normal_load": one.normal_load, "friction_lower": one.friction,
+              "friction_upper": one.friction}  # fmt: skip
+    for status in (Status.CONVERGED, Status.AMBIGUOUS):
+        check = spoiled(found, 0, status, **values).check()
+        assert (check.wrong_status, check.passed()) == (1, False)
+
+
+def test_a_third_solution_is_part_of_the_range_of_friction():
+    """Between the two that starts far out lead to, with the least friction of all at pin B."""
+    case = turning_four_bar(60, rate=6.0, acceleration=3.0, friction=pin_friction(2.0, 0.1))
+    one = Case(case.scene, case.q[30:31], case.v[30:31], case.a[30:31]).inverse()
+    least = min(abs(solution.friction[3]) for solution in one.solutions(0))
+    assert min(abs(one.friction_lower[0, 3]), abs(one.friction_upper[0, 3])) == pytest.approx(least)
+    assert one.check().passed(1e-12)
+
+
+# ---------------------------------------------------------------- the search
+
+
+def test_the_search_finds_the_roots_of_quadratic_equations():
+    """z = k + |p + P z| squared: none, one or two roots, all proved to be all."""
+    rng = np.random.default_rng(0)
+    counts = []
+    for _ in range(200):
+        k, p, P = abs(rng.normal()), rng.normal(size=3), 0.8 * rng.normal(size=3)
+        roots = np.roots([1 - P @ P, -2 * (k + p @ P), k**2 - p @ p])
+        roots = np.sort(roots[np.isreal(roots)].real)
+        roots = roots[roots >= k]
+        found = all_solutions(Loads(np.array([k]), np.ones((1, 1)), p[None, None],
+                                    P[None, None, :, None]))  # fmt: skip
+        assert found.decided.all()
+        np.testing.assert_allclose(np.sort(found.z[:, 0]), roots, rtol=1e-9)
+        counts.append(len(roots))
+    assert set(counts) == {0, 1, 2}
+
+
+@pytest.mark.parametrize("acceleration", [-12.0, -7.5, -2.0, 0.0, 1.0])
+@pytest.mark.parametrize("mu", [0.1, 0.4999, 0.5001, 0.6, 2.0])
+def test_drawers_end_as_their_closed_form_says(mu, acceleration):
+    case = jamming_drawer(mu, acceleration)
+    count = len(drawer_forces(mu, acceleration))
+    right = (Status.JAMMED, Status.CONVERGED, Status.AMBIGUOUS)[count]
+    found = case.inverse()
+    assert found.status[0] == right
+    check = found.check()
+    assert (check.wrong_status, check.undecided, check.passed(1e-8)) == (0, 0, True)
