@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +26,8 @@ class Effort:
     """Efforts, or torques of motors, of all drives as one function.
 
     Attributes:
-        function: (t, q, v) -> (na,), N m or N at the joints, or N m at the motors' shafts.
+        function: (t, q, v) -> (na,), N m or N at the joints, or N m at the motors' shafts, in the
+            order of `Scene.actuator_names`; or a mapping by drive, see `by_name`.
         breakpoints: (n,) times (s) at which it jumps or bends: a step of integration ends there.
         finest: time (s) within which it changes little between them; None: nobody knows.
         given: what it is of, "effort" or "motor_torque".
@@ -49,10 +51,12 @@ def make_effort(
 
     Args:
         scene: its drives.
-        effort: an `Effort`; a function (t, q, v) -> (na,); (na,) constants; (times (n,), values
-            (n, na)), linear between and constant beyond; a mapping drive name -> number, function
-            of t, or the scene file's `sine` and `table`, the drives left out give 0; None: the
-            scene's own `simulation.effort` or `simulation.motor_torque`.
+        effort: an `Effort`; a function (t, q, v) -> (na,), or -> a mapping drive name -> number;
+            (na,) constants; (times (n,), values (n, na)), linear between and constant beyond; a
+            mapping drive name -> number, function of t or of (t, q, v), or the scene file's `sine`
+            and `table`; None: the scene's own `simulation.effort` or `simulation.motor_torque`.
+            Arrays are in the order of `scene.actuator_names`, which need not be that of the list
+            of actuators; in mappings, drives left out give 0.
         breakpoints: times (s) at which a function jumps or bends.
         motor_torque: as `effort`, in its place.
 
@@ -94,6 +98,28 @@ def make_effort(
     return Effort(made.function, np.union1d(made.breakpoints, own), made.finest, given)
 
 
+def by_name(names: Sequence[str], given: Mapping[str, Any], what: str) -> np.ndarray:
+    """Return numbers (na,) given by drive; those left out are 0.
+
+    Args:
+        names: of the drives, in their order.
+        given: drive -> number.
+        what: the argument's name, for messages.
+
+    Raises:
+        StateError: there is no such drive, or it has no number.
+    """
+    out = np.zeros(len(names))
+    for name, value in given.items():
+        if name not in names:
+            raise StateError(f"{what}: there is no drive {name!r}; {choose_from(name, names)}")
+        number = real_numbers(f"{what}[{name!r}]", value)
+        if number.size != 1:
+            raise StateError(f"{what}[{name!r}]: shape {number.shape}; should be a number")
+        out[names.index(name)] = number.item()
+    return out
+
+
 def _by_name(scene: Scene, entries: Mapping[str, Any], given: str) -> Effort:
     names = scene.actuator_names
     constant = np.zeros(len(names))
@@ -117,14 +143,14 @@ def _by_name(scene: Scene, entries: Mapping[str, Any], given: str) -> Effort:
             if finest is not None and entry.sine.angular_frequency:
                 finest = min(finest, 1.0 / abs(entry.sine.angular_frequency))
         elif callable(entry):
-            varying.append((i, _of_time(entry)))
+            varying.append((i, entry if _takes_state(entry) else _of_time(entry)))
             finest = None
         else:
             number = _numbers(f"{given}[{name!r}]", entry)
             if number.shape != ():
                 raise SimulationError(
                     f"{given}[{name!r}]: shape {number.shape}; should be a number, a function of "
-                    "t, or the scene file's sine or table"
+                    "t or of (t, q, v), or the scene file's sine or table"
                 )
             constant[i] = number
 
@@ -144,6 +170,16 @@ def _sine(entry: SineEffort) -> EffortFunction:
 
 def _of_time(function: Callable[[float], Any]) -> EffortFunction:
     return lambda t, q, v: function(t)
+
+
+def _takes_state(function: Callable[..., Any]) -> bool:
+    """Whether a function is one of (t, q, v): three arguments have no default; else one of t."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):  # builtins need not have one: `math.sin` is of one number
+        return False
+    by_position = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    return sum(p.kind in by_position and p.default is p.empty for p in parameters) == 3
 
 
 def _first_column(table: EffortFunction) -> EffortFunction:

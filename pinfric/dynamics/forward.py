@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from pinfric.dynamics.closure import check_closed
+from pinfric.dynamics.efforts import by_name
 from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.states import States
@@ -73,10 +74,10 @@ def forward_dynamics(
     scene: Scene,
     q: np.ndarray,
     v: np.ndarray,
-    effort: np.ndarray | None = None,
+    effort: np.ndarray | Mapping[str, float] | None = None,
     external: Mapping[str, np.ndarray] | None = None,
     *,
-    motor_torque: np.ndarray | None = None,
+    motor_torque: np.ndarray | Mapping[str, float] | None = None,
     attached: Iterable[str] | None = None,
 ) -> Instant:
     """Return the accelerations, the modes and the friction that efforts cause at one state.
@@ -87,9 +88,11 @@ def forward_dynamics(
     Args:
         scene: the robot with its friction and drives.
         q, v: (nq,), (nv,) in rad, m and per second.
-        effort: (na,) what the drives deliver at the joints (N m or N).
+        effort: (na,) what the drives deliver at the joints (N m or N), in the order of
+            `scene.actuator_names`, which need not be that of the list of actuators; or a mapping
+            drive name -> number, 0 where one is left out.
         external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
-        motor_torque: (na,) in place of `effort`, at the motors' shafts (N m): of it, gears take
+        motor_torque: as `effort` and in its place, at the motors' shafts (N m): of it, gears take
             what they lose and rotors what accelerates them (`model/transmission.py`).
         attached: names of the payloads carried; None takes those attached by default.
 
@@ -160,7 +163,7 @@ def instant(ws: Workspace) -> Instant:
     )  # fmt: skip
 
 
-def one_of(where: str, effort: np.ndarray | None, motor_torque: np.ndarray | None) -> np.ndarray:
+def one_of(where: str, effort: Any, motor_torque: Any) -> np.ndarray:
     """Return what drives are given, or raise `StateError`: efforts or torques of motors."""
     if (effort is None) == (motor_torque is None):
         both = "both" if effort is not None else "neither"
@@ -170,6 +173,8 @@ def one_of(where: str, effort: np.ndarray | None, motor_torque: np.ndarray | Non
 
 def drive_vector(ws: Workspace, given: Any) -> np.ndarray:
     """Return (na,) of the drives: efforts, or r T_m (N m or N at the joint) where motors drive."""
+    if type(given) is not np.ndarray and isinstance(given, Mapping):
+        given = by_name(ws.scene.actuator_names, given, ws.given)
     array = vector(ws.given, given, ws.na, "na")
     return array * ws.tables.gears.ratio if ws.given == "motor_torque" else array
 

@@ -86,8 +86,9 @@ def simulate(
     Args:
         scene: the robot with its friction and drives.
         q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest.
-        effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive,
-            or None for the scene's own; see `efforts.make_effort`.
+        effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive
+            to numbers or functions, or None for the scene's own; see `efforts.make_effort`. Arrays
+            are in the order of `scene.actuator_names`, not of the list of actuators.
         t_end: s; None: the scene's own.
         method: `event`, `timestepping` or `regularized`.
         motor_torque: in place of `effort`, at the motors' shafts (N m), see `forward_dynamics`.

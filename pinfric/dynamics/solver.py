@@ -9,7 +9,7 @@ reactions and friction couple, inverse dynamics is that of batches, on one sampl
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -265,8 +265,8 @@ class Solver:
         return InverseInstant(**figures | {"status": Status(found.status[0])})
 
     def forward(
-        self, q: np.ndarray, v: np.ndarray, effort: np.ndarray | None = None, *,
-        motor_torque: np.ndarray | None = None,
+        self, q: np.ndarray, v: np.ndarray, effort: np.ndarray | Mapping[str, float] | None = None,
+        *, motor_torque: np.ndarray | Mapping[str, float] | None = None,
     ) -> Instant:  # fmt: skip
         """Return the accelerations, the modes and the friction that efforts cause.
 
@@ -274,8 +274,9 @@ class Solver:
 
         Args:
             q, v: (nq,), (nv,) in rad, m and per second.
-            effort: (na,) what the drives deliver at the joints (N m or N).
-            motor_torque: (na,) in place of it, at the motors' shafts (N m).
+            effort: (na,) what the drives deliver at the joints (N m or N), in the order of
+                `scene.actuator_names`, or a mapping drive name -> number.
+            motor_torque: as `effort` and in its place, at the motors' shafts (N m).
 
         Returns:
             Views that the next call overwrites.

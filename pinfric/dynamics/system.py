@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.efforts import Effort
+from pinfric.dynamics.efforts import Effort, by_name
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import AccelerationError, PinfricError, SimulationError, StateError
@@ -162,6 +162,8 @@ class System:
                 f"{problem}"
             ) from problem
         try:
+            if isinstance(given, Mapping):
+                given = by_name(self.ws.scene.actuator_names, given, self.ws.given)
             u = np.atleast_1d(real_numbers(self.ws.given, given))
         except StateError as problem:
             raise SimulationError(

@@ -85,13 +85,17 @@ def scene_screen(scene: Scene) -> str:
     geared = sum(drive.transmission is not None for drive in scene.drives)
     none = [velocity_names(model)[v] for v in scene.mobility.undriven]
 
+    given = [actuator.drive_name for actuator in scene.actuators or ()]
+    reordered = bool(given) and given != list(scene.actuator_names)
+
     def among(names: Sequence[str]) -> str:
         return "at every joint" if tuple(names) == joints else listed(names)
 
     return screen("Scene", title, {
         "joints": listed(joints),
         "friction": among(scene.site_names) or "none",
-        "drives": among(scene.actuator_names) + f"; {geared} with a transmission" * bool(geared),
+        "drives": among(scene.actuator_names) + ", in the model's order" * reordered
+                  + f"; {geared} with a transmission" * bool(geared),
         "undriven": listed(none),
         "payloads": listed(list(scene.payloads),
                            [f"{payload.mass:.4g} kg" for payload in scene.payloads.values()]),

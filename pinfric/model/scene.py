@@ -102,7 +102,8 @@ class Scene:
     Args:
         model: Pinocchio's model, without the payloads; copied.
         friction: joint name -> friction, as `Friction` or as the mapping a scene file holds.
-        actuators: the drives; None is one ideal drive per joint.
+        actuators: the drives; None is one ideal drive per joint. The columns of efforts are in the
+            order of `actuator_names`, which need not be that of this list.
         payloads: name -> payload; those with `attached` are carried unless a trajectory says else.
         stick_velocity: default of all sites (rad/s or m/s).
         robot: the URDF it came from, for meshes; None for a model made in Python.
@@ -273,7 +274,11 @@ class Scene:
 
     @property
     def actuator_names(self) -> tuple[str, ...]:
-        """Names of the drives: the columns of every effort."""
+        """Names of the drives: the columns of every effort, in the order of `drives`.
+
+        With loops or drives off the joints they stand as they are listed; else in the model's
+        order, whatever the order of the list.
+        """
         return tuple(drive.name for drive in self.drives)
 
     @cached_property

@@ -10,7 +10,7 @@ import pinfric as pf
 from pinfric.dynamics.closure import working_rates
 from pinfric.dynamics.effort_maps import EffortTables, share_work
 from pinfric.dynamics.layout import make_inverse_layout
-from pinfric.errors import SceneError, StateError, UndrivenMotionError
+from pinfric.errors import SceneError, SimulationError, StateError, UndrivenMotionError
 
 CART, POLE, LENGTH = 2.0, 0.5, 0.6
 ARM = POLE * LENGTH / 2  # first moment about the pin
@@ -322,3 +322,64 @@ def test_drives_that_cannot_be_are_refused(actuators, says):
 def test_a_scene_says_what_no_drive_moves():
     assert "undriven  1: pole" in repr(cart_pole())
     assert "undriven" not in repr(cart_pole(actuators=None))
+
+
+# ---------------------------------------------------------------- efforts by name
+
+
+def listed_backwards():
+    """Two sliders on one another; the list of drives begins with the outer one."""
+    model = pin.Model()
+    model.gravity = pin.Motion.Zero()
+    for parent, name, mass in ((0, "inner", 2.0), (1, "outer", 3.0)):
+        joint = model.addJoint(parent, pin.JointModelPX(), pin.SE3.Identity(), name)
+        body = pin.Inertia(mass, np.zeros(3), 0.1 * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    ratios = {"outer": 2.0, "inner": 5.0}
+    drives = [{"joint": name, "transmission": {"ratio": ratio}} for name, ratio in ratios.items()]
+    return pf.Scene(model=model, actuators=drives)
+
+
+GIVEN = {"outer": 3.0, "inner": 1.0}
+#: (2 + 3) a_1 + 3 a_2 = 1, 3 (a_1 + a_2) = 3
+BY_HAND = [-1.0, 2.0]
+
+
+def test_efforts_by_name_do_not_depend_on_an_order():
+    scene, zero = listed_backwards(), np.zeros(2)
+    assert scene.actuator_names == ("inner", "outer")
+    assert "drives    at every joint, in the model's order" in repr(scene)
+    solver = scene.solver()
+    for given in (GIVEN, dict(reversed(GIVEN.items())), np.array([1.0, 3.0])):
+        assert pf.forward_dynamics(scene, zero, zero, given).a == pytest.approx(BY_HAND)
+        assert solver.forward(zero, zero, given).a == pytest.approx(BY_HAND)
+    torque = {"outer": 1.5, "inner": 0.2}
+    assert pf.forward_dynamics(scene, zero, zero, motor_torque=torque).a == pytest.approx(BY_HAND)
+    alone = pf.forward_dynamics(scene, zero, zero, {"outer": 3.0})
+    assert alone.a == pytest.approx([-1.5, 2.5])
+    with pytest.raises(StateError, match=r"effort: there is no drive 'oter'.*did you mean 'outer'"):
+        pf.forward_dynamics(scene, zero, zero, {"oter": 1.0})
+    with pytest.raises(StateError, match=r"effort\['outer'\]: shape \(2,\); should be a number"):
+        pf.forward_dynamics(scene, zero, zero, {"outer": [1.0, 2.0]})
+
+
+@pytest.mark.parametrize(
+    "effort",
+    [
+        GIVEN,
+        {"outer": lambda t, q, v: 3.0 + 0.0 * v[0], "inner": lambda t: 1.0},
+        {"outer": lambda t, scale=3.0: scale, "inner": 1.0},
+        lambda t, q, v: GIVEN,
+        lambda t, q, v: [1.0, 3.0],
+    ],
+)
+def test_a_simulation_takes_efforts_by_name(effort):
+    scene, zero = listed_backwards(), np.zeros(2)
+    motion = pf.simulate(scene, zero, zero, effort, 1.0)
+    np.testing.assert_allclose(motion.q[-1], 0.5 * np.array(BY_HAND), rtol=1e-9)
+
+
+def test_a_function_that_names_no_drive_says_so():
+    scene, zero = listed_backwards(), np.zeros(2)
+    with pytest.raises(SimulationError, match=r"at t = 0 s: effort: there is no drive 'oter'"):
+        pf.simulate(scene, zero, zero, lambda t, q, v: {"oter": 1.0}, 1.0)
