@@ -119,7 +119,7 @@ class ToggleError(StateError):
 
 
 class AccelerationError(PinfricError):
-    """Stick and slip leave no acceleration, or several, at one state (base of the two below).
+    """Stick and slip leave no acceleration, or several, at one state (base of those below).
 
     Attributes:
         q, v, effort: the state and the efforts (nq,), (nv,), (na,), or the motors' torques.
@@ -161,6 +161,12 @@ class AmbiguousAcceleration(AccelerationError):  # noqa: N818 - a finding about 
     """Several accelerations obey the laws of friction at this state (Painleve)."""
 
     _finding = "several accelerations obey the laws of friction"
+
+
+class UndecidedAcceleration(AccelerationError):  # noqa: N818 - a finding about the search
+    """The search for stick and slip came to its bound before it found an acceleration."""
+
+    _finding = "no acceleration was found within the search's bound"
 
 
 class GearJam(AccelerationError):  # noqa: N818 - a finding about the mechanism

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+import pinfric as pf
 from pinfric.study.trajectory.waypoints import quintic
 
 _ALIGNED = [pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ]
@@ -171,3 +172,32 @@ def pick_and_place(digits: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
     first, second = (quintic(np.clip(t - start, 0, 1)) for start in (1.0, 2.5))
     q, v, a = (1.1 * x - 0.7 * y for x, y in zip(first, second, strict=True))
     return t, np.round(q + 0.3, digits), v, a
+
+
+def geared_arm(
+    seed: int, mimic: bool = False, locks: float = 0.15
+) -> tuple[pf.Scene, np.random.Generator]:
+    """A random arm with a random gear on every joint, that share of them self-locking."""
+    rng = np.random.default_rng(seed)
+    model = random_tree(seed, int(rng.integers(2, 8)), sliding=0.2)
+    names = tuple(model.names)[1:]
+    mimic = mimic and model.joints[1].nq == model.joints[len(names)].nq == 1
+    if mimic:
+        model = pin.transformJointIntoMimic(model, 1, len(names), -0.7, 0.1)
+    actuators, friction = [], {}
+    for name in names[: len(names) - mimic]:
+        locking = rng.random() < locks
+        actuators.append({"joint": name, "transmission": {
+            "ratio": float(rng.choice([-1, 1]) * rng.uniform(20, 120)),
+            "efficiency": float(rng.uniform(0.3, 1.0)),
+            "back_efficiency": float(-rng.uniform(0, 0.3) if locking else rng.uniform(0.05, 1.0)),
+            "no_load_torque": float(rng.uniform(0, 0.05)), "motor_viscous": 1e-4,
+            "rotor_inertia": float(rng.uniform(0, 5e-4) + 3e-3 * locking),
+        }})  # fmt: skip
+    for name in names:
+        if rng.random() < 0.6:
+            static = float(rng.uniform(0.5, 1.5))
+            friction[name] = {"coulomb": {"static": static, "kinetic": 0.7 * static}}
+        if name in friction and rng.random() < 0.4 and not mimic:
+            friction[name]["viscous"] = 0.2
+    return pf.Scene(model=model, friction=friction, actuators=actuators), rng

@@ -297,3 +297,41 @@ def spatial_loop(kind, seed, mu=0.0):
     scene = pf.Scene(model=model, loops=[loop], friction=friction,
                      actuators=[{"joint": name} for name in driven])  # fmt: skip
     return scene, q, driven
+
+
+def two_ball_loops(seed, counts=(3, 3, 2)):
+    """Three random chains in space, joined by two balls: friction in eight sites, the balls' too.
+
+    Args:
+        counts: joints of each chain; what is above six in all are freedoms, each driven.
+
+    Returns:
+        scene, a closed q, and the generator of random numbers.
+    """
+    rng = np.random.default_rng(seed)
+    model, tips, names = grounded_model(rng.normal(scale=6.0, size=3)), [], []
+    for side, count in zip("abc", counts, strict=True):
+        tip = 0
+        for k in range(count):
+            axis = rng.normal(size=3)
+            place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(scale=0.3, size=3))
+            joint = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
+            names.append(f"{side}{k}")
+            tip = add_link(model, tip, joint, place, names[-1], random_inertia(rng))
+        tips.append((tip, names[-1]))
+    q, data = rng.normal(size=model.nq), model.createData()
+    pin.forwardKinematics(model, data, q)
+    loops, friction = [], {}
+    for n, sides in enumerate((tips[:2], tips[1:])):
+        point = rng.normal(scale=0.3, size=3)
+        loop = {"name": f"ball{n}", "kind": "spherical"}
+        for side, (tip, link) in zip("ab", sides, strict=True):
+            loop[side] = {"link": link, "xyz": data.oMi[tip].actInv(point).tolist()}
+        loops.append(loop)
+    turning = {"kind": "pin", "radius": 0.03, "length": 0.1, "thrust_radius": 0.03}
+    for name in [*rng.permutation(names)[:6].tolist(), "ball0", "ball1"]:
+        mu = rng.uniform(0.14, 0.46)
+        bearing = {"kind": "ball", "radius": 0.03} if name.startswith("ball") else turning
+        friction[name] = {"bearing": bearing, "mu": {"static": 1.2 * mu, "kinetic": mu}}
+    driven = [{"joint": name} for name in names[: len(names) - 6]]
+    return pf.Scene(model=model, loops=loops, friction=friction, actuators=driven), q, rng

@@ -105,6 +105,7 @@ def forward_dynamics(
             loop that is open or that the velocities violate (`LoopMotionError`), a toggle
             (`ToggleError`).
         NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
+        UndecidedAcceleration: the search came to its bound (`friction/search.py`).
         RollMomentError: a guide without width is loaded by a moment about its axis.
     """
     given = one_of("forward_dynamics", effort, motor_torque)

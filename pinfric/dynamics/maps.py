@@ -35,8 +35,8 @@ from pinfric.model.laws import friction_at
 
 Vector6 = tuple[float, float, float, float, float, float]
 #: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
-#: face their motion.
-FREE, GIVEN, TURNED = range(3)
+#: face their motion; those in `Work`, of the state that was assembled last.
+FREE, GIVEN, TURNED, SETTLED = range(4)
 #: Outcomes of `solve_instant`, beside 0: all is written.
 NOT_FINITE, SINGULAR, TOGGLE, UNDECIDED = 1, 2, 3, 4
 #: A joint whose share in the mechanism's motion is this small stands at its dead centre.
@@ -913,33 +913,39 @@ def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
 
 @kernel
 def solve_instant(
-    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int
+    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int, step: float
 ) -> tuple[int, int, int, int]:
-    """Assemble, try the modes and finish where one solution obeys: one call.
+    """Assemble, try the modes with every gear on the line that fits, and finish: one call.
+
+    With modes given, what a gear passes on rises with what arrives: Newton's method over the lines
+    ends, of gears that do not lock themselves, at the one solution.
 
     Args:
         machine ... effort: see `assemble`.
-        choice: `FREE`, `GIVEN` or `TURNED`.
+        choice: `FREE`, `GIVEN` or `TURNED`; or `SETTLED`: the modes in `Work`, of the state that
+            was assembled last, and nothing is finished.
+        step: see `assemble`; 0 but for `SETTLED`.
 
     Returns:
         (outcome, number of solutions or -1, how many obey, how many are at rest); the outcome is
         `UNDECIDED` where joints that may share their friction stick: no modes were tried.
     """
     t, w, m = machine.tables, machine.work, machine.work.modes
-    prepare(machine, v, effort, 0.0)
     resting = 0
-    if choice == FREE:
-        resting = _face(t, w)
-    else:
-        m.at_rest[:] = False
-        if choice == TURNED:
-            turn_balls(t, w)
+    if choice != SETTLED:
+        prepare(machine, v, effort, 0.0)
+        if choice == FREE:
+            resting = _face(t, w)
+        else:
+            m.at_rest[:] = False
+            if choice == TURNED:
+                turn_balls(t, w)
     face_gears(t, w)
-    if t.layout.gears.ratio.size > 0 and t.multipliers == 0:
+    if choice != SETTLED and t.layout.gears.ratio.size > 0 and t.multipliers == 0:
         _guess_lines(machine, v, effort)
     found = obeying = 0
     for passes in range(MOST_PASSES):
-        outcome = couple(machine, q, v, effort, 0.0)
+        outcome = couple(machine, q, v, effort, step)
         if outcome != 0:
             return outcome, 0, 0, 0
         if t.dependent:
@@ -950,9 +956,9 @@ def solve_instant(
         if found <= 0 or refit(machine, passes >= FEW_PASSES) == 0:
             break
         if passes == MOST_PASSES - 1:
-            found = -1
+            found, obeying = -1, 0
     if found <= 0:
         m.friction[:1] = np.nan  # no guess for the next solve
-    elif obeying == 1:
+    elif obeying == 1 and choice != SETTLED:
         finish(machine)
     return 0, found, obeying, resting

@@ -103,8 +103,8 @@ def simulate(
     Raises:
         SimulationError: an argument that cannot be, an effort function that raises, an integration
             that cannot go on. StateError: q0, v0 of a wrong shape or not finite.
-        NoConsistentAcceleration, AmbiguousAcceleration, GearJam: with time and state. Until then
-            there is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
+        AccelerationError: none, several, undecided or a jam, with time and state. Until then there
+            is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
             (before the first sample the interrupt goes on).
     """
     if unknown := numbers.keys() - Numbers.__annotations__.keys():

@@ -11,7 +11,8 @@ from typing import NoReturn, cast
 
 import numpy as np
 
-from pinfric.dynamics.gearing import FEW_PASSES, MOST_PASSES, refit
+from pinfric.dynamics.gearing import FEW_PASSES, refit
+from pinfric.dynamics.gearing import MOST_PASSES as MOST_LINES
 from pinfric.dynamics.layout import make_layout
 from pinfric.dynamics.locking import LockingGears
 from pinfric.dynamics.machine import (
@@ -26,6 +27,7 @@ from pinfric.dynamics.maps import (
     FREE,
     GIVEN,
     NOT_FINITE,
+    SETTLED,
     TOGGLE,
     TURNED,
     UNDECIDED,
@@ -48,11 +50,12 @@ from pinfric.errors import (
     SceneError,
     StateError,
     ToggleError,
+    UndecidedAcceleration,
 )
 from pinfric.friction.consistency import ROUNDING, limit_width
 from pinfric.friction.modes import Found
 from pinfric.friction.rest import Mechanism, solve
-from pinfric.friction.search import MOST_ENUMERATED, follow, outcome, search
+from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, follow, outcome, search
 from pinfric.model.closure import RANK, close
 from pinfric.model.compiled import KernelArgument, is_ready
 from pinfric.model.drives import gear_jam
@@ -302,13 +305,14 @@ class Workspace:
         Raises:
             StateError: a value is not finite; SceneError: the mass matrix is singular.
             ToggleError: the loops leave more freedoms here than elsewhere.
-            NoConsistentAcceleration, AmbiguousAcceleration: see there.
+            NoConsistentAcceleration, AmbiguousAcceleration, UndecidedAcceleration: see there.
         """
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
-        if obeying == 1:
+        several = self.modes.figures[0] >= 1.0  # one was found, there may be others
+        if obeying == 1 and not several:
             self._check_jam()
             return
-        found = self.search() if resting else outcome(solutions, obeying)
+        found = self.search() if resting or several else outcome(solutions, obeying)
         if found != Found.SOLVED:
             raise self.failure(found, q, v, effort)
         self.finish()
@@ -330,7 +334,7 @@ class Workspace:
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
         found = outcome(solutions, obeying)
         if resting < 0:
-            found = self._settle(self._solve_as_given)
+            found = outcome(*self._settle())
             if found == Found.SOLVED:
                 self.finish()
         elif found == Found.SOLVED:
@@ -359,7 +363,9 @@ class Workspace:
         self._kept = None
         self._given = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
-        outcome, solutions, obeying, resting = solve_instant(self._machine, q, v, effort, choice)
+        outcome, solutions, obeying, resting = solve_instant(
+            self._machine, q, v, effort, choice, 0.0
+        )
         self.locked = False
         if outcome == 0:
             return solutions, obeying, resting
@@ -440,41 +446,54 @@ class Workspace:
         """Search the modes of what is at rest; see `friction/search.py`."""
 
         def attempt() -> Found:
-            found = search(self.problem, self.modes, self.mechanism, forced, held)
+            delivered = self.work.delivered.copy()
+            found = search(
+                self.problem, self.modes, self.mechanism, forced, held,
+                lambda: self._settle(delivered),
+            )  # fmt: skip
             if found == Found.SOLVED and self.closed:
                 self._leave_dead_centres()
             return found
 
+        return self._hold_or_slip(attempt, thorough=True)
+
+    def _hold_or_slip(self, attempt: Callable[[], Found], thorough: bool) -> Found:
+        """Search, with self-locking gears in every way: `LockingGears.search`."""
         if not self._geared:
             return attempt()
-        self._presume(forced or {})
-        return self._settle_or_slip(attempt, thorough=True)
+        found, again = self._locking.search(attempt, self._couple, thorough)
+        return outcome(*self._settle()) if again else found
 
-    def _settle_or_slip(self, attempt: Callable[[], Found], thorough: bool) -> Found:
-        """Settle a search, with self-locking gears in every way: `LockingGears.search`."""
-        found, again = self._locking.search(lambda: self._settle(attempt), self._couple, thorough)
-        return self._solve_as_given() if again else found
+    def _settle(self, delivered: np.ndarray | None = None) -> tuple[int, int]:
+        """Solve the modes as they are, every gear on the line that fits; see `rest.solve`.
 
-    def _solve_as_given(self) -> Found:
-        """Solve the problem in the present modes."""
-        return outcome(*solve(self.problem, self.modes, self.mechanism))
+        Args:
+            delivered: (na,) the loads around which self-locking gears are asked first what they
+                hold; None: as they are.
+        """
+        if not self._geared:
+            return solve(self.problem, self.modes, self.mechanism)
+        q, v, effort, _, step = self._given
+        if delivered is not None:
+            self.work.delivered[self._locking.gears] = delivered[self._locking.gears]
+        if not self.closed:
+            refused, found, obeying, _ = solve_instant(self._machine, q, v, effort, SETTLED, step)
+            if refused:
+                self._refuse(refused, q, v, effort)
+            return found, obeying
+        c = self.tables.gear_coordinate
+        way = np.where(self.modes.stuck[c], 0.0, self.modes.direction[c])
+        self.work.gear_way[c >= 0] = way[c >= 0]
+        for passes in range(MOST_LINES):
+            self._couple()
+            found, obeying = solve(self.problem, self.modes, self.mechanism)
+            if found <= 0 or not refit(self._machine, passes >= FEW_PASSES):
+                return found, obeying
+        return -1, 0
 
     def ways_to_hold(self) -> Iterator[bool]:
         """Let self-locking gears hold in one way after the other: `LockingGears.ways_to_hold`."""
         return self._locking.ways_to_hold(self._couple)
-
-    def _settle(self, attempt: Callable[[], Found]) -> Found:
-        """Repeat a search until every gear follows the line that it was made with."""
-        at_rest = self.modes.at_rest.copy()
-        for passes in range(MOST_PASSES):
-            found = attempt()
-            if not self._geared or found in (Found.NONE, Found.NOT_CONVERGED):
-                return found
-            if not refit(self._machine, passes >= FEW_PASSES):
-                return found
-            self.modes.at_rest[:] = at_rest
-            self._couple()
-        return Found.NOT_CONVERGED
 
     def _couple(self) -> None:
         """Write the coupled problem of the present state once more, with other lines of gears."""
@@ -483,16 +502,6 @@ class Workspace:
         if outcome:
             self._refuse(outcome, q, v, effort)
         self._take_factor()
-
-    def _presume(self, forced: Mapping[int, float]) -> None:
-        """Let gears at rest follow the lines on which they would slip, as far as that shows."""
-        t, modes = self.tables, self.modes
-        for d in np.flatnonzero(t.gear_coordinate >= 0):
-            c = int(t.gear_coordinate[d])
-            if modes.at_rest[c]:
-                beyond = modes.verdict[c] if abs(modes.verdict[c]) == 1 else 0
-                self.work.gear_way[d] = forced.get(c, beyond)
-        self._couple()
 
     def _leave_dead_centres(self) -> None:
         """Let joints that rest at their dead centre slip the way the mechanism takes them.
@@ -514,23 +523,28 @@ class Workspace:
         way = np.sign(self.problem.rate_free[dead])
         self.assemble(q, v, effort, applied)
         m.stuck[dead], m.direction[dead], m.at_rest[dead] = way == 0.0, way, False
-        if solve(self.problem, m, self.mechanism)[1] != 1:
+        if self._settle()[1] != 1:
             m.take(kept)
+            self._settle()
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return self._settle_or_slip(self._search_step, thorough=False)
+        return self._hold_or_slip(self._search_step, thorough=False)
 
     def _search_step(self) -> Found:
         m, dry = self.modes, self.modes.at_rest.copy()
-        start = m.copy()
-        found = follow(self.problem, m, self.mechanism)
+        start, delivered = m.copy(), self.work.delivered.copy()
+
+        def solved() -> tuple[int, int]:
+            return self._settle(delivered)
+
+        found = follow(self.problem, m, self.mechanism, settle=solved)
         if found != Found.SOLVED and self.closed:
             m.take(start)
             m.stuck[dry], m.direction[dry] = True, 0.0
-            found = follow(self.problem, m, self.mechanism)
+            found = follow(self.problem, m, self.mechanism, settle=solved)
         if found != Found.SOLVED and int(dry.sum()) <= MOST_ENUMERATED:
-            return search(self.problem, m, self.mechanism)
+            return search(self.problem, m, self.mechanism, settle=solved)
         return found
 
     @property
@@ -622,21 +636,26 @@ class Workspace:
         """Return the error that says why no single acceleration was found, and where."""
         if jam := self._jam():
             return jam
-        contraction = self.modes.figures[0]
-        site = self._worst_site()
+        contraction, resting = self.modes.figures[0], int(self.modes.at_rest.sum())
         state = q.copy(), v.copy(), self._as_given(effort)
-        growth = (
-            f"the loads grow with the friction they cause (contraction {contraction:.4g})"
-            if contraction >= 1.0
-            else "neither sticking nor slipping either way is consistent"
-        )
+        finding: type[AccelerationError] = NoConsistentAcceleration
+        reason = "neither sticking nor slipping either way is consistent"
+        if contraction >= 1.0:
+            reason = f"the loads grow with the friction they cause (contraction {contraction:.4g})"
         if found == Found.AMBIGUOUS:
-            return AmbiguousAcceleration(*state, site, growth, given=self.given)
-        if found == Found.NOT_CONVERGED:
-            growth = f"the coupled solve does not reach its tolerance (contraction {contraction})"
-        elif int(self.modes.at_rest.sum()) > MOST_ENUMERATED:
-            growth += f"; more than {MOST_ENUMERATED} joints at rest: not every mode was tried"
-        return NoConsistentAcceleration(*state, site, growth, given=self.given)
+            finding = AmbiguousAcceleration
+            if not contraction >= 1.0:
+                reason = ("with static friction above kinetic, different joints may break away and "
+                          "the others hold, equally many each time")  # fmt: skip
+        elif found == Found.NOT_CONVERGED:
+            reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
+        elif found == Found.UNDECIDED:
+            finding = UndecidedAcceleration
+            reason = (f"{resting} coordinates at rest, {MOST_PASSES} passes; give joints that do "
+                      "not matter no friction, or start from a state in motion")  # fmt: skip
+        elif resting > MOST_ENUMERATED:
+            reason += f"; more than {MOST_ENUMERATED} joints at rest: not every mode was tried"
+        return finding(*state, self._worst_site(), reason, given=self.given)
 
     def _as_given(self, effort: np.ndarray) -> np.ndarray:
         """Efforts, or torques of motors (na,), as they were given."""

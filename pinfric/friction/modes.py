@@ -15,6 +15,8 @@ class Found(IntEnum):
     NONE = 1
     AMBIGUOUS = 2
     NOT_CONVERGED = 3
+    #: The search has come to its bound.
+    UNDECIDED = 4
 
 
 class Modes(NamedTuple):

@@ -3,31 +3,91 @@
 At rest stick has priority: a coordinate slips only where no admissible stick exists. So the modes
 wanted are the consistent ones with the fewest slipping joints; two different accelerations with
 equally few are ambiguous, unless it is known what was sticking until now and just one of them lets
-it stick on. Up to `MOST_ENUMERATED` joints at rest that is decided by enumeration, exactly. Beyond,
-and first where joints can only move together, modes are followed from all stick: they are
-consistent, but it is not known that they are the only ones.
+it stick on. Up to `MOST_ENUMERATED` joints at rest that is decided by enumeration of all that
+kinematics allows (`ways`). Beyond, modes are followed from all stick: they are consistent, but it
+is not known that they are the only ones.
+
+A search ends after `MOST_PASSES` passes of its solves: what is not decided by then is `UNDECIDED`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import combinations, product
 
 import numpy as np
 
-from pinfric.friction.consistency import SHOULD_STICK
+from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
+from pinfric.friction.several import find_all
 from pinfric.friction.sharing import RANK
+from pinfric.friction.ways import Kinematics
 
 #: Up to so many joints at rest all modes are looked at: 3^8 = 6561 solves.
 MOST_ENUMERATED = 8
+#: Passes of all solves of a search; a solve in an open chain is one, in a mechanism three or those
+#: in which its friction is shared. A few seconds, compiled.
+MOST_PASSES = 20_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
 #: Passes of the search: so many, and for each coordinate.
 _CHANGES, _FOR_EACH = 60, 20
+#: A direction of a ball that turns no more than this stays. Where it turns less than `_NEARLY`,
+#: modes are given up whose rates are wrong by so many times as much.
+_TURNED, _NEARLY, _FARTHER = 1e-8, 0.03, 30.0
+
+
+class _Query:
+    """A search: what is asked, how given modes are solved, and how many passes are left.
+
+    Attributes:
+        problem, modes, mechanism: see `search`.
+        settle: solves the modes as they are, as `rest.solve` does.
+        left: passes.
+        every: whether all solutions of given modes are wanted, where there may be several.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        modes: Modes,
+        mechanism: Mechanism,
+        settle: Callable[[], tuple[int, int]] | None,
+        every: bool,
+    ) -> None:
+        self.every = every
+        self.problem, self.modes, self.mechanism = problem, modes, mechanism
+        self.settle = settle or (lambda: solve(problem, modes, mechanism))
+        self.left = MOST_PASSES
+
+    def solve(self) -> tuple[int, int]:
+        """Solve the modes as they are; see `rest.solve`."""
+        found = self.settle()
+        shared = np.isnan(self.modes.figures[0])
+        self.left -= max(3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1)
+        if self.every and self.modes.figures[0] >= 1.0:
+            return self._all(found)
+        return found
+
+    def _all(self, found: tuple[int, int]) -> tuple[int, int]:
+        """Look for solutions that Newton's method has missed; see `solve`."""
+        modes, problem = self.modes, self.problem
+        kept = modes.copy()
+        solutions, parts = find_all(problem, modes)
+        self.left -= abs(parts)
+        if parts < 0 or len(solutions) <= found[0]:
+            return found
+        obeying = 0
+        for x in solutions:
+            modes.friction[:] = x
+            evaluate(problem, modes.friction, modes.load, modes.rate)
+            if judge(problem, modes) == 0:
+                obeying += 1
+                kept = modes.copy()
+        modes.take(kept)
+        return len(solutions), obeying
 
 
 def search(
@@ -36,6 +96,7 @@ def search(
     mechanism: Mechanism,
     forced: Mapping[int, float] | None = None,
     held: np.ndarray | None = None,
+    settle: Callable[[], tuple[int, int]] | None = None,
 ) -> Found:
     """Find the modes of the coordinates at rest; those that move keep theirs.
 
@@ -48,7 +109,10 @@ def search(
         forced: coordinate -> direction it must slip in (it has just broken away).
         held: (nc,) bool, what has been sticking until now: among several answers with equally few
             slipping joints, the one that lets all of these stick on.
+        settle: solves the modes as they are, in place of `rest.solve`: where the problem follows
+            the modes, as with gears.
     """
+    query = _Query(problem, modes, mechanism, settle, every=True)
     together = mechanism.is_dependent(modes.at_rest)
     passing = modes.at_rest & mechanism.idle
     if together:
@@ -56,9 +120,11 @@ def search(
     modes.at_rest[passing] = modes.stuck[passing] = False
     modes.direction[passing] = np.sign(problem.rate_free[passing])
     at_rest = modes.at_rest.copy()
-    attempt = search if together and not mechanism.is_dependent(at_rest) else _search_open
     for _ in range(3):
-        found = attempt(problem, modes, mechanism, forced or {}, held)
+        if together and not mechanism.is_dependent(at_rest):
+            found = search(problem, modes, mechanism, forced, held, settle)
+        else:
+            found = _search_open(query, dict(forced or {}), held)
         if (modes.direction[passing] * modes.rate[passing] >= 0.0).all():
             break
         modes.at_rest[:] = at_rest
@@ -73,33 +139,24 @@ def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:
     return np.asarray(led | (~A.any(axis=0) & (problem.rate_free != 0.0)))
 
 
-def _search_open(
-    problem: Problem,
-    modes: Modes,
-    mechanism: Mechanism,
-    forced: Mapping[int, float],
-    held: np.ndarray | None,
-) -> Found:
+def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | None) -> Found:
     """Find the modes of what is at rest where no joint passes its dead centre. See `search`."""
+    modes, mechanism = query.modes, query.mechanism
     rests, together = modes.at_rest, mechanism.is_dependent(modes.at_rest)
     if not rests.any():
-        return outcome(*solve(problem, modes, mechanism))
-    few = len(mechanism.joints(rests)) <= MOST_ENUMERATED
-    found = Found.NONE
-    if together or not few:
+        return outcome(*query.solve())
+    if len(mechanism.joints(rests)) > MOST_ENUMERATED:
         _stick(modes, mechanism, forced)
-        found = follow(problem, modes, mechanism, set(forced))
-    if few and found in (Found.NONE, Found.NOT_CONVERGED):
-        found = _enumerate(problem, modes, mechanism, forced, held)
-    if few and together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
+        return _follow(query, set(forced))
+    found = _enumerate(query, forced, held)
+    if found == Found.UNDECIDED:
+        query.left = MOST_PASSES
+        _stick(modes, mechanism, forced)
+        found = _follow(query, set(forced))
+        return found if found == Found.SOLVED else Found.UNDECIDED
+    if together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
         # which way it breaks away was a first guess: a slow joint may rub along with the motion
-        found = _enumerate(problem, modes, mechanism, {}, held, fewest=1)
-    one_freedom = together and len(mechanism.factor) == 1
-    if found == Found.SOLVED and one_freedom and not modes.stuck[rests].any():
-        other = modes.copy()  # there is one other way to slip
-        other.direction[rests] *= -1.0
-        if solve(problem, other, mechanism)[1] > 0:
-            return Found.AMBIGUOUS
+        found = _enumerate(query, {}, held, fewest=1)
     return found
 
 
@@ -121,21 +178,20 @@ def _agree(modes: Modes, mechanism: Mechanism, c: int) -> None:
 
 
 def _enumerate(
-    problem: Problem,
-    modes: Modes,
-    mechanism: Mechanism,
-    forced: Mapping[int, float],
-    held: np.ndarray | None,
-    fewest: int = 0,
+    query: _Query, forced: dict[int, float], held: np.ndarray | None, fewest: int = 0
 ) -> Found:
     """Try all modes, with the fewest joints that slip beside the forced ones first."""
+    modes, mechanism = query.modes, query.mechanism
     status = Found.NONE
     others = [c for c in mechanism.joints(modes.at_rest) if c not in forced]
+    kinematics = Kinematics(query.problem, mechanism, modes.at_rest.copy())
     for level in range(fewest, len(others) + 1):
         consistent: list[Modes] = []
-        for ways in _ways(mechanism, others, level):
-            _stick(modes, mechanism, {**forced, **ways} if forced else ways)
-            solutions, obeying = _settle(problem, modes, mechanism)
+        for ways in kinematics.ways(others, level, forced):
+            if query.left <= 0:
+                return Found.UNDECIDED
+            _stick(modes, mechanism, {**forced, **ways})
+            solutions, obeying = _settle(query)
             if solutions < 0:
                 status = Found.NOT_CONVERGED
             if obeying > 1:
@@ -147,27 +203,35 @@ def _enumerate(
             consistent = [one for one in consistent if one.stuck[stay].all()] or consistent
         if consistent:
             modes.take(consistent[0])
+            query.settle()  # others were tried since
             return Found.SOLVED if len(consistent) == 1 else Found.AMBIGUOUS
     return status
 
 
-def _ways(mechanism: Mechanism, others: list[int], level: int) -> Iterator[dict[int, float]]:
-    """Yield all ways in which `level` of the other joints slip: coordinate -> direction."""
-    for slipping in combinations(others, level):
-        for ways in product(*[(1.0,) if mechanism.ball[c] else (1.0, -1.0) for c in slipping]):
-            yield dict(zip(slipping, ways, strict=True))
-
-
-def _settle(problem: Problem, modes: Modes, mechanism: Mechanism) -> tuple[int, int]:
+def _settle(query: _Query) -> tuple[int, int]:
     """Solve the modes as they are, the balls that slip from rest turned; see `rest.solve`."""
-    if not mechanism.closed:
-        return solve(problem, modes, mechanism)
+    modes = query.modes
+    if not query.mechanism.closed:
+        return query.solve()
     modes.friction[:1] = np.nan  # what is shared is no guess for other modes
     for _ in range(_CHANGES):
-        solutions, obeying = solve(problem, modes, mechanism)
-        if solutions <= 0 or not _turn_balls(problem, modes, mechanism):
+        solutions, obeying = query.solve()
+        if solutions <= 0:
             break
+        turned = _turn_balls(query.problem, modes, query.mechanism)
+        if turned <= _TURNED:
+            break
+        if turned < _NEARLY and _moves_against(query.problem, modes, _FARTHER * turned):
+            return solutions, 0
     return solutions, max(obeying, int(solutions > 0 and not modes.verdict.any()))
+
+
+def _moves_against(problem: Problem, modes: Modes, part: float) -> bool:
+    """Whether a joint moves against its direction by more than a part of the terms of its rate."""
+    slips = modes.at_rest & ~modes.stuck
+    against = -(modes.direction * modes.rate)[slips]
+    terms = problem.rate_scale[slips] + np.abs(problem.rate_slope[slips]) @ np.abs(modes.friction)
+    return bool((against > part * terms).any())
 
 
 def _same(one: Modes, other: Modes) -> bool:
@@ -181,7 +245,7 @@ def outcome(solutions: int, obeying: int) -> Found:
     """Return how a search with a single candidate ends, from what `solve` returns."""
     if solutions < 0:
         return Found.NOT_CONVERGED
-    return (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[obeying]
+    return (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(obeying, 2)]
 
 
 @dataclass
@@ -205,7 +269,10 @@ class _Patience:
 
 
 def follow(
-    problem: Problem, modes: Modes, mechanism: Mechanism, fixed: set[int] | None = None
+    problem: Problem,
+    modes: Modes,
+    mechanism: Mechanism,
+    settle: Callable[[], tuple[int, int]] | None = None,
 ) -> Found:
     """Find consistent modes from those given, by block pivoting with Murty's rule as a safeguard.
 
@@ -215,15 +282,22 @@ def follow(
     which changes with its friction: its direction is followed until it stays.
 
     Args:
-        problem, modes, mechanism: see `search`; the modes given are where it starts.
-        fixed: coordinates whose modes stay.
+        problem, modes, mechanism, settle: see `search`; the modes given are where it starts.
     """
-    fixed, all_at_once = fixed or set(), _Patience(len(modes.stuck) + 1)
+    return _follow(_Query(problem, modes, mechanism, settle, every=False), set())
+
+
+def _follow(query: _Query, fixed: set[int]) -> Found:
+    """Do what `follow` does; the modes of coordinates in `fixed` stay."""
+    problem, modes, mechanism = query.problem, query.modes, query.mechanism
+    all_at_once = _Patience(len(modes.stuck) + 1)
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
-        solutions, obeying = solve(problem, modes, mechanism)
+        if query.left <= 0:
+            return Found.UNDECIDED
+        solutions, obeying = query.solve()
         if solutions <= 0:
             return outcome(solutions, 0)
-        if _turn_balls(problem, modes, mechanism):
+        if _turn_balls(problem, modes, mechanism) > _TURNED:
             continue
         if obeying or not modes.verdict.any():
             return outcome(solutions, max(obeying, 1))
@@ -245,13 +319,13 @@ def follow(
     return Found.NONE
 
 
-def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
-    """Point the friction of balls that slip from rest against their motion; True if one turned.
+def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> float:
+    """Point the friction of balls that slip from rest against their motion; return the most turned.
 
     With |x| = L given, x = -L r / |r| and r = r_0 + R x:  x = -(R + g 1)^-1 r_0 with g = |r| / L,
     of which |x| falls with g: one root. At g = 0 the ball would be held.
     """
-    turned = False
+    turned = 0.0
     if not mechanism.closed:
         return turned
     slipping = modes.at_rest & ~modes.stuck & mechanism.ball
@@ -268,7 +342,7 @@ def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
             modes.verdict[here] = SHOULD_STICK
             continue
         towards = -new / np.linalg.norm(new)
-        turned = turned or bool(np.abs(towards - modes.direction[here]).max() > 1e-8)
+        turned = max(turned, float(np.abs(towards - modes.direction[here]).max()))
         modes.direction[here] = towards
     return turned
 
@@ -276,17 +350,28 @@ def _turn_balls(problem: Problem, modes: Modes, mechanism: Mechanism) -> bool:
 def _secular_root(pull: np.ndarray, size: np.ndarray, limit: float) -> float:
     """Return the g >= 0 at which |pull / (size + g)| = limit; next to 0 where it is below there.
 
+    By Newton's method on 1 / |.|, which is nearly a line, from the left, where it stays; kept
+    between bounds that rounding does not leave (Moré and Sorensen 1983).
+
     Args:
         pull, size: (3,), size >= 0.
         limit: what is to be reached.
     """
-    low, high = 1e-14 * float(size.max()), float(np.linalg.norm(pull)) / max(limit, 1e-300)
-    if np.linalg.norm(pull / (size + low)) <= limit:
-        return low
-    for _ in range(200):  # bisection on the exponent: decades apart at first
-        middle = np.sqrt(low * high)
-        if middle in (low, high):
+    terms = list(zip((pull**2).tolist(), size.tolist(), strict=True))
+    low = g = max(1e-14 * max(size.tolist()), 1e-90)
+    high = sum(square for square, _ in terms) ** 0.5 / max(limit, 1e-300)
+    for _ in range(200):
+        square = sum(p / (s + g) ** 2 for p, s in terms)
+        if square <= limit * limit:
+            if g == low:
+                return low
+            high = g
+        else:
+            low = g
+        slope = sum(p / (s + g) ** 3 for p, s in terms)
+        before, g = g, g + square * (square**0.5 / max(limit, 1e-300) - 1.0) / slope
+        if not low < g < high:
+            g = (low * high) ** 0.5  # decades apart at first
+        if g in (low, high) or abs(g - before) <= 4e-16 * g:
             break
-        inside = np.linalg.norm(pull / (size + middle)) <= limit
-        low, high = (low, middle) if inside else (middle, high)
-    return float(high)
+    return float(g)

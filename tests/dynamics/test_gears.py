@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
-from builders import random_states, random_tree
+from builders import geared_arm, random_states, random_tree
+from dynamics.gear_enumeration import Arm, fewest, judge, random_arm, random_state
 
 import pinfric as pf
-from pinfric.errors import GearJam, SceneError, StateError
+from pinfric.errors import (
+    AmbiguousAcceleration,
+    GearJam,
+    SceneError,
+    StateError,
+)
 
 G = 9.81
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
 
 def hoist(gear: dict, mass: float = 10.0, friction: dict | None = None) -> pf.Scene:
@@ -125,33 +134,6 @@ def test_worms_side_by_side_are_lowered_at_once(count):
     np.testing.assert_allclose(found.a, -9.38 / 3, rtol=1e-12)
 
 
-def geared_arm(seed: int, mimic: bool = False) -> tuple[pf.Scene, np.random.Generator]:
-    """A random arm with a random gear on every joint, some of them self-locking."""
-    rng = np.random.default_rng(seed)
-    model = random_tree(seed, int(rng.integers(2, 8)), sliding=0.2)
-    names = tuple(model.names)[1:]
-    mimic = mimic and model.joints[1].nq == model.joints[len(names)].nq == 1
-    if mimic:
-        model = pin.transformJointIntoMimic(model, 1, len(names), -0.7, 0.1)
-    actuators, friction = [], {}
-    for name in names[: len(names) - mimic]:
-        locks = rng.random() < 0.15
-        actuators.append({"joint": name, "transmission": {
-            "ratio": float(rng.choice([-1, 1]) * rng.uniform(20, 120)),
-            "efficiency": float(rng.uniform(0.3, 1.0)),
-            "back_efficiency": float(-rng.uniform(0, 0.3) if locks else rng.uniform(0.05, 1.0)),
-            "no_load_torque": float(rng.uniform(0, 0.05)), "motor_viscous": 1e-4,
-            "rotor_inertia": float(rng.uniform(0, 5e-4) + 3e-3 * locks),
-        }})  # fmt: skip
-    for name in names:
-        if rng.random() < 0.6:
-            static = float(rng.uniform(0.5, 1.5))
-            friction[name] = {"coulomb": {"static": static, "kinetic": 0.7 * static}}
-        if name in friction and rng.random() < 0.4 and not mimic:
-            friction[name]["viscous"] = 0.2
-    return pf.Scene(model=model, friction=friction, actuators=actuators), rng
-
-
 @pytest.mark.parametrize("first", range(0, 300, 50))
 def test_inverse_dynamics_gives_the_motor_torques_back(first):
     """Motor torque -> a -> motor torque, or an interval around it, at 1e-9 of the forces there."""
@@ -199,3 +181,58 @@ def test_what_cannot_be_given_is_said():
         pf.forward_dynamics(scene, [0.0], [0.0], motor_torque=[np.nan])
     with pytest.raises(SceneError, match="motor_torque: drive 'lift' has no transmission"):
         pf.forward_dynamics(scene.with_(actuators=None), [0.0], [0.0], motor_torque=[1.0])
+
+
+@pytest.fixture(scope="module")
+def ur10():
+    scene = pf.load_scene(ROBOTS / "ur10_machine_tending.yaml")
+    return Arm(scene, ["blank"]), pf.Solver(scene, ["blank"])
+
+
+def test_lines_and_modes_do_not_go_round_in_circles(ur10):
+    """Modes found with the lines of other modes changed the lines, those the modes, without end."""
+    arm, solver = ur10
+    q = np.array([-0.0328801, -1.2424, 1.96476, -2.09188, -1.22191, 0.0])
+    v = np.array([0.0, 0.118859, 2.5152, 0.0, 0.428122, 0.0])
+    torque = np.array([0.0162468, -0.489816, 0.160368, 0.0515622, -0.0332032, 0.0022235])
+    (expected,) = fewest(arm.accelerations(q, v, torque))
+    found = solver.forward(q, v, motor_torque=torque)
+    np.testing.assert_allclose(found.a, expected, rtol=1e-8, atol=1e-10)
+
+
+def test_two_joints_of_which_either_may_break_away_are_ambiguous(ur10):
+    """Static friction is 1.2 times kinetic: where pan slips wrist 2 holds, and the other way round.
+
+    The enumeration finds both. That neither is consistent was said beside it.
+    """
+    arm, solver = ur10
+    q = np.array([0.28027033836016546, 0.9161849401694764, -1.8617013051871907,
+                  -0.6225658831916898, -1.450212776659248, 0.15554410495236493])  # fmt: skip
+    v = np.array([0.0, -0.2727723675851683, -0.287227370334989, 1.5430093303162002, 0.0, 0.0])
+    torque = np.array([0.16592212704326922, -1.2592262444726743, -0.46829833354924244,
+                       -0.07571156262728078, 0.05825397463002632,
+                       0.004712728112175737])  # fmt: skip
+    pan, wrist = sorted(fewest(arm.accelerations(q, v, torque)), key=lambda a: abs(a[4]))
+    assert pan[0] > 0.4
+    assert pan[4] == 0.0
+    assert wrist[0] == 0.0
+    assert wrist[4] > 2.0
+    with pytest.raises(AmbiguousAcceleration, match="different joints may break away"):
+        solver.forward(q, v, motor_torque=torque)
+
+
+@pytest.mark.parametrize("kind", ["arms", "ur10"])
+def test_every_refusal_of_gears_that_do_not_lock_is_a_true_one(kind, ur10):
+    """A sample of what `gear_enumeration.py` does by the ten thousand."""
+    for seed in range(12 if kind == "arms" else 60):
+        if kind == "arms":
+            scene, arm, q, v, torque = random_arm(seed)
+            solver = pf.Solver(scene)
+        else:
+            arm, solver = ur10
+            q, v, torque = random_state(arm, np.random.default_rng(seed))
+        a, error, true = judge(solver, arm, q, v, torque)
+        assert true, (seed, error)
+        if a is not None and (len(v) <= 4 or seed < 3):
+            (expected,) = fewest(arm.accelerations(q, v, torque))
+            np.testing.assert_allclose(a, expected, rtol=1e-7, atol=1e-9)

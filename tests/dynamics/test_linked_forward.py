@@ -23,7 +23,7 @@ from cases import (
 from dynamics.planar_newton_euler import FourBar, crank_torque
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mechanisms import four_bar
+from mechanisms import four_bar, two_ball_loops
 
 import pinfric as pf
 from pinfric.dynamics.closure import consistent_motion
@@ -32,7 +32,10 @@ from pinfric.errors import (
     NoConsistentAcceleration,
     StateError,
     ToggleError,
+    UndecidedAcceleration,
 )
+from pinfric.friction import search
+from pinfric.friction.modes import Found
 from pinfric.friction.sharing import share
 from pinfric.study.scene_run import start_state
 
@@ -346,3 +349,42 @@ def test_states_that_are_open_or_not_numbers_are_refused_by_name():
                         ("effort", (q, v, [np.inf]))):  # fmt: skip
         with pytest.raises(StateError, match=f"{name}: column 0 is"):
             pf.forward_dynamics(case.scene, *state)
+
+
+def check_obeys(scene, found):
+    """Check that an instant at rest obeys the laws by plain formulas: limits, and ways of slip."""
+    for s, site in enumerate(scene.sites):
+        load, friction, law = found.normal_load[s], found.friction[s], site.friction.mu
+        if found.modes[s] == 0:
+            assert abs(friction) <= law.static * load * (1 + 1e-6)
+        else:
+            assert abs(friction) == pytest.approx(law.kinetic * load, rel=1e-6)
+            if not site.ball:
+                assert friction * found.modes[s] <= 0.0
+                if site.velocity_index >= 0 and site.joint >= 0:
+                    assert found.a[site.velocity_index] * found.modes[s] >= -1e-9
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_eight_sites_two_of_them_balls_at_rest_are_decided_by_few_solves(seed, monkeypatch):
+    """Two freedoms: of 3^6 2^2 choices kinematics leaves some dozens; all took minutes."""
+    solves = []
+    plain = search.solve
+    monkeypatch.setattr(search, "solve", lambda *given: solves.append(1) or plain(*given))
+    scene, q, rng = two_ball_loops(seed)
+    effort = rng.normal(scale=8.0, size=2)
+    found = pf.forward_dynamics(scene, q, np.zeros(8), effort)
+    check_obeys(scene, found)
+    assert len(solves) < 1000
+
+
+def test_a_search_that_comes_to_its_bound_says_so(monkeypatch):
+    scene, q, rng = two_ball_loops(1)
+    monkeypatch.setattr(search, "MOST_PASSES", 3)
+    with pytest.raises(UndecidedAcceleration, match="passes; give joints that do not matter"):
+        pf.forward_dynamics(scene, q, np.zeros(8), rng.normal(scale=8.0, size=2))
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_however_many_solutions_obey_it_is_ambiguous(count):
+    assert search.outcome(count, count) == Found.AMBIGUOUS

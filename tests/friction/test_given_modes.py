@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 from builders import random_friction, random_tree
-from scipy.optimize import root
+from scipy.optimize import linprog, root
 
 import pinfric as pf
 from pinfric.dynamics.plain_laws import plain_normal_load
@@ -17,6 +17,8 @@ from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_fri
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem, empty_problem
 from pinfric.friction.rest import Mechanism, solve
+from pinfric.friction.several import find_all
+from pinfric.friction.ways import Kinematics
 from pinfric.model import interpreted
 
 
@@ -283,7 +285,8 @@ def test_pivoting_beyond_eight_finds_consistent_modes(seed):
         other.at_rest[:] = True
         # enumeration of 3^10 is long: one level below where the pivoting ended
         level = int(np.count_nonzero(m.direction))
-        for ways in search._ways(a_tree(10), list(range(10)), level - 1) if 0 < level < 4 else ():
+        kinematics = Kinematics(p, a_tree(10), other.at_rest)
+        for ways in kinematics.ways(list(range(10)), level - 1, {}) if 0 < level < 4 else ():
             search._stick(other, a_tree(10), ways)
             assert solve(p, other, a_tree(10))[1] == 0
 
@@ -334,3 +337,117 @@ def test_what_was_sticking_decides_between_equally_few_slipping():
         == Found.AMBIGUOUS
     )
     assert search.search(p, m, a_tree(len(m.stuck)), held=np.ones(3, bool)) == Found.AMBIGUOUS
+
+
+def strong_problem(seed, along=3, constant=0.0):
+    """Friction strong enough for several solutions; contact forces along so many axes; directions.
+
+    Args:
+        constant: largest friction that no load makes.
+    """
+    rng = np.random.default_rng(seed)
+    p = random_problem(seed, nc=2, strength=float(rng.uniform(0.3, 1.0)))
+    p.constant[:], p.coulomb_slip[:] = 0.0, constant
+    p.contact_free[:, along:], p.contact_slope[:, :, along:] = 0.0, 0.0
+    return p, rng.choice([-1.0, 1.0], 2)
+
+
+def by_signs(p, direction):
+    """All frictions of two slipping coordinates whose contact forces lie on a line: |p| = +-p."""
+    weight = -direction[p.contact_site] * p.mu_slip[p.contact_site]
+    found = []
+    for signs in itertools.product((1.0, -1.0), repeat=len(weight)):
+        A, b = np.eye(2), -direction * p.coulomb_slip[:, 0]
+        for t, sign in enumerate(signs):
+            A[p.contact_site[t]] -= weight[t] * sign * p.contact_slope[t, :, 0]
+            b[p.contact_site[t]] += weight[t] * sign * p.contact_free[t, 0]
+        x = np.linalg.solve(A, b)
+        if (np.array(signs) * (p.contact_free[:, 0] + p.contact_slope[:, :, 0] @ x) >= 0.0).all():
+            found.append(x)
+    return found
+
+
+@pytest.mark.parametrize("seed", [*range(12), 129, 220, 568, 628, 647, 1421])
+def test_no_solution_is_left_out_where_forces_lie_on_a_line(seed):
+    """Up to six; each sign of each force is one linear system, all of which are solved."""
+    p, direction = strong_problem(seed, along=1)
+    expected = by_signs(p, direction)
+    m = Modes.of(2, 2)
+    m.direction[:] = direction
+    found, parts = find_all(p, m)
+    assert 0 < parts < 1000
+    order = np.lexsort(np.array(expected).reshape(-1, 2).T)
+    np.testing.assert_allclose(
+        np.array(found).reshape(-1, 2)[np.lexsort(np.array(found).reshape(-1, 2).T)],
+        np.array(expected).reshape(-1, 2)[order], rtol=1e-9,
+    )  # fmt: skip
+    if solved(p, m.stuck, direction)[1].figures[0] >= 1.0:
+        status = search.search(p, m, a_tree(2))
+        assert status == (Found.NONE, Found.SOLVED, Found.AMBIGUOUS)[min(len(expected), 2)]
+
+
+def plane_problem(seed):
+    """Two sliding sites whose forces lie in a plane."""
+    rng = np.random.default_rng(seed)
+    p = random_problem(seed, nc=2, strength=float(rng.uniform(0.1, 0.5)))
+    p.constant[:], p.coulomb_slip[:] = 0.0, rng.uniform(0, 0.3) * (seed % 2)
+    p.contact_free[:, 2], p.contact_slope[:, :, 2] = 0.0, 0.0
+    return p, rng.choice([-1.0, 1.0], 2)
+
+
+@pytest.mark.parametrize("seed", [644, 1039])
+def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
+    """Newton's method from rest, and from far out on every side, comes to one of the two only."""
+    p, direction = plane_problem(seed)
+    (found, _), m = solved(p, np.zeros(2, bool), direction)
+    assert found == 1
+    assert m.figures[0] > 1.0
+    every = find_all(p, m)[0]
+    assert len(every) == 2
+    for x in every:
+        np.testing.assert_allclose(x, plain_slip_friction(p, direction, plain_loads(p, x)),
+                                   rtol=1e-10)  # fmt: skip
+    m = Modes.of(2, 2)
+    m.direction[:] = direction
+    assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
+
+
+def a_mechanism(A):
+    """Coordinates whose rates are A^T w."""
+    nc, none = A.shape[1], np.zeros(A.shape[1], dtype=bool)
+    return Mechanism(True, A, np.arange(nc), none, none, np.zeros(nc))
+
+
+@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize(("freedoms", "seed"), [(1, 0), (2, 1), (2, 2), (3, 3), (3, 4)])
+def test_the_ways_to_slip_are_those_that_linear_programs_allow(freedoms, seed, moves):
+    """All 3^5 signs of r = c + A^T w by HiGHS; c where other joints move along."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(freedoms, 5))
+    if seed in (2, 4):
+        A[:, 1] = -2.0 * A[:, 0]  # two that move in proportion
+    p = random_problem(seed, nc=5)
+    c = rng.normal(size=5) * moves
+    p.rate_free[:] = c + A.T @ rng.normal(size=freedoms)
+    p.rate_scale[:] = np.abs(p.rate_free) + 1.0
+    at_rest = np.ones(5, bool)
+    kinematics = Kinematics(p, a_mechanism(A), at_rest)
+    for level in range(6):
+        yielded = [tuple(ways.get(i, 0.0) for i in range(5))
+                   for ways in kinematics.ways(list(range(5)), level, {})]  # fmt: skip
+        assert len(set(yielded)) == len(yielded)
+        for signs in itertools.product((0.0, 1.0, -1.0), repeat=5):
+            if np.count_nonzero(signs) == level:
+                assert (signs in yielded) == _is_a_way(A, c, np.array(signs)), signs
+
+
+def _is_a_way(A, c, signs):
+    """Whether some w makes every rate of a sign at least 1e-6, and the others zero."""
+    rate = np.column_stack([A.T, np.zeros(len(c))])
+    slips, sticks = signs != 0.0, signs == 0.0
+    upper = np.column_stack([-signs[slips, None] * A.T[slips], np.ones(slips.sum())])
+    found = linprog(
+        np.r_[np.zeros(len(A)), -1.0], upper, (signs * c)[slips], rate[sticks], -c[sticks],
+        bounds=[(-1e3, 1e3)] * len(A) + [(0.0, 1.0)],
+    )  # fmt: skip
+    return bool(found.status == 0 and (not slips.any() or found.x[-1] > 1e-6))

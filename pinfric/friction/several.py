@@ -1,0 +1,175 @@
+"""All frictions that fit given modes, where several may: a search that leaves nothing out.
+
+In given modes (`given_modes`) the friction that follows loads is z_k = offset_k + sign_k y_k with
+
+    y_k = sum |gain| |p|,      p = P_0 + P y,      y >= 0
+
+Written for u = (tau, y) on the simplex tau + sum y = 1 the forces are linear in u, P u, and what
+lies however far out is near tau = 0: the simplex holds every solution. It is cut into ever smaller
+simplices. In each of them f_k(u) = y_k - sum |gain| |P u| is concave: not below its chord through
+the corners, not above its tangent. Where such a bound of one f_k, or of a combination of them, has
+one sign, there is no solution. Where forces turn so little that f is one to one, there
+is one at most, which Newton's method finds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.friction.given_modes import Reduced, reduce_problem
+from pinfric.friction.modes import Modes
+from pinfric.friction.problem import Problem
+
+#: Up to so many frictions that follow loads all solutions are found; simplices looked at.
+MOST_COUPLED, MOST_PARTS = 6, 4000
+#: Solutions closer than this, relative to their size, are one; so small a part holds no other.
+_DISTINCT, _SMALL = 1e-6, 1e-7
+#: What rounding leaves of zero; what Newton's method must reach; its passes.
+_ROUNDING, _FOUND, _PASSES = 1e-12, 1e-13, 40
+
+
+def find_all(problem: Problem, modes: Modes) -> tuple[list[np.ndarray], int]:
+    """Return all frictions (nc,) that fit the modes, and the simplices looked at; -1: not all.
+
+    Args:
+        problem: `Problem`.
+        modes: `stuck` and `direction` count.
+    """
+    nz, reduced = reduce_problem(problem, modes.stuck, modes.direction)
+    if not 0 < nz <= MOST_COUPLED:
+        return [], -1
+    rays = _Rays(reduced)
+    solutions, parts = rays.search()
+    return [reduced.X[:, 0] + reduced.X[:, 1:] @ z for z in solutions], parts
+
+
+class _Rays:
+    """The equations f(u) = 0 of the module's text, y scaled by its size at rest."""
+
+    def __init__(self, reduced: Reduced) -> None:
+        _, _, offset, place, gain, contact = reduced
+        nz = len(offset)
+        self.sign, self.offset = np.zeros(nz), offset
+        self.sign[place] = np.sign(gain)
+        self.owner = np.zeros((nz, len(gain)))
+        self.owner[place, np.arange(len(gain))] = np.abs(gain)
+        first = contact[:, 0] + np.einsum("tje,j->te", contact[:, 1:], offset)
+        size = self.owner @ np.linalg.norm(first, axis=1)
+        self.scale = np.maximum(size, 1e-3 * size.max(initial=1e-300))
+        along = contact[:, 1:] * (self.sign * self.scale)[:, None]
+        self.P = np.concatenate([first[:, None], along], axis=1).transpose(0, 2, 1)
+        self.select = np.eye(1 + nz)[1:] * self.scale[:, None]  # y of u
+
+    def values(self, u: np.ndarray) -> np.ndarray:
+        """f (nz, m) at points u (1 + nz, m)."""
+        sizes = np.linalg.norm(self.P @ u, axis=1)
+        return np.asarray(self.select @ u - self.owner @ sizes)
+
+    def slope(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """df/du (nz, 1 + nz) at u (1 + nz,), and the directions (nt, 3) of the forces."""
+        p = self.P @ u
+        size = np.linalg.norm(p, axis=1, keepdims=True)
+        e = p / np.where(size > 0.0, size, 1.0)
+        return self.select - self.owner @ np.einsum("te,tej->tj", e, self.P), e
+
+    def search(self) -> tuple[list[np.ndarray], int]:
+        """All solutions z, and the simplices looked at; -1 where there were too many."""
+        n = len(self.scale)
+        found: list[np.ndarray] = []
+        waiting, parts = [np.eye(1 + n)], 0
+        while waiting:
+            parts += 1
+            if parts > MOST_PARTS:
+                return [self._friction(u) for u in found], -1
+            V = waiting.pop()  # corners are columns
+            if self._is_empty(V):
+                continue
+            if self._is_single(V) or np.abs(V - V[:, :1]).max() < _SMALL:
+                if any(self._inside(V, u) for u in found):
+                    continue
+                u = self._newton(V.mean(axis=1))
+                if u is not None and u[0] > 0.0:
+                    if all(np.abs(u - other).max() > _DISTINCT for other in found):
+                        found.append(u)
+                    if self._inside(V, u):
+                        continue
+            if np.abs(V - V[:, :1]).max() < _SMALL:
+                if not any(np.abs(u - V[:, 0]).max() < 10.0 * _SMALL for u in found):
+                    return [self._friction(u) for u in found], -1
+                continue
+            waiting += _halves(V)
+        return [self._friction(u) for u in found], parts
+
+    def _friction(self, u: np.ndarray) -> np.ndarray:
+        return np.asarray(self.offset + self.sign * (self.select @ u) / u[0])
+
+    def _is_empty(self, V: np.ndarray) -> bool:
+        """Whether bounds of f show that no solution is in the simplex."""
+        F = self.values(V)
+        J, _ = self.slope(V.mean(axis=1))
+        over = J @ V
+        slack = _ROUNDING * (np.abs(self.select @ V) + np.abs(F)).max(axis=1)
+        if ((F.min(axis=1) > slack) | (over.max(axis=1) < -slack)).any():
+            return True
+        D = J @ (V[:, 1:] - V[:, :1])
+        try:
+            W = np.linalg.inv(D)
+        except np.linalg.LinAlgError:
+            return False
+        rounding = np.abs(W) @ slack
+        low = np.maximum(W, 0.0) @ F + np.minimum(W, 0.0) @ over
+        high = np.maximum(W, 0.0) @ over + np.minimum(W, 0.0) @ F
+        return bool(((low.min(axis=1) > rounding) | (high.max(axis=1) < -rounding)).any())
+
+    def _is_single(self, V: np.ndarray) -> bool:
+        """Whether f is one to one in the simplex: forces keep their directions, nearly."""
+        J, e = self.slope(V.mean(axis=1))
+        p = self.P @ V
+        size = np.linalg.norm(p, axis=1)
+        along = np.einsum("te,tem->tm", e, p) / np.where(size > 0.0, size, np.inf)
+        least = along.min(axis=1)
+        if (least <= 0.0).any():
+            return False  # no cone
+        turn = np.sqrt(np.maximum(2.0 - 2.0 * least, 0.0))  # how far |e - e'| goes
+        D = V[:, 1:] - V[:, :1]
+        E = self.owner @ (turn[:, None] * np.linalg.norm(self.P @ D, axis=1))
+        try:
+            W = np.abs(np.linalg.inv(J @ D))
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.abs(np.linalg.eigvals(W @ E)).max() < 0.99)
+
+    def _inside(self, V: np.ndarray, u: np.ndarray) -> bool:
+        """Whether a point is in the simplex."""
+        try:
+            return bool((np.linalg.solve(V, u) >= -1e-9).all())
+        except np.linalg.LinAlgError:
+            return False
+
+    def _newton(self, u: np.ndarray) -> np.ndarray | None:
+        """A solution from a point on; None where none is near."""
+        for _ in range(_PASSES):
+            f = self.values(u[:, None])[:, 0]
+            size = np.abs(self.select @ u)
+            if np.abs(f).max() <= _FOUND * (8 + len(f)) * size.max():
+                return u / u.sum()
+            J = np.vstack([self.slope(u)[0], np.ones(len(u))])
+            try:
+                step = np.linalg.solve(J, np.append(-f, 0.0))
+            except np.linalg.LinAlgError:
+                return None
+            u = u + step
+            if not np.isfinite(u).all() or (u < -1.0).any():
+                return None
+        return None
+
+
+def _halves(V: np.ndarray) -> list[np.ndarray]:
+    """The two halves of a simplex, cut at the middle of its longest edge."""
+    gaps = np.linalg.norm(V[:, :, None] - V[:, None, :], axis=0)
+    i, j = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
+    middle = 0.5 * (V[:, i] + V[:, j])
+    one, two = V.copy(), V.copy()
+    one[:, i] = middle
+    two[:, j] = middle
+    return [one, two]
