@@ -24,11 +24,9 @@ def first_crossing(
     Args:
         guard: of time; continuous, or with jumps, which are located too.
         times: (n,) evenly spaced over the step.
-        values: (n,) of the guard there.
+        values: (n,) of the guard there, finite.
         slack: rounding of the guard.
     """
-    if not np.isfinite(values).all():
-        return None
     if values[0] < -slack:
         return float(times[0])
     bend = float(np.abs(np.diff(values, 2)).max()) if len(values) > 2 else 0.0

@@ -153,12 +153,12 @@ class EventIntegration(Integration):
     # ------------------------------------------------------------ guards
 
     def _guards(self, t: float, y: np.ndarray) -> np.ndarray:
-        """Guards (nc,) at one time: positive while the modes hold; inf without dry friction.
+        """Guards (nc,) at one time: positive while the modes hold; NaN without dry friction.
 
         Slipping: speed in its direction. Sticking: distance of friction from its limits.
         """
         modes, dry = self.ws.modes, self.ws.tables.dry
-        guards = np.full(self.nc, np.inf)
+        guards = np.full(self.nc, np.nan)
         slips = dry & ~modes.stuck
         guards[slips] = self._advance(y)[slips]
         if modes.stuck.any():
@@ -201,9 +201,7 @@ class EventIntegration(Integration):
         self._guards_at_end = values[-1]
         values, slack = values + self.allowance, self._slack()
         fired = np.full(self.nc, np.inf)
-        for c in range(self.nc):
-            if np.isinf(values[0, c]):
-                continue
+        for c in np.flatnonzero(self.ws.tables.dry).tolist():
 
             def guard(t: float, c: int = c) -> float:
                 return float(self._guard(c, t, polynomial(t)) + self.allowance[c])

@@ -16,9 +16,10 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.machine import Machine, Tables, Work
+from pinfric.friction.consistency import site_limits
 from pinfric.friction.dense import affine
 from pinfric.model.compiled import kernel
-from pinfric.model.drives import Gears, gear_drag, gear_line, gear_slips
+from pinfric.model.drives import Gears, gear_drag, gear_line, gear_range, gear_slips
 
 #: An effort beyond its line by this part of the terms it is the sum of is rounding.
 _ROUNDING = 1e-12
@@ -52,7 +53,7 @@ def write_lines(t: Tables, w: Work, v: np.ndarray, given: np.ndarray, step: floa
         drag = gear_drag(gears, d, rate)
         inertia = gears.ratio[d] * gears.ratio[d] * gears.rotor_inertia[d]
         if step > 0.0 and rate != 0.0:
-            inertia += step * drag / rate
+            inertia += step * max(0.5 * gears.power[d], 1.0) * drag / rate  # as `_add_drag` does
         way, spent = w.gear_way[d], drag + inertia * bend
         w.reflected[d], w.slope[d], w.offset[d] = inertia, 1.0, spent
         w.line[d, 0], w.line[d, 1] = -np.inf, np.inf
@@ -226,22 +227,40 @@ def refit(machine: Machine, cautious: bool) -> int:
 
 
 @kernel
-def write_efforts(t: Tables, w: Work) -> None:
-    """Write what each drive delivers in the solution; a gear at rest has its share of friction.
+def gear_margins(machine: Machine, d: int) -> tuple[float, float]:
+    """Return how far what arrives at a gear at rest is above lower(t), and below upper(t).
 
-    Where a gear holds whatever the load, how it shares with a bearing is not known: what the
-    bearing's limits leave in the middle.
+    For the effort t at which it is farthest, of all that the friction beside the gear leaves. Below
+    0 the gear slips backward or forward. Both are continuous, where the efforts that a self-locking
+    gear holds come from infinity.
+
+    Args:
+        machine: solved, what the gear drives sticks.
+        d: the gear.
     """
-    layout, x, stuck = t.layout, w.modes.friction, w.modes.stuck
-    coordinate, ratio = w.problem.coordinate, w.problem.ratio
-    affine(w.delivered_map, x, w.effort)
-    for d in range(layout.gear_entry.size):
-        e, c = layout.gear_entry[d], layout.gear_coordinate[d]
-        if e < 0 or not stuck[c]:
-            continue
-        if not w.most[c] - w.least[c] < np.inf:
-            w.entry_phi[e] = x[c]
-            for other in range(coordinate.size):
-                if other != e and coordinate[other] == c:
-                    w.entry_phi[e] -= ratio[other] * w.entry_phi[other]
-        w.effort[d] += w.entry_phi[e]
+    t, w = machine.tables, machine.work
+    gears, c, x = t.layout.gears, t.layout.gear_coordinate[d], w.modes.friction
+    needed = w.delivered_map[d, 0] + x[c]
+    for k in range(x.size):
+        needed += w.delivered_map[d, 1 + k] * x[k]
+    least = greatest = 0.0
+    for e in range(w.problem.coordinate.size):
+        if w.problem.coordinate[e] == c and e != t.layout.gear_entry[d]:
+            ends = site_limits(w.problem, w.modes.load, e)
+            least, greatest = least + ends[0], greatest + ends[1]
+    if not greatest - least < np.inf:  # another gear holds it, whatever the load
+        return np.inf, np.inf
+    low, high = needed - greatest, needed - least
+    lower, _ = gear_range(gears, d, -1.0, 0.0, True, low, high)
+    _, upper = gear_range(gears, d, 1.0, 0.0, True, low, high)
+    return w.arriving[d] - lower, upper - w.arriving[d]
+
+
+@kernel
+def write_efforts(t: Tables, w: Work) -> None:
+    """Write what each drive delivers in the solution; a gear at rest has its share of friction."""
+    affine(w.delivered_map, w.modes.friction, w.effort)
+    for d in range(t.layout.gear_entry.size):
+        e, c = t.layout.gear_entry[d], t.layout.gear_coordinate[d]
+        if e >= 0 and w.modes.stuck[c]:
+            w.effort[d] += w.entry_phi[e]

@@ -105,6 +105,15 @@ class LockingGears:
         self._work.delivered[:] = delivered
         couple()
 
+    def by_coordinate(self, rests: np.ndarray) -> list[list[int]]:
+        """Return these gears where coordinates rest (nc,), those on one coordinate together."""
+        found: dict[int, list[int]] = {}
+        for d in self.gears.tolist():
+            c = int(self._coordinate[d])
+            if c >= 0 and rests[c]:
+                found.setdefault(c, []).append(d)
+        return list(found.values())
+
     def _wedged(self, rests: np.ndarray) -> list[int]:
         """The gears at rest (nc,) that motor and load push the same way, or may."""
         c_of, held = self._coordinate, self._work.held

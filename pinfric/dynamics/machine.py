@@ -100,6 +100,7 @@ class Work(NamedTuple):
         factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
         a_map: (nv, 1 + nc). multiplier_map: (nl, 1 + nc). wrench_map: (nr, 6, 1 + nc).
         coordinate_rate: (nc,) relative velocity of each coordinate.
+        drag, damping: (nc,) of a time step: what opposes it now, and per unit of it at the end.
         idle: (nc,) whether a joint is near its dead centre.
         given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
             (nj, 1 + nc, 6), row (6,): of intermediate results.
@@ -140,6 +141,8 @@ class Work(NamedTuple):
     multiplier_map: np.ndarray
     wrench_map: np.ndarray
     coordinate_rate: np.ndarray
+    drag: np.ndarray
+    damping: np.ndarray
     idle: np.ndarray
     given: np.ndarray
     size: np.ndarray

@@ -35,7 +35,8 @@ from pinfric.model.laws import friction_at
 
 Vector6 = tuple[float, float, float, float, float, float]
 #: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
-#: face their motion; those in `Work`, of the state that was assembled last.
+#: face their motion; those in `Work`, of the state that was assembled last. What has no dry
+#: friction faces its motion in any case.
 FREE, GIVEN, TURNED, SETTLED = range(4)
 #: Outcomes of `solve_instant`, beside 0: all is written.
 NOT_FINITE, SINGULAR, TOGGLE, UNDECIDED = 1, 2, 3, 4
@@ -43,6 +44,8 @@ NOT_FINITE, SINGULAR, TOGGLE, UNDECIDED = 1, 2, 3, 4
 _IDLE = 1e-4
 #: So small a share is none.
 _DEAD = 1e-13
+#: So much faster, relative to a speed, the slope of drag is taken.
+_FASTER = 1e-6
 #: So many times its inertia something moves little.
 _HELD = 1e9
 
@@ -206,7 +209,7 @@ def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
 
 
 @kernel
-def write_laws(t: Tables, w: Work, implicit: bool) -> None:
+def write_laws(t: Tables, w: Work) -> None:
     """Write the friction coefficients of every entry at its present speed (see `laws`)."""
     layout, p = t.layout, w.problem
     laws, rate, ratio, coordinate = layout.laws, w.coordinate_rate, p.ratio, layout.entry_coordinate
@@ -222,10 +225,41 @@ def write_laws(t: Tables, w: Work, implicit: bool) -> None:
         for side in range(2):
             p.coulomb_stick[e, side] = laws.coulomb_static[s, side]
         p.coulomb_slip[e, 0], p.coulomb_slip[e, 1] = moving.forward, moving.backward
-        p.drag[e] = 0.0 if implicit else laws.viscous[s] * velocity
+        p.drag[e] = laws.viscous[s] * velocity
         if speed > 0.0:  # a ball's drag lies along its velocity
             one_way = moving.drag_forward if velocity > 0.0 else moving.drag_backward
             p.drag[e] += one_way * (velocity / speed)
+
+
+@kernel
+def _take_out_drag(t: Tables, w: Work) -> None:
+    """Move what vanishes at rest from the entries' laws into `drag` and `damping`.
+
+    Under the loads of the last solution; `damping` see `_add_drag`.
+    """
+    layout, p, laws, rate = t.layout, w.problem, t.layout.laws, w.coordinate_rate
+    for c in range(rate.size):
+        w.drag[c] = w.damping[c] = 0.0
+    for e in range(layout.entry_coordinate.size):
+        c, s, ratio = layout.entry_coordinate[e], layout.entry_site[e], p.ratio[e]
+        w.drag[c] += ratio * p.drag[e]
+        w.damping[c] += ratio * ratio * laws.viscous[s]
+        p.drag[e] = 0.0
+        velocity = ratio * rate[c]
+        speed = _ball_speed(t, rate, c) if layout.ball[c] else abs(velocity)
+        now = friction_at(laws, s, speed)
+        one_way = now.drag_forward if velocity > 0.0 else now.drag_backward
+        if one_way == 0.0 == now.drag_mu:
+            continue
+        p.mu_slip[e] = now.mu
+        loaded = now.drag_mu * w.modes.load[e] if now.drag_mu > 0.0 else 0.0
+        w.drag[c] += ratio * loaded * (velocity / speed)
+        faster = friction_at(laws, s, speed * (1.0 + _FASTER))
+        rise = faster.drag_forward if velocity > 0.0 else faster.drag_backward
+        if now.drag_mu > 0.0:
+            rise += faster.drag_mu * w.modes.load[e]
+        drag = one_way + loaded
+        w.damping[c] += ratio * ratio * max(drag, 0.5 * (rise - drag) / _FASTER) / speed
 
 
 @kernel
@@ -699,7 +733,9 @@ def prepare(machine: Machine, v: np.ndarray, effort: np.ndarray, step: float) ->
     _move_freedoms(t, k, w)
     _move_pairs(t, k, w)
     _write_rates(t, w, v)
-    write_laws(t, w, step > 0.0)
+    write_laws(t, w)
+    if step > 0.0:
+        _take_out_drag(t, w)
     w.push_size[0] = np.abs(k.h).sum() + np.abs(effort).sum()
 
 
@@ -718,7 +754,7 @@ def couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, s
     _write_mass_matrix(t, w)
     w.locking[0] = add_armature(t, w)
     if step > 0.0:
-        _add_drag(t, w, step, given)
+        _add_drag(w, step, given)
     rank = 0
     if nl > 0:
         rank = _close(t, w, v, step)
@@ -786,18 +822,23 @@ def _write_given(w: Work, effort: np.ndarray) -> None:
 
 
 @kernel
-def _add_drag(t: Tables, w: Work, step: float, given: np.ndarray) -> None:
-    """Let viscous friction act at the end of the step: M + step D^T c D, given - D^T c D v."""
-    M, D, viscous = w.M, w.D, t.layout.viscous
+def _add_drag(w: Work, step: float, given: np.ndarray) -> None:
+    """Let drag d act at the end of the step, d + c (v' - v): M + step D^T c D, given - D^T d.
+
+    With c = d/|v|, the secant, or half the slope of drag, whichever is more. So drag turns no
+    motion round, and speeds tend to where drag and drive balance, however long the step: near there
+    an error becomes 1 - slope step / (M + c step) times itself.
+    """
+    M, D, damping = w.M, w.D, w.damping
     nc, nv = D.shape
     for c in range(nc):
-        if viscous[c] == 0.0:
+        if damping[c] == 0.0:
             continue
         for i in range(nv):
             if D[c, i] != 0.0:
-                given[i] -= D[c, i] * viscous[c] * w.coordinate_rate[c]
+                given[i] -= D[c, i] * w.drag[c]
                 for j in range(nv):
-                    M[i, j] += step * D[c, i] * viscous[c] * D[c, j]
+                    M[i, j] += step * D[c, i] * damping[c] * D[c, j]
 
 
 @kernel
@@ -838,14 +879,22 @@ def _face(t: Tables, w: Work) -> int:
 
 
 @kernel
-def turn_balls(t: Tables, w: Work) -> None:
-    """Point the friction of balls that slip against their motion; at no speed it stays."""
+def _turn(t: Tables, w: Work, balls: bool) -> None:
+    """Point the friction of what has no dry friction against its motion.
+
+    Args:
+        t, w: `modes.direction` is written.
+        balls: whether that of balls that slip, too; at no speed it stays.
+    """
     rate, m = w.coordinate_rate, w.modes
     for c in range(rate.size):
-        if t.layout.ball[c] and not m.stuck[c]:
-            speed = _ball_speed(t, rate, c)
-            if speed > 0.0:
-                m.direction[c] = rate[c] / speed
+        if t.layout.ball[c]:
+            if not m.stuck[c] and (balls or not t.layout.dry[c]):
+                speed = _ball_speed(t, rate, c)
+                if speed > 0.0:
+                    m.direction[c] = rate[c] / speed
+        elif not t.layout.dry[c]:
+            m.direction[c] = np.sign(rate[c])
 
 
 @kernel
@@ -938,8 +987,7 @@ def solve_instant(
             resting = _face(t, w)
         else:
             m.at_rest[:] = False
-            if choice == TURNED:
-                turn_balls(t, w)
+            _turn(t, w, choice == TURNED)
     face_gears(t, w)
     if choice != SETTLED and t.layout.gears.ratio.size > 0 and t.multipliers == 0:
         _guess_lines(machine, v, effort)

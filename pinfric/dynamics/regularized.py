@@ -31,7 +31,7 @@ class RegularizedIntegration(Integration):
         speed = ws.speeds(rates)
         part = np.divide(rates, speed, out=np.zeros_like(rates), where=speed > 0.0)
         ws.modes.stuck[:] = False
-        ws.modes.direction[:] = np.where(ws.tables.dry, np.tanh(speed / velocity) * part, 0.0)
+        ws.modes.direction[:] = np.where(ws.tables.dry, np.tanh(speed / velocity), 1.0) * part
         a = self.system.solve_given_modes(t, q, v)
         slow = speed <= velocity
         ws.site_modes[slow[ws.tables.coordinate] & ws.tables.dry[ws.tables.coordinate]] = 0

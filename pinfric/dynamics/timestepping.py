@@ -7,7 +7,9 @@ Moreau's midpoint scheme (Moreau 1988; Jean 1999):
 with x by the laws of friction at the *end* of the step: a coordinate sticks if x within the static
 limits brings it to v' = 0 exactly, else it slips against x. That is the problem of an instant with
 the next velocity in place of the acceleration, so there is nothing to locate, no step is too long
-for friction to be stable, and what stands still does so exactly. First order.
+for friction to be stable, and what stands still does so exactly. First order. Drag acts at the end
+of the step, too (`maps._add_drag`); efforts are taken at its middle: those that depend on q want a
+step below 2 / omega of the oscillation that they cause.
 
 A step also ends at exactly zero where it passes a turning point and friction could take what was
 left of the velocity. Whether that is a stop is a question to the instant, not to the step: it is

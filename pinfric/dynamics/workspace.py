@@ -11,7 +11,7 @@ from typing import NoReturn, cast
 
 import numpy as np
 
-from pinfric.dynamics.gearing import FEW_PASSES, refit
+from pinfric.dynamics.gearing import FEW_PASSES, gear_margins, refit
 from pinfric.dynamics.gearing import MOST_PASSES as MOST_LINES
 from pinfric.dynamics.layout import make_layout
 from pinfric.dynamics.locking import LockingGears
@@ -52,7 +52,7 @@ from pinfric.errors import (
     ToggleError,
     UndecidedAcceleration,
 )
-from pinfric.friction.consistency import ROUNDING, limit_width
+from pinfric.friction.consistency import ROUNDING
 from pinfric.friction.modes import Found
 from pinfric.friction.rest import Mechanism, solve
 from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, follow, outcome, search
@@ -66,6 +66,8 @@ from pinfric.model.scene import Scene
 _STOP = 100.0
 #: Eigenvalues of slopes are rounding below this many times the largest.
 _ROUNDING = 1e-13
+#: In place of an infinite margin.
+_MOST_MARGIN = 1e300
 
 
 @dataclass(frozen=True, eq=False)
@@ -437,8 +439,8 @@ class Workspace:
         """Return the direction (nc,) in which what sticks would break away: against friction."""
         if self.closed:
             return self.mechanism.way.copy()
-        x = self.modes.friction
-        return np.where(self.most - x < x - self.least, -1.0, 1.0)
+        below, above = self.margins()
+        return np.where(above < below, -1.0, 1.0)
 
     def search(
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
@@ -568,26 +570,40 @@ class Workspace:
         if self.locked:
             self.a[:] = 0.0
 
+    def margins(self) -> np.ndarray:
+        """Return how far the friction of what sticks is from its two static limits (2, nc).
+
+        In N m or N. Where a self-locking gear holds, whose limits may be infinite: how far what
+        arrives at the gear is from where it slips, see `gear_margins`.
+        """
+        x = self.modes.friction
+        out = np.array([x - self.least, self.most - x])
+        for number in self._balls:
+            here = self.mechanism.block == number
+            size = np.linalg.norm(x[here])
+            out[:, here] = self.most[here] + size, self.most[here] - size
+        for gears in self._locking.by_coordinate(self.modes.stuck):
+            ends = [gear_margins(self._machine, d) for d in gears]
+            backward, forward = max(ends, key=min)
+            out[:, self.tables.gear_coordinate[gears[0]]] = forward, backward
+        return np.minimum(out, _MOST_MARGIN)
+
     def friction_rounding(self) -> np.ndarray:
-        """Return how far friction (nc,) may be off by rounding, of the loads that cancel, too."""
+        """Return how far margins (nc,) may be off by rounding, of the loads that cancel, too."""
         slope = np.diag(self.problem.rate_slope)
         terms = self.problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
         return np.asarray(ROUNDING * (self.limit_width + terms))
 
     @property
     def limit_width(self) -> np.ndarray:
-        """(nc,) of the static limits; see `consistency.limit_width`."""
-        return np.array([limit_width(*ends) for ends in zip(self.least, self.most, strict=True)])
+        """(nc,) between the two limits that `margins` are measured from; 0 of infinite ones."""
+        margins = self.margins()
+        return np.where((margins < _MOST_MARGIN).all(axis=0), margins.sum(axis=0), 0.0)
 
     @property
     def guards(self) -> np.ndarray:
-        """(nc,) distance of the friction of what sticks from its static limits (N m or N)."""
-        x = self.modes.friction
-        out = np.minimum(x - self.least, self.most - x)
-        for number in self._balls:
-            here = self.mechanism.block == number
-            out[here] = self.most[here] - np.linalg.norm(x[here])
-        return np.asarray(out)
+        """(nc,) the smaller of each coordinate's `margins`."""
+        return self.margins().min(axis=0)
 
     # ------------------------------------------------------------ what cannot be
 

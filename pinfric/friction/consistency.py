@@ -11,7 +11,7 @@ import numpy as np
 from pinfric.friction.given_modes import MOST_SOLUTIONS, solve_given_modes
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
-from pinfric.model.compiled import kernel
+from pinfric.model.compiled import inlined_kernel, kernel
 
 #: How far beyond its law a sticking or slipping coordinate may be, relative to the terms: rounding.
 ROUNDING = 1e-11
@@ -40,16 +40,24 @@ def evaluate(problem: Problem, friction: np.ndarray, load: np.ndarray, rate: np.
         rate[c] = total
 
 
+@inlined_kernel
+def site_limits(problem: Problem, load: np.ndarray, s: int) -> tuple[float, float]:
+    """Return what a site at rest may add to its coordinate's friction, the least and the most."""
+    size, grip = abs(problem.ratio[s]), problem.mu_stick[s] * load[s]
+    forward, backward = (0, 1) if problem.ratio[s] > 0.0 else (1, 0)
+    return (-size * (grip + problem.coulomb_stick[s, forward]),
+            size * (grip + problem.coulomb_stick[s, backward]))  # fmt: skip
+
+
 @kernel
 def stick_limits(problem: Problem, load: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
     """Write least and greatest static friction (nc,) of each coordinate (paper eq. 21)."""
     for c in range(lower.size):
         lower[c] = upper[c] = 0.0
     for s in range(load.size):
-        c, size = problem.coordinate[s], abs(problem.ratio[s])
-        forward, backward = (0, 1) if problem.ratio[s] > 0.0 else (1, 0)
-        lower[c] -= size * (problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, forward])
-        upper[c] += size * (problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, backward])
+        least, greatest = site_limits(problem, load, s)
+        lower[problem.coordinate[s]] += least
+        upper[problem.coordinate[s]] += greatest
 
 
 @kernel
@@ -65,7 +73,8 @@ def site_friction(
 ) -> None:
     """Write each site's friction (ns,); sites that share a sticking coordinate share its friction.
 
-    In proportion to their limits: only the sum is determined by the motion.
+    In proportion to their limits: only the sum is determined by the motion. Where a site holds
+    whatever the load, the others take the middle of what that leaves them.
 
     Args:
         problem: `Problem`.
@@ -77,19 +86,58 @@ def site_friction(
     for s in range(phi.size):
         c, ratio = problem.coordinate[s], problem.ratio[s]
         if stuck[c]:
-            forward = problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, 0]
-            backward = problem.mu_stick[s] * load[s] + problem.coulomb_stick[s, 1]
             width = upper[c] - lower[c]
-            share = (friction[c] - lower[c]) / width if 0.0 < width < np.inf else 0.5
-            if ratio < 0.0:
-                share = 1.0 - share
-            width = forward + backward
-            phi[s] = -forward + share * width if width < np.inf else 0.0
+            if not width < np.inf:
+                continue
+            share = (friction[c] - lower[c]) / width if width > 0.0 else 0.5
+            least, greatest = site_limits(problem, load, s)
+            phi[s] = (least + share * (greatest - least)) / ratio
         else:
             along = direction[c] if ratio > 0.0 else -direction[c]
             against = 0 if along > 0.0 else 1
             dry = problem.mu_slip[s] * load[s] + problem.coulomb_slip[s, against]
             phi[s] = -along * dry - problem.drag[s]
+    for c in range(stuck.size):
+        if stuck[c] and not upper[c] - lower[c] < np.inf:
+            _share_unlimited(problem, friction[c], load, c, phi)
+
+
+@kernel
+def _share_unlimited(
+    problem: Problem, friction: float, load: np.ndarray, c: int, phi: np.ndarray
+) -> None:
+    """Write the friction of the sites of a coordinate at rest of which one or more have no limit.
+
+    Those have as little as they may of what the others leave, one after the other.
+    """
+    limited, unlimited = np.zeros(2), np.zeros(2)
+    for s in range(phi.size):
+        if problem.coordinate[s] == c:
+            least, greatest = site_limits(problem, load, s)
+            of = limited if greatest - least < np.inf else unlimited
+            of[0] += least
+            of[1] += greatest
+    first = max(limited[0], friction - unlimited[1])
+    last = min(limited[1], friction - unlimited[0])
+    left, width = friction - 0.5 * (first + last), limited[1] - limited[0]
+    share = (friction - left - limited[0]) / width if width > 0.0 else 0.5
+    for s in range(phi.size):
+        if problem.coordinate[s] != c:
+            continue
+        least, greatest = site_limits(problem, load, s)
+        if greatest - least < np.inf:
+            phi[s] = (least + share * (greatest - least)) / problem.ratio[s]
+            continue
+        rest = np.zeros(2)
+        for other in range(s + 1, phi.size):
+            if problem.coordinate[other] == c:
+                ends = site_limits(problem, load, other)
+                if not ends[1] - ends[0] < np.inf:
+                    rest[0] += ends[0]
+                    rest[1] += ends[1]
+        part = min(max(0.0, least, left - rest[1]), greatest, left - rest[0])
+        phi[s] = part / problem.ratio[s]
+        left -= part
 
 
 @kernel

@@ -24,7 +24,7 @@ class Modes(NamedTuple):
 
     Attributes:
         stuck: (nc,) bool.
-        direction: (nc,) of the slip, -1 or 1; 0 where it sticks or has no dry friction.
+        direction: (nc,) of the slip, -1 or 1; 0 where it sticks or does not move.
         at_rest: (nc,) bool, which modes the law leaves open.
         friction: (nc,) N m or N; the guess of the next solve, NaN in the first place: none.
         load: (ns,) N m or N.

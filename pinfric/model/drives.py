@@ -243,10 +243,15 @@ def gear_slips(
 
 
 @inlined_kernel
-def _gear_range(
+def gear_range(
     gears: Gears, d: int, direction: float, speed: float, static: bool, low: float, high: float
 ) -> tuple[float, float]:
-    """Least and greatest F(t), t from low to high: at the ends of its lines."""
+    """Return least and greatest F(t) of t from low to high: at the ends of its lines.
+
+    Args:
+        gears, d, direction, speed, static: see `gear_line`.
+        low, high: efforts (N m or N), finite.
+    """
     slope, offset, _, last = gear_line(gears, d, direction, speed, static, low)
     least = greatest = slope * low + offset
     while last < high:
@@ -285,11 +290,11 @@ def write_motor_torques(
                 lower[i, d] = upper[i, d] = np.nan
                 continue
             if at_rest[i, d] or abs(v) <= gears.stick_velocity[d]:
-                least, _ = _gear_range(gears, d, -1.0, abs(v), True, low, high)
-                _, greatest = _gear_range(gears, d, 1.0, abs(v), True, low, high)
+                least, _ = gear_range(gears, d, -1.0, abs(v), True, low, high)
+                _, greatest = gear_range(gears, d, 1.0, abs(v), True, low, high)
             else:
                 way = 1.0 if v > 0.0 else -1.0
-                least, greatest = _gear_range(gears, d, way, abs(v), False, low, high)
+                least, greatest = gear_range(gears, d, way, abs(v), False, low, high)
             r = gears.ratio[d]
             motor_side = r * gears.rotor_inertia[d] * acceleration[i, d]
             motor_side += gear_drag(gears, d, v) / r

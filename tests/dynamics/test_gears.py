@@ -98,6 +98,56 @@ def test_a_worm_that_holds_any_load_leaves_its_bearing_the_middle_of_its_limits(
     assert [found.effort[0], found.friction[0]] == pytest.approx([102.1, -4.0], rel=1e-12)
 
 
+def test_a_wedged_worm_gets_what_it_holds_and_its_bearing_the_middle_of_the_rest():
+    """h = -6, u = 3: the gear slips for t from -10 to 0.8, since -0.2 t + 1 < 3 and t/0.4 + 1 < 3.
+
+    The bearing adds up to 7.5, t + phi = -6: so t is at most -10, phi from 4 to 7.5, and 5.75.
+    """
+    scene = hoist(WORM, 6.0 / G, {"static": 7.5, "kinetic": 7.0}).with_(gravity=[0, 0, G])
+    found = forward(scene, 0.0, 3.0 / 50)
+    assert found.a[0] == 0.0
+    assert [found.effort[0], found.friction[0]] == pytest.approx([-11.75, 5.75], rel=1e-12)
+    motion = pf.simulate(scene, [0.0], [0.0], t_end=0.01, motor_torque=[3.0 / 50])
+    assert motion.effort == pytest.approx(-11.75, rel=1e-12)
+    assert motion.friction == pytest.approx(5.75, rel=1e-12)
+
+
+def test_two_worms_on_one_joint_share_a_load_that_each_may_hold():
+    """u = 3 and 0, h = -6: the first slips for t from -10 to 0.8 and holds -10, the second all."""
+    scene = hoist(WORM, 6.0 / G).with_(gravity=[0, 0, G])
+    gear = {"joint": "lift", "transmission": WORM}
+    scene = scene.with_(actuators=[{**gear, "name": "one"}, {**gear, "name": "other"}])
+    found = pf.forward_dynamics(scene, [0.0], [0.0], motor_torque=[3.0 / 50, 0.0])
+    assert found.a[0] == 0.0
+    assert found.effort.sum() == pytest.approx(-6.0, rel=1e-12)
+    assert found.effort[0] <= -10.0 + 1e-12 or found.effort[0] >= 0.8 - 1e-12
+
+
+@pytest.mark.parametrize("first", [0, 40])
+def test_what_gears_and_bearings_at_rest_get_obeys_the_law_of_each(first):
+    """min(t/eta, eta_b t) - n <= u <= max(t/eta, eta_b t) + n; bearings within their limits."""
+    wedged = 0
+    for seed in range(first, first + 40):
+        scene, rng = geared_arm(seed, locks=0.8)
+        (q,), (v,), _ = random_states(scene.model, seed, 1)
+        ratio = np.array([drive.transmission.ratio for drive in scene.drives])
+        torque = 6.0 * rng.normal(size=len(ratio)) / ratio
+        found = pf.forward_dynamics(scene, q, 0.0 * v, motor_torque=torque)
+        slack = 1e-9 * np.abs(ratio * torque).max()
+        for d, drive in enumerate(scene.drives):
+            gear, t, u = drive.transmission, found.effort[d], ratio[d] * torque[d]
+            if found.a[d] != 0.0:
+                continue
+            ends = t / gear.efficiency, gear.back_efficiency * t
+            n = abs(ratio[d]) * gear.no_load_torque.at_rest().forward
+            assert min(ends) - n - slack <= u <= max(ends) + n + slack
+            wedged += gear.back_efficiency <= 0.0 and t * u < 0.0
+        for s, site in enumerate(scene.sites):
+            if found.modes[s] == 0:
+                assert abs(found.friction[s]) <= site.law.static.forward + slack
+    assert wedged > 3
+
+
 @pytest.mark.parametrize("excess", [1e-9, -1e-9])
 def test_a_worm_lowers_its_load_if_its_rotor_is_heavy_enough_and_else_jams(excess):
     """t = M a + h, I a + eta_b t = u + n while lowering: I > -eta_b M = 2 decides.
