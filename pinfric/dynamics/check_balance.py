@@ -95,10 +95,10 @@ def balance(sample: Sample) -> Balance:
     site_wrench = _site_wrenches(sample, before + of_y[0] @ y, of_y[1] @ y, effort)
     contact, owner, constant = _contacts(sample, site_wrench)
     sizes = np.linalg.svd(reduced, compute_uv=False) if reduced.size else np.ones(1)
-    short = len(free) > len(scene.drives)
-    regular = (
-        0.0 if short else float(sizes[: len(free)].min(initial=sizes[0]) / max(sizes[0], 1e-300))
-    )
+    lever = 1.0 if scene.linkage is None else min(1.0, scene.linkage.size)  # the least that counts
+    regular = 0.0
+    if len(free) <= len(scene.drives):
+        regular = float(sizes[: len(free)].min(initial=np.inf) / max(sizes[0], lever))
     counts = [3 if site.ball else 1 for site in scene.sites]
     return Balance(
         effort, of_y[1] @ y, site_wrench, contact, owner, constant,
