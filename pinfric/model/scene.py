@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from, cut
-from pinfric.model import make_solver
 from pinfric.model.alignment import align_axes, shift_frames
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, contacts
@@ -42,10 +41,11 @@ from pinfric.model.schema import (
     Simulation,
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
+from pinfric.model.upward import make_solver
 from pinfric.model.urdf import implausible_body
 
 if TYPE_CHECKING:
-    from pinfric.model import Solver
+    from pinfric.model.upward import Solver
 
 _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
