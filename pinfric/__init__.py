@@ -27,6 +27,7 @@ _PUBLIC = {
     "Instant": "pinfric.dynamics.forward",
     "Solver": "pinfric.dynamics.solver",
     "InverseInstant": "pinfric.dynamics.solver",
+    "warm_up": "pinfric.study.warm_up",
     "holds": "pinfric.dynamics.holds",
     "StaticHold": "pinfric.dynamics.holds",
     "simulate": "pinfric.dynamics.simulate",
@@ -107,6 +108,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.study.trajectory.log.reading import ReadingOptions as ReadingOptions
     from pinfric.study.trajectory.trajectory import Trajectory as Trajectory
     from pinfric.study.trajectory.trajectory import load_trajectory as load_trajectory
+    from pinfric.study.warm_up import warm_up as warm_up
 
 
 def __getattr__(name: str) -> Any:

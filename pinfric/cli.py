@@ -551,6 +551,21 @@ def check(
     report.check(strict)  # errors are the last line, and the exit code (2)
 
 
+@app.command("warm-up")
+def warm_up(scene_name: SceneName) -> None:
+    """Compile what the dynamics of a scene need, so that no later run waits for the compiler.
+
+    Takes a minute or two with an empty cache, seconds where all is compiled already.
+    """
+    scene, _ = load(scene_name)
+    from pinfric.show.report.values import digits
+    from pinfric.study.warm_up import warm_up as prepare
+
+    with working("compiling"):
+        seconds = prepare(scene)
+    print_line(f"{Path(scene.source).stem}: all kernels are ready, after {digits(seconds)} s")
+
+
 @app.command()
 @takes_logs
 def accuracy(
