@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -21,11 +22,45 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
 from numba.experimental import structref
 
-from pinfric.errors import PinfricWarning
+from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.model.interpreted import CLOCK, interpreted, is_small
 
 _DIGEST_SIZE = 16
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
+
+
+#: The versions of numba that the tests have run with, from the first to below the second.
+_TESTED = (0, 61), (0, 69)
+#: What this module replaces or calls of numba and numba's documentation does not promise.
+_INNER = {
+    Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
+    FunctionCache: ("load_overload", "save_overload"),
+    IndexDataCacheFile: ("_dump", "_load_index", "_load_data"),
+    structref.StructRefProxy: ("_type",),
+}
+
+
+def check_numba(version: str) -> None:
+    """Say at import that a version of numba is not one of those tested, or cannot work.
+
+    Raises:
+        PinfricError: something is missing that this module builds on.
+    """
+    first, last = (".".join(map(str, end)) for end in _TESTED)
+    what = f"numba {version}: pinfric is tested with numba>={first},<{last}"
+    missing = [f"{kind.__name__}.{name}" for kind, names in _INNER.items() for name in names
+               if not hasattr(kind, name)]  # fmt: skip
+    if missing:
+        raise PinfricError(
+            f"{what}, and this one has no {', '.join(missing)}; install one of those"
+        )
+    found = tuple(int(part) for part in re.findall(r"\d+", version)[:2])
+    if not _TESTED[0] <= found < _TESTED[1]:
+        text = f"{what}; where kernels fail to compile or to load, install one of those"
+        warnings.warn(text, PinfricWarning, stacklevel=2)
+
+
+check_numba(numba.__version__)
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -205,9 +240,13 @@ class _CheckedCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file = _CheckedFile(
-            self._cache_path, f"{self._impl.filename_base}.checked", _source_stamp(function)
-        )
+        try:
+            place = self._cache_path, f"{self._impl.filename_base}.checked"
+        except AttributeError as problem:
+            raise PinfricError(
+                f"numba {numba.__version__}: {problem}; install an older one"
+            ) from None
+        self._cache_file = _CheckedFile(*place, _source_stamp(function))
 
     def is_kept(self, sig: Any, target_context: Any) -> bool:
         """Whether machine code for arguments of these types is here."""
