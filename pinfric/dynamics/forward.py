@@ -22,7 +22,7 @@ from pinfric.dynamics.workspace import Workspace, workspace
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, screen
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 
 class Instant(NamedTuple):
@@ -102,6 +102,7 @@ def forward_dynamics(
         NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
         RollMomentError: a guide without width is loaded by a moment about its axis.
     """
+    expect_scene(scene, "forward_dynamics")
     given = one_of("forward_dynamics", effort, motor_torque)
     ws = workspace(scene, attached, motors=effort is None)
     solve_state(ws, q, v, given, applied_wrenches(scene, external, 1) if external else None)

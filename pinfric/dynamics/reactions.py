@@ -14,7 +14,7 @@ from pinfric.errors import RollMomentError, SceneError, StateError, choose_from
 from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import tree_tables
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.twin import Twin, embed, project, transmit
 
 #: Samples per batch and thread: the twin's arrays of one batch stay in the second-level cache.
@@ -79,6 +79,7 @@ def joint_wrenches(
     Returns:
         (T, nj, 6), N and N m, in each joint's child frame, linear first.
     """
+    expect_scene(scene, "joint_wrenches")
     states = States.of(scene, q, v, a)
     return state_wrenches(scene, states, applied_wrenches(scene, external, len(states.q)), threads)
 

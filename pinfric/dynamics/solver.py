@@ -32,7 +32,7 @@ from pinfric.model.compiled import compile_for, compiling, kernel, record
 from pinfric.model.drives import Gears, write_motor_torques
 from pinfric.model.laws import Laws, friction_bounds
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 
 class InverseInstant(NamedTuple):
@@ -207,6 +207,7 @@ class Solver:
     """
 
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
+        expect_scene(scene, "Solver")
         self.scene = scene.with_()
         self._carried = None if attached is None else tuple(attached)
         self._motors: Workspace | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -92,6 +93,23 @@ class SiteTables:
     ratio: np.ndarray
 
 
+def expect_scene(scene: object, where: str) -> None:
+    """Refuse what is no `Scene`, as a file's name.
+
+    Args:
+        scene: what was given.
+        where: the function it was given to.
+
+    Raises:
+        SceneError: says how to make one.
+    """
+    if not isinstance(scene, Scene):
+        how = "one, as pf.load_scene returns it"
+        if isinstance(scene, str | os.PathLike):
+            how = f"pf.load_scene({str(scene)!r})"
+        raise SceneError(f"{where}: scene is a {type(scene).__name__}, not a Scene; give {how}")
+
+
 @dataclass(frozen=True)
 class Scene:
     """A robot with friction in its joints; everything the dynamics need, and nothing that changes.
@@ -139,6 +157,13 @@ class Scene:
             where = f"{self.source}: {section}"
             return {name: parse(kind, entry, f"{where}.{name}") for name, entry in given.items()}
 
+        if not isinstance(self.model, pin.Model):
+            given = f" ({self.model!r})" if isinstance(self.model, str | os.PathLike) else ""
+            raise SceneError(
+                f"{self.source}: model is a {type(self.model).__name__}{given}; should be a "
+                "pin.Model; for a URDF, `pinfric new URDF` writes a scene file that pf.load_scene "
+                "reads"
+            )
         set_ = object.__setattr__  # the one way to normalize a frozen dataclass's own fields
         set_(self, "model", self.model.copy())  # what the caller does to his model later stays his
         friction = entries(Friction, "friction", self.friction)

@@ -14,7 +14,7 @@ from pinfric.dynamics.solver import Solver
 from pinfric.dynamics.workspace import closed_configuration
 from pinfric.errors import PinfricError
 from pinfric.model.compiled import compiling
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 #: What is simulated (s): methods compile the same for any time.
 _MOMENT = 1e-3
@@ -31,6 +31,7 @@ def warm_up(scene: Scene) -> float:
     Args:
         scene: the robot with its friction and drives.
     """
+    expect_scene(scene, "warm_up")
     start = time.perf_counter()
     q, zero, none = (
         closed_configuration(scene),
