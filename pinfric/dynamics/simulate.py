@@ -114,8 +114,7 @@ def simulate(
             there is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
             (before the first sample the interrupt goes on).
     """
-    _check_read(method, numbers)
-    settings, (q, v) = _settings(method, _end(scene, t_end), **numbers), _start(scene, q0, v0)
+    settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints, motor_torque)
     if numbers.get("max_step") is None:
         settings = replace(settings, max_step=_longest_step(made, method, settings.t_end),
@@ -128,15 +127,17 @@ def simulate(
         return _run(method, system, settings, record, q, v)
 
 
-def _check_read(method: str, numbers: Numbers) -> None:
-    """Refuse a number that there is not, or that the method would ignore."""
+def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> Settings:
+    """Return the settings; refuse a number that there is not, or that the method would ignore."""
     if unknown := numbers.keys() - Numbers.__annotations__.keys():
         raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
+    settings = _settings(method, _end(scene, t_end), **numbers)
     for name, value in numbers.items():
-        if value is not None and name not in _READ.get(method, numbers):
+        if value is not None and name not in _READ[method]:
             readers = " and ".join(m for m, names in _READ.items() if name in names)
             raise SimulationError(f"{name} = {value!r}: is for {readers}; {method} takes "
                                   f"{', '.join(_READ[method])}")  # fmt: skip
+    return settings
 
 
 def _end(scene: Scene, t_end: float | None) -> float:
