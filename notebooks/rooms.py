@@ -44,10 +44,13 @@ def room_of(module: str) -> str:
 
 
 def imports() -> set[tuple[str, str]]:
-    """Return which rooms import which others; packages' own files list names for type checkers."""
+    """Return which rooms import which others; without names for type checkers.
+
+    Packages' own files and `model/upward.py` list such names.
+    """
     found = set()
     for file in PACKAGE.rglob("*.py"):
-        if file.name == "__init__.py":
+        if file.name in ("__init__.py", "upward.py"):
             continue
         room = room_of(".".join(file.relative_to(PACKAGE).with_suffix("").parts))
         imported = re.findall(r"^ *from (pinfric\.[\w.]+) import", file.read_text("utf-8"), re.M)

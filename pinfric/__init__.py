@@ -6,7 +6,7 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pinfric import model
+from pinfric.model import upward
 
 # Pinocchio's OpenMP threads would otherwise spin after each batch and starve the next kernel;
 # it must be set before Pinocchio loads.
@@ -27,6 +27,7 @@ _PUBLIC = {
     "Instant": "pinfric.dynamics.forward",
     "Solver": "pinfric.dynamics.solver",
     "InverseInstant": "pinfric.dynamics.solver",
+    "warm_up": "pinfric.study.warm_up",
     "holds": "pinfric.dynamics.holds",
     "StaticHold": "pinfric.dynamics.holds",
     "simulate": "pinfric.dynamics.simulate",
@@ -107,6 +108,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.study.trajectory.log.reading import ReadingOptions as ReadingOptions
     from pinfric.study.trajectory.trajectory import Trajectory as Trajectory
     from pinfric.study.trajectory.trajectory import load_trajectory as load_trajectory
+    from pinfric.study.warm_up import warm_up as warm_up
 
 
 def __getattr__(name: str) -> Any:
@@ -117,11 +119,13 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module 'pinfric' has no attribute {name!r}")
 
 
-def _make_solver(*given: Any) -> Any:
-    return __getattr__("Solver")(*given)
+def _from_below(name: str) -> Any:
+    """Return a function that calls a public name, which is imported at its first call."""
+    return lambda *given, **named: __getattr__(name)(*given, **named)
 
 
-model.make_solver = _make_solver
+for _name in upward.NAMES:
+    upward.register(_name, _from_below(_name))
 
 
 def __dir__() -> list[str]:

@@ -47,6 +47,14 @@ app = typer.Typer(
     help="Joint friction that depends on the load: efforts, stiction and motors of URDF robots.",
 )  # fmt: skip
 
+
+def _effort_place(value: str) -> str:
+    """Refuse a place that is none where it is given: of way-points nothing would read it."""
+    if value not in ("motor", "joint"):
+        raise typer.BadParameter(f"{value!r}: there are motor, joint")
+    return value
+
+
 # What commands share.
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="Scene file or bundled scene.")]
 TrajectoryName = Annotated[
@@ -57,7 +65,12 @@ OutFolder = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 EffortAt = Annotated[
-    str, typer.Option(metavar="motor|joint", help="Measured before the gears, or after them.")
+    str,
+    typer.Option(
+        metavar="motor|joint",
+        help="Measured before the gears, or after them.",
+        callback=_effort_place,
+    ),
 ]
 OneCycle = Annotated[
     str | None, typer.Argument(metavar="[TRAJECTORY]", help="The cycle; several: --cycle.")
@@ -134,8 +147,10 @@ def simulate(
         str, typer.Option(help="event (exact), timestepping or regularized.")
     ] = "event",
     t_end: Annotated[float | None, typer.Option(help="Seconds; by default the scene's.")] = None,
-    rtol: Annotated[float, typer.Option(help="Tolerance of event and regularized.")] = 1e-8,
-    dt: Annotated[float, typer.Option(help="Step of timestepping (s).")] = 1e-3,
+    rtol: Annotated[
+        float | None, typer.Option(help="Tolerance of event and regularized; 1e-8.")
+    ] = None,
+    dt: Annotated[float | None, typer.Option(help="Step of timestepping (s); 1e-3.")] = None,
     out: OutFolder = None,
     as_json: AsJson = False,
 ) -> None:
@@ -149,7 +164,9 @@ def simulate(
     from pinfric.show.report.motion import motion_json, motion_report
     from pinfric.study.scene_run import run_scene
 
-    motion = run_scene(scene, t_end=t_end, method=method, rtol=rtol, atol=1e-2 * rtol, dt=dt)
+    numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
+    given = {name: value for name, value in numbers.items() if value is not None}
+    motion = run_scene(scene, t_end=t_end, method=method, **given)
     answer(motion_json(motion, noticed), lambda: motion_report(motion), as_json, out, {
         "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
         "motion.npz": motion.save,
@@ -549,6 +566,21 @@ def check(
         report = judge(source)
     show(check_json(report) if as_json else check_report(report))
     report.check(strict)  # errors are the last line, and the exit code (2)
+
+
+@app.command("warm-up")
+def warm_up(scene_name: SceneName) -> None:
+    """Compile what the dynamics of a scene need, so that no later run waits for the compiler.
+
+    Takes a minute or two with an empty cache, seconds where all is compiled already.
+    """
+    scene, _ = load(scene_name)
+    from pinfric.show.report.values import digits
+    from pinfric.study.warm_up import warm_up as prepare
+
+    with working("compiling"):
+        seconds = prepare(scene)
+    print_line(f"{Path(scene.source).stem}: all kernels are ready, after {digits(seconds)} s")
 
 
 @app.command()

@@ -284,6 +284,13 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
     (["sweep", "arm.yaml", "motion.csv", ""], "the name of the sweep is empty"),
     (["inverse", "parts", "motion.csv"], "parts is a folder"),
     (["inverse", "arm.yaml", "parts"], "parts is a folder"),
+    *[([*command, "--effort-at", "x"],
+       "Invalid value for '--effort-at': 'x': there are motor, joint")
+      for command in (["inverse", "arm.yaml", "way.yaml"], ["replay", "arm.yaml"],
+                      ["identify", "arm.yaml", "motion.csv"])],
+    (["simulate", "pendulum", "--dt", "0.01"], "dt = 0.01: is for timestepping; event takes"),
+    (["simulate", "pendulum", "--method", "timestepping", "--rtol", "1e-6"],
+     "rtol = 1e-06: is for event and regularized; timestepping takes dt"),
 ])  # fmt: skip
 def test_a_name_that_is_none_or_a_folders(given, words, tmp_path, monkeypatch, capsys):
     for name, content in FILES.items():

@@ -101,7 +101,8 @@ def test_numbers_that_are_none_are_null():
 @pytest.mark.parametrize(
     ("x", "text"),
     [(0, "0"), (9.996, "10.0"), (0.0123456, "0.0123"), (-1234.5, "-1234"), (1.2e-7, "1.20e-7"),
-     (float("nan"), "n/a"), (99.95, "100"), (3e9, "3.00e9")],
+     (float("nan"), "n/a"), (99.95, "100"), (3e9, "3.00e9"),
+     (12345.6, "12346"), (99999.4, "1.00e5"), (123456.0, "1.23e5"), (-123456.0, "-1.23e5")],
 )  # fmt: skip
 def test_figures_have_three_digits(x, text):
     from pinfric.show.report.values import digits

@@ -90,7 +90,7 @@ def test_commands_are_understood(page):
             continue
         command = program.commands[arguments[0]]
         command.make_context(arguments[0], list(arguments[1:]))
-    table = set(re.findall(r"^\| `pinfric (\w+)", page.read_text("utf-8"), re.MULTILINE))
+    table = set(re.findall(r"^\| `pinfric ([\w-]+)", page.read_text("utf-8"), re.MULTILINE))
     assert not table or table == set(program.commands)
 
 

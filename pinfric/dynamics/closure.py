@@ -30,7 +30,7 @@ from pinfric.model.closure import (
 )
 from pinfric.model.couples import drive_rates
 from pinfric.model.loops import CYLINDER, Linkage
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 #: Velocities and accelerations may violate a loop by this part of the terms that should cancel.
 _MOTION = 1e-6
@@ -195,6 +195,7 @@ def consistent_motion(
         SceneError: a name that is not there. StateError: not real numbers.
         ClosureError: they leave a motion open, or contradict a loop; says at which sample.
     """
+    expect_scene(scene, "consistent_motion")
     linkage, twin = scene.linkage, scene.twin()
     assert linkage is not None
     given = _in_order(scene, independent)

@@ -23,7 +23,7 @@ from pinfric.dynamics.workspace import Workspace, workspace
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, screen
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 
 class Instant(NamedTuple):
@@ -108,6 +108,7 @@ def forward_dynamics(
         UndecidedAcceleration: the search came to its bound (`friction/search.py`).
         RollMomentError: a guide without width is loaded by a moment about its axis.
     """
+    expect_scene(scene, "forward_dynamics")
     given = one_of("forward_dynamics", effort, motor_torque)
     ws = workspace(scene, attached, motors=effort is None)
     solve_state(ws, q, v, given, applied_wrenches(scene, external, 1) if external else None)

@@ -15,7 +15,7 @@ from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.consistency import evaluate
 from pinfric.friction.holding import Verdict, can_move, decide
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 #: A joint that needs this share of what the most used one needs is at its limit with it.
 _AT_LIMIT = 1.0 - 1e-6
@@ -85,6 +85,7 @@ def holds(
         StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite,
             an open loop.
     """
+    expect_scene(scene, "holds")
     given = one_of("holds", effort, motor_torque)
     ws = Workspace(scene, attached, motors=effort is None)
     q, v = vector("q", q, ws.nq, "nq"), np.zeros(ws.nv)

@@ -8,8 +8,9 @@ forces, reactions depend on friction: `inverse_linkage`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from pinfric.dynamics.states import MotionLike, States, attached_columns
 from pinfric.dynamics.undriven import check_shares
 from pinfric.errors import StateError
 from pinfric.model.arrays import whole_number
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 
 @overload
@@ -65,7 +66,8 @@ def inverse_dynamics(
         t: (T,) times in s, which make the samples one motion: for reversals, stick intervals and
             time-weighted figures. None: states without order.
         attached: (T, np) which payloads are carried; columns as `scene.payloads`.
-        threads: of Pinocchio; None chooses by the number of samples.
+        threads: of Pinocchio; None chooses by the number of samples. One in a process that was
+            forked after its parent had used several: OpenMP would end it.
         chunks: return an iterator of results of this many samples each, for motions whose result
             would not fit in memory; a time at rest that goes on into the next result is a stick
             interval of both.
@@ -77,6 +79,23 @@ def inverse_dynamics(
         SceneError: drives share the work, and nothing says how.
         UndrivenMotionError: a joint without drive would need one.
     """
+    states = _states(scene, q, v, a, t, attached)
+    applied = applied_wrenches(scene, external, len(states.q))
+    check_shares(scene)
+    solve = solve_tree if scene.linkage is None else solve_linkage
+    if chunks is None:
+        return solve(scene, states, applied, slice(0, len(states.q)), threads)
+    parts = slices(0, len(states.q), whole_number("chunks", chunks))
+    return (solve(scene, states, applied, part, threads) for part in parts)
+
+
+def _states(scene: Scene, q: Any, v: Any, a: Any, t: Any, attached: Any) -> States:
+    """The samples that `inverse_dynamics` is given: arrays, or one motion."""
+    expect_scene(scene, "inverse_dynamics")
+    if isinstance(q, str | os.PathLike):
+        name = str(q)
+        raise StateError(f"inverse_dynamics: the motion is a file's name, {name!r}; give "
+                         f"pf.load_trajectory({name!r}, scene)")  # fmt: skip
     if not isinstance(q, np.ndarray) and hasattr(q, "q"):
         if not (v is None and a is None and t is None):
             raise StateError("inverse_dynamics: a motion brings its own v, a and t; leave them out")
@@ -85,11 +104,4 @@ def inverse_dynamics(
         attached = attached_columns(scene, motion) if attached is None else attached
     if v is None or a is None:
         raise StateError("inverse_dynamics needs q, v and a, or one motion that has all of them")
-    states = States.of(scene, q, v, a, t, attached)
-    applied = applied_wrenches(scene, external, len(states.q))
-    check_shares(scene)
-    solve = solve_tree if scene.linkage is None else solve_linkage
-    if chunks is None:
-        return solve(scene, states, applied, slice(0, len(states.q)), threads)
-    parts = slices(0, len(states.q), whole_number("chunks", chunks))
-    return (solve(scene, states, applied, part, threads) for part in parts)
+    return States.of(scene, q, v, a, t, attached)

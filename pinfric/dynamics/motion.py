@@ -19,12 +19,13 @@ from pinfric.dynamics.motor_torques import scene_gears
 from pinfric.dynamics.result import StickInterval, runs
 from pinfric.errors import PinfricError, SimulationError, StateError
 from pinfric.model.arrays import real_numbers
-from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.closure import velocity_names
 from pinfric.model.coordinates import motion_columns
 from pinfric.model.drives import loses, write_motor_torques
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
+from pinfric.model.upward import Shown
 
 if TYPE_CHECKING:
     import pandas as pd

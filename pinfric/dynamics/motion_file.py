@@ -14,7 +14,7 @@ from pinfric.dynamics.motion import ARRAYS, FORMAT, Event, Motion, scene_digests
 from pinfric.errors import SimulationError, problems_line
 from pinfric.model.entry import Entry, parse
 from pinfric.model.magnitudes import impossible
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.yamlfile import brief, brief_path
 
 
@@ -46,6 +46,7 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
         SimulationError: the file cannot be read, is damaged, or was simulated with another scene
             (it says which parts differ).
     """
+    expect_scene(scene, "load_motion")
     where = brief_path(path)
     content, arrays = _contents(Path(path), where)
     if isinstance(content, dict) and content.get("format", FORMAT) != FORMAT:

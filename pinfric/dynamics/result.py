@@ -13,9 +13,10 @@ from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.dynamics.solutions import find_jamming_site, find_solutions
 from pinfric.dynamics.states import States
 from pinfric.errors import StateError
-from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.coordinates import motion_columns
 from pinfric.model.scene import Scene
+from pinfric.model.upward import Shown
 
 if TYPE_CHECKING:
     import pandas as pd

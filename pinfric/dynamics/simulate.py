@@ -24,7 +24,7 @@ from pinfric.dynamics.timestepping import step_through
 from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import AccelerationError, SimulationError, StateError
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 #: A run that takes longer than this (s) shows its progress, where somebody watches.
 _PATIENCE = 2.0
@@ -32,18 +32,26 @@ _PATIENCE = 2.0
 _FINEST = 100 * np.finfo(float).eps
 #: More steps would take days and more memory than there is.
 _MOST_STEPS = 1e9
+#: The same of steps that an integrator takes no longer than: each has six right-hand sides.
+_MOST_SHORT_STEPS = 1e7
 
 METHODS = ("event", "timestepping", "regularized")
+#: Which of the `Numbers` each method reads.
+_READ = {
+    "event": ("rtol", "atol", "sample_step", "max_step", "max_events"),
+    "timestepping": ("dt", "sample_step"),
+    "regularized": ("rtol", "atol", "sample_step", "max_step", "regularization_velocity"),
+}
 
 
 class Numbers(TypedDict, total=False):
-    """The numbers that `simulate` takes by name.
+    """The numbers that `simulate` takes by name; one that the method does not read is an error.
 
     Attributes:
         rtol, atol: tolerances of `event` and `regularized` (rad, m, and per second); 1e-8, 1e-10.
         dt: step of `timestepping` (s); 1e-3.
-        sample_step: time between samples (s); None gives 1001 of them. `event` adds one at every
-            event; `timestepping` takes the nearest step.
+        sample_step: of all: time between samples (s); None gives 1001 of them. `event` adds one at
+            every event; `timestepping` takes the nearest step.
         max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, t_end / 50
             for an effort function: what changes within less time than its sixth part may go
             unnoticed.
@@ -107,12 +115,10 @@ def simulate(
             is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
             (before the first sample the interrupt goes on).
     """
-    if unknown := numbers.keys() - Numbers.__annotations__.keys():
-        raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
-    settings, (q, v) = _settings(method, _end(scene, t_end), **numbers), _start(scene, q0, v0)
+    settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints, motor_torque)
     if numbers.get("max_step") is None:
-        settings = replace(settings, max_step=_longest_step(made, settings.t_end),
+        settings = replace(settings, max_step=_longest_step(made, method, settings.t_end),
                            look=settings.t_end / 250)  # fmt: skip
     applied = applied_wrenches(scene, external, 1)
     carried = None if attached is None else tuple(attached)
@@ -122,7 +128,21 @@ def simulate(
         return _run(method, system, settings, record, q, v)
 
 
+def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> Settings:
+    """Return the settings; refuse a number that there is not, or that the method would ignore."""
+    if unknown := numbers.keys() - Numbers.__annotations__.keys():
+        raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
+    settings = _settings(method, _end(scene, t_end), **numbers)
+    for name, value in numbers.items():
+        if value is not None and name not in _READ[method]:
+            readers = " and ".join(m for m, names in _READ.items() if name in names)
+            raise SimulationError(f"{name} = {value!r}: is for {readers}; {method} takes "
+                                  f"{', '.join(_READ[method])}")  # fmt: skip
+    return settings
+
+
 def _end(scene: Scene, t_end: float | None) -> float:
+    expect_scene(scene, "simulate")
     if t_end is not None:
         return t_end
     if scene.simulation is None:
@@ -130,9 +150,20 @@ def _end(scene: Scene, t_end: float | None) -> float:
     return scene.simulation.t_end
 
 
-def _longest_step(effort: Effort, t_end: float) -> float:
+def _longest_step(effort: Effort, method: str, t_end: float) -> float:
     """Longest step (s): short enough to see what efforts do, as far as that is known."""
-    return t_end / 50 if effort.finest is None else min(t_end / 4, effort.finest)
+    step = t_end / 50 if effort.finest is None else min(t_end / 4, effort.finest)
+    _check_steps(method, "efforts that change within", step, t_end)
+    return step
+
+
+def _check_steps(method: str, what: str, step: float | None, t_end: float) -> None:
+    """Refuse a longest step so short that the run would not end."""
+    if method != "timestepping" and step is not None and t_end / step > _MOST_SHORT_STEPS:
+        raise SimulationError(
+            f"t_end = {t_end:g} s with {what} {step:g} s: {t_end / step:.3g} steps; {method} takes "
+            f"at most {_MOST_SHORT_STEPS:g}; shorten t_end, or give the mean of a fast effort"
+        )
 
 
 def _run(
@@ -195,6 +226,7 @@ def _settings(
         if step is not None and t_end / step > _MOST_STEPS:
             raise SimulationError(f"t_end = {t_end:g} s at {name} = {step:g} s: {t_end / step:.3g} "
                                   f"steps; at most {_MOST_STEPS:g} are possible")  # fmt: skip
+    _check_steps(method, "max_step =", max_step, t_end)
     if t_end > LONGEST_TIME:
         raise SimulationError(f"t_end = {t_end:g} s: should be at most {LONGEST_TIME:g} s")
     t_end = float(t_end)

@@ -10,6 +10,7 @@ reactions and friction couple, inverse dynamics is that of batches, on one sampl
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -24,13 +25,14 @@ from pinfric.dynamics.motor_torques import scene_gears
 from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.states import States, unit_parts
 from pinfric.dynamics.undriven import check_shares
-from pinfric.dynamics.workspace import Workspace
+from pinfric.dynamics.workspace import Workspace, closed_configuration
+from pinfric.errors import PinfricError
 from pinfric.model.bearings import Contacts, normal_loads
-from pinfric.model.compiled import KernelArgument, is_ready, kernel, record
+from pinfric.model.compiled import compile_for, compiling, kernel, record
 from pinfric.model.drives import Gears, write_motor_torques
 from pinfric.model.laws import Laws, friction_bounds
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 
 
 class InverseInstant(NamedTuple):
@@ -187,10 +189,11 @@ def make_sample(ws: Workspace) -> Sample:
 class Solver:
     """Inverse and forward dynamics of one scene, one state at a time, for one thread.
 
-    For controllers, optimizers and integrators of one's own. Everything that does not depend on
-    the state is prepared once; the arrays of a result belong to the solver, and its next call
-    overwrites them: copy what is to stay. The solver has a scene of its own: what is done to
-    `scene.model` later does not reach it.
+    For controllers, optimizers and integrators. Everything that does not depend on the state is
+    prepared when the solver is made, and all kernels are compiled, so that no call waits for the
+    compiler: with an empty cache that takes a minute or two and is said on stderr. The arrays of a
+    result belong to the solver, and its next call overwrites them: copy what is to stay. The
+    solver has a scene of its own: what is done to `scene.model` later does not reach it.
 
     Attributes:
         scene: the scene, unchanged since.
@@ -204,17 +207,31 @@ class Solver:
     """
 
     def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
+        expect_scene(scene, "Solver")
         self.scene = scene.with_()
         self._carried = None if attached is None else tuple(attached)
-        self._ws = Workspace(self.scene, self._carried)
         self._motors: Workspace | None = None
         self._at_once = self.scene.one_drive_each
+        with compiling():
+            self._ws = Workspace(self.scene, self._carried)
+            if self._at_once:
+                self._sample = x = make_sample(self._ws)
+                self._q, self._v, self._a = x.q, x.v[0], x.a[0]
+                self._argument = box_sample(x)
+                found = {name: getattr(x, name)[0] for name in InverseInstant._fields[:-1]}
+                self._found = InverseInstant(**found, status=Status.CONVERGED)
+            self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Compile what the solver's methods call."""
+        Workspace(self.scene, self._carried).rehearse()
         if self._at_once:
-            self._sample = x = make_sample(self._ws)
-            self._q, self._v, self._a = x.q, x.v[0], x.a[0]
-            self._argument = KernelArgument(x, box_sample, is_ready(box_sample, (x,)))
-            found = {name: getattr(x, name)[0] for name in InverseInstant._fields[:-1]}
-            self._found = InverseInstant(**found, status=Status.CONVERGED)
+            compile_for(rub, self._argument)
+            return
+        q, a = closed_configuration(self.scene), np.zeros(self._ws.nv)
+        for speed in (0.0, 1.0):
+            with suppress(PinfricError):  # a motion that its loops, or its drives, cannot do
+                self._inverse_of_batch(q, a + speed, a)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Solver, (self.scene, self._carried)  # another process makes buffers of its own
@@ -243,7 +260,7 @@ class Solver:
         self._v[:] = vector("v", v, self._v.size, "nv")
         self._a[:] = vector("a", a, self._a.size, "nv")
         self._ws.supplier.balance(self._q, self._v, self._a)
-        while not rub(self._argument.now):
+        while not rub(self._argument):
             self._mend()
             self._ws.supplier.balance(self._q, self._v, self._a)
         self._ws.check_roll_moments(self._found.wrench)

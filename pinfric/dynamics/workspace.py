@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import hypot
 from typing import NoReturn, cast
@@ -44,26 +45,30 @@ from pinfric.dynamics.records import Supplier, make_tables, make_work
 from pinfric.errors import (
     AccelerationError,
     AmbiguousAcceleration,
+    ClosureError,
     GearJam,
     NoConsistentAcceleration,
+    PinfricError,
     RollMomentError,
     SceneError,
     StateError,
     ToggleError,
     UndecidedAcceleration,
 )
-from pinfric.friction.consistency import ROUNDING
+from pinfric.friction.consistency import ROUNDING, try_modes
 from pinfric.friction.modes import Found
 from pinfric.friction.rest import Mechanism, solve
 from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, follow, outcome, search
-from pinfric.model.closure import RANK, close
-from pinfric.model.compiled import KernelArgument, is_ready
+from pinfric.model.closure import RANK, close, guesses
+from pinfric.model.compiled import KernelArgument, compile_for, compiling, is_ready
 from pinfric.model.drives import gear_jam
 from pinfric.model.loops import Linkage, no_linkage, stand_still
 from pinfric.model.scene import Scene
 
 #: A stop may change velocities by this many times the stick velocity; more, and it is none.
 _STOP = 100.0
+#: N m or N that no joint at rest holds.
+_OVERWHELMING = 1e8
 #: Eigenvalues of slopes are rounding below this many times the largest.
 _ROUNDING = 1e-13
 #: In place of an infinite margin.
@@ -605,6 +610,29 @@ class Workspace:
         """(nc,) the smaller of each coordinate's `margins`."""
         return self.margins().min(axis=0)
 
+    def rehearse(self) -> None:
+        """Compile every kernel that a solve may call, so that none is compiled in a control loop.
+
+        What looks at joints at rest that share their friction is called once, where nothing pushes
+        and where nothing can hold. The solutions are lost: use a workspace of its own.
+        """
+        if not self.nv:
+            return
+        q, v, effort = closed_configuration(self.scene), np.zeros(self.nv), np.zeros(self.na)
+        m = self._machine
+        state = m, q, v, effort
+        for made, arguments in (
+            (solve_instant, (*state, FREE)), (assemble, (*state, 0.0)), (couple, (*state, 0.0)),
+            (finish, (m,)), (refit, (m, True)), (relate, (m, v)), (measure_rates, (m, v)),
+            (is_exact, (m, q)), (gear_margins, (m, 0)), (try_modes, (self.problem, self.modes)),
+        ):  # fmt: skip
+            compile_for(made, *arguments)
+        with compiling():
+            for push in (0.0, _OVERWHELMING):
+                self.modes.stuck[:], self.modes.direction[:] = self.tables.dry, 0.0
+                with suppress(PinfricError):
+                    self.solve_given_modes(q, v, effort + push)
+
     # ------------------------------------------------------------ what cannot be
 
     def check_roll_moments(self, wrench: np.ndarray) -> None:
@@ -720,6 +748,17 @@ class Workspace:
             return self.scene.site_names[self.tables.entry_site[worst]]
         geared = np.flatnonzero(self.tables.gear_entry == worst)
         return self.scene.drives[int(geared[0])].name
+
+
+def closed_configuration(scene: Scene) -> np.ndarray:
+    """Return a configuration (nq,) in which all loops are closed, near the start if there is one.
+
+    Where none is found, the start.
+    """
+    for guess in guesses(scene.model, scene.start_configuration):
+        with suppress(ClosureError):
+            return scene.close(guess)
+    return scene.start_configuration
 
 
 def check_transmissions(scene: Scene) -> None:

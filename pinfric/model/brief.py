@@ -1,41 +1,21 @@
-"""What an object says of itself: one screen, no arrays; and where its table and picture come from.
-
-Results know nothing of the layers above that draw them. `Shown` therefore goes by pinfric's public
-functions, as a user would: `result.plot()` is `pf.plot(result)`.
-"""
+"""What an object says of itself: one screen, no arrays."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import pinfric
 from pinfric.model.closure import velocity_names
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
     from pinfric.model.scene import Scene
 
 #: Letters a line, and lines a fact may take.
 _WIDTH, _LINES = 100, 2
 #: Letters of a name from a file.
 _NAME = 60
-
-
-class Shown:
-    """Results with a table and a picture."""
-
-    def plot(self, **options: Any) -> Figure:
-        """Return the figure that `--out` writes, a `matplotlib.figure.Figure`: `pf.plot`."""
-        return pinfric.plot(self, **options)
-
-    def summary(self) -> pd.DataFrame:
-        """Return the figures of each drive, a row a drive, SI units: `pf.summary`."""
-        return pinfric.summary(self)
 
 
 def screen(kind: str, title: str, facts: Mapping[str, str]) -> str:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
+import re
 import sys
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
@@ -21,11 +22,45 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.types import unliteral
 from numba.experimental import structref
 
-from pinfric.errors import PinfricWarning
+from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.model.interpreted import CLOCK, interpreted, is_small
 
 _DIGEST_SIZE = 16
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
+
+
+#: The versions of numba that the tests have run with, from the first to below the second.
+_TESTED = (0, 61), (0, 69)
+#: What this module replaces or calls of numba and numba's documentation does not promise.
+_INNER = {
+    Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
+    FunctionCache: ("load_overload", "save_overload"),
+    IndexDataCacheFile: ("_dump", "_load_index", "_load_data"),
+    structref.StructRefProxy: ("_type",),
+}
+
+
+def check_numba(version: str) -> None:
+    """Say at import that a version of numba is not one of those tested, or cannot work.
+
+    Raises:
+        PinfricError: something is missing that this module builds on.
+    """
+    first, last = (".".join(map(str, end)) for end in _TESTED)
+    what = f"numba {version}: pinfric is tested with numba>={first},<{last}"
+    missing = [f"{kind.__name__}.{name}" for kind, names in _INNER.items() for name in names
+               if not hasattr(kind, name)]  # fmt: skip
+    if missing:
+        raise PinfricError(
+            f"{what}, and this one has no {', '.join(missing)}; install one of those"
+        )
+    found = tuple(int(part) for part in re.findall(r"\d+", version)[:2])
+    if not _TESTED[0] <= found < _TESTED[1]:
+        text = f"{what}; where kernels fail to compile or to load, install one of those"
+        warnings.warn(text, PinfricWarning, stacklevel=2)
+
+
+check_numba(numba.__version__)
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -39,8 +74,23 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def at_once(made: Any, *arguments: Any) -> Any:
     """Call a kernel compiled, which with few numbers it need not be: it may run for long."""
-    made.compile(tuple(typeof(argument) for argument in arguments))
+    compile_for(made, *arguments)
     return made(*arguments)
+
+
+def compile_for(made: Any, *arguments: Any) -> None:
+    """Compile a kernel for arguments like these, without a call."""
+    made.compile(tuple(typeof(argument) for argument in arguments))
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Within, kernels are compiled at their first call, however few numbers they get."""
+    CLOCK.hurried += 1
+    try:
+        yield
+    finally:
+        CLOCK.hurried -= 1
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -77,13 +127,13 @@ def _compiled(
 
     vars(made)["get_call_template"] = template_of_types
     if waits:
-        compile_for = made._compile_for_args  # type: ignore[attr-defined]
+        compiled_for = made._compile_for_args  # type: ignore[attr-defined]
 
         def first_call(*arguments: Any) -> Any:
             """What is to be called with arguments of types that nothing is compiled for."""
             if is_small(arguments) and not is_ready(made, arguments):
-                return interpreted(made, compile_for)
-            return compile_for(*arguments)
+                return interpreted(made, compiled_for)
+            return compiled_for(*arguments)
 
         vars(made)["_compile_for_args"] = first_call
     return made
@@ -93,9 +143,11 @@ def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
     """Whether a kernel need not be interpreted: it is compiled, or kept, or patience is over."""
     if CLOCK.is_over():
         return True
-    if made not in _MISSING:
+    if made.overloads or made not in _MISSING:
         types_ = tuple(typeof(argument) for argument in arguments)
-        if types_ in made.overloads or made._cache.is_kept(types_, made.targetctx):
+        if types_ in made.overloads:
+            return True
+        if made not in _MISSING and made._cache.is_kept(types_, made.targetctx):
             return True
         _MISSING.add(made)
     return False
@@ -188,9 +240,13 @@ class _CheckedCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file = _CheckedFile(
-            self._cache_path, f"{self._impl.filename_base}.checked", _source_stamp(function)
-        )
+        try:
+            place = self._cache_path, f"{self._impl.filename_base}.checked"
+        except AttributeError as problem:
+            raise PinfricError(
+                f"numba {numba.__version__}: {problem}; install an older one"
+            ) from None
+        self._cache_file = _CheckedFile(*place, _source_stamp(function))
 
     def is_kept(self, sig: Any, target_context: Any) -> bool:
         """Whether machine code for arguments of these types is here."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -13,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from, cut
-from pinfric.model import make_solver
 from pinfric.model.alignment import align_axes, shift_frames
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, contacts
@@ -42,10 +42,11 @@ from pinfric.model.schema import (
     Simulation,
 )
 from pinfric.model.twin import PRISMATIC, Twin, make_twin
+from pinfric.model.upward import make_solver
 from pinfric.model.urdf import implausible_body
 
 if TYPE_CHECKING:
-    from pinfric.model import Solver
+    from pinfric.model.upward import Solver
 
 _COMPONENT_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
@@ -90,6 +91,23 @@ class SiteTables:
     laws: Laws
     velocity_index: np.ndarray
     ratio: np.ndarray
+
+
+def expect_scene(scene: object, where: str) -> None:
+    """Refuse what is no `Scene`, as a file's name.
+
+    Args:
+        scene: what was given.
+        where: the function it was given to.
+
+    Raises:
+        SceneError: says how to make one.
+    """
+    if not isinstance(scene, Scene):
+        how = "one, as pf.load_scene returns it"
+        if isinstance(scene, str | os.PathLike):
+            how = f"pf.load_scene({str(scene)!r})"
+        raise SceneError(f"{where}: scene is a {type(scene).__name__}, not a Scene; give {how}")
 
 
 @dataclass(frozen=True)
@@ -140,6 +158,13 @@ class Scene:
             where = f"{self.source}: {section}"
             return {name: parse(kind, entry, f"{where}.{name}") for name, entry in given.items()}
 
+        if not isinstance(self.model, pin.Model):
+            given = f" ({self.model!r})" if isinstance(self.model, str | os.PathLike) else ""
+            raise SceneError(
+                f"{self.source}: model is a {type(self.model).__name__}{given}; should be a "
+                "pin.Model; for a URDF, `pinfric new URDF` writes a scene file that pf.load_scene "
+                "reads"
+            )
         set_ = object.__setattr__  # the one way to normalize a frozen dataclass's own fields
         set_(self, "model", self.model.copy())  # what the caller does to his model later stays his
         friction = entries(Friction, "friction", self.friction)

@@ -12,7 +12,7 @@ from pinfric.dynamics.simulate import simulate
 from pinfric.errors import ClosureError, SceneError, choose_from
 from pinfric.model.closure import closed_configurations, velocity_indices, velocity_names
 from pinfric.model.coordinates import motion_columns
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Start
 
 
@@ -28,6 +28,7 @@ def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Mo
         SceneError: there is no such section, or it names a joint that is not there.
         And what `simulate` raises.
     """
+    expect_scene(scene, "run_scene")
     if scene.simulation is None:
         raise SceneError(
             f"{scene.source}: has no `simulation` section; give it start, effort and t_end, or "

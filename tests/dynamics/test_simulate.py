@@ -10,6 +10,7 @@ import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
 
 import pinfric as pf
+from pinfric.dynamics.simulate import _READ, METHODS, Numbers
 from pinfric.errors import AmbiguousAcceleration, NoConsistentAcceleration, SimulationError
 
 G = 9.81
@@ -586,3 +587,43 @@ def test_what_overflows_in_the_integrator_is_no_warning_of_its_own():
     assert np.isfinite(pf.simulate(scene, [0.0], [0.0], effort, 0.03).q).all()
     with pytest.raises(SimulationError, match="t = 0 s the integration fails: values are too"):
         pf.simulate(scene, [0.0], [0.0], effort, 0.03, "regularized")
+
+
+@pytest.mark.parametrize(
+    ("method", "number", "text"),
+    [
+        ("event", {"dt": 1e-3}, "dt = 0.001: is for timestepping; event takes rtol, atol"),
+        ("timestepping", {"rtol": 1e-6}, "is for event and regularized; timestepping takes dt"),
+        ("timestepping", {"max_step": 0.1}, "max_step = 0.1: is for event and regularized"),
+        ("regularized", {"max_events": 5}, "max_events = 5: is for event;"),
+        ("event", {"regularization_velocity": 1e-3}, "is for regularized;"),
+    ],
+)
+def test_a_number_that_the_method_would_ignore_is_refused(method, number, text):
+    """Whoever gives a step expects that the error follows it."""
+    with pytest.raises(SimulationError) as caught:
+        pf.simulate(pf.load_scene("pendulum"), [0.0], [0.0], [0.0], 0.01, method, **number)
+    assert text in str(caught.value)
+
+
+def test_every_number_is_read_by_a_method():
+    """One that is None is not given."""
+    assert {name for names in _READ.values() for name in names} == set(Numbers.__annotations__)
+    assert set(_READ) == set(METHODS)
+    scene = pf.load_scene("pendulum")
+    motion = pf.simulate(scene, [0.0], [0.0], [0.0], 0.01, "timestepping", dt=1e-3, max_step=None)
+    assert len(motion.t) == 11  # dt is the step
+
+
+@pytest.mark.parametrize("method", ["event", "regularized"])
+def test_an_effort_too_fast_for_any_run_is_refused(method):
+    """28 million periods: it would be integrated for hours."""
+    scene = pf.load_scene("pendulum")
+    fast = {"effort": {"joint_1": {"sine": {"amplitude": 2.0, "angular_frequency": 6e9}}}}
+    start = scene.simulation.model_dump() | fast
+    with pytest.raises(
+        SimulationError, match=r"efforts that change within 1\.66667e-10 s: 1\.8e\+08"
+    ):
+        pf.run_scene(scene.with_(simulation=start), t_end=0.03, method=method)
+    with pytest.raises(SimulationError, match="max_step = 1e-10 s: 3e"):
+        pf.simulate(scene, [0.0], [0.0], [0.0], 0.03, method, max_step=1e-10)

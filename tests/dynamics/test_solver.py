@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -361,3 +362,46 @@ def test_a_scene_makes_its_solver_after_importing_the_package_alone():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("True")
+
+
+IN_A_LOOP = """
+import sys
+from pathlib import Path
+sys.path[:0] = sys.argv[1:]
+import test_solver
+from numba.core.dispatcher import Dispatcher
+from pinfric.errors import PinfricError
+from pinfric.model.interpreted import CLOCK
+
+def compiled():
+    kernels = {x for module in list(sys.modules.values()) for x in vars(module).values()
+               if Dispatcher in type(x).__mro__}
+    return {(kernel.py_func.__name__, types) for kernel in kernels for types in kernel.overloads}
+
+for (scene, q, v, a), name in zip(test_solver.EVERY, test_solver.IDS, strict=True):
+    solver = scene.solver()
+    before, calls = compiled(), 0
+    for i in range(len(q)):
+        for call in (lambda: solver.inverse(q[i], v[i], a[i]),
+                     lambda: solver.forward(q[i], v[i], [0.1] * len(scene.drives)),
+                     lambda: solver.forward(q[i], 0 * v[i], [0.1] * len(scene.drives))):
+            try:
+                call()
+            except PinfricError:
+                pass
+            calls += 1
+    print(name, calls, compiled() - before or "none", CLOCK.here)
+"""
+
+
+@pytest.mark.slow
+def test_no_kernel_is_compiled_or_interpreted_after_a_solver_is_made():
+    """With all its patience, in a process of its own: what other tests called is not there."""
+    tests = Path(__file__).parents[1]
+    done = subprocess.run([sys.executable, "-c", IN_A_LOOP, str(tests), str(Path(__file__).parent)],
+                          capture_output=True, text=True, check=True)  # fmt: skip
+    lines = [line.rsplit(maxsplit=3) for line in done.stdout.splitlines()]
+    assert [name for name, *_ in lines] == IDS
+    for name, calls, compiled, interpreted in lines:
+        assert int(calls) >= 3, name
+        assert (compiled, float(interpreted)) == ("none", 0.0), name

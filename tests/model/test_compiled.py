@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import runpy
 import subprocess
 import sys
@@ -12,7 +13,8 @@ from types import ModuleType
 
 import pytest
 
-from pinfric.model.compiled import _CheckedFile, at_once
+from pinfric.errors import PinfricError, PinfricWarning
+from pinfric.model.compiled import _CheckedFile, at_once, check_numba
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
@@ -123,3 +125,32 @@ def test_what_cannot_be_kept_is_said(tmp_path):
         "in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)" in done.stderr
     )
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("version", ["0.61.0", "0.61.2", "0.68.1", "0.68.0rc1"])
+def test_a_tested_numba_is_taken_without_a_word(version, recwarn):
+    check_numba(version)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("version", ["0.60.0", "0.69.0", "0.70.0dev0", "1.0.0"])
+def test_another_numba_is_named_with_those_that_are_tested(version):
+    with pytest.warns(PinfricWarning, match=f"numba {version}: .*numba>=0.61,<0.69"):
+        check_numba(version)
+
+
+def test_a_numba_without_what_the_cache_builds_on_is_refused(monkeypatch):
+    monkeypatch.delattr("numba.core.caching.IndexDataCacheFile._load_index")
+    monkeypatch.delattr("numba.core.dispatcher._DispatcherBase._compile_for_args")
+    with pytest.raises(PinfricError) as caught:
+        check_numba("0.75.0")
+    text = str(caught.value)
+    assert "Dispatcher._compile_for_args, IndexDataCacheFile._load_index" in text
+    assert "numba>=0.61,<0.69" in text
+
+
+def test_the_package_asks_for_the_versions_that_are_tested():
+    (line,) = re.findall(r'"(numba[^"]*)"', (ROOT / "pyproject.toml").read_text())
+    with pytest.warns(PinfricWarning) as said:
+        check_numba("1.0.0")
+    assert line in str(said[0].message)

@@ -17,7 +17,7 @@ from pinfric.dynamics.motion_file import load_motion
 from pinfric.dynamics.result import InverseResult, StickInterval
 from pinfric.errors import StateError, TrajectoryError
 from pinfric.model.files import write_file
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 from pinfric.show.replay.frames import RATE, make_frames
 from pinfric.show.replay.page import replay_html
 from pinfric.study.retime.limits import DriveLimits, LimitsLike, limited_scene, read_limits
@@ -100,6 +100,7 @@ def replay(
         RetimeError: limits that cannot be.
         PinfricError: the file cannot be written.
     """
+    expect_scene(scene, "replay")
     check_same_scene(scene, motion)
     given = None
     if limits is not None:

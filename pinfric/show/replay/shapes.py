@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from pinfric.errors import PinfricWarning
 from pinfric.model.loops import Linkage
+from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.robot import payload_inertia
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
@@ -98,6 +99,8 @@ def linkage_frame(linkage: Linkage, pair: int, side: int) -> tuple[int, pin.SE3]
 def equivalent_box(inertia: pin.Inertia) -> Box | None:
     """Return the uniform box of the same mass and inertia, or None for a body without mass.
 
+    None, too, where it would be larger than any machine: an inertia with next to no mass.
+
     Edge^2 = 6 (J_2 + J_3 - J_1)/m about each principal axis; where the data belong to no body
     (or to a point) the edge is `_THINNEST` of the longest.
     """
@@ -107,6 +110,8 @@ def equivalent_box(inertia: pin.Inertia) -> Box | None:
         return None
     edges = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments) / mass, 0.0))
     edges = np.maximum(edges, _THINNEST * edges.max())
+    if impossible(edges, LARGEST).any():
+        return None
     if np.linalg.det(axes) < 0:
         axes[:, 0] *= -1.0
     return Box(edges, pin.SE3(axes, np.array(inertia.lever)))

@@ -10,7 +10,9 @@ import numpy as np
 
 
 def digits(x: float, zero: float = 0.0) -> str:
-    """Return x with three significant digits and no needless exponent; "n/a" for NaN.
+    """Return x with three significant digits, a whole number below 1e5 in full; "n/a" for NaN.
+
+    No exponent from 0.001 to below 1e5: 0.00123, 12.3, 12346, 1.23e5.
 
     Args:
         x: the number.
@@ -21,7 +23,7 @@ def digits(x: float, zero: float = 0.0) -> str:
     if abs(x) <= zero:
         return "0"
     size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
-    if -3 <= size <= 5:
+    if -3 <= size <= 4:
         return f"{x:.{max(2 - size, 0)}f}"
     return power_of_ten(x, 2)
 

@@ -11,10 +11,11 @@ import numpy as np
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.states import MotionLike
 from pinfric.errors import PinfricError, choose_from
-from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.effects import effects
 from pinfric.model.files import write_file
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
 from pinfric.study.export.constants import JointConstants, joint_constants
 from pinfric.study.export.mjcf import MjcfJoint, mjcf
@@ -127,6 +128,7 @@ def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf")
     Raises:
         PinfricError: no such format, or one that cannot hold what the scene has; named.
     """
+    expect_scene(scene, "export")
     if to not in FORMATS:
         raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
     columns = check_plain_tree(scene)

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
-from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.couples import taking_part
 from pinfric.model.files import write_folder
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.upward import Shown
 from pinfric.study.identify.advice import Advice, advise
 from pinfric.study.identify.checks import check_one_robot
 from pinfric.study.identify.columns import joint_rows, prepare
@@ -182,6 +183,7 @@ def identify(
             robots; a robot with loops, mimic joints or joints of several degrees of freedom.
         TrajectoryError: a log that cannot be read.
     """
+    expect_scene(scene, "identify")
     check_scene(scene)
     _check_options(scene, effort_at, inertia, laws or {})
     logs = [logs] if isinstance(logs, str | Path | Log) else logs

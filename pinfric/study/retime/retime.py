@@ -16,10 +16,11 @@ import numpy as np
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.errors import RetimeError
-from pinfric.model.brief import Shown, file_name, listed, screen
+from pinfric.model.brief import file_name, listed, screen
 from pinfric.model.couples import mixed
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.transmission import Transmission
+from pinfric.model.upward import Shown
 from pinfric.study.retime.limits import (
     KINDS,
     DriveLimits,
@@ -227,6 +228,7 @@ def retime(
             hold, break away or follow, with the place and what it needs.
         TrajectoryError: a path that cannot be, or does not fit the robot.
     """
+    expect_scene(scene, "retime")
     _check_scene(scene)
     if isinstance(path, Trajectory):
         path = Path.from_trajectory(path)

@@ -24,10 +24,11 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.states import MotionLike, States
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
-from pinfric.model.brief import Shown, counted, file_name, listed, screen
+from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.couples import delivery, taking_part
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Actuator, Transmission
+from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
 from pinfric.study.sizing.assess import (
     Assessment,
@@ -292,6 +293,7 @@ def size(
     Warns:
         PinfricWarning: no candidate fits a joint, and by how much the nearest misses.
     """
+    expect_scene(scene, "size")
     if isinstance(catalog, str | Path):
         catalog = load_catalog(catalog)
     wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)

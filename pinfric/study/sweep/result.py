@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.errors import SweepError, choose_from
-from pinfric.model.brief import Shown, file_name, listed, screen
+from pinfric.model.brief import file_name, listed, screen
+from pinfric.model.upward import Shown
 from pinfric.study.sweep.cycle import DEMANDS, FIGURES
 from pinfric.study.sweep.motors import Trial
 from pinfric.study.sweep.parameters import seeded

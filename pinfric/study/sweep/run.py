@@ -20,7 +20,7 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricWarning, SweepError
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 from pinfric.study.summary import effort_unit
 from pinfric.study.sweep.cycle import FIGURES, Block, Study, compute
 from pinfric.study.sweep.file import SweepFile, load_sweep
@@ -80,8 +80,8 @@ def sweep(
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
     """
+    _check_given(scene, processes, scheduler)
     entries, source = load_sweep(sweep)
-    _check_where(processes, scheduler)
     targets = resolve(scene, entries, source)
     equipped, trials = motors_on_trial(scene, entries, source)
     study = Study(equipped, trajectory, targets)
@@ -106,7 +106,8 @@ def sweep(
     return result
 
 
-def _check_where(processes: int | None, scheduler: str | None) -> None:
+def _check_given(scene: Scene, processes: int | None, scheduler: str | None) -> None:
+    expect_scene(scene, "sweep")
     if processes is not None and processes < 1:
         raise SweepError(f"processes = {processes}; should be at least 1")
     if processes is not None and scheduler is not None:

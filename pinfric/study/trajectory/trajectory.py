@@ -22,7 +22,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.files import write_file
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
-from pinfric.model.scene import Scene
+from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.scene_file import find_file
 from pinfric.study.trajectory.followers import find_followers, follower_problems, follower_warnings
 from pinfric.study.trajectory.joint_columns import (
@@ -283,6 +283,7 @@ def load_trajectory(
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
     """
+    expect_scene(scene, "load_trajectory")
     if isinstance(path, Log):
         source: Path | Log = path
         name = path.name

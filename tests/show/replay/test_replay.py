@@ -556,3 +556,12 @@ def test_without_display_the_page_is_written_and_named(three_link, monkeypatch):
     assert open_page("http://127.0.0.1:7000/static/")
     assert asked == [shown.html.as_uri(), "http://127.0.0.1:7000/static/"]
     assert Replay("", None, 0.0, 0, ()).open() is False
+
+
+@pytest.mark.parametrize(("mass", "drawn"), [(1.0, True), (1e-300, False), (1e-30, False)])
+def test_an_inertia_without_mass_is_no_box_beyond_every_machine(mass, drawn):
+    """0.1 kg m^2 with 1e-300 kg is a cube of 8e149 m, which single precision does not hold."""
+    box = equivalent_box(pin.Inertia(mass, np.zeros(3), 0.1 * np.eye(3)))
+    assert (box is not None) == drawn
+    if drawn:
+        np.testing.assert_allclose(box.edges, np.sqrt(0.6), rtol=1e-12)
