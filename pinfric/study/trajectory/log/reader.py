@@ -141,7 +141,8 @@ def _read(
         nothing = np.full_like(position, np.nan)
         plan = replace(plan, velocity=nothing, acceleration=nothing)
     effort = _quantity(cells, found.effort, named)[kept]
-    settled = settle(named, plan, options, problems)
+    recorded = log.recorded or bool(found.effort)
+    settled = settle(named, plan, options, problems, recorded)
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
         said.append("velocities in the file are not used: they come from the filtered positions")
     if log.recorded:
