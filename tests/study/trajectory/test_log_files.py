@@ -205,7 +205,7 @@ def test_matlab_files_with_a_mapping(tmp_path):
     from scipy.io import savemat
 
     rec = {"time": T, "deg": np.degrees(Q).T, "tau": 7.0 * Q, "note": "a text", "gear": 101.0}
-    savemat(tmp_path / "log.mat", {"rec": rec, "other": np.zeros((3, 4))})
+    savemat(tmp_path / "log.mat", {"rec": rec, "other": np.zeros((3, 4)), "long": np.zeros(999)})
     (tmp_path / "log.columns.yaml").write_text("""
 time: {column: rec.time, unit: s}
 unit: deg

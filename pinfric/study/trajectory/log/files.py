@@ -156,7 +156,8 @@ def open_matlab(path: Path) -> OpenedLog:
         reason = " ".join(str(problem).split())[:200] or type(problem).__name__
         raise TrajectoryError(f"{path}: is no MATLAB file that can be read: {reason}") from None
     arrays = dict(_matlab_arrays("", content))
-    count = max((max(x.shape) for x in arrays.values()), default=0)
+    sizes = [max(x.shape) for x in arrays.values() if max(x.shape) >= FEWEST]
+    count = max(sizes, key=lambda size: (sizes.count(size), size), default=0)
     columns: dict[str, NDArray[Any]] = {}
     for name, values in arrays.items():
         if values.shape == (count,):

@@ -81,7 +81,7 @@ class Reading:
     Args:
         samples: rows that became samples.
         dropped: rows left out (torn, not finite, doubled or backward stamps, repeats of a slower
-            rate).
+            rate, ends in motion).
         resampled: samples that lie between rows and were interpolated.
         jitter: RMS of the stamps about regular time, s.
         noise: joint -> standard deviation of its positions' noise, rad or m; 0: rounding.
