@@ -371,8 +371,13 @@ def _without_ends(
     )
     words = (f"left out {_time(first * step)} at the start and {_time(last * step)} at the end, "
              "where joints move and a low pass has samples on one side only")  # fmt: skip
-    reading = replace(reading, samples=count - first - last, uncertain=uncertain,
-                      dropped=reading.dropped + first + last, said=(*reading.said, words))  # fmt: skip
+    reading = replace(
+        reading,
+        samples=count - first - last,
+        dropped=reading.dropped + first + last,
+        said=(*reading.said, words),
+        uncertain=uncertain,
+    )
     rows = np.arange(count)[inside]
     return Settled(_rows_of(table, rows), settled.rows[inside], reading)
 
