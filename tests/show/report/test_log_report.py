@@ -43,7 +43,9 @@ def test_inverse_says_how_far_efforts_are_known(log, capsys, tmp_path):
     assert "rad, peak efforts known to" in out.replace("\n", " ").replace("  ", " ")
     assert out.count("±") == 1  # no joint's effort is known to no better than a tenth
     found = json.loads((tmp_path / "out" / "summary.json").read_text())["input"]
-    assert (found["samples"], found["dropped"], found["resampled"]) == (1500, 0, 0)
+    assert found["samples"] + found["dropped"] == 1500
+    assert found["samples"] > 1400
+    assert found["resampled"] == 0
     assert found["noise"]["elbow_joint"] == pytest.approx(2e-5, rel=0.05)
     assert 2.0 < found["cutoff"]["elbow_joint"] < 20.0
     assert found["cutoff"]["wrist_2_joint"] is None  # it stands still

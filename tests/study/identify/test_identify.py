@@ -460,7 +460,7 @@ def test_what_is_not_there_is_named(arguments, said):
 def test_logs_without_efforts_or_time_are_refused():
     with pytest.raises(IdentificationError, match="no measured effort of shoulder_pan_joint"):
         pf.identify(guess(0), replace(short(), effort=None))
-    with pytest.raises(IdentificationError, match=r"lasts 4\.99 s"):
+    with pytest.raises(IdentificationError, match=r"lasts 4\.\d+ s"):
         pf.identify(guess(0), log(0, 5.0, 100.0))
     with pytest.raises(IdentificationError, match="holds way-points"):
         pf.identify(pf.load_scene("ur5_pick_and_place"), "ur5_pick_and_place.waypoints.yaml")

@@ -49,6 +49,7 @@ NAMES = ("base_turn", "arm_lift")
 PLAIN = table(("t", *NAMES), T, Q)
 JUGGLED = [f"/joint_states/{n}/{k}" for k in ("position", "velocity") for n in NAMES]
 WANTED = [f"desired/{name}/position" for name in NAMES]
+MORE = [f"{n}{k}" for k in (" [rad/s]", " [Nm]") for n in NAMES]
 PAIRS = list(zip(T.tolist(), *Q.T.tolist(), strict=True))
 DIALECTS = {
     "semicolons": table(("time", *NAMES), T, Q, mark=";"),
@@ -60,6 +61,33 @@ DIALECTS = {
     "prefix": table(("t", *(f"q_{n}" for n in NAMES)), T, Q),
     "degrees by name": table(("t", *(f"{n} [deg]" for n in NAMES)), T, np.degrees(Q)),
     "milliseconds by name": table(("t_ms", *NAMES), 1e3 * T, Q),
+    "comment header of np.savetxt": "# " + table(("t", *NAMES), T, Q),
+    "comment header of np.savetxt, spaces": "# made by\n# " + table(("t", *NAMES), T, Q, mark=" "),
+    "spaces": table(("t", *NAMES), T, Q, mark=" "),
+    "aligned by spaces": table(("t", *NAMES), T, Q, mark="   ", form="%18.12g"),
+    "spaces and decimal commas": table(("t", *NAMES), T, Q, mark=" ").replace(".", ","),
+    "units of all": table(("t", *NAMES, *MORE), T, Q, V, 7.0 * Q),
+    "recorder of the UR": table(
+        (
+            "timestamp",
+            "target_q_0",
+            "target_q_1",
+            "actual_q_0",
+            "actual_q_1",
+            "actual_qd_0",
+            "actual_qd_1",
+            "actual_TCP_pose_0",
+            "actual_TCP_pose_1",
+        ),
+        T,
+        -Q,
+        Q,
+        V,
+        -Q,
+        mark=" ",
+    ),
+    "numbered from 1": table(("t", "joint_1_position", "joint_2_position"), T, Q),
+    "numbered from 0": table(("t", "q_0", "q_1"), T, Q),
     "a desired one beside": table(("t", *NAMES, *WANTED), T, Q, -Q),
     "numbered": "time,name_0,name_1,position_0,position_1\n"
     + "".join(f"{t!r},arm_lift,base_turn,{b!r},{a!r}\n" for t, a, b in PAIRS),
@@ -101,6 +129,114 @@ def test_what_ros2_topic_echo_writes_has_no_header(quantities, tmp_path):
     assert ("arm_lift" in motion.reading.effort) == (quantities == 3)
     assert motion.warnings[0].startswith("columns not used: 'header.frame_id'")
     assert "name_0" not in motion.warnings[0]
+
+
+def test_what_ros2_topic_echo_writes_may_change_its_order(tmp_path):
+    """Read by the first row's names, the joints changed places in mid-file."""
+    rows = []
+    for k in range(400):
+        order = [0, 1] if k < 150 else [1, 0]
+        names = [NAMES[i] for i in order] if k % 100 != 70 else ["left", "right"]
+        numbers = (x for part in (Q[k], V[k], 7.0 * Q[k]) for x in part[order])
+        rows.append(",".join([str(1_700_000_000 + k // 200), str(k % 200 * 5_000_000), "base",
+                              *names, *(f"{x:.12g}" for x in numbers)]))  # fmt: skip
+    motion = load(tmp_path, "\n".join(rows) + "\n")
+    np.testing.assert_allclose(motion.q, Q, atol=1e-6)  # four rows interpolated
+    assert "another order, or others, in 251 rows, the first in line 71" in motion.warnings[0]
+    np.testing.assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-3)
+
+
+def test_units_in_brackets_say_the_quantity(tmp_path):
+    motion = load(tmp_path, DIALECTS["units of all"])
+    np.testing.assert_allclose(motion.reading.effort["base_turn"], 7.0 * Q[:, 0], atol=1e-9)
+    assert not any("not used" in line for line in motion.warnings)
+
+
+def test_joints_by_number_are_taken_in_order_and_said(tmp_path):
+    motion = load(tmp_path, DIALECTS["recorder of the UR"])
+    words = "columns actual_q_0 to actual_q_1 are taken in the scene's order, base_turn to arm_lift"
+    assert words in motion.warnings
+    assert any(line.startswith("columns not used: 'target_q_0'") for line in motion.warnings)
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (("t", "q_0", "q_1", "q_2"), "no column is a joint of the scene"),  # three for two joints
+        (("t", "q_1", "q_3", "x"), "no column is a joint of the scene"),
+        (("t", "tool_q_0", "tool_q_1", "x"), "no column is a joint of the scene"),
+        (("t", "tau_0", "tau_1", "x"), "has effort of the joints, but no positions"),
+    ],
+)
+def test_numbers_that_do_not_fit_are_no_joints(header, said, tmp_path):
+    assert said in refused(tmp_path, table(header, T, Q, Q[:, 0]))
+
+
+def test_two_sets_of_numbered_joints_are_asked_about(tmp_path):
+    text = table(("t", "q_0", "q_1", "actual_q_0", "actual_q_1"), T, Q, Q)
+    assert "'q_0', 'actual_q_0' may all be the position of joint base_turn" in refused(
+        tmp_path, text
+    )
+
+
+def test_gzipped_files_with_a_mapping_beside_them(tmp_path):
+    import gzip
+
+    (tmp_path / "log.csv.gz").write_bytes(gzip.compress(PLAIN.encode()))
+    np.testing.assert_allclose(pf.load_trajectory(tmp_path / "log.csv.gz", arm()).q, Q, atol=1e-11)
+    (tmp_path / "log.columns.yaml").write_text("joints: {base_turn: arm_lift, arm_lift: base_turn}")
+    turned = pf.load_trajectory(tmp_path / "log.csv.gz", arm()).q
+    np.testing.assert_allclose(turned, Q[:, ::-1], atol=1e-11)
+    whole = (tmp_path / "log.csv.gz").read_bytes()
+    for content in (
+        whole[: len(whole) // 2],
+        b"t,base_turn",
+        whole[:200] + bytes(50) + whole[250:],
+    ):
+        (tmp_path / "log.csv.gz").write_bytes(content)
+        with pytest.raises(
+            TrajectoryError, match=r"log\.csv\.gz: (cannot be read|is not)"
+        ) as caught:
+            pf.load_trajectory(tmp_path / "log.csv.gz", arm())
+        assert "\n" not in str(caught.value)
+
+
+def test_matlab_files_with_a_mapping(tmp_path):
+    from scipy.io import savemat
+
+    rec = {"time": T, "deg": np.degrees(Q).T, "tau": 7.0 * Q, "note": "a text", "gear": 101.0}
+    savemat(tmp_path / "log.mat", {"rec": rec, "other": np.zeros((3, 4)), "long": np.zeros(999)})
+    (tmp_path / "log.columns.yaml").write_text("""
+time: {column: rec.time, unit: s}
+unit: deg
+joints:
+  base_turn: {position: rec.deg_1, effort: rec.tau_1}
+  arm_lift: {position: rec.deg_2, effort: rec.tau_2}
+""")
+    motion = pf.load_trajectory(tmp_path / "log.mat", arm())
+    np.testing.assert_allclose(motion.q, Q, atol=1e-12)
+    np.testing.assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-12)
+    (tmp_path / "log.columns.yaml").unlink()
+    with pytest.raises(TrajectoryError, match=r"there are: rec\.time, rec\.deg_1, rec\.deg_2"):
+        pf.load_trajectory(tmp_path / "log.mat", arm())
+    whole = (tmp_path / "log.mat").read_bytes()
+    for content in (whole[: len(whole) // 2], b"", b"MATLAB 7.3" + bytes(200)):
+        (tmp_path / "log.mat").write_bytes(content)
+        with pytest.raises(TrajectoryError, match=r"log\.mat: is ") as caught:
+            pf.load_trajectory(tmp_path / "log.mat", arm())
+        assert "\n" not in str(caught.value)
+
+
+def test_currents_that_a_mapping_uses_are_used(tmp_path):
+    (tmp_path / "log.columns.yaml").write_text("""
+joints:
+  base_turn: {position: base_turn, current: base_turn/current, effort_scale: 11.5}
+  arm_lift: arm_lift
+""")
+    text = table(("t", *NAMES, "base_turn/current", "arm_lift/current"), T, Q, V)
+    motion = load(tmp_path, text)
+    np.testing.assert_allclose(motion.reading.effort["base_turn"], 11.5 * V[:, 0], atol=1e-9)
+    assert "columns not used: 'arm_lift/current'" in motion.warnings
 
 
 def test_a_table_of_efforts_is_a_motion_again_without_a_word(tmp_path):
@@ -276,8 +412,46 @@ def test_lost_rows_of_a_noisy_log_are_interpolated(tmp_path):
     motion = load(tmp_path, table(("t", *NAMES), t, noisy(t)))
     assert motion.reading.resampled == 3
     assert "3 lost rows interpolated, the first at 0.25 s" in motion.warnings
-    np.testing.assert_allclose(motion.t, T, atol=1e-9)
-    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * T), atol=0.2)
+    assert motion.t[0] < T[50]
+    assert motion.t[-1] > T[210]
+    np.testing.assert_allclose(np.diff(motion.t), 0.005, atol=1e-9)
+    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.2)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_measurements_at_wandering_stamps_are_interpolated_on_them(noise, tmp_path):
+    """Taken as regular, their accelerations were 20 times too large."""
+    rng = np.random.default_rng(0)
+    t = np.cumsum(0.002 * (1.0 + 0.1 * rng.exponential(size=4000)))
+    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q += noise * rng.normal(size=q.shape)
+    rows = table(("t", *NAMES, *(f"{n}/effort" for n in NAMES)), t, q, 7.0 * q, form="%.17g")
+    motion = load(tmp_path, rows)
+    assert motion.warnings[0].startswith("stamps wander by ")
+    assert "RMS from regular time (steps of 2 ms to " in motion.warnings[0]
+    assert "interpolated on them at 45" in motion.warnings[0]
+    assert np.ptp(np.diff(motion.t)) < 1e-9  # what filters efforts expects
+    np.testing.assert_allclose(motion.a[:, 0], -3.2 * np.sin(2 * motion.t), atol=0.1)
+    effort = motion.reading.effort["base_turn"]
+    np.testing.assert_allclose(effort, 5.6 * np.sin(2 * motion.t), atol=1e-3)
+
+
+def test_stamps_of_writing_are_refused(tmp_path):
+    """Rows written in bursts of ten: positions are smooth from row to row, not over the stamps."""
+    t = np.arange(4000) / 500.0
+    q = 0.1 * np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    q += 1e-5 * np.random.default_rng(0).normal(size=q.shape)
+    written = np.arange(4000) // 10 * 0.02 + np.arange(4000) % 10 * 1e-3
+    message = refused(tmp_path, table(("t", *NAMES), written, q))
+    assert "these say when rows were written, not when they were measured" in message
+
+
+def test_a_plan_with_steps_of_its_own_stays_a_plan(tmp_path):
+    t = np.cumsum(np.where(np.arange(400) % 80 < 40, 0.002, 0.008))
+    q = np.column_stack((0.8 * np.sin(2 * t), 0.3 + 0.2 * np.cos(3 * t)))
+    motion = load(tmp_path, table(("t", *NAMES), t, q, form="%.17g"))
+    assert motion.warnings == ()
+    np.testing.assert_array_equal(motion.t, t)
 
 
 def test_a_long_gap_in_a_noisy_log_is_refused(tmp_path):
@@ -296,7 +470,8 @@ def test_a_clock_that_rounds_stamps_adds_no_acceleration(noise, tmp_path):
     stamps = 1.7e9 + t + 4e-7 * np.random.default_rng(6).normal(size=t.size)
     motion = load(tmp_path, table(("__time", *NAMES), stamps, q, form="%.17g"))
     assert motion.reading.resampled == 0
-    np.testing.assert_allclose(motion.a[100:-100, 0], -3.2 * np.sin(2 * t)[100:-100], atol=0.1)
+    truth = -3.2 * np.sin(2 * motion.t)
+    np.testing.assert_allclose(motion.a[100:-100, 0], truth[100:-100], atol=0.1)
 
 
 def test_a_recording_of_few_rows_says_that_it_is_not_judged(tmp_path):

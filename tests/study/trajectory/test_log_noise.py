@@ -12,6 +12,7 @@ from pinfric.study.trajectory.log.judged import judge_log
 from pinfric.study.trajectory.log.noise import (
     acceleration_jumps,
     low_pass,
+    noise_floor,
     noise_gain,
     noise_level,
     noisy_joints,
@@ -79,10 +80,25 @@ class Truth:
             return t, wrapped
         if kind == "stamps jitter":
             return t + jitter, q + 1e-5 * white
+        if kind in ("sleep loop", "stalls"):
+            return self._wandering(seeded, rate, kind)
         assert kind == "samples jitter"
         at = np.clip(t + jitter, 0.0, t[-1])
         late = np.column_stack([np.interp(at, fine.t, x) for x in fine.q.T])
         return t, late + 1e-5 * white
+
+    def _wandering(self, seeded, rate, kind):
+        """What a loop logs that sleeps for a period and works for a while, or is held up."""
+        fine, step = self.plans[4000], 1.0 / rate
+        steps = step * (1.0 + 0.1 * seeded.exponential(size=round(fine.t[-1] / step)))
+        if kind == "stalls":  # 3 to 8 periods late, and then two rows in a hurry
+            late = np.flatnonzero(seeded.random(steps.size - 2) < 0.01)
+            steps[late] = step * seeded.uniform(3.0, 8.0, late.size)
+            steps[late + 1] = steps[late + 2] = 0.1 * step
+        t = np.concatenate(([0.0], np.cumsum(steps)))
+        t = t[t <= fine.t[-1]]
+        q = np.column_stack([np.interp(t, fine.t, x) for x in fine.q.T])
+        return t, q + 1e-5 * seeded.normal(size=q.shape)
 
 
 def peaks(result):
@@ -105,7 +121,17 @@ def jerky(tmp_path_factory):
     return Truth(tmp_path_factory.mktemp("jerky"), "trapezoidal")
 
 
-KINDS = ("1e-5", "2e-5", "20 bit", "16 bit", "wrapped", "stamps jitter", "samples jitter")
+KINDS = (
+    "sleep loop",
+    "stalls",
+    "1e-5",
+    "2e-5",
+    "20 bit",
+    "16 bit",
+    "wrapped",
+    "stamps jitter",
+    "samples jitter",
+)
 
 
 def judged(truth, rate, kind, tmp_path):
@@ -121,15 +147,16 @@ def judged(truth, rate, kind, tmp_path):
 @pytest.mark.parametrize("rate", [500, 1000])
 def test_peak_efforts_and_holds_of_a_noisy_pick_and_place(smooth, rate, kind, tmp_path):
     motion, peak, uncertain = judged(smooth, rate, kind, tmp_path)
-    allowed = 0.03 if kind == "16 bit" or "jitter" in kind else 0.01
+    allowed = 0.015 if kind == "16 bit" or "jitter" in kind else 0.01
     off = np.abs(peak - smooth.peak)[LOADED]
     assert (off <= allowed * smooth.peak[LOADED]).all(), off / smooth.peak[LOADED]
     assert (off <= uncertain[LOADED]).all(), (off, uncertain[LOADED])
     found, true = motion.holds(), smooth.plans[rate].holds()
-    assert len(found) == len(true) == 4
-    for here, there in zip(found, true, strict=True):
-        assert abs(here.first - there.first) <= 2
-        assert abs(here.last - there.last) <= 2
+    if kind != "stalls":
+        assert len(found) == len(true) == 4
+        for here, there in zip(found, true, strict=True):
+            assert here.start == pytest.approx(there.start, abs=2.5 / rate)
+            assert here.end == pytest.approx(there.end, abs=2.5 / rate)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -138,7 +165,7 @@ def test_jumps_of_acceleration_are_blurred_but_not_silently(jerky, kind, tmp_pat
     off = np.abs(peak - jerky.peak)[LOADED]
     assert (off <= 0.04 * jerky.peak[LOADED]).all(), off / jerky.peak[LOADED]
     assert (off <= uncertain[LOADED]).all(), (off, uncertain[LOADED])
-    assert len(motion.holds()) == 4
+    assert len(motion.holds()) == 4 or kind == "stalls"
 
 
 def test_what_is_not_filtered_says_so(smooth, tmp_path):
@@ -164,6 +191,66 @@ def test_a_given_cutoff_is_taken(smooth, tmp_path):
     uncertain = np.array(list(judge_log(result, motion.reading).peak_uncertainty.values()))
     assert (off > 0.02 * smooth.peak[LOADED]).any()
     assert (off <= uncertain[LOADED]).all()
+
+
+# --- the spectrum ---------------------------------------------------------------------------------
+
+
+def tones(t, *parts):
+    """Sum of amplitude sin(2 pi f t), and its acceleration."""
+    waves = [a * np.sin(2 * np.pi * f * t) for a, f in parts]
+    curved = [-((2 * np.pi * f) ** 2) * x for (_, f), x in zip(parts, waves, strict=True)]
+    return sum(waves), sum(curved)
+
+
+def filtered(t, q, noise, folder, seed=0):
+    """The motion of one turning joint of 0.1 kg m^2 by a log of it, and how its peak is known."""
+    scene = pf.Scene(model=chain(("a", pin.JointModelRZ(), ARM)))
+    q = q + noise * np.random.default_rng(seed).normal(size=t.size)
+    motion = pf.load_trajectory(write_csv(folder / "a.csv", t, ["a"], q), scene)
+    known = judge_log(pf.inverse_dynamics(scene, motion), motion.reading)
+    return motion, known.peak_uncertainty["a"] / 0.1  # N m of 0.1 kg m^2
+
+
+@pytest.mark.parametrize(
+    ("rate", "tone", "noise", "allowed"),
+    [
+        (500, (2e-3, 30.0), 1e-5, 0.02),  # the peak was 93 % too small, and known to 0.01 N m
+        (500, (2e-4, 30.0), 1e-5, 0.05),
+        (1000, (1e-4, 90.0), 1e-5, 0.15),
+        (125, (1e-3, 12.0), 1e-5, 0.01),
+        (500, (2e-3, 30.0), 1e-4, 0.08),
+        (500, (1e-4, 30.0), 1e-4, 0.5),  # not worth the noise: cut away, and said how much
+    ],
+)
+def test_motion_above_a_gap_in_the_spectrum_stays_or_is_said(rate, tone, noise, allowed, tmp_path):
+    t = np.arange(10 * rate) / rate
+    motion, uncertain = filtered(t, tones(t, (0.5, 0.5), tone)[0], noise, tmp_path)
+    truth = np.abs(tones(motion.t, (0.5, 0.5), tone)[1]).max()
+    off = abs(np.abs(motion.a).max() - truth)
+    assert off <= allowed * truth
+    assert off <= uncertain
+
+
+@pytest.mark.parametrize("kind", ["16 bit", "samples jitter", "2e-5"])
+def test_noise_that_is_not_white_is_not_taken_for_motion(smooth, jerky, kind):
+    for truth in (smooth, jerky):
+        q = truth.log(1000, kind)[1][:, LOADED]
+        found = [signal_cutoff(x, 1e-3, noise_floor(x)) for x in q.T]
+        assert max(found) < 60.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_peak_does_not_stand_in_the_ends_of_a_log_in_motion(seed, tmp_path):
+    """What a low pass makes of the last samples was up to 50 times as wrong as what is inside."""
+    rng = np.random.default_rng(seed)
+    t, parts = np.arange(0, 8, 0.002), [(0.1 / f, f) for f in rng.uniform(0.3, 8.0, 6)]
+    motion, uncertain = filtered(t + 7.0 * seed, tones(t, *parts)[0], 3e-5, tmp_path, seed)
+    truth = tones(motion.t - 7.0 * seed, *parts)[1]
+    assert np.abs(motion.a[:, 0] - truth).max() < 0.05 * np.abs(truth).max()
+    assert abs(np.abs(motion.a).max() - np.abs(truth).max()) <= uncertain
+    assert "where joints move and a low pass has samples on one side only" in motion.warnings[-1]
+    assert 7.8 < motion.duration < 8.0
 
 
 # --- plans pass through -------------------------------------------------------------------------
@@ -253,7 +340,9 @@ def test_only_profiles_whose_acceleration_jumps_are_filtered_gently(smooth, jerk
     for kind in ("1e-5", "2e-5", "16 bit", "samples jitter"):
         for truth in (smooth, jerky):
             q = truth.log(500, kind)[1][:, LOADED]
-            found = [acceleration_jumps(x, 0.002, signal_cutoff(x, 0.002)) for x in q.T]
+            levels = [noise_floor(x) for x in q.T]
+            found = [acceleration_jumps(x, 0.002, signal_cutoff(x, 0.002, n), n)
+                     for x, n in zip(q.T, levels, strict=True)]  # fmt: skip
             assert found == [truth is jerky] * 4
 
 
@@ -310,6 +399,7 @@ def test_a_joint_that_stands_still_in_a_noisy_log_is_held(tmp_path):
     motion = pf.load_trajectory(write_csv(tmp_path / "a.csv", t, model.names[1:], q), scene)
     assert not motion.v[:, 1:].any()
     assert not motion.a[:, 1:].any()
+    t = motion.t
     np.testing.assert_allclose(motion.v[:, 0], 2 * np.cos(2 * t), atol=2e-3)
     np.testing.assert_allclose(motion.a[:, 0], -4 * np.sin(2 * t), atol=0.1)  # also at the ends
     np.testing.assert_allclose(motion.a[300:-300, 0], -4 * np.sin(2 * t)[300:-300], atol=0.02)

@@ -32,6 +32,13 @@ _WORDS = {
     "current": ("current", "currents", "amps"),
 }
 _QUANTITY = {word: quantity for quantity, words in _WORDS.items() for word in words}
+#: Units in brackets that say a quantity, without blanks and dots.
+_UNITS = {"nm": "effort", "n": "effort", "a": "current", "rad/s": "velocity", "deg/s": "velocity",
+          "m/s": "velocity", "rad/s^2": "acceleration", "rad/s2": "acceleration",
+          "rad/s²": "acceleration"}  # fmt: skip
+_UNIT = re.compile(r"[ _]*[\[(]\s*([^\])]*[^\])\d][^\])]*)[\])]$")
+#: Words beside the quantity in names of columns that only number the joints: `actual_q_0`.
+_FILLERS = {"actual", "measured", "joint", "joints", "axis", "state", "states"}
 #: What `pinfric inverse` and `simulate` write beside the motion.
 _COMPUTED = tuple(
     f".{quantity}" for quantity in (*ACTUATOR_QUANTITIES, *SITE_QUANTITIES, *SITE_ARRAYS)
@@ -130,6 +137,7 @@ class Columns:
     planned: bool = True
     payloads: list[str] = field(default_factory=list)
     ignored: list[str] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
 
     def used(self) -> list[str]:
         """Every column that is read, time first."""
@@ -145,7 +153,8 @@ def read_mapping(path: Path, given: Path | str | None) -> ColumnsFile | None:
     Raises:
         TrajectoryError: unreadable, unknown keys, values that cannot be.
     """
-    beside = path.with_name(f"{path.stem}.columns.yaml")
+    stem = Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
+    beside = path.with_name(f"{stem}.columns.yaml")
     file = Path(given) if given else beside if beside.is_file() else None
     if file is None:
         return None
@@ -184,11 +193,13 @@ def find_columns(
             found.ignored.append(column)
     _find_time(header, mapping, found, problems)
     named = {c for c, cell in zip(header, first, strict=False) if cell in numbered.values()}
-    used = {found.time, found.nanoseconds, *named}
-    found.ignored = [column for column in found.ignored if column not in used]
     if mapping is not None:
         _apply(mapping, header, names, claims, found, problems)
+    if not found.position and not any(quantity == "position" for _, quantity in claims):
+        _take_in_order(header, names, claims, found)
     _settle(claims, found, problems)
+    used = {*found.used(), *named}
+    found.ignored = [column for column in dict.fromkeys(found.ignored) if column not in used]
     for name in found.used():
         if name and header.count(name) > 1:
             problems.append(f"column {brief(name)} stands {header.count(name)} times")
@@ -196,10 +207,51 @@ def find_columns(
     return found
 
 
+def _take_in_order(
+    header: Sequence[str],
+    names: Sequence[str],
+    claims: dict[tuple[str, str], list[str]],
+    found: Columns,
+) -> None:
+    """Take columns that only number the joints in the scene's order, if they are as many.
+
+    `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position` and on.
+    """
+    groups: dict[tuple[str, str], dict[int, str]] = {}
+    for column in dict.fromkeys(header):
+        match = re.fullmatch(r"(\D*?)[_\[.]?(\d+)\]?(\D*)", _in_words(column[:_LONGEST_NAME]))
+        if match and not _WANTED.search(column):
+            groups.setdefault((match[1], match[3]), {})[int(match[2])] = column
+    for template, group in groups.items():
+        words = [
+            word.lower() for part in template for word in re.split(r"[^A-Za-z]+", part) if word
+        ]
+        kinds = {_QUANTITY[word] for word in words if word in _QUANTITY}
+        known = all(word in _QUANTITY or word in _FILLERS for word in words)
+        numbers = sorted(group)
+        if not known or not words or len(kinds) > 1 or "acceleration" in kinds or numbers[0] > 1:
+            continue
+        if numbers != list(range(numbers[0], numbers[0] + len(names))):
+            continue
+        ordered = [group[number] for number in numbers]
+        for name, column in zip(names, ordered, strict=True):
+            claims.setdefault((name, next(iter(kinds), "position")), []).append(column)
+        found.said.append(f"columns {ordered[0]} to {ordered[-1]} are taken in the scene's order, "
+                          f"{names[0]} to {names[-1]}")  # fmt: skip
+
+
+def _in_words(column: str) -> str:
+    """Return a column's name with the quantity in place of the unit that says it: tau [Nm]."""
+    unit = _UNIT.search(column)
+    meant = _UNITS.get(re.sub(r"[ ·*.]", "", unit[1]).lower()) if unit else None
+    return f"{column[: unit.start()]}/{meant}" if unit and meant else column
+
+
 def _meaning(column: str, names: Sequence[str], numbered: dict[str, str]) -> tuple[str, str] | None:
     """The joint and the quantity that a column's name says."""
     if len(column) > _LONGEST_NAME:
         return None
+    column = _in_words(column)
     for ending, quantity in (("", "position"), (".v", "velocity"), (".a", "acceleration")):
         if column.endswith(ending) and column.removesuffix(ending) in names:
             return column.removesuffix(ending), quantity

@@ -1,15 +1,18 @@
 """Files as robots and their tools write them: what columns they have, and the cells of those used.
 
-CSV (comma, semicolon, tab; a decimal comma where it cannot separate), Parquet, ROS 2 bags (`bags`).
+CSV (comma, semicolon, tab, spaces; a decimal comma where it cannot separate; gzipped), Parquet,
+MATLAB, ROS 2 bags (`bags`).
 """
 
 from __future__ import annotations
 
 import csv
+import gzip
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
+from pinfric.model.brief import counted
 from pinfric.model.yamlfile import brief, brief_path
 from pinfric.study.trajectory.joint_columns import listing
 
@@ -30,6 +34,8 @@ FEWEST = 20
 _ROWS_FOR_DIGITS = 500
 #: Whole numbers beyond this lose their last digits as floats.
 _EXACT = 2.0**53
+#: Columns that tables of joint states number: `name_0`, `position[0]`.
+_NUMBERED = re.compile(r"^(.*?)[_\[.]?(\d+)\]?$")
 
 
 @dataclass(frozen=True)
@@ -89,17 +95,19 @@ class _Text:
     lines: list[int]
     rows: list[str]
     separator: str
+    said: tuple[str, ...] = ()
 
 
 def open_csv(path: Path) -> OpenedLog:
-    """Open a CSV file; nothing below its header is parsed yet.
+    """Open a CSV file, gzipped where it ends in .gz; nothing below its header is parsed yet.
 
     Raises:
         TrajectoryError: unreadable, not text, empty, or lines that cannot be split.
     """
-    text = _split(path, _numbered_lines(path))
+    text = _sorted_by_names(_split(path, _numbered_lines(path)))
     first = next(csv.reader([text.rows[0]], delimiter=text.separator))
-    return OpenedLog(text.header, lambda names, problems: _read_text(text, names, problems), first)
+    return OpenedLog(text.header, lambda names, problems: _read_text(text, names, problems), first,
+                     said=text.said)  # fmt: skip
 
 
 def open_parquet(path: Path) -> OpenedLog:
@@ -132,6 +140,46 @@ def open_parquet(path: Path) -> OpenedLog:
     return arrays_log(columns, units)
 
 
+def open_matlab(path: Path) -> OpenedLog:
+    """Open a MATLAB file; rows or columns of arrays are named `struct.field_1` and on.
+
+    Raises:
+        TrajectoryError: damaged, of a version that SciPy does not read, no arrays.
+    """
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except NotImplementedError:
+        raise TrajectoryError(f"{path}: is of MATLAB's version 7.3; save it with -v7") from None
+    except Exception as problem:  # zlib's, struct's, NumPy's: whatever a cut file ends in
+        reason = " ".join(str(problem).split())[:200] or type(problem).__name__
+        raise TrajectoryError(f"{path}: is no MATLAB file that can be read: {reason}") from None
+    arrays = dict(_matlab_arrays("", content))
+    sizes = [max(x.shape) for x in arrays.values() if max(x.shape) >= FEWEST]
+    count = max(sizes, key=lambda size: (sizes.count(size), size), default=0)
+    columns: dict[str, NDArray[Any]] = {}
+    for name, values in arrays.items():
+        if values.shape == (count,):
+            columns[name] = values
+        elif values.ndim == 2 and count in values.shape:
+            each = values if values.shape[1] == count else values.T
+            columns |= {f"{name}_{i}": row for i, row in enumerate(each, 1)}
+    if not columns:
+        raise TrajectoryError(f"{path}: has no arrays of numbers")
+    return arrays_log(columns, {}, recorded=True)
+
+
+def _matlab_arrays(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the arrays of numbers in variables and structs of structs."""
+    for name, value in content.items():
+        if hasattr(value, "_fieldnames"):
+            fields = {field: getattr(value, field) for field in value._fieldnames}
+            yield from _matlab_arrays(f"{prefix}{name}.", fields)
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "iufb" and value.ndim in (1, 2):
+            yield f"{prefix}{name}", value
+
+
 def arrays_log(
     columns: Mapping[str, NDArray[Any]],
     units: Mapping[str, str],
@@ -156,31 +204,56 @@ def arrays_log(
 
 
 def _numbered_lines(path: Path) -> list[tuple[int, str]]:
+    """Return the lines that are not empty, with their numbers; comments, but for a header, apart.
+
+    A comment right above numbers is their header if it has as many names, as np.savetxt writes it.
+    """
+    opened = gzip.open if path.suffix.lower() == ".gz" else open
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as problem:
-        where = brief_path(path)
-        raise TrajectoryError(f"{where}: cannot be read: {problem.strerror}") from None
+        with opened(path, "rt", encoding="utf-8-sig") as file:
+            text = file.read()
     except UnicodeDecodeError:
         raise TrajectoryError(f"{path}: is not a text file in UTF-8") from None
-    rows = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    except (OSError, EOFError, zlib.error) as problem:
+        reason = getattr(problem, "strerror", None) or str(problem)
+        raise TrajectoryError(f"{brief_path(path)}: cannot be read: {reason}") from None
+    filled = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+    is_comment = [line.lstrip().startswith("#") for _, line in filled]
+    rows = [row for row, comment in zip(filled, is_comment, strict=True) if not comment]
     if not rows:
         raise TrajectoryError(
             f"{path}: is empty; a header with t and the joints' names comes first"
         )
+    above = is_comment.index(False) - 1
+    if above >= 0:
+        number, names = filled[above][0], filled[above][1].lstrip().lstrip("#").strip()
+        separator = _separator(rows[0][1])
+        numbers, words = (_cells(line, separator) for line in (rows[0][1], names))
+        is_table = all(_number(cell) is not None for cell in numbers)
+        if is_table and len(words) == len(numbers) and _number(words[0]) is None:
+            rows.insert(0, (number, names))
     return rows
+
+
+def _separator(line: str) -> str:
+    """The mark that separates a line's cells; a space where there is no other."""
+    mark = max("\t;,", key=lambda x: (line.count(x), x == ","))
+    return mark if mark in line else " "
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
 
 
 def _split(path: Path, rows: list[tuple[int, str]]) -> _Text:
     """Tell header and rows, find what separates cells, and make decimal commas points."""
-    top = rows[0][1]
-    separator = max("\t;,", key=lambda mark: (top.count(mark), mark == ","))
+    separator = _separator(rows[0][1])
+    if separator == " ":
+        rows = [(number, " ".join(line.split())) for number, line in rows]
     _check_cells(path, rows, separator)
-    header = [cell.strip() for cell in next(csv.reader([top], delimiter=separator))]
+    header = _cells(rows[0][1], separator)
     if (echoed := _echoed(header)) is not None:
         header, rows = echoed, [rows[0], *rows]
     if len(rows) == 1:
@@ -197,6 +270,43 @@ def _split(path: Path, rows: list[tuple[int, str]]) -> _Text:
                                   "throughout, and nothing between thousands")  # fmt: skip
         texts = [line.replace(",", ".") for line in texts]
     return _Text(header, numbers, texts, separator)
+
+
+def _sorted_by_names(text: _Text) -> _Text:
+    """Put numbered columns in the order of the first row's names, where later rows have another.
+
+    Joint states name their joints in each message anew; `name_0` is not always the same joint.
+    """
+    places: dict[str, dict[str, int]] = {}
+    for place, column in enumerate(text.header):
+        if match := _NUMBERED.match(column):
+            places.setdefault(match[1], {})[match[2]] = place
+    named = next((group for kind, group in places.items() if kind.lower().endswith("name")), None)
+    if named is None:
+        return text
+    groups = [group for group in places.values() if group.keys() == named.keys()]
+    first, rows, changed = None, list(text.rows), []
+    for index, line in enumerate(text.rows):
+        cells = next(csv.reader([line], delimiter=text.separator))
+        if len(cells) != len(text.header):
+            continue
+        names = [cells[place].strip() for place in named.values()]
+        first = first or names
+        if names == first:
+            continue
+        changed.append(text.lines[index])
+        known = sorted(names) == sorted(first)
+        moved = list(cells)
+        for group in groups:
+            for number, place in enumerate(group.values()):
+                source = list(group.values())[names.index(first[number])] if known else -1
+                moved[place] = cells[source] if known else ""
+        rows[index] = text.separator.join(moved)
+    if not changed:
+        return text
+    said = (f"names of joints come in another order, or others, in {counted(len(changed), 'row')}, "
+            f"the first in line {changed[0]}: each row is read by its own names",)  # fmt: skip
+    return replace(text, rows=rows, said=said)
 
 
 def _echoed(cells: Sequence[str]) -> list[str] | None:

@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 #: Standard deviations of the efforts' noise that count as uncertain: a peak is the largest of many
 #: noisy values, not one of them.
 COVERAGE = 3.0
+#: Peak over RMS of the motion that a low pass took away; a steady tone has sqrt(2).
+_PEAK_OVER_RMS = 2.0
 #: Where a log's efforts may have been measured: before the gears, or after them.
 EFFORT_PLACES = ("motor", "joint")
 #: Samples at which the efforts' dependence on accelerations and velocities is computed.
@@ -67,7 +69,8 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> Jud
 
     Noise and low pass change an effort by du = sum_k du/da_k da_k + du/dv_k dv_k, with du/da_k and
     du/dv_k from inverse dynamics of disturbed motions. It may be off by three standard deviations
-    of the noise's part, and by what a cutoff lower by 1/sqrt(2) would change.
+    of the noise's part, by what a cutoff lower by 1/sqrt(2) would change, and by twice the RMS of
+    what is cut away.
 
     Args:
         result: inverse dynamics of the log's motion, with times.
@@ -145,7 +148,7 @@ def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
         return 0.5 * (found.effort_lower + found.effort_upper)
 
     plain, every = efforts(v, a), np.arange(count)
-    variance, shift = np.zeros_like(result.effort_upper), np.zeros_like(result.effort_upper)
+    variance, shift, cut = (np.zeros_like(result.effort_upper) for _ in range(3))
     for k, column in enumerate(joint_columns(scene.model)):
         moving, index = noise.moving[:, k], column.index_v
         if not moving.any():
@@ -161,4 +164,5 @@ def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:
             rest = np.interp(every, places, by_velocity[:, i])
             variance[:, i] += moving * ((gain * noise.acceleration[k]) ** 2 + rest**2)
             shift[:, i] += gain * noise.acceleration_shift[:, k]
-    return COVERAGE * np.sqrt(variance) + np.abs(shift)
+            cut[:, i] += moving * (gain * noise.acceleration_cut[k]) ** 2
+    return COVERAGE * np.sqrt(variance) + np.abs(shift) + _PEAK_OVER_RMS * np.sqrt(cut)

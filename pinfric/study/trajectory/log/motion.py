@@ -18,9 +18,12 @@ from pinfric.study.trajectory.log.files import FEWEST
 from pinfric.study.trajectory.log.noise import (
     acceleration_jumps,
     low_pass,
+    motion_taken_away,
+    noise_floor,
     noise_gain,
     noise_level,
     noisy_joints,
+    roughness,
     signal_cutoff,
     typical_noise,
 )
@@ -28,6 +31,7 @@ from pinfric.study.trajectory.log.reading import DerivativeNoise, Reading, Readi
 from pinfric.study.trajectory.log.rows import (
     ROUNDED,
     Timing,
+    far_apart,
     gap_problems,
     held_rate,
     regular_time,
@@ -45,8 +49,15 @@ _STEP = 0.25 * np.pi
 _PACE = 0.05
 #: Share of the noise that a reading of the stamps must leave, to be the right one.
 _CLEARLY = 0.98
-#: The low pass of comparison, whose difference shows what a low pass takes away.
-_LOWER = 1.0 / np.sqrt(2.0)
+#: Stamps are wrong where positions have less than this share of their roughness by rows.
+_CONTRADICTED = 0.5
+#: Share of a step: rows that follow sooner are not interpolated between.
+_NEAREST = 0.5
+#: The low pass of comparison, whose difference shows what a low pass takes away; of a jump of
+#: acceleration a gentle one shows half as much.
+_LOWER, _GENTLE_LOWER = 1.0 / np.sqrt(2.0), 0.5
+#: Periods of the cutoff from an end of a log within which errors are up to 50 times those inside.
+_ONE_SIDED = 0.35
 
 
 @dataclass(frozen=True)
@@ -93,11 +104,31 @@ def unwrapped(columns: Sequence[JointColumn], position: FloatArray, said: list[s
     return result
 
 
+@dataclass(frozen=True)
+class _Sampled:
+    """Rows and when they were taken, and the same motion on regular times.
+
+    Args:
+        even: on regular times.
+        step: s between them.
+        position: (rows, nj) as read, rad or m.
+        t: (rows,) when they were taken, s; None: at the regular times.
+        spread: by how much more noise the regular samples carry at low frequencies than the rows.
+    """
+
+    even: Settled
+    step: float
+    position: FloatArray
+    t: FloatArray | None = None
+    spread: float = 1.0
+
+
 def settle(
     columns: Sequence[JointColumn],
     plan: TrajectoryTable,
     options: ReadingOptions,
     problems: list[str],
+    recorded: bool = False,
 ) -> Settled:
     """Return the motion behind a file's rows; a planned one unchanged.
 
@@ -106,6 +137,8 @@ def settle(
         plan: what the rows say; time increases but for jitter, positions are finite, unwrapped.
         options: the cutoff.
         problems: gaps in what must be filtered are appended here.
+        recorded: the file holds what was measured, which goes on regular times with or without
+            noise: filters of it expect them.
     """
     held = None if np.isfinite(plan.acceleration).any() else held_rate(plan.position)
     rows = np.arange(plan.t.size)[held or slice(None)]
@@ -125,18 +158,20 @@ def settle(
         if (np.diff(plain.table.t) <= 0.0).any():
             problems.append("time must increase, and is not regular enough to be mended")
         return plain
-    even = _on_regular_time(plain, timing)
-    noisy = noisy_joints(even.table.position, timing.step, even.table.resolution)
+    sampled = _on_regular_time(plain, timing)
+    noisy = noisy_joints(sampled.position, timing.step, plain.table.resolution, sampled.t)
     if not any(noisy) and not isinstance(options.cutoff, float):
-        mended = timing.irregular and np.array_equal(even.rows, plain.rows)
-        levels = {column.name: typical_noise(q)
-                  for column, q in zip(columns, even.table.position.T, strict=True)}  # fmt: skip
+        even = sampled.even
+        mended = timing.irregular and (recorded or np.array_equal(even.rows, plain.rows))
+        levels = {column.name: typical_noise(q, sampled.t)
+                  for column, q in zip(columns, sampled.position.T, strict=True)}  # fmt: skip
         chosen = even if mended else plain
         return replace(chosen, reading=replace(chosen.reading, noise=levels))
     problems += gap_problems(plain.table.t)
+    problems += _contradictions(sampled)
     if isinstance(options.cutoff, float):
         problems += _cutoff_problems(options.cutoff, timing)
-    return plain if problems else _filtered(columns, even, noisy, timing.step, options)
+    return plain if problems else _filtered(columns, sampled, noisy, options)
 
 
 def _is_short_log(t: FloatArray) -> bool:
@@ -152,19 +187,23 @@ def _rows_of(table: TrajectoryTable, rows: NDArray[np.int64]) -> TrajectoryTable
                            table.acceleration[rows], attached, table.resolution)  # fmt: skip
 
 
-def _on_regular_time(plain: Settled, timing: Timing) -> Settled:
-    """Return the samples on regular time: what the stamps or the rows' numbers say, if they differ.
+def _on_regular_time(plain: Settled, timing: Timing) -> _Sampled:
+    """Return the samples on regular time.
 
-    Either the stamps jitter and the samples were taken regularly, or the stamps tell the truth: the
-    reading that leaves the positions less noise is right.
+    Either the stamps jitter and the rows were taken regularly, or the stamps tell when: the one
+    that leaves the positions less noise is right. Where the stamps wander they are believed.
     """
+    table, stamps = plain.table, plain.table.t
     if not timing.irregular:
-        return plain
-    table, reading = plain.table, replace(plain.reading, jitter=timing.jitter)
-    whole = np.arange(timing.time.size, dtype=np.float64)
+        return _Sampled(plain, timing.step, table.position)
+    reading = replace(plain.reading, jitter=timing.jitter)
+    regular = timing.taken
+    if regular is None or _stamps_are_better(table.position, stamps, regular):
+        return _by_stamps(plain, timing, reading)
+    assert timing.number is not None
+    whole = np.arange(timing.count, dtype=np.float64)
     number = timing.number.astype(np.float64)
     lost = np.setdiff1d(whole, number)
-    position = _between(number, table.position, whole) if lost.size else table.position
     words = [f"stamps jitter by {_time(timing.jitter)} RMS: rows taken as regular, "
              f"{1.0 / timing.step:.6g} Hz"]  # fmt: skip
     if lost.size:
@@ -172,21 +211,72 @@ def _on_regular_time(plain: Settled, timing: Timing) -> Settled:
                  f"{timing.time[int(lost[0])]:.6g} s"]  # fmt: skip
     elif timing.jitter <= ROUNDED * timing.step:
         words = []
-    interpolated, order = lost.size, np.interp(whole, number, np.arange(number.size))
-    if (np.diff(table.t) > 0.0).all():
-        at = np.clip(timing.time, table.t[0], table.t[-1])
-        stamped = _between(table.t, table.position, at)
-        if _noise_sum(stamped) < _CLEARLY * _noise_sum(position):
-            position, interpolated = stamped, whole.size
-            order = np.interp(at, table.t, np.arange(number.size))
-            words = [f"samples taken at jittering times ({_time(timing.jitter)} RMS): interpolated "
-                     f"at {1.0 / timing.step:.6g} Hz"]  # fmt: skip
-    nearest = np.floor(order + 1e-9).astype(np.int64)
-    regular = replace(_rows_of(table, nearest), t=timing.time, position=position)
-    reading = replace(reading, samples=whole.size, resampled=interpolated,
+    position = _between(number, table.position, whole) if lost.size else table.position
+    order = np.interp(whole, number, np.arange(number.size))
+    reading = replace(reading, resampled=lost.size, said=(*reading.said, *words))
+    even = _resampled(plain, timing, order, position, reading)
+    return _Sampled(even, timing.step, table.position, regular if lost.size else None)
+
+
+def _stamps_are_better(position: FloatArray, stamps: FloatArray, regular: FloatArray) -> bool:
+    """Whether positions have clearly less noise at the stamps than at regular times."""
+    if (np.diff(stamps) <= 0.0).any():
+        return False
+    own, other = (sum(noise_level(q, t) for q in position.T) for t in (stamps, regular))
+    return own < _CLEARLY * other
+
+
+def _by_stamps(plain: Settled, timing: Timing, reading: Reading) -> _Sampled:
+    """Interpolate on the stamps, and say how irregular they are."""
+    table, stamps = plain.table, plain.table.t
+    at, steps = np.clip(timing.time, stamps[0], stamps[-1]), np.diff(stamps)
+    words = [f"samples taken at jittering times ({_time(timing.jitter)} RMS): interpolated "
+             f"at {1.0 / timing.step:.6g} Hz"]  # fmt: skip
+    if timing.number is None:
+        words = [f"stamps wander by {_time(timing.jitter)} RMS from regular time (steps of "
+                 f"{_time(steps.min())} to {_time(steps.max())}): interpolated on them at "
+                 f"{1.0 / timing.step:.6g} Hz"]  # fmt: skip
+    kept = far_apart(stamps, _NEAREST * timing.step)
+    close = stamps.size - kept.size
+    if close:
+        words.append(f"{counted(close, 'row')} left out whose stamps follow within "
+                     f"{_time(_NEAREST * timing.step)}")  # fmt: skip
+    position = _between(stamps[kept], table.position[kept], at)
+    order = np.interp(at, stamps, np.arange(stamps.size))
+    reading = replace(reading, dropped=reading.dropped + close, resampled=timing.count,
                       said=(*reading.said, *words))  # fmt: skip
-    rows = np.interp(order, np.arange(number.size), plain.rows)
-    return Settled(regular, rows, reading)
+    even = _resampled(plain, timing, order, position, reading)
+    cells = np.diff(stamps[kept])
+    spread = float(np.sqrt(np.mean(cells**2) / (np.mean(cells) * timing.step)))
+    return _Sampled(even, timing.step, table.position[kept], stamps[kept], max(spread, 1.0))
+
+
+def _resampled(
+    plain: Settled, timing: Timing, order: FloatArray, position: FloatArray, reading: Reading
+) -> Settled:
+    """Positions at regular times, which lie at `order` in the rows; the rest from the row before.
+
+    Samples between rows have no rounding of their own.
+    """
+    nearest = np.floor(order + 1e-9).astype(np.int64)
+    table = replace(_rows_of(plain.table, nearest), t=timing.time, position=position)
+    rows = np.interp(order, np.arange(plain.rows.size), plain.rows)
+    return Settled(table, rows, replace(reading, samples=timing.count))
+
+
+def _contradictions(sampled: _Sampled) -> list[str]:
+    """Refuse stamps that say when rows were written, not when they were measured."""
+    if sampled.t is None:
+        return []
+    by_stamps, by_rows = (sum(roughness(q, t) for q in sampled.position.T)
+                          for t in (sampled.t, None))  # fmt: skip
+    if by_rows > _CONTRADICTED * by_stamps:
+        return []
+    return [
+        f"positions are rough over the stamps ({by_stamps:.2g} rad or m, from row to row "
+        f"{by_rows:.2g}): these say when rows were written, not when they were measured; give the "
+        "robot's own times"
+    ]
 
 
 def _cutoff_problems(cutoff: float, timing: Timing) -> list[str]:
@@ -203,26 +293,26 @@ def _between(x: FloatArray, position: FloatArray, at: FloatArray) -> FloatArray:
     return np.asarray(make_interp_spline(x, position, k=3)(at))
 
 
-def _noise_sum(position: FloatArray) -> float:
-    return sum(noise_level(q) for q in position.T)
-
-
 def _time(seconds: float) -> str:
     return f"{1e3 * seconds:.2g} ms"
 
 
 def _filtered(
     columns: Sequence[JointColumn],
-    even: Settled,
+    sampled: _Sampled,
     noisy: Sequence[bool],
-    step: float,
     options: ReadingOptions,
 ) -> Settled:
     """Low-pass what is noisy (all that moves, where the cutoff was given) between its holds."""
+    even, step = sampled.even, sampled.step
     measured, t = even.table.position, even.table.t
-    noise = [noise_level(q) if is_so else 0.0 for q, is_so in zip(measured.T, noisy, strict=True)]
+    noise, floor = (
+        [sampled.spread * level(q, sampled.t) if is_so else 0.0
+         for q, is_so in zip(sampled.position.T, noisy, strict=True)]
+        for level in (noise_level, noise_floor)
+    )  # fmt: skip
     found = find_noisy_holds(measured, step, noise)
-    joints = []
+    joints, cut = [], []
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
         moves = sum(last - first + 1 for first, last in holds) < q.size
@@ -230,8 +320,11 @@ def _filtered(
         if moves and isinstance(options.cutoff, float):
             cutoff = options.cutoff
         elif moves and noisy[i] and options.cutoff is None:
-            cutoff = signal_cutoff(q, step)
-            gentle = cutoff is not None and acceleration_jumps(q, step, cutoff)
+            cutoff = signal_cutoff(q, step, floor[i])
+            gentle = cutoff is not None and acceleration_jumps(q, step, cutoff, floor[i])
+            cutoff = signal_cutoff(q, step, floor[i], gentle)
+        cut.append(0.0 if cutoff is None else
+                   motion_taken_away(q, step, floor[i], cutoff, gentle))  # fmt: skip
         joints.append(_low_passed(t, q, holds, step, cutoff, noise[i], gentle))
     position, velocity, acceleration, shift, moving = (
         np.column_stack([getattr(joint, name) for joint in joints])
@@ -243,12 +336,50 @@ def _filtered(
         even.reading,
         noise=dict(zip(names, noise, strict=True)),
         cutoff={name: joint.cutoff for name, joint in zip(names, joints, strict=True)},
-        uncertain=DerivativeNoise(moving, spread[:, 0], spread[:, 1], shift),
+        uncertain=DerivativeNoise(moving, spread[:, 0], spread[:, 1], shift, np.array(cut)),
     )
     line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
     reading = replace(reading, said=(*reading.said, line), noise_line=line)
     table = replace(even.table, position=position, velocity=velocity, acceleration=acceleration)
-    return Settled(table, even.rows, reading)
+    ends = [0.0 if joint.cutoff is None else _ONE_SIDED / joint.cutoff for joint in joints]
+    return _without_ends(Settled(table, even.rows, reading), moving, np.array(ends), step)
+
+
+def _without_ends(
+    settled: Settled, moving: NDArray[np.bool_], ends: FloatArray, step: float
+) -> Settled:
+    """Leave out the ends of a log in which a joint moves: a low pass knows but one side there.
+
+    Args:
+        settled: the filtered motion.
+        moving: (T, nj) where a joint is not held.
+        ends: (nj,) how long its low pass is unreliable at an end, s.
+        step: s between samples.
+    """
+    count = len(moving)
+    first, last = (min(int(np.max(ends * moving[at], initial=0.0) / step + 0.5), count // 4)
+                   for at in (0, -1))  # fmt: skip
+    if first == last == 0:
+        return settled
+    inside = slice(first, count - last)
+    table, reading = settled.table, settled.reading
+    assert reading.uncertain is not None
+    uncertain = replace(
+        reading.uncertain,
+        moving=reading.uncertain.moving[inside],
+        acceleration_shift=reading.uncertain.acceleration_shift[inside],
+    )
+    words = (f"left out {_time(first * step)} at the start and {_time(last * step)} at the end, "
+             "where joints move and a low pass has samples on one side only")  # fmt: skip
+    reading = replace(
+        reading,
+        samples=count - first - last,
+        dropped=reading.dropped + first + last,
+        said=(*reading.said, words),
+        uncertain=uncertain,
+    )
+    rows = np.arange(count)[inside]
+    return Settled(_rows_of(table, rows), settled.rows[inside], reading)
 
 
 @dataclass(frozen=True)
@@ -283,10 +414,11 @@ def _low_passed(
         return _Smoothed(q, v, a, np.zeros_like(q), moving, None, (spread_v, spread_a))
     smooth = low_pass(q, step, cutoff, gentle)
     v, a = position_derivatives(t, smooth, ())
-    lower = position_derivatives(t, low_pass(q, step, _LOWER * cutoff, gentle), ())[1]
+    lower = low_pass(q, step, (_GENTLE_LOWER if gentle else _LOWER) * cutoff, gentle)
+    shift = (position_derivatives(t, lower, ())[1] - a) * moving
     spread_v, spread_a = (noise * noise_gain(step, cutoff, order, gentle) for order in (1, 2))
-    return _Smoothed(np.where(moving, smooth, q), v * moving, a * moving, (lower - a) * moving,
-                     moving, cutoff, (spread_v, spread_a))  # fmt: skip
+    return _Smoothed(np.where(moving, smooth, q), v * moving, a * moving, shift, moving, cutoff,
+                     (spread_v, spread_a))  # fmt: skip
 
 
 def _noise_line(reading: Reading, unit: str) -> str:

@@ -2,13 +2,14 @@
 
 White noise of standard deviation sigma has differences of order k with RMS sigma sqrt(C(2k, k)); a
 motion that is smooth over a few samples has hardly any of order six. So sigma comes from the
-positions alone, and the frequency above which there is only noise from the power spectral density
-of their second difference, which for white noise is 2 sigma^2 dt |2 sin(pi f dt)|^4 (one-sided).
+positions alone. What the noise is of each frequency of the acceleration follows from it: the power
+spectral density of its second difference is 2 sigma^2 dt |2 sin(pi f dt)|^4 (one-sided).
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,26 +31,69 @@ _HARMLESS_SHARE, _ROUNDED_SHARE = 0.01, 0.05
 _WHITE_SHARE = 0.7
 #: Differences below which nothing can be said about noise.
 _FEWEST = 10
-_SEGMENT = 512
-#: How much farther than 80 % of its power 95 % reach, where an acceleration jumps (3 to 4 times;
-#: smoother motions: less than 2).
-_HEAVY_TAIL = 2.5
+#: s. Shorter segments blur slow motion into its noise; longer ones weigh the middle of a log more,
+#: and with it noise that comes and goes with the speed.
+_SEGMENT = 1.0
+_SHORTEST_SEGMENT = 64
+#: How many cutoffs are compared, and Hz times the step beyond which nothing is worth a low pass.
+_CUTOFFS, _HIGHEST = 200, 0.4
+#: Noise counts so many times: that of jittering samples and of coarse encoders is not white.
+_CAUTION = 4.0
+#: How much farther than 80 % of its power 95 % reach, and than 90 %, where an acceleration jumps
+#: (3 to 4, 2 times; smoother motions: less than 2, 1.5 times).
+_HEAVY_TAIL, _NO_TONE = 2.5, 1.25
+#: Chance with which white noise in one of a spectrum's bins is taken for motion.
+_FALSE_ALARM = 1e-6
+#: Times the noise's density below which nothing is called motion: noise that is not white.
+_UNCLEAR = 10.0
 _BUTTERWORTH = 4
+#: Degree of the polynomial by which a motion goes on beyond its ends, and periods of the cutoff
+#: that it is fitted to.
+_CONTINUED, _FITTED = 4, 1.0
 
 
-def noise_level(position: FloatArray) -> float:
+def noise_level(position: FloatArray, t: FloatArray | None = None) -> float:
     """Return sigma = rms(diff^6 q) / sqrt(924) over the samples around which a joint moves.
 
+    At irregular times the divided differences of order six stand for diff^6, each over the
+    standard deviation that white noise of sigma 1 gives it. Where an encoder only flickers by a
+    count, sigma is that of rounding to counts.
+
     Args:
-        position: (T,) rad or m at regular times.
+        position: (T,) rad or m.
+        t: (T,) increasing times, s; None: regular.
     """
-    differences = _differences(position, _ORDER)
-    if differences.size == 0:
-        return 0.0
-    return float(np.sqrt(np.mean(differences**2) / math.comb(2 * _ORDER, _ORDER)))
+    if (count := _flickers(position)) > 0.0:
+        return count / math.sqrt(12.0)
+    differences = _differences(position, _ORDER, t)
+    return float(np.sqrt(np.mean(differences**2))) if differences.size else 0.0
 
 
-def noisy_joints(position: FloatArray, step: float, resolution: FloatArray) -> list[bool]:
+def noise_floor(position: FloatArray, t: FloatArray | None = None) -> float:
+    """Return the sigma of `noise_level` over all samples, those at rest too, for spectra.
+
+    Args:
+        position, t: as there.
+    """
+    if (count := _flickers(position)) > 0.0:
+        return count / math.sqrt(12.0)
+    return float(np.sqrt(np.mean(_normalized_differences(position, _ORDER, t) ** 2)))
+
+
+def roughness(position: FloatArray, t: FloatArray | None = None) -> float:
+    """Return the RMS of the third differences that times leave, as sigma of the noise they make.
+
+    High orders pass over bursts of rows and the pauses between them; this one does not.
+
+    Args:
+        position, t: as in `noise_level`.
+    """
+    return float(np.sqrt(np.mean(_normalized_differences(position, 3, t) ** 2)))
+
+
+def noisy_joints(
+    position: FloatArray, step: float, resolution: FloatArray, t: FloatArray | None = None
+) -> list[bool]:
     """Return which joints carry noise, if any of it would spoil accelerations; else none.
 
     What makes a log is noise that a spline turns into more than 1 % of a joint's acceleration; 5 %
@@ -57,106 +101,199 @@ def noisy_joints(position: FloatArray, step: float, resolution: FloatArray) -> l
     noisy joint is filtered: each one's acceleration moves the others.
 
     Args:
-        position: (T, nj) rad or m at regular times.
-        step: s between samples.
+        position: (T, nj) rad or m.
+        step: s between samples, the mean one.
         resolution: (nj,) the last digit printed, rad or m.
+        t: (T,) increasing times, s; None: regular.
     """
-    noisy = [_is_noisy(q) for q in position.T]
-    spoils = [_flickers(q) or (is_so and _spoils(q, step, float(last)))
+    noisy = [_is_noisy(q, t) for q in position.T]
+    spoils = [_flickers(q) > 0.0 or (is_so and _spoils(q, step, float(last), t))
               for q, is_so, last in zip(position.T, noisy, resolution, strict=True)]  # fmt: skip
     return noisy if any(spoils) else [False] * len(noisy)
 
 
-def _is_noisy(position: FloatArray) -> bool:
+def _is_noisy(position: FloatArray, t: FloatArray | None) -> bool:
     """Whether there is white noise beyond rounding; medians pass over a planned motion's kinks."""
-    six, eight = (typical_noise(position, order) for order in (_ORDER, _ORDER + 2))
-    return _flickers(position) or (six > _LEAST_NOISE and eight > _WHITE_SHARE * six)
+    six, eight = (typical_noise(position, t, order) for order in (_ORDER, _ORDER + 2))
+    return _flickers(position) > 0.0 or (six > _LEAST_NOISE and eight > _WHITE_SHARE * six)
 
 
-def _spoils(position: FloatArray, step: float, resolution: float) -> bool:
+def _spoils(position: FloatArray, step: float, resolution: float, t: FloatArray | None) -> bool:
     """Whether a spline makes more of the noise than a small share of the joint's acceleration."""
-    curvature = np.abs(np.diff(position, 2)) / step**2
+    curvature = np.abs(_normalized_differences(position, 2, t)) * math.sqrt(6.0) / step**2
     large = float(np.quantile(curvature[curvature > 0.0], 0.9))  # a glitch would be the peak
-    noise = typical_noise(position)
+    noise = typical_noise(position, t)
     harmless = _ROUNDED_SHARE if noise < 0.5 * resolution else _HARMLESS_SHARE
     return SPLINE_GAINS[1] * noise / step**2 > harmless * large
 
 
-def _flickers(position: FloatArray) -> bool:
-    """Whether all that happens is that an encoder goes one count up or down now and then."""
+def _flickers(position: FloatArray) -> float:
+    """Return an encoder's count where it only goes up or down by one now and then; else 0."""
     steps = np.diff(position)
     places = np.flatnonzero(steps)
     if places.size == 0 or float(np.ptp(np.abs(steps[places]))) > 0.01 * float(np.ptp(position)):
-        return False
+        return 0.0
     count = float(np.abs(steps[places]).max())
-    return bool(np.ptp(position) < 3.0 * count and _LEAST_NOISE < count < _LARGEST_COUNT)
+    flickers = np.ptp(position) < 3.0 * count and _LEAST_NOISE < count < _LARGEST_COUNT
+    return count if flickers else 0.0
 
 
-def _differences(position: FloatArray, order: int) -> FloatArray:
-    """Differences of an order, where the samples they take are not all the same."""
+def _differences(position: FloatArray, order: int, t: FloatArray | None) -> FloatArray:
+    """Normalized differences of an order, where the samples they take are not all the same."""
     changes = np.diff(position) != 0.0
     if changes.size < order:
         return np.empty(0)
     count = np.concatenate(([0], np.cumsum(changes)))
-    return np.diff(position, order)[count[order:] > count[:-order]]
+    return _normalized_differences(position, order, t)[count[order:] > count[:-order]]
 
 
-def typical_noise(position: FloatArray, order: int = _ORDER) -> float:
+def _normalized_differences(position: FloatArray, order: int, t: FloatArray | None) -> FloatArray:
+    """Return divided differences over the deviation that white noise of sigma 1 gives them.
+
+    sum_k w_k q_k / sqrt(sum_k w_k^2) with w_k = 1 / prod_(j != k) (t_k - t_j) over order + 1
+    samples; at regular times diff^order / sqrt(C(2 order, order)). Smooth motions leave nothing.
+    """
+    if t is None:
+        return np.diff(position, order) / math.sqrt(math.comb(2 * order, order))
+    count = position.size - order
+    place = (t - t[0]) / (t[-1] - t[0]) * (t.size - 1)  # of order 1 apart: no overflow
+    total, squares = np.zeros(count), np.zeros(count)
+    for k in range(order + 1):
+        product = np.ones(count)
+        for j in range(order + 1):
+            if j != k:
+                product *= place[k : k + count] - place[j : j + count]
+        total += position[k : k + count] / product
+        squares += 1.0 / product**2
+    return np.asarray(total / np.sqrt(squares))
+
+
+def typical_noise(position: FloatArray, t: FloatArray | None = None, order: int = _ORDER) -> float:
     """Return sigma from the median of differences: the few samples at a kink do not count.
 
     Args:
-        position: (T,) rad or m at regular times.
+        position: (T,) rad or m.
+        t: (T,) increasing times, s; None: regular.
         order: of the differences; the median of Gaussian ones is 0.6745 of their RMS.
     """
-    differences = _differences(position, order)
+    differences = _differences(position, order, t)
     if differences.size < _FEWEST:
         return 0.0
-    return float(np.median(np.abs(differences))) / 0.6745 / math.sqrt(math.comb(2 * order, order))
+    return float(np.median(np.abs(differences))) / 0.6745
 
 
-def signal_cutoff(position: FloatArray, step: float) -> float | None:
-    """Return the frequency (Hz) above which a motion drowns in its noise; None: there is none.
+def signal_cutoff(
+    position: FloatArray, step: float, noise: float, gentle: bool = False
+) -> float | None:
+    """Return the cutoff (Hz) whose acceleration is least wrong; None: none is worth it.
 
-    The first one at which Welch's estimate of the power spectral density of the second difference
-    is below twice that of white noise.
+    A low pass of gain G leaves an error of the acceleration whose mean square is expected to be
+    int (1 - G)^2 (D - N) + G^2 N df: motion taken away, and noise let through. D is Welch's
+    estimate of the spectral density of the second difference, N that of white noise; their
+    difference is the motion's, without bias. Motion above a gap in the spectrum counts like any
+    other. N of the noise let through is taken four times.
 
     Args:
         position: (T,) rad or m at regular times.
         step: s between samples.
+        noise: sigma of the white noise, over all samples, rad or m.
+        gentle: of the low pass.
+
+    Source: Stein, Estimation of the Mean of a Multivariate Normal Distribution (1981): an unbiased
+    estimate of the risk.
     """
-    frequency, density, white = _spectra(position, step)
-    buried = np.flatnonzero((density < 2.0 * white) & (frequency > 0.0))
-    found = float(frequency[buried[0]]) if buried.size else np.inf
-    return found if found < 0.4 / step else None
+    seen = _spectra(position, step, noise)
+    cutoffs = np.geomspace(seen.frequency[1], _HIGHEST / step, _CUTOFFS)
+    gain = _gain(seen.frequency, cutoffs[:, None], gentle)
+    error = (1.0 - gain) ** 2 @ seen.motion + _CAUTION * gain**2 @ seen.white
+    best = int(np.argmin(error))
+    return float(cutoffs[best]) if best < _CUTOFFS - 1 else None
 
 
-def _spectra(position: FloatArray, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Frequencies, Welch's density of the second difference, and that of its white noise."""
+@dataclass(frozen=True)
+class _Spectra:
+    """Densities of the second difference at frequencies (Hz): motion, white noise.
+
+    `clear` is how many times the noise's the density must be, not to be noise by chance.
+    """
+
+    frequency: FloatArray
+    motion: FloatArray
+    white: FloatArray
+    clear: float
+
+
+def _spectra(position: FloatArray, step: float, noise: float) -> _Spectra:
     from scipy.signal import welch
+    from scipy.stats import chi2
 
-    level = float(np.sqrt(np.mean(np.diff(position, _ORDER) ** 2) / math.comb(2 * _ORDER, _ORDER)))
     curvature = np.diff(position, 2)
-    frequency, density = welch(curvature, 1.0 / step, nperseg=min(_SEGMENT, curvature.size),
-                               detrend=False)  # fmt: skip
-    white = 2.0 * level**2 * step * np.abs(2.0 * np.sin(np.pi * frequency * step)) ** 4
-    return frequency, density, white
+    length = min(curvature.size, max(math.ceil(_SEGMENT / step), _SHORTEST_SEGMENT))
+    frequency, density = welch(curvature, 1.0 / step, nperseg=length, detrend=False)
+    difference = np.abs(2.0 * np.sin(np.pi * frequency * step)) ** 4
+    white = 2.0 * noise**2 * step * difference
+    motion = density - white
+    freedom = 2.0 * curvature.size / length  # overlapping halves: about two for each whole segment
+    count = _encoder_count(position)
+    if noise < count:  # what moves by less than half a count cannot be told from rounding
+        power = np.divide(motion, difference, out=np.zeros_like(motion), where=difference > 0.0)
+        above = np.cumsum(power[::-1])[::-1] * frequency[1]
+        motion[np.maximum.accumulate(above[::-1])[::-1] < count**2 / 8.0] = 0.0
+    return _Spectra(frequency, motion, white, float(chi2.isf(_FALSE_ALARM, freedom)) / freedom)
 
 
-def acceleration_jumps(position: FloatArray, step: float, cutoff: float) -> bool:
+def _encoder_count(position: FloatArray) -> float:
+    """Return the count of which all steps are multiples; 0: there is none."""
+    steps = np.abs(np.diff(position))
+    steps = steps[steps > 0.0]
+    if steps.size == 0:
+        return 0.0
+    count = float(steps.min())
+    whole = steps / count
+    return count if float(np.abs(whole - np.rint(whole)).max()) < 0.01 else 0.0
+
+
+def acceleration_jumps(position: FloatArray, step: float, cutoff: float, noise: float) -> bool:
     """Return whether the acceleration jumps, as it does in trapezoidal profiles.
 
     The density of jumps falls as f^-2, so a share beyond f as f^-1: 95 % of the power reach 4 times
-    as far as 80 % do. Where only the jerk jumps it is 4^(1/3) = 1.6 times.
+    as far as 80 % do and twice as far as 90 %. Where only the jerk jumps it is 4^(1/3) = 1.6 times;
+    where one tone stands above the others, 95 % reach hardly farther than 90 %.
 
     Args:
         position: (T,) rad or m at regular times.
         step: s between samples.
-        cutoff: Hz, where the motion drowns in its noise.
+        cutoff: Hz, of the low pass.
+        noise: as in `signal_cutoff`.
     """
-    frequency, density, white = _spectra(position, step)
-    power = np.cumsum(np.maximum(density - white, 0.0) * (frequency < cutoff))
-    most, nearly_all = np.interp((0.8 * power[-1], 0.95 * power[-1]), power, frequency)
-    return bool(nearly_all > _HEAVY_TAIL * most)
+    seen = _spectra(position, step, noise)
+    power = np.cumsum(np.maximum(seen.motion, 0.0) * (seen.frequency < cutoff))
+    shares = power[-1] * np.array((0.8, 0.9, 0.95))
+    most, more, nearly_all = np.interp(shares, power, seen.frequency)
+    return bool(nearly_all > _HEAVY_TAIL * most and nearly_all > _NO_TONE * more)
+
+
+def motion_taken_away(
+    position: FloatArray, step: float, noise: float, cutoff: float, gentle: bool
+) -> float:
+    """Return the RMS acceleration that a low pass takes from the motion, rad/s^2 or m/s^2.
+
+    Only frequencies count at which the density is far above that of the noise.
+
+    Args:
+        position, step, noise: as in `signal_cutoff`.
+        cutoff, gentle: of the low pass.
+    """
+    seen = _spectra(position, step, noise)
+    clear = seen.motion > (max(seen.clear, _UNCLEAR) - 1.0) * seen.white
+    lost = (1.0 - _gain(seen.frequency, cutoff, gentle)) ** 2 * np.maximum(seen.motion, 0.0)
+    return float(np.sqrt(np.sum(lost[clear]) * seen.frequency[1])) / step**2
+
+
+def _gain(frequency: FloatArray, cutoff: float | FloatArray, gentle: bool) -> FloatArray:
+    """Return the gain of `low_pass`."""
+    ratio = frequency / cutoff
+    return np.asarray(2.0 ** -(ratio**2) if gentle else 1.0 / (1.0 + ratio ** (2 * _BUTTERWORTH)))
 
 
 def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = False) -> FloatArray:
@@ -165,9 +302,8 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
     Its gain is 1 / (1 + (f / cutoff)^8), a Butterworth low pass of order four forward and backward.
     That rings at a jump and makes a tenth more of it; a gentle one, 2^-(f / cutoff)^2 (Gaussian),
     does not, but takes more from a motion with much power just below the cutoff. Beyond both ends
-    the motion goes on as the polynomial of degree six through its last two periods of the cutoff
-    does, with the noise mirrored: a reflection would set velocity or acceleration to zero there, a
-    cubic bends too little.
+    the motion goes on as the polynomial of degree four through its last period of the cutoff does:
+    a reflection would set velocity or acceleration to zero there.
 
     Args:
         position: (T,) or (T, n) at regular times, rad or m, or anything else.
@@ -180,8 +316,9 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
 
     count = len(position)
     span = min(count, max(math.ceil(2.0 / (cutoff * step)), 8))
-    before = _continued(position[::-1], span)[::-1]
-    longer = np.concatenate((before, position, _continued(position, span)))
+    fitted = min(count, max(math.ceil(_FITTED / (cutoff * step)), 8))
+    before = _continued(position[::-1], span, fitted)[::-1]
+    longer = np.concatenate((before, position, _continued(position, span, fitted)))
     if gentle:
         width = np.sqrt(2.0 * np.log(2.0)) / (2.0 * np.pi * cutoff * step)
         smooth = gaussian_filter1d(longer, width, axis=0, mode="nearest", truncate=6.0)
@@ -191,13 +328,13 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
     return np.asarray(smooth[len(before) : len(before) + count])
 
 
-def _continued(position: FloatArray, span: int) -> FloatArray:
-    """Return `span` samples after the last: a polynomial of the last `span`, residuals mirrored."""
-    last, degree = position[-span:], 6 if span > 16 else 1
-    place = np.linspace(-1.0, 1.0, span)  # where Legendre's polynomials are of one size
-    basis, ahead = (np.polynomial.legendre.legvander(x, degree) for x in (place, place[1:] + 2.0))
-    motion = np.linalg.lstsq(basis, last, rcond=None)[0]
-    return np.asarray(ahead @ motion + (last - basis @ motion)[::-1][1:])
+def _continued(position: FloatArray, span: int, fitted: int) -> FloatArray:
+    """Return `span` samples after the last, on a polynomial through the last `fitted`."""
+    last, degree = position[-fitted:], _CONTINUED if fitted > 2 * _CONTINUED else 1
+    place = np.linspace(-1.0, 1.0, len(last))  # where Legendre's polynomials are of one size
+    ahead = 1.0 + (place[1] - place[0]) * np.arange(1, span + 1)
+    basis, beyond = (np.polynomial.legendre.legvander(x, degree) for x in (place, ahead))
+    return np.asarray(beyond @ np.linalg.lstsq(basis, last, rcond=None)[0])
 
 
 def noise_gain(step: float, cutoff: float, order: int, gentle: bool = False) -> float:
@@ -212,7 +349,5 @@ def noise_gain(step: float, cutoff: float, order: int, gentle: bool = False) -> 
         order: of the derivative.
     """
     frequency = np.linspace(0.0, 0.5 / step, 4001)
-    ratio = frequency / cutoff
-    gain = 2.0 ** -(ratio**2) if gentle else 1.0 / (1.0 + ratio**8)
-    gain *= (2.0 * np.pi * frequency) ** order
+    gain = _gain(frequency, cutoff, gentle) * (2.0 * np.pi * frequency) ** order
     return float(np.sqrt(2.0 * step * np.trapezoid(gain**2, frequency)))

@@ -16,7 +16,7 @@ from pinfric.study.trajectory.joint_columns import JointColumn, listing, refuse
 from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.bags import is_bag, open_bag
 from pinfric.study.trajectory.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
-from pinfric.study.trajectory.log.files import Cells, OpenedLog, open_csv, open_parquet
+from pinfric.study.trajectory.log.files import Cells, OpenedLog, open_csv, open_matlab, open_parquet
 from pinfric.study.trajectory.log.motion import settle, unwrapped
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.log.rows import check_times, gap_problems, ordered_rows
@@ -26,7 +26,7 @@ from pinfric.study.trajectory.table import TrajectoryTable, mismatch_warning
 FloatArray = NDArray[np.float64]
 
 #: Endings of the files that are read here; a bag may be a folder, too.
-SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".db3", ".mcap")
+SUFFIXES = (".csv", ".tsv", ".txt", ".csv.gz", ".parquet", ".mat", ".db3", ".mcap")
 
 
 #: What a file with samples says: the joints it names, their table, how it was read.
@@ -41,7 +41,7 @@ def read_log(
     options: ReadingOptions,
     problems: list[str],
 ) -> Logged:
-    """Read a CSV file, a Parquet file, a bag, or arrays.
+    """Read a CSV, Parquet or MATLAB file, a bag, or arrays.
 
     Args:
         source: the file, a bag's folder, or a log's arrays.
@@ -70,7 +70,7 @@ def read_log(
     named = tuple(column for column in named if column.name in found.position)
     if not found.time or not named:
         refuse(name, problems)
-    said = [*log.said, *([f"columns not used: {others}"] if others else [])]
+    said = [*log.said, *found.said, *([f"columns not used: {others}"] if others else [])]
     cells = log.read(found.used(), problems)
     if len(cells.values) == 0:
         refuse(name, problems)
@@ -84,11 +84,10 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
         return open_bag(path, [joint.name for joint in joints])
     if path.is_dir():
         raise TrajectoryError(f"{path}: is a folder without metadata.yaml: no bag")
-    suffix = path.suffix.lower()
-    if suffix == ".parquet":
-        return open_parquet(path)
-    if suffix in SUFFIXES:
-        return open_csv(path)
+    name = path.name.lower()
+    for suffix, opened in ((".parquet", open_parquet), (".mat", open_matlab), (SUFFIXES, open_csv)):
+        if name.endswith(suffix):
+            return opened(path)
     raise TrajectoryError(
         f"{path}: a trajectory ends in .csv, .yaml or .yml; a log in {', '.join(SUFFIXES)}"
     )
@@ -141,7 +140,8 @@ def _read(
         nothing = np.full_like(position, np.nan)
         plan = replace(plan, velocity=nothing, acceleration=nothing)
     effort = _quantity(cells, found.effort, named)[kept]
-    settled = settle(named, plan, options, problems)
+    recorded = log.recorded or bool(found.effort)
+    settled = settle(named, plan, options, problems, recorded)
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
         said.append("velocities in the file are not used: they come from the filtered positions")
     if log.recorded:

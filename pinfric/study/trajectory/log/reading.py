@@ -61,14 +61,17 @@ class DerivativeNoise:
         moving: (T, nj) bool, where a joint is not held; only there is anything uncertain.
         velocity: (nj,) standard deviation, rad/s or m/s.
         acceleration: (nj,) the same, rad/s^2 or m/s^2.
-        acceleration_shift: (T, nj) how a cutoff lower by 1/sqrt(2) changes the acceleration: the
-            size of what the low pass itself may have taken away.
+        acceleration_shift: (T, nj) how a lower cutoff (by 1/sqrt(2), of a gentle low pass by 1/2)
+            changes the acceleration: the size of what the low pass may have taken away near its
+            cutoff.
+        acceleration_cut: (nj,) RMS of the motion above the cutoff that the low pass took away.
     """
 
     moving: NDArray[np.bool_]
     velocity: FloatArray
     acceleration: FloatArray
     acceleration_shift: FloatArray
+    acceleration_cut: FloatArray
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,7 @@ class Reading:
     Args:
         samples: rows that became samples.
         dropped: rows left out (torn, not finite, doubled or backward stamps, repeats of a slower
-            rate).
+            rate, ends in motion).
         resampled: samples that lie between rows and were interpolated.
         jitter: RMS of the stamps about regular time, s.
         noise: joint -> standard deviation of its positions' noise, rad or m; 0: rounding.

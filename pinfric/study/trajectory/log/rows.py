@@ -37,28 +37,41 @@ _SAME_PERIOD = 0.9
 
 @dataclass(frozen=True)
 class Timing:
-    """Regular time behind stamps: row i was taken at start + step number[i] but for jitter.
+    """When the rows of a log were taken, and the regular times to compute on.
 
     Args:
-        start, step: s.
-        number: (rows,) increasing whole numbers; one missing is a row that was lost.
+        start, step: of the regular times, s.
+        count: how many there are.
+        number: (rows,) increasing whole numbers: row i was taken at start + step number[i] but for
+            jitter; one missing is a row that was lost. None where stamps wander from every regular
+            time: then only the stamps tell when a row was taken.
         jitter: RMS of the stamps about regular time, s.
     """
 
     start: float
     step: float
-    number: NDArray[np.int64]
+    count: int
+    number: NDArray[np.int64] | None
     jitter: float
 
     @property
     def time(self) -> FloatArray:
         """The regular times, lost rows among them, s."""
-        return self.start + self.step * np.arange(int(self.number[-1]) + 1, dtype=np.float64)
+        return self.start + self.step * np.arange(self.count, dtype=np.float64)
+
+    @property
+    def taken(self) -> FloatArray | None:
+        """The regular times at which the rows were taken, s; None where stamps wander."""
+        if self.number is None:
+            return None
+        return np.asarray(self.start + self.step * self.number, dtype=np.float64)
 
     @property
     def irregular(self) -> bool:
         """Whether stamps and regular time differ by more than rounding, or rows are lost."""
-        return self.jitter > _REGULAR * self.step or int(self.number[-1]) + 1 != self.number.size
+        if self.number is None or self.count != self.number.size:
+            return True
+        return self.jitter > _REGULAR * self.step
 
 
 def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> None:
@@ -125,30 +138,60 @@ def _only_jitters(t: FloatArray) -> bool:
 
 
 def regular_time(t: FloatArray) -> Timing | None:
-    """Return the regular time behind stamps; None where there is none.
+    """Return the regular time behind stamps; None for few rows, or times that do not increase.
 
     Steps are rounded to multiples of the median one and summed, then a line is fitted: rounding
-    the stamps themselves would drift past lost rows.
+    the stamps themselves would drift past lost rows. Stamps that wander by more than half a step
+    from the line tell themselves when rows were taken.
 
     Args:
         t: (rows,) s.
     """
     if t.size < FEWEST:
         return None
+    steps = np.diff(t)
     if _only_jitters(t):
         number = np.arange(t.size)
     else:
-        steps = np.diff(t)
         whole = np.rint(steps / np.median(steps)).astype(np.int64)
         if (whole <= 0).any() or whole.sum() > GAP_FACTOR * t.size:
-            return None
+            return _wandering_time(t)
         number = np.concatenate(([0], np.cumsum(whole)))
     step, start = np.polyfit(number, t, 1)
-    off = t - start - step * number
-    jitter = float(np.sqrt(np.mean(off**2)))
+    jitter = float(np.sqrt(np.mean((t - start - step * number) ** 2)))
     if step <= 0.0 or jitter > _JITTER * step:
+        return _wandering_time(t)
+    return Timing(float(start), float(step), int(number[-1]) + 1, number, jitter)
+
+
+def _wandering_time(t: FloatArray) -> Timing | None:
+    """Return as many regular times as there are rows, but for gaps, over stamps that increase."""
+    steps = np.diff(t)
+    if (steps <= 0.0).any():
         return None
-    return Timing(float(start), float(step), number, jitter)
+    step = float(np.mean(steps[steps <= GAP_FACTOR * np.median(steps)]))
+    count = int((t[-1] - t[0]) / step + 1e-9) + 1
+    if count > GAP_FACTOR * t.size:  # a gap that is longer than the log
+        return None
+    off = t - np.polyval(np.polyfit(np.arange(t.size), t, 1), np.arange(t.size))
+    return Timing(float(t[0]), step, count, None, float(np.sqrt(np.mean(off**2))))
+
+
+def far_apart(t: FloatArray, least: float) -> NDArray[np.int64]:
+    """Return the rows to interpolate between: each at least `least` s after the one before.
+
+    A spline through noisy rows that nearly coincide swings far beyond them.
+
+    Args:
+        t: (rows,) increasing, s.
+        least: s.
+    """
+    if (np.diff(t) >= least).all():
+        return np.arange(t.size)
+    kept = [0]
+    while (following := int(np.searchsorted(t, t[kept[-1]] + least))) < t.size:
+        kept.append(following)
+    return np.array(kept)
 
 
 def held_rate(position: FloatArray) -> slice | None:

@@ -164,7 +164,8 @@ def fast_angles(
         return []
     ways = np.abs(np.diff(position, axis=0))
     ways = np.minimum(ways, np.abs(ways - 2.0 * np.pi))  # an angle may wrap
-    speeds = np.quantile(ways / steps[:, None], 0.99, axis=0)
+    # rows that were written at once say nothing about speeds
+    speeds = np.quantile(ways / np.maximum(steps, np.mean(steps))[:, None], 0.99, axis=0)
     fast = [
         f"{column.name} {speed:.3g} rad/s, limit {column.velocity_limit:.3g}"
         for column, speed, unit in zip(columns, speeds.tolist(), known, strict=True)
