@@ -139,21 +139,23 @@ def parameters(
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
     result = []
-    errors = dict(zip(known.place.tolist(), np.sqrt(np.diag(known.covariance)), strict=True))
-    reach = known.quantile()
+    errors = dict(zip(known.place.tolist(),
+                      zip(known.standard_error.tolist(), known.reach().tolist(), strict=True),
+                      strict=True))  # fmt: skip
     slots = found.problem.slots(found.choice.laws)
     for j in found.known:
         law, r = found.choice.laws[j], abs(found.scene.drives[j].ratio)
         for slot in slots[j]:
-            x, error = float(found.fit.slots[j, slot]), errors.get(j * len(SLOTS) + slot, 0.0)
-            low, high = sorted(float(scene_value(law, slot, max(x + side * reach * error, 0.0),
-                                                 r)) for side in (-1, 1))  # fmt: skip
+            x = float(found.fit.slots[j, slot])
+            error, reach = errors.get(j * len(SLOTS) + slot, (0.0, 0.0))
+            low, high = sorted(float(scene_value(law, slot, max(x + side * reach, 0.0), r))
+                               for side in (-1, 1))  # fmt: skip
             value = float(scene_value(law, slot, x, r))
             section, name, unit = scene_key(found.scene, j, law, slot)
             why = ""
             if x == 0.0:
                 why, high = "at its bound, zero", np.nan
-            elif x <= reach * error:
+            elif x <= reach:
                 why = "its interval holds zero"
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
