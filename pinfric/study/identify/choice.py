@@ -198,5 +198,5 @@ def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
         return bool(difference.sum() <= max(spread, ((1.0 + MARGIN) ** 2 - 1.0) * least))
 
     fine = [law for law in errors if good(law)]
-    return min(fine, key=lambda law: (len(law.slots), law.exponent not in (None, 1.0),
+    return min(fine, key=lambda law: (len(law.slots) + law.stribeck, law.exponent not in (None, 1.0),
                                       float(errors[law].sum())))  # fmt: skip

@@ -23,10 +23,11 @@ from pinfric.study.identify.checks import check_one_robot
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
-from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS, Law
+from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.misfit import Misfit, misfits
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
+    RESTING,
     Parameter,
     identified_scene,
     on_motor,
@@ -275,10 +276,11 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
     """Draws of every coefficient above zero, in the scene's terms."""
     draws = known.draws(found.fit.slots, _DRAWS, seed)
     slots, ways = found.problem.slots(found.choice.laws), {SLOT[FORWARD], SLOT[BACKWARD]}
+    falls = {SLOT[name] for name in (*RESTING, FALL_SPEED)}  # no key of a sweep
     result = {}
     for at in known.place.tolist():
         j, slot = divmod(at, len(SLOTS))
-        if j not in found.known:
+        if j not in found.known or slot in falls:
             continue
         law = found.choice.laws[j]
         ratio = abs(found.scene.drives[j].ratio)

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from pinfric.study.identify.columns import PASS, Rows
 from pinfric.study.identify.estimate import Estimate
-from pinfric.study.identify.laws import BACKWARD, FORWARD, INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import Normal, residuals
+from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, INERTIA, SLOT, SLOTS
+from pinfric.study.identify.normal import Normal, orthonormal, residuals
 
 FloatArray = NDArray[np.float64]
 
@@ -36,8 +36,8 @@ _SPAN, _FEWEST_SPANS = 1.5, 10
 _MOST = 3
 #: Times per turn at which friction may change with the angle.
 _HARMONICS = tuple(range(1, 13))
-#: Forward and backward Coulomb friction that differ by a larger share of their mean's double may
-#: be a sensor's offset: on robots they differ by a tenth.
+#: Coulomb friction forward and backward that differ by more than this share of their sum may well
+#: be equal, and the effort's sensor off.
 _UNEVEN = 0.15
 _WAYS = [SLOT[FORWARD], SLOT[BACKWARD]]
 #: Keeps shapes apart that are nearly the same.
@@ -159,19 +159,20 @@ def _of_joint(found: Estimate, joint: int) -> Iterator[Misfit]:
     spans, span = _spans(rows)
     if spans < _FEWEST_SPANS:
         return
-    active = [SLOT[INERTIA], *found.choice.laws[joint].slots]
+    law = found.choice.laws[joint]
+    active = [SLOT[INERTIA], *law.slots, *([SLOT[FALL_SPEED]] if law.stribeck else [])]
     model = np.column_stack((rows.rigid, rows.slots[:, active])) * weight[:, None]
     left = residuals(rows, found.fit, joint) * weight
     shapes = list(_shapes(found, joint, _track(found, joint)))
     for _ in range(_MOST):
-        basis = _basis(model)
+        basis = orthonormal(model)
         rest = left - basis @ (basis.T @ left)
         best: Misfit | None = None
         for over, columns in shapes:
             own = columns * weight[:, None]
             clear = own - basis @ (basis.T @ own)
             size = np.linalg.norm(clear, axis=0)
-            clear = _basis(clear[:, size > _DESCRIBED * np.linalg.norm(own, axis=0)])
+            clear = orthonormal(clear[:, size > _DESCRIBED * np.linalg.norm(own, axis=0)])
             m = clear.shape[1]
             if m == 0 or spans < 2 * m + 2:
                 continue
@@ -197,15 +198,6 @@ def _spans(rows: Rows) -> tuple[int, NDArray[np.int64]]:
     key = np.column_stack((rows.log, np.floor(rows.time / _SPAN).astype(np.int64)))
     _, span = np.unique(key, axis=0, return_inverse=True)
     return int(span.max(initial=-1)) + 1, span.ravel()
-
-
-def _basis(columns: FloatArray) -> FloatArray:
-    """Orthonormal columns that span the given ones."""
-    size = np.linalg.norm(columns, axis=0)
-    scaled = columns[:, size > 0.0] / size[size > 0.0]
-    values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    kept = values > 1e-9 * max(float(values.max(initial=0.0)), 1e-300)
-    return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
 
 
 def _track(found: Estimate, joint: int) -> _Track:

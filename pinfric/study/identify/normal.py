@@ -20,6 +20,8 @@ from pinfric.study.identify.laws import SLOTS
 
 FloatArray = NDArray[np.float64]
 
+#: Share of the largest eigenvalue below which columns are combinations of each other.
+_DEPENDENT = 1e-9
 #: Draws coefficients of columns scaled to one to zero, where a joint does not move.
 _RIDGE = 1e-8
 #: Residuals beyond so many median absolute deviations count less (Huber).
@@ -247,6 +249,19 @@ def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:
         part = columns[start : start + rows]
         total += (part * weight[start : start + rows, None]).T @ part
     return total
+
+
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Return orthonormal columns (n, r) that span the given ones.
+
+    Args:
+        columns: (n, m), of which some may be combinations of others.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    scaled = columns[:, size > 0.0] / size[size > 0.0]
+    values, vectors = np.linalg.eigh(gram(scaled, np.ones(len(scaled))))
+    kept = values > _DEPENDENT * max(float(values.max(initial=0.0)), 1e-300)
+    return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
 
 
 def places(chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:

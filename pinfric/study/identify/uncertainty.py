@@ -19,7 +19,18 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.study.identify.columns import Prepared, bearings_only
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.inertias import with_parameters
-from pinfric.study.identify.laws import BACKWARD, BEARING, FORWARD, INERTIA, SLOT, SLOTS, SPEEDS
+from pinfric.study.identify.laws import (
+    BACKWARD,
+    BEARING,
+    FALL_BACKWARD,
+    FALL_FORWARD,
+    FALL_SPEED,
+    FORWARD,
+    INERTIA,
+    SLOT,
+    SLOTS,
+    SPEEDS,
+)
 from pinfric.study.identify.misfit import Misfit, bias, one_sided
 from pinfric.study.identify.normal import above_zero, moves, residuals
 
@@ -27,6 +38,8 @@ FloatArray = NDArray[np.float64]
 
 #: Share of a standard deviation by which a link's parameter is changed to see what its load does.
 _STEP = 0.1
+#: Columns of the friction that a gear on the motor's side of it passes on.
+_INNER = (FORWARD, BACKWARD, *SPEEDS, FALL_FORWARD, FALL_BACKWARD, FALL_SPEED)
 #: Logs from which a spread between them can be told.
 _FEWEST_LOGS = 2
 
@@ -51,26 +64,26 @@ class Uncertainty:
     logs: int
     spread: FloatArray
 
-    @property
-    def standard_error(self) -> FloatArray:
-        """(n,) of each coefficient, for a further log."""
-        return np.sqrt(np.diag(self.within) + np.diag(self.between))
-
-    def reach(self, level: float = 0.95) -> FloatArray:
-        """Return (n,) how far the intervals reach to either side.
+    def of(self, places: Sequence[int], level: float = 0.95) -> tuple[float, float]:
+        """Return standard error and interval's reach to either side of a sum of coefficients.
 
         Degrees of freedom of a sum of two variances (Satterthwaite 1946):
         (a + b)^2 / (a^2/n_a + b^2/n_b).
 
         Args:
-            level: share of the intervals that hold the coefficient.
+            places: of the coefficients among (nj K,); those at zero are taken as known.
+            level: share of the intervals that hold the sum.
         """
         from scipy.special import stdtrit
 
-        own, other = np.diag(self.within), np.diag(self.between)
-        both = np.maximum(own + other, 1e-300)
+        taken = np.isin(self.place, places)
+        own, other = (float(x[np.ix_(taken, taken)].sum()) for x in (self.within, self.between))
+        both = own + other
+        if both <= 0.0:
+            return 0.0, 0.0
         inverse = (own / both) ** 2 / self.freedom + (other / both) ** 2 / max(self.logs - 1, 1)
-        return np.asarray(stdtrit(1.0 / inverse, 0.5 + 0.5 * level) * self.standard_error)
+        error = float(np.sqrt(both))
+        return error, float(stdtrit(1.0 / inverse, 0.5 + 0.5 * level)) * error
 
     def draws(self, values: FloatArray, count: int, seed: int) -> FloatArray:
         """Return (count, nj K) draws around the coefficients, correlated, none below zero.
@@ -106,7 +119,7 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
         shapes: of its residuals.
     """
     problem, fit = found.problem, found.fit
-    place = above_zero(fit, problem.slots(found.choice.laws))
+    place = _uncertain(found)
     moved, count = moves(problem.grams, problem.weights, problem.prior, fit, place,
                          _feedback(found, place))  # fmt: skip
     moved = moved[:, moved.shape[1] - place.size :]
@@ -124,6 +137,14 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
             share = np.var(factors, ddof=1) * (1.0 + 1.0 / len(factors))
             between += share * np.outer(own, own)
     return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+
+
+def _uncertain(found: Estimate) -> NDArray[np.int64]:
+    """Where coefficients above zero, and speeds of friction that falls, stand among (nj K,)."""
+    place = above_zero(found.fit, found.problem.slots(found.choice.laws))
+    falls = [j * len(SLOTS) + SLOT[FALL_SPEED] for j in found.known
+             if found.fit.slots[j, [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]].any()]  # fmt: skip
+    return np.sort(np.append(place, np.array(falls, dtype=np.int64)))
 
 
 def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
@@ -158,7 +179,7 @@ def _load_slopes(found: Estimate, joint: int, name: str) -> FloatArray | None:
         return None
     way = np.sign(rows.velocity * rows.load)
     way *= (way < 0.0) if "driven" in name else (way > 0.0) if "driving" in name else 1.0
-    inner = [name.endswith("joint side") and (slot in (FORWARD, BACKWARD) or slot in SPEEDS)
+    inner = [name.endswith("joint side") and slot in _INNER
              for slot in SLOTS]  # fmt: skip
     return np.hstack((rows.rigid, rows.slots * inner)) * way[:, None]
 
