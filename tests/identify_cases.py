@@ -110,11 +110,15 @@ def log(seed: int, duration: float = 60.0, rate: float = 500.0, still=(), name="
     return logged(seed, motion, motor_effort(truth(), motion), name)
 
 
-def logged(seed: int, motion: Motion, effort: np.ndarray, name: str = "log") -> pf.Log:
-    """A motion and its efforts as a robot logs them."""
+def logged(
+    seed: int, motion: Motion, effort: np.ndarray, name: str = "log", every: int = 1
+) -> pf.Log:
+    """A motion and its efforts as a robot logs them, of so many samples one."""
+    late = np.column_stack([np.interp(motion.t - DELAY, motion.t, y) for y in effort.T])
+    motion = Motion(*(x[::every] for x in (motion.t, motion.q, motion.v, motion.a)))
+    effort, late = effort[::every], late[::every]
     rate = 1.0 / (motion.t[1] - motion.t[0])
     rng = np.random.default_rng(5000 + seed)
-    late = np.column_stack([np.interp(motion.t - DELAY, motion.t, y) for y in effort.T])
     size = NOISE * np.sqrt(np.mean(effort**2, axis=0))
     keep = np.exp(-1.0 / (rate * MEMORY))
     from scipy.signal import lfilter

@@ -15,6 +15,9 @@ from scipy.signal import lfilter
 
 import pinfric as pf
 
+#: A motion as encoders show it, and what the motors deliver, (T, 6) N m.
+Simulated = tuple[Motion, np.ndarray]
+
 #: Static friction over kinetic, and rad/s at which 1/e of the difference is left.
 STATIC, FALL = 1.5, 0.2
 #: Share of Coulomb friction that changes with the angle.
@@ -43,61 +46,61 @@ def coulomb(v: np.ndarray) -> np.ndarray:
     return np.where(v > 0.0, up, -down * (v < 0.0))
 
 
-def _stribeck(seed: int, motion: Motion) -> pf.Log:
-    return logged(seed, motion, motor_effort(stribeck_truth(), motion))
+def _stribeck(seed: int, motion: Motion) -> Simulated:
+    return motion, motor_effort(stribeck_truth(), motion)
 
 
-def _by_angle(seed: int, motion: Motion) -> pf.Log:
+def _by_angle(seed: int, motion: Motion) -> Simulated:
     """Coulomb friction that changes once per turn of the joint."""
     phase = np.random.default_rng(6000 + seed).uniform(0.0, 2.0 * np.pi, 6)
     change = POSITION * coulomb(motion.v) * np.sin(motion.q + phase)
-    return logged(seed, motion, motor_effort(truth(), motion) + change)
+    return motion, motor_effort(truth(), motion) + change
 
 
-def _by_motor_turn(seed: int, motion: Motion) -> pf.Log:
+def _by_motor_turn(seed: int, motion: Motion) -> Simulated:
     """A ripple once per turn of the motor."""
     ripple = POSITION * np.mean(COULOMB, axis=1) * np.sin(RATIO * motion.q)
-    return logged(seed, motion, motor_effort(truth(), motion) + ripple)
+    return motion, motor_effort(truth(), motion) + ripple
 
 
-def _filtered(seed: int, motion: Motion) -> pf.Log:
+def _filtered(seed: int, motion: Motion) -> Simulated:
     """Efforts behind a low pass of first order."""
     effort = motor_effort(truth(), motion)
     keep = np.exp(-2.0 * np.pi * FILTER * (motion.t[1] - motion.t[0]))
     slow, _ = lfilter([1.0 - keep], [1.0, -keep], effort, axis=0, zi=keep * effort[:1])
-    return logged(seed, motion, slow)
+    return motion, slow
 
 
-def _play(seed: int, motion: Motion) -> pf.Log:
+def _play(seed: int, motion: Motion) -> Simulated:
     """Angles of the motors, which lead the joints to one side or the other of the play."""
     effort = motor_effort(truth(), motion)
     side = np.sign(effort)
     keep = np.exp(-(motion.t[1] - motion.t[0]) / 0.01)  # the play is crossed in some 10 ms
     side, _ = lfilter([1.0 - keep], [1.0, -keep], side, axis=0, zi=keep * side[:1])
     moved = Motion(motion.t, motion.q + 0.5 * PLAY * side, motion.v, motion.a)
-    return logged(seed, moved, effort)
+    return moved, effort
 
 
-def _offset(seed: int, motion: Motion) -> pf.Log:
+def _offset(seed: int, motion: Motion) -> Simulated:
     """Sensors whose zeros are off by a share of Coulomb friction."""
     sign = np.random.default_rng(7000 + seed).choice([-1.0, 1.0], 6)
     offset = OFFSET * sign * np.mean(COULOMB, axis=1)
-    return logged(seed, motion, motor_effort(truth(), motion) + offset)
+    return motion, motor_effort(truth(), motion) + offset
 
 
-def _payload(seed: int, motion: Motion) -> pf.Log:
+def _payload(seed: int, motion: Motion) -> Simulated:
     """A payload at the last link that nobody names."""
     box = {"link": "tool0", "mass": PAYLOAD, "com": (0.0, 0.0, 0.1)}
     scene = truth().with_(payloads={"box": box})
     found = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a, t=motion.t,
                                 attached=np.ones((motion.t.size, 1), dtype=bool))  # fmt: skip
     effort = 0.5 * RATIO * (found.motor_torque_lower + found.motor_torque_upper)
-    return logged(seed, motion, effort)
+    return motion, effort
 
 
-#: Name -> log of a seed and a motion.
-CASES: dict[str, Callable[[int, Motion], pf.Log]] = {
-    "true": lambda seed, motion: logged(seed, motion, motor_effort(truth(), motion)),
+#: Name -> what a seed makes of a motion.
+CASES: dict[str, Callable[[int, Motion], Simulated]] = {
+    "true": lambda seed, motion: (motion, motor_effort(truth(), motion)),
     "stribeck": _stribeck,
     "position": _by_angle,
     "motor turn": _by_motor_turn,
@@ -108,6 +111,7 @@ CASES: dict[str, Callable[[int, Motion], pf.Log]] = {
 }
 
 
-def wrong_log(case: str, seed: int, duration: float = 60.0, rate: float = 125.0) -> pf.Log:
-    """Return a case's log."""
-    return CASES[case](seed, excitation(seed, duration, rate))
+def wrong_log(case: str, seed: int, duration: float = 60.0, rate: float = 250.0) -> pf.Log:
+    """Return a case's log: made at 1 kHz, so that what lies between samples is right."""
+    return logged(seed, *CASES[case](seed, excitation(seed, duration, 1000.0)),
+                  every=round(1000.0 / rate))  # fmt: skip

@@ -5,8 +5,8 @@
 Each joint's change of delay is one more coefficient beside the links' and friction's, with a
 standard error from blocks as theirs. One clock and one filter make one delay, so joints that differ
 by more than they are known show something else: friction that changes with the angle, play, a
-filter. Their disagreement then is in the standard error of the delay. Each log has coefficients of its
-own: a warm robot shall not look like a delay.
+filter. Their disagreement then is in the standard error of the delay. Each log has coefficients of
+its own: a warm robot shall not look like a delay.
 """
 
 from __future__ import annotations
@@ -148,21 +148,25 @@ def log_delay(
         delay = float(np.clip(delay, _LEAST, _MOST))
         row_weights, weights = weighted(rows, fit)
         slopes = [_slope(one, fit, j, prior.center.size) for j in range(len(slots))]
-    if not _LEAST < delay < _MOST:
+    if not _LEAST < delay < _MOST or not one.slides.any():
         return LogDelay(delay, _USUAL)
     rows, nj = _with_slopes(one, delay, slopes, apart=True), len(slots)
     fit, errors = _changes(rows, row_weights, weights, slots,
                            _with_delays(prior, one, delay, nj), nj)  # fmt: skip
     values = delay + fit.theta[-nj:]
     joints = {j: (float(values[j]), float(errors[j])) for j in range(nj) if rows[j].effort.size}
-    return LogDelay(delay, error * _disagreement(delay, joints.values()), joints)
+    return LogDelay(delay, error * disagreement(delay, joints.values()), joints)
 
 
-def _disagreement(value: float, joints: Collection[tuple[float, float]]) -> float:
+def disagreement(value: float, joints: Collection[tuple[float, float]]) -> float:
     """Return by which factor joints differ from a value more than their errors say, at least 1.
 
     The median of the differences in standard errors, by the information that each joint has: one
     that tells little, as a light wrist that hardly leaves presliding, cannot call off the others.
+
+    Args:
+        value: of all joints, s.
+        joints: (value, standard error) of each, s.
     """
     values, errors = np.array(list(joints)).T
     away = np.abs(values - value) / errors
@@ -180,7 +184,7 @@ def _changes(
     prior: Prior,
     count: int,
 ) -> tuple[Fit, FloatArray]:
-    """Return a fit with `count` changes of the delay at the end of theta, and the standard errors of these."""
+    """Return a fit with `count` changes of the delay at the end of theta, and their errors."""
     from scipy.special import stdtrit
 
     blocks = 1 + max(int(own.block.max(initial=0)) for own in rows)

@@ -73,6 +73,11 @@ class Law:
             names += [f"gear {way}, {self.side} side" for way in ways]
         return tuple(SLOT[name] for name in names)
 
+    @property
+    def size(self) -> int:
+        """How many coefficients it has, the speed at which friction falls among them."""
+        return len(self.slots) + self.stribeck
+
     def __str__(self) -> str:
         parts = ["Coulomb"] if self.coulomb else []
         parts += ["Stribeck"] if self.stribeck else []

@@ -153,8 +153,6 @@ def one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]
 
 def _of_joint(found: Estimate, joint: int) -> Iterator[Misfit]:
     """Shapes of one joint's residual, the largest first."""
-    from scipy.stats import f as f_distribution
-
     rows, weight = found.rows[joint], np.sqrt(found.row_weights[joint])
     spans, span = _spans(rows)
     if spans < _FEWEST_SPANS:
@@ -182,15 +180,25 @@ def _of_joint(found: Estimate, joint: int) -> Iterator[Misfit]:
                 continue
             sums = np.zeros((spans, m))
             np.add.at(sums, span, clear * rest[:, None])
-            total = sums.sum(axis=0)
-            T = float(total @ np.linalg.lstsq(sums.T @ sums, total, rcond=1e-10)[0])
-            ratio = T * (spans - m) / (m * max(spans - T, 1e-9))
-            if f_distribution.sf(ratio, m, spans - m) < _CHANCE:
+            if chance(sums) < _CHANCE:
                 best = Misfit(joint, over, float(np.sqrt(part / rest.size)), share, columns)
         if best is None:
             return
         yield best
         model = np.column_stack((model, best.columns * weight[:, None]))
+
+
+def chance(sums: FloatArray) -> float:
+    """Return the probability of sums that are as far from zero where their mean is zero.
+
+    Args:
+        sums: (N, m) of each span.
+    """
+    from scipy.special import fdtrc
+
+    (count, m), total = sums.shape, sums.sum(axis=0)
+    T = float(total @ np.linalg.lstsq(sums.T @ sums, total, rcond=1e-10)[0])
+    return float(fdtrc(m, count - m, T * (count - m) / (m * max(count - T, 1e-9))))
 
 
 def _spans(rows: Rows) -> tuple[int, NDArray[np.int64]]:
@@ -228,7 +236,7 @@ def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, F
     hats = _hats(speed, (0.02, 0.1, 0.25, 0.5, 0.8))
     yield "the speed", hats * sign[:, None]
     yield ("whether it speeds up or slows down (play, a soft drive, or efforts that were filtered)",
-           _hats(speed, (0.1, 0.5, 0.9)) * np.sign(v * track.a)[:, None] * sign[:, None])  # fmt: skip
+           _hats(speed, (0.1, 0.5, 0.9)) * np.sign(track.a)[:, None])  # fmt: skip
     yield ("the effort that it passes on",
            np.column_stack((sign * np.abs(load), sign * load, load * np.abs(load),
                             load**2 * sign)))  # fmt: skip

@@ -105,7 +105,8 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
         return section, f"{'no_load_torque' if motor else 'coulomb'}.{way}", (
             "N m" if motor else effort)  # fmt: skip
     if name in RESTING:
-        return section, f"coulomb.{'positive' if name == FALL_FORWARD else 'negative'}.static", effort
+        way = "positive" if name == FALL_FORWARD else "negative"
+        return section, f"coulomb.{way}.static", effort
     if name in SPEEDS:
         speed = "rad/s" if motor or effort == "N m" else "m/s"
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"

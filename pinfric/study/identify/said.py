@@ -90,9 +90,8 @@ def _of_logs(found: Estimate) -> list[str]:
         names = found.scene.joint_names
         each = [f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
                 for j, (value, error) in others.items()]  # fmt: skip
-        lines.append("lack of fit: efforts of these joints ask for a delay of their own, which no "
-                     f"clock makes: {', '.join(each)}; the standard error of the common delay holds "
-                     "their spread")  # fmt: skip
+        lines.append(f"lack of fit: the delays of {', '.join(each)} differ from that of the other "
+                     "joints: play, a filter, or friction that no law has")  # fmt: skip
     if len(delay.logs) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
         each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"

@@ -126,17 +126,32 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     within = moved.T @ moved
     for off in (*([bias(found, shapes, place)] if shapes else ()), *one_sided(found, place)):
         within += np.outer(off, off)
-    logs = len(found.prepared)
-    every = [_log_factors(found, j) for j in range(len(found.rows))]
-    between = np.zeros_like(within)
-    values = fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
-    for j, (factors, _) in enumerate(every):
+    between, logs = for_a_further_log(found, place)
+    return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+
+
+def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatArray, int]:
+    """Return (n, n) the covariance of a further log's coefficients about those of these logs.
+
+        s^2 (1 + 1/L) x x^T    of each joint, s^2: variance of its factor between L logs
+
+    Args:
+        found: the estimate.
+        place: (n,) of the coefficients among (nj K,).
+
+    Returns:
+        The covariance, and the fewest logs by which a factor is known: L - 1 is its freedom.
+    """
+    every = [_log_factors(found, j)[0] for j in range(len(found.rows))]
+    values = found.fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
+    between = np.zeros((place.size, place.size))
+    for j, factors in enumerate(every):
         if len(factors) >= _FEWEST_LOGS:
             own = values * (place // len(SLOTS) == j)
-            # a further log's own factor, and the mean's that these logs have
             share = np.var(factors, ddof=1) * (1.0 + 1.0 / len(factors))
             between += share * np.outer(own, own)
-    return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+    counts = [len(factors) for factors in every if len(factors) >= _FEWEST_LOGS]
+    return between, min(counts, default=1)
 
 
 def _uncertain(found: Estimate) -> NDArray[np.int64]:
