@@ -119,7 +119,7 @@ def misfits(found: Identified) -> int:
 
 def study(cases: list[str], seeds: range) -> Iterator[str]:
     """Yield the table's lines."""
-    yield "case         coverage  lack of fit  delay off  unseen motion off  unseen log / blocks  time"
+    yield "case       coverage  lack of fit  delay off  unseen motion off  unseen log/blocks  time"
     for case in cases:
         every, refused = [], 0
         for seed in seeds:

@@ -19,7 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.study.identify.columns import PASS, Rows
+from pinfric.dynamics.reactions import state_wrenches
+from pinfric.dynamics.states import States
+from pinfric.study.identify.columns import PASS, Prepared, Rows
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, INERTIA, SLOT, SLOTS
 from pinfric.study.identify.normal import Normal, orthonormal, residuals
@@ -27,7 +29,7 @@ from pinfric.study.identify.normal import Normal, orthonormal, residuals
 FloatArray = NDArray[np.float64]
 
 #: Probability of a shape found by chance, of each of the some 20 shapes of a joint.
-_CHANCE = 1e-5
+_CHANCE = 1e-4
 #: Share of a residual's mean square that a shape must explain to be named.
 _LEAST_SHARE = 0.02
 #: s: residuals further apart count as independent. Spans below which nothing is tested.
@@ -73,6 +75,7 @@ class _Track:
         q, v, a: of the drive; q rad or m.
         slope, bend: first and second derivative of the fitted effort, by s.
         time: from -1 to 1 over each log.
+        press: (n, 3) loads of the joint's bearing: force across and along its axis, moment.
     """
 
     q: FloatArray
@@ -81,6 +84,7 @@ class _Track:
     slope: FloatArray
     bend: FloatArray
     time: FloatArray
+    press: FloatArray
 
 
 def misfits(found: Estimate) -> tuple[Misfit, ...]:
@@ -89,7 +93,9 @@ def misfits(found: Estimate) -> tuple[Misfit, ...]:
     Args:
         found: the estimate.
     """
-    return tuple(one for j in found.known for one in _of_joint(found, j))
+    presses = [_presses(found, one) for one in found.prepared]
+    return tuple(one for j in found.known
+                 for one in _of_joint(found, j, _track(found, j, presses)))  # fmt: skip
 
 
 def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
@@ -151,7 +157,7 @@ def one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]
         yield half * ((place == at[0]) * 1.0 - (place == at[1]))
 
 
-def _of_joint(found: Estimate, joint: int) -> Iterator[Misfit]:
+def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
     """Shapes of one joint's residual, the largest first."""
     rows, weight = found.rows[joint], np.sqrt(found.row_weights[joint])
     spans, span = _spans(rows)
@@ -161,7 +167,7 @@ def _of_joint(found: Estimate, joint: int) -> Iterator[Misfit]:
     active = [SLOT[INERTIA], *law.slots, *([SLOT[FALL_SPEED]] if law.stribeck else [])]
     model = np.column_stack((rows.rigid, rows.slots[:, active])) * weight[:, None]
     left = residuals(rows, found.fit, joint) * weight
-    shapes = list(_shapes(found, joint, _track(found, joint)))
+    shapes = list(_shapes(found, joint, track))
     for _ in range(_MOST):
         basis = orthonormal(model)
         rest = left - basis @ (basis.T @ left)
@@ -208,12 +214,33 @@ def _spans(rows: Rows) -> tuple[int, NDArray[np.int64]]:
     return int(span.max(initial=-1)) + 1, span.ravel()
 
 
-def _track(found: Estimate, joint: int) -> _Track:
+def _presses(found: Estimate, one: Prepared) -> FloatArray:
+    """Loads of each joint's bearing in one log, (n, nj, 3): force across and along its axis, moment.
+
+    Along the axis of what turns or slides, and of the moment what bends it.
+    """
+    motion, model = one.recording.trajectory, found.scene.model
+    q, v, a, attached = (np.ascontiguousarray(x[one.kept])
+                         for x in (motion.q, motion.v, motion.a, motion.attached))  # fmt: skip
+    wrench = state_wrenches(found.scene, States.of(found.scene, q, v, a, None, attached))
+    loads = np.empty((len(q), model.nv, 3))
+    for j in range(model.nv):
+        moves = np.asarray(model.joints[j + 1].createData().S).reshape(6)
+        axis = moves[3:] if moves[3:].any() else moves[:3]
+        force, moment = wrench[:, j, :3], wrench[:, j, 3:]
+        along, about = force @ axis, moment @ axis
+        loads[:, j, 0] = np.linalg.norm(force - along[:, None] * axis, axis=1)
+        loads[:, j, 1] = np.abs(along)
+        loads[:, j, 2] = np.linalg.norm(moment - about[:, None] * axis, axis=1)
+    return loads
+
+
+def _track(found: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Track:
     """What the shapes of one joint are made of."""
     from scipy.interpolate import CubicSpline
 
     parts = []
-    for one in found.prepared:
+    for one, press in zip(found.prepared, presses, strict=True):
         at = one.kept[one.slides[:, joint]]
         recording, own = one.recording, one.slides[:, joint]
         t = recording.trajectory.t
@@ -224,7 +251,7 @@ def _track(found: Estimate, joint: int) -> _Track:
         middle, half = 0.5 * (t[0] + t[-1]), 0.5 * (t[-1] - t[0])
         parts.append((q, recording.velocity[at, joint], recording.acceleration[at, joint],
                       curve(t[one.kept], 1)[own], curve(t[one.kept], 2)[own],
-                      (t[at] - middle) / half))  # fmt: skip
+                      (t[at] - middle) / half, press[own, joint]))  # fmt: skip
     return _Track(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -240,6 +267,8 @@ def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, F
     yield ("the effort that it passes on",
            np.column_stack((sign * np.abs(load), sign * load, load * np.abs(load),
                             load**2 * sign)))  # fmt: skip
+    yield ("the load on its bearing (name the bearing in the scene, and it is a candidate)",
+           track.press * sign[:, None])  # fmt: skip
     yield ("time (warming up, or a sensor that drifts)",
            np.column_stack((track.time, sign * track.time, v * track.time,
                             sign * track.time**2)))  # fmt: skip
