@@ -215,9 +215,9 @@ def _spans(rows: Rows) -> tuple[int, NDArray[np.int64]]:
 
 
 def _presses(found: Estimate, one: Prepared) -> FloatArray:
-    """Loads of each joint's bearing in one log, (n, nj, 3): force across and along its axis, moment.
+    """Loads of each joint's bearing in one log, (n, nj, 3): N across and along its axis, N m.
 
-    Along the axis of what turns or slides, and of the moment what bends it.
+    The moment is the part that does not act about the axis.
     """
     motion, model = one.recording.trajectory, found.scene.model
     q, v, a, attached = (np.ascontiguousarray(x[one.kept])
