@@ -86,9 +86,10 @@ def common_delay(logs: Sequence[LogDelay]) -> Delay:
     """Return the mean of logs' delays weighted by their information.
 
     Args:
-        logs: of each.
+        logs: of each; a standard error is infinite where nothing slides.
     """
-    mean, error = pooled([(one.value, one.standard_error) for one in logs])
+    mean, error = pooled([(one.value, one.standard_error) for one in logs
+                          if np.isfinite(one.standard_error)])  # fmt: skip
     seen = sorted({j for one in logs for j in one.joints})
     joints = {j: pooled([one.joints[j] for one in logs if j in one.joints]) for j in seen}
     return Delay(mean if error < _VAGUE else 0.0, error,
@@ -129,12 +130,16 @@ def log_delay(
 ) -> LogDelay:
     """Return by how much one log's efforts lag.
 
+    A log in which nothing slides has no rows: its standard error is infinite.
+
     Args:
         one: the log's columns.
         slots: of each joint's law.
         prior: of the links' parameters.
         start: a delay nearby, s.
     """
+    if not one.slides.any():
+        return LogDelay(start, np.inf)
     delay, error, slopes = start, _USUAL, [np.zeros(one.kept.size) for _ in slots]
     row_weights: tuple[FloatArray, ...] | None = None
     weights = np.ones(len(slots))
@@ -148,7 +153,7 @@ def log_delay(
         delay = float(np.clip(delay, _LEAST, _MOST))
         row_weights, weights = weighted(rows, fit)
         slopes = [_slope(one, fit, j, prior.center.size) for j in range(len(slots))]
-    if not _LEAST < delay < _MOST or not one.slides.any():
+    if not _LEAST < delay < _MOST:
         return LogDelay(delay, _USUAL)
     rows, nj = _with_slopes(one, delay, slopes, apart=True), len(slots)
     fit, errors = _changes(rows, row_weights, weights, slots,
@@ -202,7 +207,7 @@ def _changes(
 def _with_delays(links: Prior, one: Prepared, delay: float, count: int) -> Prior:
     """The prior of the links' parameters, and of `count` changes of the delay behind them."""
     # what is known of delays counts as much as rows of unit variance that say it
-    strength = 1.0 / (_USUAL**2 * max(float(one.slides.sum()), 1.0))
+    strength = 1.0 / (_USUAL**2 * float(one.slides.sum()))
     known = np.full(count, -delay), np.full(count, strength), np.full(count, _USUAL)
     own = links.center, links.weight, links.deviation
     return Prior(*(np.append(x, last) for x, last in zip(own, known, strict=True)))
