@@ -87,7 +87,7 @@ def test_an_unknown_payload_leaves_friction_in_its_intervals():
 
 def test_a_bearing_that_the_scene_lacks_is_named():
     laws = dict.fromkeys(NAMES, Law()) | {NAMES[1]: Law(load="gear")}
-    one = pf.identify(guess(21, bearing=False), wrong_log("true", 21, rate=125.0), laws=laws)
+    one = pf.identify(guess(100, bearing=False), wrong_log("true", 100), laws=laws)
     (line,) = lacks(one)
     assert line.startswith(f"lack of fit: {NAMES[2]}: ")
     assert "the load on its bearing" in line
