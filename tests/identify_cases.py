@@ -50,8 +50,8 @@ def truth() -> pf.Scene:
     return scene.with_(friction=friction, actuators=actuators)
 
 
-def guess(seed: int) -> pf.Scene:
-    """What is known before: masses wrong by 20 %, a guessed coefficient at the elbow."""
+def guess(seed: int, bearing: bool = True) -> pf.Scene:
+    """What is known before: masses wrong by 20 %, a guessed coefficient at the elbow's bearing."""
     true = truth()
     model, rng = true.model.copy(), np.random.default_rng(1000 + seed)
     for body in range(1, model.njoints):
@@ -61,7 +61,7 @@ def guess(seed: int) -> pf.Scene:
         inertia.inertia = inertia.inertia * factor
         model.inertias[body] = inertia
     elbow = true.joint_names[2]
-    friction = {elbow: {"bearing": PIN, "mu": {"static": 0.1, "kinetic": 0.1}}}
+    friction = {elbow: {"bearing": PIN, "mu": {"static": 0.1, "kinetic": 0.1}}} if bearing else {}
     actuators = [{"joint": name, "transmission": {"ratio": RATIO}} for name in true.joint_names]
     return true.with_(model=model, friction=friction, actuators=actuators)
 
@@ -107,9 +107,18 @@ def motor_effort(scene: pf.Scene, motion: Motion) -> np.ndarray:
 def log(seed: int, duration: float = 60.0, rate: float = 500.0, still=(), name="log") -> pf.Log:
     """The excitation as a robot logs it: encoder counts, noisy late efforts, ns stamps."""
     motion = excitation(seed, duration, rate, still)
-    rng = np.random.default_rng(5000 + seed)
-    effort = motor_effort(truth(), motion)
+    return logged(seed, motion, motor_effort(truth(), motion), name)
+
+
+def logged(
+    seed: int, motion: Motion, effort: np.ndarray, name: str = "log", every: int = 1
+) -> pf.Log:
+    """A motion and its efforts as a robot logs them, of so many samples one."""
     late = np.column_stack([np.interp(motion.t - DELAY, motion.t, y) for y in effort.T])
+    motion = Motion(*(x[::every] for x in (motion.t, motion.q, motion.v, motion.a)))
+    effort, late = effort[::every], late[::every]
+    rate = 1.0 / (motion.t[1] - motion.t[0])
+    rng = np.random.default_rng(5000 + seed)
     size = NOISE * np.sqrt(np.mean(effort**2, axis=0))
     keep = np.exp(-1.0 / (rate * MEMORY))
     from scipy.signal import lfilter

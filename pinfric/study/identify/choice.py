@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.laws import INERTIA, PLAIN, SLOT, SLOTS, Law
-from pinfric.study.identify.normal import Grams, Normal, Prior, Reduced, block_errors, residuals
+from pinfric.study.identify.normal import (
+    Grams,
+    ManyReduced,
+    Normal,
+    Prior,
+    Reduced,
+    block_errors,
+    residuals,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -156,20 +164,24 @@ class _Judge:
         self._problem = problem
         used = problem.folds >= 0
         tests = [problem.folds == part for part in np.unique(problem.folds[used])]
-        self._reduced = [Reduced(Normal.of(problem.grams, used & ~test, problem.weights),
-                                 problem.prior) for test in tests]  # fmt: skip
+        self._reduced = ManyReduced([
+            Reduced(Normal.of(problem.grams, used & ~test, problem.weights), problem.prior)
+            for test in tests
+        ])  # fmt: skip
         self.rows = np.array([[gram.count[test].sum() for test in tests]
                               for gram in problem.grams])  # fmt: skip
-        self._grams = [[gram.products[test].sum(axis=0)[None] for test in tests]
+        self._grams = [np.array([gram.products[test].sum(axis=0) for test in tests])
                        for gram in problem.grams]  # fmt: skip
+        self._fits: dict[tuple[Law, ...], tuple[FloatArray, FloatArray]] = {}
 
     def errors(self, laws: Sequence[Law], joints: Sequence[int]) -> list[FloatArray]:
         """Return each joint's sum of squared errors in every part, (parts,)."""
-        slots = self._problem.slots(laws)
-        fits = [reduced.fit(slots) for reduced in self._reduced]
-        return [np.array([block_errors(products, fit.of_joint(j))[0]
-                          for products, fit in zip(self._grams[j], fits, strict=True)])
-                for j in joints]  # fmt: skip
+        fits = self._fits.get(tuple(laws))
+        if fits is None:
+            slots = self._problem.slots(laws)
+            fits = self._fits[tuple(laws)] = self._reduced.fit(slots)
+        theta, slots_of = fits
+        return [block_errors(self._grams[j], np.hstack((theta, slots_of[:, j]))) for j in joints]
 
     def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
         """Return the joint's law by the candidates' sums of squared errors in every part."""
@@ -198,5 +210,5 @@ def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
         return bool(difference.sum() <= max(spread, ((1.0 + MARGIN) ** 2 - 1.0) * least))
 
     fine = [law for law in errors if good(law)]
-    return min(fine, key=lambda law: (len(law.slots), law.exponent not in (None, 1.0),
+    return min(fine, key=lambda law: (law.size, law.exponent not in (None, 1.0),
                                       float(errors[law].sum())))  # fmt: skip

@@ -2,15 +2,17 @@
 
     y(t + d) = X(t) beta,    so  y(t + d0) = X beta - (d - d0) y'(t + d0)    near d0
 
-The delay's change is one more coefficient beside the links' and friction's, with a standard error
-from blocks as theirs. Each log has coefficients of its own: that it was warm shall not look like a
-delay.
+Each joint's change of delay is one more coefficient beside the links' and friction's, with a
+standard error from blocks as theirs. One clock and one filter make one delay, so joints that differ
+by more than they are known show something else: friction that changes with the angle, play, a
+filter. Their disagreement then is in the standard error of the delay. Each log has coefficients of
+its own: a warm robot shall not look like a delay.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +32,11 @@ from pinfric.study.identify.normal import (
 FloatArray = NDArray[np.float64]
 
 #: s: delays that can be, and their standard deviation before anything was logged.
-_LEAST, _MOST, _USUAL = -0.02, 0.03, 0.02
+_LEAST, _MOST, _USUAL = -0.03, 0.1, 0.02
+#: Standard errors within which joints' delays agree.
+_ALIKE = 2.0
+#: Standard errors by which a joint's delay differs from that of all to be named.
+_DIFFERS = 4.0
 #: s: with a larger standard error, a delay is not determined.
 _VAGUE = 2.5e-3
 _ROUNDS = 4
@@ -42,13 +48,15 @@ class Delay:
 
     Attributes:
         value: taken for all logs; 0 where it is not determined.
-        standard_error: of what the logs say together, their spread included.
+        standard_error: of what the logs say together, their spread and that of joints included.
         logs: (value, standard error) of each log alone.
+        joints: (value, standard error) of each joint alone; nothing where it never slides.
     """
 
     value: float
     standard_error: float
     logs: tuple[tuple[float, float], ...]
+    joints: Mapping[int, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def determined(self) -> bool:
@@ -60,23 +68,69 @@ class Delay:
         return text if self.determined else "not determined, taken as 0"
 
 
-def common_delay(logs: Sequence[tuple[float, float]]) -> Delay:
+@dataclass(frozen=True)
+class LogDelay:
+    """By how much one log's efforts lag, s.
+
+    Attributes:
+        value, standard_error: of all joints together, their spread included.
+        joints: joint -> (value, standard error) of those that slide in it.
+    """
+
+    value: float
+    standard_error: float
+    joints: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+
+
+def common_delay(logs: Sequence[LogDelay]) -> Delay:
     """Return the mean of logs' delays weighted by their information.
 
     Args:
-        logs: delay and standard error of each, s.
+        logs: of each; a standard error is infinite where nothing slides.
     """
-    values, errors = np.array(logs).T
+    mean, error = pooled([(one.value, one.standard_error) for one in logs
+                          if np.isfinite(one.standard_error)])  # fmt: skip
+    seen = sorted({j for one in logs for j in one.joints})
+    joints = {j: pooled([one.joints[j] for one in logs if j in one.joints]) for j in seen}
+    return Delay(mean if error < _VAGUE else 0.0, error,
+                 tuple((one.value, one.standard_error) for one in logs), joints)  # fmt: skip
+
+
+def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the weighted mean of values, and its standard error, which holds their spread.
+
+        mean = sum of x/e^2 / sum of 1/e^2,    error^2 = max(1, Q/(n - 1)) / sum of 1/e^2
+
+    Q is the sum of ((x - mean)/e)^2 (Birge 1932).
+
+    Args:
+        found: (value, standard error) of each.
+    """
+    values, errors = np.array(found).T
     mean = float(np.average(values, weights=errors**-2))
     excess = float(np.sum(((values - mean) / errors) ** 2)) / max(len(values) - 1, 1)
-    error = float(np.sqrt(max(excess, 1.0) / np.sum(errors**-2)))
-    return Delay(mean if error < _VAGUE else 0.0, error, tuple(logs))
+    return mean, float(np.sqrt(max(excess, 1.0) / np.sum(errors**-2)))
+
+
+def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
+    """Return joint -> (value, standard error), s, of joints whose delay is not that of all.
+
+    Args:
+        delay: of the logs.
+    """
+    if not delay.joints:
+        return {}
+    mean, _ = pooled(list(delay.joints.values()))
+    return {j: (value, error) for j, (value, error) in delay.joints.items()
+            if abs(value - mean) > _DIFFERS * error}  # fmt: skip
 
 
 def log_delay(
     one: Prepared, slots: Sequence[Sequence[int]], prior: Prior, start: float
-) -> tuple[float, float]:
-    """Return by how much one log's efforts lag, and the standard error of that, s.
+) -> LogDelay:
+    """Return by how much one log's efforts lag.
+
+    A log in which nothing slides has no rows: its standard error is infinite.
 
     Args:
         one: the log's columns.
@@ -84,44 +138,99 @@ def log_delay(
         prior: of the links' parameters.
         start: a delay nearby, s.
     """
-    from scipy.special import stdtrit
-
-    joints = range(len(slots))
-    delay, error, slopes = start, _USUAL, [np.zeros(one.kept.size) for _ in joints]
-    row_weights, weights = None, np.ones(len(slots))
+    if not one.slides.any():
+        return LogDelay(start, np.inf)
+    delay, error, slopes = start, _USUAL, [np.zeros(one.kept.size) for _ in slots]
+    row_weights: tuple[FloatArray, ...] | None = None
+    weights = np.ones(len(slots))
     for _ in range(_ROUNDS):
-        # what is known of delays counts as much as rows of unit variance that say it
-        known = -delay, 1.0 / (_USUAL**2 * max(float(one.slides.sum()), 1.0)), _USUAL
-        links = prior.center, prior.weight, prior.deviation
-        now = Prior(*(np.append(own, last) for own, last in zip(links, known, strict=True)))
-        rows = [_with_slope(joint_rows([one], j, delay), slopes[j][one.slides[:, j]])
-                for j in joints]  # fmt: skip
+        rows = _with_slopes(one, delay, slopes, apart=False)
         if row_weights is None:
             row_weights = tuple(np.ones(own.effort.size) for own in rows)
-        blocks = 1 + max(int(own.block.max(initial=0)) for own in rows)
-        grams = [Grams.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
-        normal = Normal.of(grams, np.ones(blocks, dtype=bool), weights)
-        fit = Reduced(normal, now).fit(slots)
-        place = above_zero(fit, slots)
-        place = place[normal.slots.diagonal()[place] > 0.0]  # of joints that slide in this log
-        moved, count = moves(grams, weights, now, fit, place)
-        wider = float(stdtrit(max(count - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
-        error = wider * float(np.linalg.norm(moved[:, fit.theta.size - 1]))
-        delay = float(np.clip(delay + fit.theta[-1], _LEAST, _MOST))
+        fit, errors = _changes(rows, row_weights, weights, slots,
+                               _with_delays(prior, one, delay, 1), 1)  # fmt: skip
+        delay, error = delay + float(fit.theta[-1]), float(errors[0])
+        delay = float(np.clip(delay, _LEAST, _MOST))
         row_weights, weights = weighted(rows, fit)
-        slopes = [_slope(one, fit, j) for j in joints]
-    return delay, error if _LEAST < delay < _MOST else _USUAL
+        slopes = [_slope(one, fit, j, prior.center.size) for j in range(len(slots))]
+    if not _LEAST < delay < _MOST:
+        return LogDelay(delay, _USUAL)
+    rows, nj = _with_slopes(one, delay, slopes, apart=True), len(slots)
+    fit, errors = _changes(rows, row_weights, weights, slots,
+                           _with_delays(prior, one, delay, nj), nj)  # fmt: skip
+    values = delay + fit.theta[-nj:]
+    joints = {j: (float(values[j]), float(errors[j])) for j in range(nj) if rows[j].effort.size}
+    return LogDelay(delay, error * disagreement(delay, joints.values()), joints)
 
 
-def _with_slope(rows: Rows, slope: FloatArray) -> Rows:
-    """Rows with -y' as the last column of the links' parameters."""
-    return replace(rows, rigid=np.column_stack((rows.rigid, -slope)))
+def disagreement(value: float, joints: Collection[tuple[float, float]]) -> float:
+    """Return by which factor joints differ from a value more than their errors say, at least 1.
+
+    The median of the differences in standard errors, by the information that each joint has: one
+    that tells little, as a light wrist that hardly leaves presliding, cannot call off the others.
+
+    Args:
+        value: of all joints, s.
+        joints: (value, standard error) of each, s.
+    """
+    values, errors = np.array(list(joints)).T
+    away = np.abs(values - value) / errors
+    order = np.argsort(away)
+    known = np.cumsum((errors**-2)[order])
+    middle = float(away[order][np.searchsorted(known, 0.5 * known[-1])])
+    return max(1.0, middle / _ALIKE)
 
 
-def _slope(one: Prepared, fit: Fit, joint: int) -> FloatArray:
+def _changes(
+    rows: Sequence[Rows],
+    row_weights: Sequence[FloatArray],
+    weights: FloatArray,
+    slots: Sequence[Sequence[int]],
+    prior: Prior,
+    count: int,
+) -> tuple[Fit, FloatArray]:
+    """Return a fit with `count` changes of the delay at the end of theta, and their errors."""
+    from scipy.special import stdtrit
+
+    blocks = 1 + max(int(own.block.max(initial=0)) for own in rows)
+    grams = [Grams.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
+    normal = Normal.of(grams, np.ones(blocks, dtype=bool), weights)
+    fit = Reduced(normal, prior).fit(slots)
+    place = above_zero(fit, slots)
+    place = place[normal.slots.diagonal()[place] > 0.0]  # of joints that slide in this log
+    moved, samples = moves(grams, weights, prior, fit, place)
+    wider = float(stdtrit(max(samples - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
+    end = fit.theta.size
+    return fit, wider * np.linalg.norm(moved[:, end - count : end], axis=0)
+
+
+def _with_delays(links: Prior, one: Prepared, delay: float, count: int) -> Prior:
+    """The prior of the links' parameters, and of `count` changes of the delay behind them."""
+    # what is known of delays counts as much as rows of unit variance that say it
+    strength = 1.0 / (_USUAL**2 * float(one.slides.sum()))
+    known = np.full(count, -delay), np.full(count, strength), np.full(count, _USUAL)
+    own = links.center, links.weight, links.deviation
+    return Prior(*(np.append(x, last) for x, last in zip(own, known, strict=True)))
+
+
+def _with_slopes(
+    one: Prepared, delay: float, slopes: Sequence[FloatArray], apart: bool
+) -> list[Rows]:
+    """Each joint's rows with -y' behind the links' columns: one column, or one for each joint."""
+    result = []
+    for j, slope in enumerate(slopes):
+        rows = joint_rows([one], j, delay)
+        own = -slope[one.slides[:, j]][:, None]
+        if apart:
+            own = own * (np.arange(len(slopes)) == j)
+        result.append(replace(rows, rigid=np.column_stack((rows.rigid, own))))
+    return result
+
+
+def _slope(one: Prepared, fit: Fit, joint: int, links: int) -> FloatArray:
     """Derivative by time of one joint's fitted effort: the logged one's would be that of noise."""
     from scipy.interpolate import CubicSpline
 
-    fitted = one.rigid[:, joint] @ fit.theta[:-1] + one.slots[:, joint] @ fit.slots[joint]
+    fitted = one.rigid[:, joint] @ fit.theta[:links] + one.slots[:, joint] @ fit.slots[joint]
     t = one.recording.trajectory.t[one.kept]
     return np.asarray(CubicSpline(t, fitted)(t, 1))

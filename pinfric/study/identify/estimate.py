@@ -30,7 +30,10 @@ from pinfric.study.identify.delay import Delay, common_delay, log_delay
 from pinfric.study.identify.inertias import consistent_fit, urdf_prior, with_parameters
 from pinfric.study.identify.laws import (
     BACKWARD,
+    FALL_BACKWARD,
+    FALL_FORWARD,
     FORWARD,
+    INERTIA,
     PLAIN,
     SLOT,
     SPEEDS,
@@ -39,6 +42,7 @@ from pinfric.study.identify.laws import (
 )
 from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, weighted
 from pinfric.study.identify.recordings import STILL, Recording
+from pinfric.study.identify.stribeck import Fall, falling, find_fall, with_falls
 
 FloatArray = NDArray[np.float64]
 
@@ -94,6 +98,7 @@ class Estimate:
         prepared: of each log.
         errors: (nj,) of the laws taken and of plain friction, on blocks that neither their choice
             nor their fit has seen, N m or N.
+        falls: of each joint's friction from rest to motion; None: it has none.
         distrusted: whether laws chosen here would have predicted these blocks worse than plain
             friction, which was taken instead.
     """
@@ -108,6 +113,7 @@ class Estimate:
     scene: Scene
     prepared: tuple[Prepared, ...]
     errors: tuple[FloatArray, FloatArray] = (np.zeros(0), np.zeros(0))
+    falls: tuple[Fall | None, ...] = ()
     distrusted: bool = False
 
     @cached_property
@@ -145,6 +151,8 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     for number in (2, 1):
         progress(steps - number, steps)
         found = _next_pass(found)
+    if any(law.stribeck for law in found.choice.laws):  # whose speeds take some steps more
+        found = _next_pass(_next_pass(found))
     found = _trusted(replace(found, errors=nested_errors(found.problem, found.rows)))
     progress(steps, steps)
     if not found.known:
@@ -193,10 +201,21 @@ def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
 
 def _next_pass(before: Estimate) -> Estimate:
     """Loads by the inertias found, and with them the laws."""
+    before = replace(before, falls=tuple(_fall(before, j) for j in range(len(before.rows))))
     prepared = tuple(reloaded(before, one) for one in before.prepared)
     delay = _delay(replace(before, prepared=prepared))
     laws = [offered(before, j) for j in range(before.scene.model.nv)]
-    return _fitted(before.question, prepared, delay, laws, before)
+    return replace(_fitted(before.question, prepared, delay, laws, before), falls=before.falls)
+
+
+def _fall(found: Estimate, joint: int) -> Fall | None:
+    """The fall of one joint's friction, by the present estimate."""
+    law, mine = found.choice.laws[joint], found.question.laws.get(found.scene.joint_names[joint])
+    if mine is not None and not mine.stribeck:
+        return None
+    beside = {SLOT[INERTIA], *law.slots} - {SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]}
+    return find_fall(found.prepared, joint, found.rows[joint], found.row_weights[joint],
+                     sorted(beside))  # fmt: skip
 
 
 def _fitted(
@@ -264,9 +283,11 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     entry = scene.friction.get(name)
     both = _scale_is_known(found) and min(drives, 1.0 - drives) > _LEAST_SHARE
     bearing = entry is not None and entry.bearing is not None
-    laws = candidates(bearing, found.question.motor and varied, both)
+    falls = found.falls[joint] is not None if found.falls else False
+    laws = candidates(bearing, found.question.motor and varied, both, falls)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
-        laws = tuple(law for law in laws if not law.load or law.side == "motor" != law.load)
+        laws = tuple(law for law in laws if not law.stribeck
+                     and (not law.load or law.side == "motor" != law.load))  # fmt: skip
     return laws
 
 
@@ -290,4 +311,8 @@ def reloaded(found: Estimate, one: Prepared) -> Prepared:
                        - values[SLOT[BACKWARD]] * (sign < 0.0))  # fmt: skip
         for name, p in SPEEDS.items():
             inner[:, j] += values[SLOT[name]] * sign * np.abs(v[:, j]) ** p
-    return with_loads(one, found.scene, inner)
+        if found.falls and (fall := found.falls[j]) is not None:
+            inner[:, j] += falling(v[:, j], fall.velocity) * (
+                values[SLOT[FALL_FORWARD]] * (sign > 0.0)
+                - values[SLOT[FALL_BACKWARD]] * (sign < 0.0))  # fmt: skip
+    return with_falls(with_loads(one, found.scene, inner), found.falls)

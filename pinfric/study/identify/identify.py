@@ -24,9 +24,11 @@ from pinfric.study.identify.checks import check_one_robot
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
-from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT, SLOTS, Law
+from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, SLOT, SLOTS, Law
+from pinfric.study.identify.misfit import Misfit, misfits
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
+    RESTING,
     Parameter,
     identified_scene,
     on_motor,
@@ -82,6 +84,7 @@ class Identified(Shown):
         rest: joint -> what its holds show.
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.
         delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
+        misfits: what residuals still depend on; the intervals are widened by it.
         said: what was read, repaired, left out, and what the logs cannot tell.
         estimate: rows and coefficients behind all this.
     """
@@ -95,6 +98,7 @@ class Identified(Shown):
     rest: Mapping[str, RestBound]
     spread: Mapping[str, float]
     delay: float
+    misfits: tuple[Misfit, ...]
     said: tuple[str, ...]
     estimate: Estimate
 
@@ -198,7 +202,8 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
     """Return what an estimate says in a scene's terms."""
     scene, recordings = found.question.scene, found.question.recordings
     check_one_robot(scene.joint_names, found.rows, found.fit, [r.name for r in recordings])
-    known = uncertainty(found)
+    shapes = misfits(found)
+    known = uncertainty(found, shapes)
     static = break_aways(found)
     better = identified_scene(found, static)
     names = scene.joint_names
@@ -209,8 +214,8 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
         scene=better, laws={names[j]: found.choice.laws[j] for j in found.known}, parameters=every,
         posterior=_posterior(found, known, seed), errors=_errors(found),
         unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
-        delay=found.delay.value, said=said(found, rest, every, static),
-        estimate=found,
+        delay=found.delay.value, said=said(found, rest, every, static, shapes),
+        misfits=shapes, estimate=found,
     )  # fmt: skip
 
 
@@ -273,10 +278,11 @@ def _posterior(found: Estimate, known: Uncertainty, seed: int) -> dict[str, Floa
     """Draws of every coefficient above zero, in the scene's terms."""
     draws = known.draws(found.fit.slots, _DRAWS, seed)
     slots, ways = found.problem.slots(found.choice.laws), {SLOT[FORWARD], SLOT[BACKWARD]}
+    falls = {SLOT[name] for name in (*RESTING, FALL_SPEED)}  # no key of a sweep
     result = {}
     for at in known.place.tolist():
         j, slot = divmod(at, len(SLOTS))
-        if j not in found.known:
+        if j not in found.known or slot in falls:
             continue
         law = found.choice.laws[j]
         ratio = abs(found.scene.drives[j].ratio)

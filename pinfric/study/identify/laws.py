@@ -2,7 +2,8 @@
 
     friction = c+ [v > 0] - c- [v < 0] + k |v|^p sign v + sign v mu c(w) + gear
 
-with the bearing's load c, or a gear whose loss grows with the torque that passes it,
+with c+ and c- that may fall from rest to motion (Stribeck, see stribeck.py), the bearing's load c,
+or a gear whose loss grows with the torque that passes it,
 
     gear = sign v (g+ |x| [x v > 0] + g- |x| [x v < 0]),   g+ = 1/eta - 1,  g- = 1 - eta_b
 
@@ -11,7 +12,7 @@ where x is the rigid effort t (friction sits on the motor's side), or t + fricti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 #: Exponents of the speed. Below a half, Coulomb friction and its rest interval dissolve in the
@@ -22,11 +23,14 @@ SIDES = ("motor", "joint")
 _WAYS = ("driving", "driven", "both")
 
 INERTIA, FORWARD, BACKWARD, BEARING = "inertia", "forward", "backward", "bearing"
+#: What friction at rest exceeds that in motion by, and the speed at which it has fallen.
+FALL_FORWARD, FALL_BACKWARD, FALL_SPEED = "fall forward", "fall backward", "fall's speed"
 SPEEDS = {f"speed^{p:g}": p for p in EXPONENTS}
 #: The columns of one joint beside the rigid ones: what each coefficient multiplies.
 SLOTS = (
     INERTIA, FORWARD, BACKWARD, *SPEEDS, BEARING,
     *(f"gear {way}, {side} side" for side in SIDES for way in _WAYS),
+    FALL_FORWARD, FALL_BACKWARD, FALL_SPEED,
 )  # fmt: skip
 SLOT = {name: i for i, name in enumerate(SLOTS)}
 
@@ -41,6 +45,7 @@ class Law:
         load: "", "bearing" or "gear".
         side: of a gear's friction, and of a coupled drive's, "motor" or "joint".
         both_ways: a gear that loses as much driven as driving (eta_b = 2 - 1/eta).
+        stribeck: whether Coulomb friction falls from rest to motion.
     """
 
     coulomb: bool = True
@@ -48,6 +53,7 @@ class Law:
     load: str = ""
     side: str = "joint"
     both_ways: bool = True
+    stribeck: bool = False
 
     @property
     def speed(self) -> str:
@@ -59,6 +65,7 @@ class Law:
         """Its coefficients' places in `SLOTS`."""
         names = [FORWARD, BACKWARD] if self.coulomb else []
         names += [self.speed] if self.speed else []
+        names += [FALL_FORWARD, FALL_BACKWARD] if self.stribeck else []
         if self.load == "bearing":
             names.append(BEARING)
         elif self.load == "gear":
@@ -66,8 +73,14 @@ class Law:
             names += [f"gear {way}, {self.side} side" for way in ways]
         return tuple(SLOT[name] for name in names)
 
+    @property
+    def size(self) -> int:
+        """How many coefficients it has, the speed at which friction falls among them."""
+        return len(self.slots) + self.stribeck
+
     def __str__(self) -> str:
         parts = ["Coulomb"] if self.coulomb else []
+        parts += ["Stribeck"] if self.stribeck else []
         if self.speed:
             parts.append("viscous" if self.exponent == 1.0 else self.speed)
         if self.load == "gear":
@@ -82,13 +95,17 @@ class Law:
 PLAIN = Law()
 
 
-def candidates(bearing: bool, gear: bool, both_directions: bool) -> tuple[Law, ...]:
+def candidates(
+    bearing: bool, gear: bool, both_directions: bool, stribeck: bool = False
+) -> tuple[Law, ...]:
     """Return the laws that a joint's data can tell apart.
 
     Args:
         bearing: the scene gives the joint a bearing.
         gear: the effort passes a gear, and load varies enough beside Coulomb friction.
         both_directions: the load both drives the motion and is driven by it often enough.
+        stribeck: friction at low speed is larger than Coulomb and viscous friction make it; a scene
+            can say so on the joint's side.
     """
     loads = [Law()]
     if bearing:
@@ -97,8 +114,7 @@ def candidates(bearing: bool, gear: bool, both_directions: bool) -> tuple[Law, .
         loads.append(Law(load="gear", side=side))
         if both_directions:
             loads.append(Law(load="gear", side=side, both_ways=False))
-    return tuple(
-        Law(coulomb, exponent, law.load, law.side, law.both_ways)
-        for law in loads
-        for coulomb, exponent in ((True, None), *((True, p) for p in EXPONENTS))
-    )
+    smooth = [replace(law, exponent=p) for law in loads for p in (None, *EXPONENTS)]
+    falls = [replace(law, exponent=p, stribeck=True) for law in loads for p in (None, 1.0)
+             if stribeck and law.side == "joint"]  # fmt: skip
+    return (*smooth, *falls)

@@ -20,6 +20,8 @@ from pinfric.study.identify.laws import SLOTS
 
 FloatArray = NDArray[np.float64]
 
+#: Share of the largest eigenvalue below which columns are combinations of each other.
+_DEPENDENT = 1e-9
 #: Draws coefficients of columns scaled to one to zero, where a joint does not move.
 _RIDGE = 1e-8
 #: Residuals beyond so many median absolute deviations count less (Huber).
@@ -162,6 +164,28 @@ class Reduced:
         return Fit(self.start - self.by_slots @ x, x.reshape(len(chosen), -1))
 
 
+class ManyReduced:
+    """Several normal equations of one form, solved together: those of all held-out parts.
+
+    Args:
+        every: one for each part.
+    """
+
+    def __init__(self, every: Sequence[Reduced]) -> None:
+        self.left = np.array([one.left for one in every])
+        self.right = np.array([one.right for one in every])
+        self.by_slots = np.array([one.by_slots for one in every])
+        self.start = np.array([one.start for one in every])
+
+    def fit(self, chosen: Sequence[Sequence[int]]) -> tuple[FloatArray, FloatArray]:
+        """Return theta (parts, p) and coefficients (parts, nj, K), as `Reduced.fit` does."""
+        place = places(chosen)
+        x = np.zeros_like(self.right)
+        x[:, place] = non_negative(self.left[:, place[:, None], place], self.right[:, place])
+        theta = self.start - np.einsum("fpn,fn->fp", self.by_slots[:, :, place], x[:, place])
+        return theta, x.reshape(len(x), len(chosen), -1)
+
+
 def moves(
     grams: Sequence[Grams],
     weights: FloatArray,
@@ -249,6 +273,21 @@ def gram(columns: FloatArray, weight: FloatArray) -> FloatArray:
     return total
 
 
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Return orthonormal columns (n, r) that span the given ones.
+
+    Args:
+        columns: (n, m), of which some may be combinations of others.
+    """
+    size = np.linalg.norm(columns, axis=0)
+    scaled = columns[:, size > 0.0] / size[size > 0.0]
+    if not scaled.size:
+        return scaled
+    values, vectors = np.linalg.eigh(gram(scaled, np.ones(len(scaled))))
+    kept = values > _DEPENDENT * max(float(values.max(initial=0.0)), 1e-300)
+    return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
+
+
 def places(chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
     """Return where the chosen slots of all joints stand among (nj K,)."""
     return np.array([j * len(SLOTS) + slot for j, slots in enumerate(chosen)
@@ -268,14 +307,21 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     tells two of them apart.
 
     Args:
-        left: (n, n) symmetric, positive semidefinite.
-        right: (n,).
+        left: (..., n, n) symmetric, positive semidefinite.
+        right: (..., n).
     """
     from scipy.optimize import nnls
 
-    size = np.sqrt(np.maximum(np.diag(left), 1e-30 * max(1.0, float(np.diag(left).max()))))
-    root = np.linalg.cholesky(left / np.outer(size, size) + _RIDGE * np.eye(size.size))
-    found, _ = nnls(root.T, np.linalg.solve(root, right / size))
+    diagonal = np.diagonal(left, axis1=-2, axis2=-1)
+    least = 1e-30 * np.maximum(diagonal.max(axis=-1, initial=0.0, keepdims=True), 1.0)
+    size = np.sqrt(np.maximum(diagonal, least))
+    scaled = left / (size[..., :, None] * size[..., None, :]) + _RIDGE * np.eye(right.shape[-1])
+    target = right / size
+    found = np.linalg.solve(scaled, target[..., None])[..., 0]
+    for at in np.argwhere(found.min(axis=-1, initial=0.0) < 0.0):
+        here = tuple(at)
+        root = np.linalg.cholesky(scaled[here])
+        found[here], _ = nnls(root.T, np.linalg.solve(root, target[here]))
     return np.asarray(found / size)
 
 
@@ -290,7 +336,7 @@ def block_errors(products: FloatArray, values: FloatArray) -> FloatArray:
 
     Args:
         products: (blocks, p + K + 1, p + K + 1) of one joint.
-        values: (p + K,) its coefficients.
+        values: (blocks, p + K) its coefficients in each.
     """
-    x = np.append(-values, 1.0)
-    return np.maximum(np.einsum("i,bij,j->b", x, products, x), 0.0)
+    x = np.hstack((-values, np.ones((len(values), 1))))
+    return np.maximum(np.sum((products @ x[:, :, None])[:, :, 0] * x, axis=1), 0.0)

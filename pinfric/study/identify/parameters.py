@@ -25,6 +25,9 @@ from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import (
     BACKWARD,
     BEARING,
+    FALL_BACKWARD,
+    FALL_FORWARD,
+    FALL_SPEED,
     FORWARD,
     INERTIA,
     SLOT,
@@ -45,6 +48,10 @@ _VAGUE = 0.5
 _STEEP = 0.5
 #: Quantile of the logged speeds that counts as the slowest.
 _SLOWEST = 0.02
+
+
+#: What friction at rest has more than in motion, and the coefficient of that.
+RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
 
 
 @dataclass(frozen=True)
@@ -97,6 +104,9 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
         way = "positive" if (name == FORWARD) != turned else "negative"
         return section, f"{'no_load_torque' if motor else 'coulomb'}.{way}", (
             "N m" if motor else effort)  # fmt: skip
+    if name in RESTING:
+        way = "positive" if name == FALL_FORWARD else "negative"
+        return section, f"coulomb.{way}.static", effort
     if name in SPEEDS:
         speed = "rad/s" if motor or effort == "N m" else "m/s"
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
@@ -139,21 +149,25 @@ def parameters(
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
     """
     result = []
-    errors = dict(zip(known.place.tolist(), np.sqrt(np.diag(known.covariance)), strict=True))
-    reach = known.quantile()
     slots = found.problem.slots(found.choice.laws)
     for j in found.known:
         law, r = found.choice.laws[j], abs(found.scene.drives[j].ratio)
         for slot in slots[j]:
-            x, error = float(found.fit.slots[j, slot]), errors.get(j * len(SLOTS) + slot, 0.0)
-            low, high = sorted(float(scene_value(law, slot, max(x + side * reach * error, 0.0),
-                                                 r)) for side in (-1, 1))  # fmt: skip
+            x = float(found.fit.slots[j, slot])
+            places = [j * len(SLOTS) + slot]
+            if SLOTS[slot] in RESTING:  # at rest it adds to the friction in motion
+                below = SLOT[RESTING[SLOTS[slot]]]
+                places.append(j * len(SLOTS) + below)
+                x += float(found.fit.slots[j, below])
+            error, reach = known.of(places)
+            low, high = sorted(float(scene_value(law, slot, max(x + side * reach, 0.0), r))
+                               for side in (-1, 1))  # fmt: skip
             value = float(scene_value(law, slot, x, r))
             section, name, unit = scene_key(found.scene, j, law, slot)
             why = ""
             if x == 0.0:
                 why, high = "at its bound, zero", np.nan
-            elif x <= reach * error:
+            elif x <= reach:
                 why = "its interval holds zero"
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
@@ -166,7 +180,22 @@ def parameters(
                                           for x in astuple(broke))  # fmt: skip
                 result.append(Parameter(section, found.scene.joint_names[j], f"{name}.static", unit,
                                         mean, low, high, error, True))  # fmt: skip
+        if found.fit.slots[j, [SLOT[name] for name in RESTING]].any():
+            result.append(_fall_speed(found, known, j))
     return tuple(result)
+
+
+def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
+    """The speed at which friction has fallen; its logarithm is what has a standard error."""
+    fall, effort = found.falls[joint], effort_unit(found.scene, joint)
+    assert fall is not None  # its law has one
+    error, reach = known.of([joint * len(SLOTS) + SLOT[FALL_SPEED]])
+    why = "its standard error exceeds half of it" if error > _VAGUE else ""
+    low, high = (fall.velocity * float(np.exp(np.clip(side * reach, -700.0, 700.0)))
+                 for side in (-1, 1))  # fmt: skip
+    return Parameter("friction", found.scene.joint_names[joint], "stribeck.velocity",
+                     "rad/s" if effort == "N m" else "m/s", fall.velocity, low, high,
+                     error * fall.velocity, not why, why)  # fmt: skip
 
 
 def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway]) -> Scene:
@@ -209,8 +238,9 @@ def _entries(
         if name in (FORWARD, BACKWARD) and dry:
             head, _, way = key.partition(".")
             rest = float(fitted[slot]) + excess
+            rest += float(fitted[SLOT[FALL_FORWARD if name == FORWARD else FALL_BACKWARD]])
             if (joint, name) in static:
-                rest = max(float(fitted[slot]), static[joint, name].mean)
+                rest = max(rest if law.stribeck else float(fitted[slot]), static[joint, name].mean)
             rest = _rounded(scene_value(law, slot, rest, ratio))
             target.setdefault(head, {})[way] = {"static": rest, "kinetic": value}
         elif name in SPEEDS and value:
@@ -219,10 +249,15 @@ def _entries(
             given = found.question.scene.friction[scene.joint_names[joint]]
             assert given.mu is not None  # it was a candidate
             share = given.mu.static / given.mu.kinetic if given.mu.kinetic > 0.0 else 1.0
+            share = 1.0 if law.stribeck else share  # else it would fall, too
             target["bearing"] = given.bearing
             target["mu"] = {"static": _rounded(share * value), "kinetic": value}
-        elif value:
+        elif value and name not in RESTING:
             target[key] = value
+    if law.stribeck and fitted[[SLOT[name] for name in RESTING]].any():
+        fall = found.falls[joint]
+        assert fall is not None  # its law has one
+        friction["stribeck"] = {"velocity": _rounded(fall.velocity)}
     if law.load == "gear" and law.both_ways:
         gear["back_efficiency"] = "same_loss"
     # behind a gear whose losses grow with this friction, it is the joint's own

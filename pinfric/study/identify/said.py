@@ -7,11 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pinfric.study.identify.columns import FEWEST_ROWS
+from pinfric.study.identify.delay import other_delays
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import BACKWARD, FORWARD
+from pinfric.study.identify.misfit import Misfit, uneven
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import Parameter
 from pinfric.study.identify.rest import BreakAway, RestBound
+from pinfric.study.summary import effort_unit
 
 #: Below this share of its velocity limit a joint has not been fast.
 _FAST = 0.2
@@ -24,6 +27,7 @@ def said(
     rest: Mapping[str, RestBound],
     every: Sequence[Parameter],
     static: Mapping[tuple[int, str], BreakAway],
+    shapes: Sequence[Misfit] = (),
 ) -> tuple[str, ...]:
     """Return a line for everything that was read, repaired or left out, or that no log tells.
 
@@ -32,12 +36,14 @@ def said(
         rest: joint -> what its holds show.
         every: the coefficients.
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
+        shapes: what residuals still depend on.
     """
     lines = [f"{one.name}: {line}" for one in found.question.recordings
              for line in one.reading.said]  # fmt: skip
     lines += _of_logs(found)
     lines += [f"{what}: {', '.join(names)}" for what, names in _of_joints(found, rest, static)
               if names]  # fmt: skip
+    lines += _misfits(found, shapes)
     if found.question.keep_inertias:
         lines.append("the URDF's inertias were kept: what is wrong with them is in the friction")
     if found.distrusted:
@@ -52,6 +58,24 @@ def said(
     return tuple(lines)
 
 
+def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
+    """What each joint's law does not describe, and where it may come from."""
+    lines = []
+    for j in sorted({one.joint for one in shapes}):
+        unit = effort_unit(found.scene, j)
+        own = [f"{one.over} {one.size:.2g} {unit} RMS ({100 * one.share:.0f} % of its square)"
+               for one in shapes if one.joint == j]  # fmt: skip
+        lines.append(f"lack of fit: {found.scene.joint_names[j]}: the residual still depends on "
+                     f"{'; '.join(own)}: intervals are widened by it")  # fmt: skip
+    for j, half in uneven(found).items():
+        unit = effort_unit(found.scene, j)
+        lines.append(f"lack of fit: {found.scene.joint_names[j]}: Coulomb friction differs by "
+                     f"{2.0 * abs(half):.2g} {unit} between the directions, which an offset of "
+                     f"{abs(half):.2g} {unit} of the effort's sensor would explain: intervals are "
+                     "widened to hold both")  # fmt: skip
+    return lines
+
+
 def _of_logs(found: Estimate) -> list[str]:
     """What one log does not tell, and what several say of the delay."""
     delay, lines = found.delay, []
@@ -62,6 +86,12 @@ def _of_logs(found: Estimate) -> list[str]:
         lines.append("the delay of the efforts is not determined (standard error "
                      f"{1e3 * delay.standard_error:.1f} ms), taken as 0: faster motion would "
                      "tell")  # fmt: skip
+    if others := other_delays(delay):
+        names = found.scene.joint_names
+        each = [f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
+                for j, (value, error) in others.items()]  # fmt: skip
+        lines.append(f"lack of fit: the delays of {', '.join(each)} differ from that of the other "
+                     "joints: play, a filter, or friction that no law has")  # fmt: skip
     if len(delay.logs) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
         each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"

@@ -9,6 +9,7 @@ logs is a factor of each joint's friction: temperature, for the most part.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,13 +19,27 @@ from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.study.identify.columns import Prepared, bearings_only
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.inertias import with_parameters
-from pinfric.study.identify.laws import BACKWARD, BEARING, FORWARD, INERTIA, SLOT, SLOTS, SPEEDS
+from pinfric.study.identify.laws import (
+    BACKWARD,
+    BEARING,
+    FALL_BACKWARD,
+    FALL_FORWARD,
+    FALL_SPEED,
+    FORWARD,
+    INERTIA,
+    SLOT,
+    SLOTS,
+    SPEEDS,
+)
+from pinfric.study.identify.misfit import Misfit, bias, one_sided
 from pinfric.study.identify.normal import above_zero, moves, residuals
 
 FloatArray = NDArray[np.float64]
 
 #: Share of a standard deviation by which a link's parameter is changed to see what its load does.
 _STEP = 0.1
+#: Columns of the friction that a gear on the motor's side of it passes on.
+_INNER = (FORWARD, BACKWARD, *SPEEDS, FALL_FORWARD, FALL_BACKWARD, FALL_SPEED)
 #: Logs from which a spread between them can be told.
 _FEWEST_LOGS = 2
 
@@ -35,22 +50,40 @@ class Uncertainty:
 
     Attributes:
         place: (n,) of the coefficients above zero among (nj K,).
-        covariance: (n, n) within and between logs.
-        freedom: blocks less one, for Student's quantiles.
+        within, between: (n, n) covariance by blocks and shapes, and by what differs between logs.
+        freedom: blocks less one, of `within`.
+        logs: how many; one less is the freedom of `between`.
         spread: (nj,) standard deviation of a log's factor on the joint's friction; NaN with one
             log, which cannot tell.
     """
 
     place: NDArray[np.int64]
-    covariance: FloatArray
+    within: FloatArray
+    between: FloatArray
     freedom: int
+    logs: int
     spread: FloatArray
 
-    def quantile(self, level: float = 0.95) -> float:
-        """Return how many standard errors the interval reaches to either side."""
+    def of(self, places: Sequence[int], level: float = 0.95) -> tuple[float, float]:
+        """Return standard error and interval's reach to either side of a sum of coefficients.
+
+        Degrees of freedom of a sum of two variances (Satterthwaite 1946):
+        (a + b)^2 / (a^2/n_a + b^2/n_b).
+
+        Args:
+            places: of the coefficients among (nj K,); those at zero are taken as known.
+            level: share of the intervals that hold the sum.
+        """
         from scipy.special import stdtrit
 
-        return float(stdtrit(self.freedom, 0.5 + 0.5 * level))
+        taken = np.isin(self.place, places)
+        own, other = (float(x[np.ix_(taken, taken)].sum()) for x in (self.within, self.between))
+        both = own + other
+        if both <= 0.0:
+            return 0.0, 0.0
+        inverse = (own / both) ** 2 / self.freedom + (other / both) ** 2 / max(self.logs - 1, 1)
+        error = float(np.sqrt(both))
+        return error, float(stdtrit(1.0 / inverse, 0.5 + 0.5 * level)) * error
 
     def draws(self, values: FloatArray, count: int, seed: int) -> FloatArray:
         """Return (count, nj K) draws around the coefficients, correlated, none below zero.
@@ -61,39 +94,72 @@ class Uncertainty:
             seed: of the draws.
         """
         rng = np.random.default_rng(seed)
-        size, vectors = np.linalg.eigh(self.covariance)
-        root = vectors * np.sqrt(np.maximum(size, 0.0))
-        wide = np.sqrt(self.freedom / rng.chisquare(self.freedom, count))
         rows = np.tile(values.ravel(), (count, 1))
-        rows[:, self.place] += wide[:, None] * (rng.normal(size=(count, size.size)) @ root.T)
+        for covariance, freedom in ((self.within, self.freedom),
+                                    (self.between, max(self.logs - 1, 1))):  # fmt: skip
+            size, vectors = np.linalg.eigh(covariance)
+            root = vectors * np.sqrt(np.maximum(size, 0.0))
+            wide = np.sqrt(freedom / rng.chisquare(freedom, count))
+            rows[:, self.place] += wide[:, None] * (rng.normal(size=(count, size.size)) @ root.T)
         return np.maximum(rows, 0.0)
 
 
-def uncertainty(found: Estimate) -> Uncertainty:
+def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     """Return the coefficients' covariance, within logs, by the URDF's errors, and between logs.
 
-        (H + F)^-1 (sum over blocks of s s^T + P S P) (H + F)^-T
+        (H + F)^-1 (sum over blocks of s s^T + P S P) (H + F)^-T + b b^T
 
     H is the matrix of the normal equations of inertial parameters and coefficients together, F what
     they change by because columns of loads follow from the estimate, s a block's part of the
-    gradient, P the weight that draws links to the URDF, S the variance of that.
+    gradient, P the weight that draws links to the URDF, S the variance of that, b what coefficients
+    change by when the shapes that residuals have join the model.
 
     Args:
         found: the estimate.
+        shapes: of its residuals.
     """
     problem, fit = found.problem, found.fit
-    place = above_zero(fit, problem.slots(found.choice.laws))
+    place = _uncertain(found)
     moved, count = moves(problem.grams, problem.weights, problem.prior, fit, place,
                          _feedback(found, place))  # fmt: skip
     moved = moved[:, moved.shape[1] - place.size :]
     within = moved.T @ moved
-    spread = between_logs(found)
-    between = np.zeros_like(within)
-    values = fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
-    for j, share in enumerate(np.nan_to_num(spread)):
-        own = values * (place // len(SLOTS) == j)
-        between += share**2 * np.outer(own, own)
-    return Uncertainty(place, within + between, count - 1, spread)
+    for off in (*([bias(found, shapes, place)] if shapes else ()), *one_sided(found, place)):
+        within += np.outer(off, off)
+    between, logs = for_a_further_log(found, place)
+    return Uncertainty(place, within, between, count - 1, logs, between_logs(found))
+
+
+def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatArray, int]:
+    """Return (n, n) the covariance of a further log's coefficients about those of these logs.
+
+        s^2 (1 + 1/L) x x^T    of each joint, s^2: variance of its factor between L logs
+
+    Args:
+        found: the estimate.
+        place: (n,) of the coefficients among (nj K,).
+
+    Returns:
+        The covariance, and the fewest logs by which a factor is known: L - 1 is its freedom.
+    """
+    every = [_log_factors(found, j)[0] for j in range(len(found.rows))]
+    values = found.fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
+    between = np.zeros((place.size, place.size))
+    for j, factors in enumerate(every):
+        if len(factors) >= _FEWEST_LOGS:
+            own = values * (place // len(SLOTS) == j)
+            share = np.var(factors, ddof=1) * (1.0 + 1.0 / len(factors))
+            between += share * np.outer(own, own)
+    counts = [len(factors) for factors in every if len(factors) >= _FEWEST_LOGS]
+    return between, min(counts, default=1)
+
+
+def _uncertain(found: Estimate) -> NDArray[np.int64]:
+    """Where coefficients above zero, and speeds of friction that falls, stand among (nj K,)."""
+    place = above_zero(found.fit, found.problem.slots(found.choice.laws))
+    falls = [j * len(SLOTS) + SLOT[FALL_SPEED] for j in found.known
+             if found.fit.slots[j, [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]].any()]  # fmt: skip
+    return np.sort(np.append(place, np.array(falls, dtype=np.int64)))
 
 
 def _feedback(found: Estimate, place: NDArray[np.int64]) -> FloatArray:
@@ -128,7 +194,7 @@ def _load_slopes(found: Estimate, joint: int, name: str) -> FloatArray | None:
         return None
     way = np.sign(rows.velocity * rows.load)
     way *= (way < 0.0) if "driven" in name else (way > 0.0) if "driving" in name else 1.0
-    inner = [name.endswith("joint side") and (slot in (FORWARD, BACKWARD) or slot in SPEEDS)
+    inner = [name.endswith("joint side") and slot in _INNER
              for slot in SLOTS]  # fmt: skip
     return np.hstack((rows.rigid, rows.slots * inner)) * way[:, None]
 
@@ -159,25 +225,31 @@ def between_logs(found: Estimate) -> FloatArray:
     """Return (nj,) how much a joint's friction differs from log to log, as a standard deviation.
 
     Of each log's factor on the fitted friction, what blocks within a log scatter taken off.
+
+    Args:
+        found: the estimate.
     """
-    logs = len(found.prepared)
-    if logs < _FEWEST_LOGS:
-        return np.full(len(found.rows), np.nan)
     result = []
-    for j, rows in enumerate(found.rows):
-        values = np.where(np.arange(len(SLOTS)) == SLOT[INERTIA], 0.0, found.fit.slots[j])
-        friction, off = rows.slots @ values, residuals(rows, found.fit, j)
-        factors, noise = [], []
-        for log in range(logs):
-            own = [_factor(friction[part], off[part]) for b in np.unique(rows.block)
-                   if (part := (rows.block == b) & (rows.log == log)).any()]  # fmt: skip
-            if len(own) > 1:
-                factors.append(_factor(friction[rows.log == log], off[rows.log == log]))
-                noise.append(np.var(own, ddof=1) / len(own))
+    for j in range(len(found.rows)):
+        factors, noise = _log_factors(found, j)
         enough = len(factors) >= _FEWEST_LOGS
         variance = np.var(factors, ddof=1) - np.mean(noise) if enough else np.nan
         result.append(float(np.sqrt(max(variance, 0.0))) if enough else np.nan)
     return np.array(result)
+
+
+def _log_factors(found: Estimate, joint: int) -> tuple[list[float], list[float]]:
+    """Each log's factor on the fitted friction, and its variance by the log's blocks."""
+    rows, factors, noise = found.rows[joint], [], []
+    values = np.where(np.arange(len(SLOTS)) == SLOT[INERTIA], 0.0, found.fit.slots[joint])
+    friction, off = rows.slots @ values, residuals(rows, found.fit, joint)
+    for log in range(len(found.prepared)):
+        own = [_factor(friction[part], off[part]) for b in np.unique(rows.block)
+               if (part := (rows.block == b) & (rows.log == log)).any()]  # fmt: skip
+        if len(own) > 1:
+            factors.append(_factor(friction[rows.log == log], off[rows.log == log]))
+            noise.append(float(np.var(own, ddof=1)) / len(own))
+    return factors, noise
 
 
 def _factor(friction: FloatArray, off: FloatArray) -> float:

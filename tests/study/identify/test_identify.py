@@ -33,7 +33,7 @@ from pinfric.show.replay.frames import make_frames
 from pinfric.show.report.identify import identify_json
 from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.choice import smallest_good
-from pinfric.study.identify.delay import common_delay
+from pinfric.study.identify.delay import LogDelay, common_delay
 from pinfric.study.identify.files import posterior_text, scene_text
 from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.identify.laws import Law
@@ -270,10 +270,10 @@ def test_two_logs_say_how_much_friction_differs_between_them():
 
 
 def test_logs_that_differ_in_their_delay_by_more_than_they_know_leave_it_open():
-    near = common_delay([(0.0040, 1e-3), (0.0050, 1e-3)])
+    near = common_delay([LogDelay(0.0040, 1e-3), LogDelay(0.0050, 1e-3)])
     assert near.value == pytest.approx(0.0045)
     assert near.standard_error == pytest.approx(1e-3 / np.sqrt(2))
-    far = common_delay([(0.0, 1e-3), (0.010, 1e-3)])
+    far = common_delay([LogDelay(0.0, 1e-3), LogDelay(0.010, 1e-3)])
     assert far.standard_error == pytest.approx(0.010 / 2)  # of the two values' own mean
     assert (far.value, far.determined) == (0.0, False)
 

@@ -1,0 +1,141 @@
+"""Stribeck friction of one joint: friction that falls from rest to motion, and at which speed.
+
+    friction = ... + e+ s(v) [v > 0] - e- s(v) [v < 0],    s = exp(-(v/v_s)^2)
+
+e+ and e- are coefficients as all others. The speed v_s is not linear in the model: it is searched,
+by what it takes off the residual, and its own column, that of d/d(log v_s), is in the covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.study.identify.columns import FEWEST_ROWS, PASS, Prepared, Rows
+from pinfric.study.identify.laws import (
+    FALL_BACKWARD,
+    FALL_FORWARD,
+    FALL_SPEED,
+    SLOT,
+)
+from pinfric.study.identify.normal import orthonormal
+from pinfric.study.trajectory.log.noise import low_pass
+
+FloatArray = NDArray[np.float64]
+
+#: Share of a residual's mean square that the fall must explain to be a candidate.
+_LEAST_GAIN = 0.04
+#: Speeds that are tried, from the slowest logged sliding to half the fastest.
+_TRIED = 12
+#: How far log v_s is searched about the best speed tried.
+_AROUND = 1.0
+_FALLS = [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]
+
+
+@dataclass(frozen=True)
+class Fall:
+    """The fall of one joint's friction.
+
+    Attributes:
+        velocity: v_s, at which 1/e of the excess is left, rad/s or m/s.
+        forward, backward: the excess at rest, N m or N, about which d/d(log v_s) is taken.
+    """
+
+    velocity: float
+    forward: float
+    backward: float
+
+
+def find_fall(
+    prepared: Sequence[Prepared], joint: int, rows: Rows, weight: FloatArray, taken: Sequence[int]
+) -> Fall | None:
+    """Return the fall that explains most of a joint's effort; None where it explains too little.
+
+    Args:
+        prepared: the logs.
+        joint: which one.
+        rows: of the joint.
+        weight: (n,) of each row.
+        taken: places of the coefficients beside which a fall is looked for.
+    """
+    from scipy.optimize import minimize_scalar
+
+    speed = np.abs(rows.velocity)
+    if min((rows.velocity > 0.0).sum(), (rows.velocity < 0.0).sum()) < FEWEST_ROWS:
+        return None
+    root = np.sqrt(weight)[:, None]
+    basis = orthonormal(np.column_stack((rows.rigid, rows.slots[:, list(taken)])) * root)
+    rest = rows.effort * root[:, 0]
+    rest = rest - basis @ (basis.T @ rest)
+
+    def fitted(columns: FloatArray) -> tuple[float, FloatArray]:
+        """What two columns take off the residual's sum of squares, and their coefficients."""
+        own = columns * root
+        own = own - basis @ (basis.T @ own)
+        values = np.linalg.lstsq(own, rest, rcond=1e-8)[0]
+        return float(np.sum((own @ values) ** 2)) * bool(values.min() > 0.0), values
+
+    def passed(log_velocity: float) -> FloatArray:
+        parts = [_ways(one.recording.velocity[:, joint], float(np.exp(log_velocity)))
+                 for one in prepared]  # fmt: skip
+        return np.concatenate([_low_passed(one, part)[one.slides[:, joint]]
+                               for one, part in zip(prepared, parts, strict=True)])  # fmt: skip
+
+    low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
+    tried = np.linspace(low, high, _TRIED)
+    # without the low pass first: it changes little away from rest
+    gains = [fitted(_ways(rows.velocity, float(np.exp(x))))[0] for x in tried]
+    if max(gains) < _LEAST_GAIN * float(rest @ rest):
+        return None
+    middle = tried[int(np.argmax(gains))]
+    ends = max(middle - _AROUND, low - _AROUND), min(middle + _AROUND, high)
+    found = float(minimize_scalar(lambda x: -fitted(passed(x))[0], bounds=ends, method="bounded",
+                                  options={"xatol": 5e-3}).x)  # fmt: skip
+    gain, values = fitted(passed(found))
+    return Fall(float(np.exp(found)), *values.tolist()) if gain > 0.0 else None
+
+
+def with_falls(prepared: Prepared, falls: tuple[Fall | None, ...]) -> Prepared:
+    """Return a log's columns with those of falling friction.
+
+    Args:
+        prepared: one log.
+        falls: of each joint.
+    """
+    recording, slots = prepared.recording, prepared.slots.copy()
+    at = [*_FALLS, SLOT[FALL_SPEED]]
+    for j, fall in enumerate(falls):
+        if fall is None:
+            slots[:, j, at] = 0.0
+            continue
+        v = recording.velocity[:, j]
+        ways = _ways(v, fall.velocity)
+        slope = 2.0 * (v / fall.velocity) ** 2 * (ways @ [fall.forward, fall.backward])
+        slots[:, j, at] = _low_passed(prepared, np.column_stack((ways, slope)))
+    return replace(prepared, slots=slots)
+
+
+def _ways(v: FloatArray, velocity: float) -> FloatArray:
+    """Columns (n, 2) of what is left of the excess, forward and backward."""
+    left = falling(v, velocity)
+    return np.column_stack((left * (v > 0.0), -left * (v < 0.0)))
+
+
+def _low_passed(prepared: Prepared, columns: FloatArray) -> FloatArray:
+    """Columns as all others of the log: low-passed and thinned."""
+    step = prepared.recording.step
+    columns = low_pass(columns, step, PASS) if step * PASS < 0.45 else columns
+    return np.asarray(columns[prepared.kept])
+
+
+def falling(v: FloatArray, velocity: float) -> FloatArray:
+    """Return exp(-(v/v_s)^2), what is left of the excess at rest.
+
+    Args:
+        v: speeds, rad/s or m/s.
+        velocity: v_s, rad/s or m/s.
+    """
+    return np.exp(-((v / velocity) ** 2))

@@ -1,0 +1,117 @@
+"""Logs of robots that no candidate law describes: what an interval must not hide.
+
+Each case alters the UR5 of identify_cases.py, or how it is measured, in one way. The coefficients
+that a scene can say keep their true values, so coverage is counted as it is without the change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+from identify_cases import COULOMB, RATIO, Motion, excitation, logged, motor_effort, truth
+from scipy.signal import lfilter
+
+import pinfric as pf
+
+#: A motion as encoders show it, and what the motors deliver, (T, 6) N m.
+Simulated = tuple[Motion, np.ndarray]
+
+#: Static friction over kinetic, and rad/s at which 1/e of the difference is left.
+STATIC, FALL = 1.5, 0.2
+#: Share of Coulomb friction that changes with the angle.
+POSITION = 0.2
+#: Hz of a filter of first order in the drive; rad of play; share of Coulomb friction; kg.
+FILTER, PLAY, OFFSET, PAYLOAD = 5.0, 4e-3, 0.3, 3.0
+
+
+@cache
+def stribeck_truth(velocity: float = FALL) -> pf.Scene:
+    """The robot with friction that falls from rest to motion."""
+    scene = truth()
+    friction = {}
+    for name, entry in scene.friction.items():
+        coulomb = {way: {"static": STATIC * one.kinetic, "kinetic": one.kinetic}
+                   for way, one in (("positive", entry.coulomb.positive),
+                                    ("negative", entry.coulomb.negative))}  # fmt: skip
+        others = {key: x for key, x in entry if x is not None and key != "coulomb"}
+        friction[name] = others | {"coulomb": coulomb, "stribeck": {"velocity": velocity}}
+    return scene.with_(friction=friction)
+
+
+def coulomb(v: np.ndarray) -> np.ndarray:
+    """Coulomb friction of the truth against a motion, (T, 6)."""
+    up, down = np.array(COULOMB).T
+    return np.where(v > 0.0, up, -down * (v < 0.0))
+
+
+def _stribeck(seed: int, motion: Motion) -> Simulated:
+    return motion, motor_effort(stribeck_truth(), motion)
+
+
+def _by_angle(seed: int, motion: Motion) -> Simulated:
+    """Coulomb friction that changes once per turn of the joint."""
+    phase = np.random.default_rng(6000 + seed).uniform(0.0, 2.0 * np.pi, 6)
+    change = POSITION * coulomb(motion.v) * np.sin(motion.q + phase)
+    return motion, motor_effort(truth(), motion) + change
+
+
+def _by_motor_turn(seed: int, motion: Motion) -> Simulated:
+    """A ripple once per turn of the motor."""
+    ripple = POSITION * np.mean(COULOMB, axis=1) * np.sin(RATIO * motion.q)
+    return motion, motor_effort(truth(), motion) + ripple
+
+
+def _filtered(seed: int, motion: Motion) -> Simulated:
+    """Efforts behind a low pass of first order."""
+    effort = motor_effort(truth(), motion)
+    keep = np.exp(-2.0 * np.pi * FILTER * (motion.t[1] - motion.t[0]))
+    slow, _ = lfilter([1.0 - keep], [1.0, -keep], effort, axis=0, zi=keep * effort[:1])
+    return motion, slow
+
+
+def _play(seed: int, motion: Motion) -> Simulated:
+    """Angles of the motors, which lead the joints to one side or the other of the play."""
+    effort = motor_effort(truth(), motion)
+    side = np.sign(effort)
+    keep = np.exp(-(motion.t[1] - motion.t[0]) / 0.01)  # the play is crossed in some 10 ms
+    side, _ = lfilter([1.0 - keep], [1.0, -keep], side, axis=0, zi=keep * side[:1])
+    moved = Motion(motion.t, motion.q + 0.5 * PLAY * side, motion.v, motion.a)
+    return moved, effort
+
+
+def _offset(seed: int, motion: Motion) -> Simulated:
+    """Sensors whose zeros are off by a share of Coulomb friction."""
+    sign = np.random.default_rng(7000 + seed).choice([-1.0, 1.0], 6)
+    offset = OFFSET * sign * np.mean(COULOMB, axis=1)
+    return motion, motor_effort(truth(), motion) + offset
+
+
+def _payload(seed: int, motion: Motion) -> Simulated:
+    """A payload at the last link that nobody names."""
+    box = {"link": "tool0", "mass": PAYLOAD, "com": (0.0, 0.0, 0.1)}
+    scene = truth().with_(payloads={"box": box})
+    found = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a, t=motion.t,
+                                attached=np.ones((motion.t.size, 1), dtype=bool))  # fmt: skip
+    effort = 0.5 * RATIO * (found.motor_torque_lower + found.motor_torque_upper)
+    return motion, effort
+
+
+#: Name -> what a seed makes of a motion.
+CASES: dict[str, Callable[[int, Motion], Simulated]] = {
+    "true": lambda seed, motion: (motion, motor_effort(truth(), motion)),
+    "stribeck": _stribeck,
+    "position": _by_angle,
+    "motor turn": _by_motor_turn,
+    "filter": _filtered,
+    "play": _play,
+    "offset": _offset,
+    "payload": _payload,
+}
+
+
+def wrong_log(case: str, seed: int, duration: float = 60.0, rate: float = 250.0) -> pf.Log:
+    """Return a case's log: made at 1 kHz, so that what lies between samples is right."""
+    return logged(seed, *CASES[case](seed, excitation(seed, duration, 1000.0)),
+                  every=round(1000.0 / rate))  # fmt: skip
