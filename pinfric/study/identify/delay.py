@@ -64,9 +64,9 @@ def common_delay(logs: Sequence[tuple[float, float]]) -> Delay:
     """Return the mean of logs' delays weighted by their information.
 
     Args:
-        logs: delay and standard error of each, s.
+        logs: delay and standard error of each, s; the latter is infinite where nothing slides.
     """
-    values, errors = np.array(logs).T
+    values, errors = np.array([log for log in logs if np.isfinite(log[1])]).T
     mean = float(np.average(values, weights=errors**-2))
     excess = float(np.sum(((values - mean) / errors) ** 2)) / max(len(values) - 1, 1)
     error = float(np.sqrt(max(excess, 1.0) / np.sum(errors**-2)))
@@ -78,6 +78,8 @@ def log_delay(
 ) -> tuple[float, float]:
     """Return by how much one log's efforts lag, and the standard error of that, s.
 
+    A log in which nothing slides has no rows: its standard error is infinite.
+
     Args:
         one: the log's columns.
         slots: of each joint's law.
@@ -86,12 +88,14 @@ def log_delay(
     """
     from scipy.special import stdtrit
 
+    if not one.slides.any():
+        return start, np.inf
     joints = range(len(slots))
     delay, error, slopes = start, _USUAL, [np.zeros(one.kept.size) for _ in joints]
     row_weights, weights = None, np.ones(len(slots))
     for _ in range(_ROUNDS):
         # what is known of delays counts as much as rows of unit variance that say it
-        known = -delay, 1.0 / (_USUAL**2 * max(float(one.slides.sum()), 1.0)), _USUAL
+        known = -delay, 1.0 / (_USUAL**2 * float(one.slides.sum())), _USUAL
         links = prior.center, prior.weight, prior.deviation
         now = Prior(*(np.append(own, last) for own, last in zip(links, known, strict=True)))
         rows = [_with_slope(joint_rows([one], j, delay), slopes[j][one.slides[:, j]])

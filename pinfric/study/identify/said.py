@@ -55,17 +55,22 @@ def said(
 def _of_logs(found: Estimate) -> list[str]:
     """What one log does not tell, and what several say of the delay."""
     delay, lines = found.delay, []
-    if len(found.prepared) == 1:
+    moving = [one.slides.any() for one in found.prepared]
+    still = [one.recording.name for one, moves in zip(found.prepared, moving, strict=True)
+             if not moves]  # fmt: skip
+    if still:
+        lines.append(f"nothing slides in {', '.join(still)}, which only bounds friction at rest")
+    if sum(moving) == 1:
         lines.append("one log only: how much friction differs from day to day is not known; "
                      "between logs of a robot it was 1 to 10 %")  # fmt: skip
     if not delay.determined:
         lines.append("the delay of the efforts is not determined (standard error "
                      f"{1e3 * delay.standard_error:.1f} ms), taken as 0: faster motion would "
                      "tell")  # fmt: skip
-    if len(delay.logs) > 1:
+    if sum(moving) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
         each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
-                for one, (value, error) in logs]  # fmt: skip
+                for one, (value, error) in logs if np.isfinite(error)]  # fmt: skip
         lines.append(f"efforts' delay by each log alone, with standard error: {', '.join(each)}")
     return lines
 

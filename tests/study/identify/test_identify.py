@@ -32,7 +32,7 @@ from pinfric.show.identification_page.page import identification_page
 from pinfric.show.replay.frames import make_frames
 from pinfric.show.report.identify import identify_json
 from pinfric.study.identify.advice import advice_text
-from pinfric.study.identify.choice import smallest_good
+from pinfric.study.identify.choice import held_out_parts, smallest_good
 from pinfric.study.identify.delay import common_delay
 from pinfric.study.identify.files import posterior_text, scene_text
 from pinfric.study.identify.identify import Identified, beside_measured
@@ -386,6 +386,27 @@ def test_held_out_errors_count_outliers_in_full():
     found = pf.identify(guess(0), log, laws=dict.fromkeys(NAMES, Law()))
     fitted = residuals(found.estimate.rows[5], found.estimate.fit, 5)
     assert found.errors[NAMES[5]].error > np.sqrt(np.mean(fitted**2))
+
+
+def test_a_hold_beside_a_motion_bounds_friction_at_rest_and_changes_nothing_else():
+    laws = dict.fromkeys(NAMES, Law())
+    hold = log(0, 20.0, 100.0, still=tuple(range(6)), name="hold")
+    alone, both = (pf.identify(guess(0), logs, laws=laws) for logs in (short(), [short(), hold]))
+    assert "nothing slides in hold, which only bounds friction at rest" in both.said
+    assert any(line.startswith("one log only") for line in both.said)
+    assert both.delay == pytest.approx(alone.delay, rel=1e-9)
+    values = [p.value for p in both.parameters]
+    assert values == pytest.approx([p.value for p in alone.parameters], rel=1e-6)
+    assert min(bound.seconds for bound in both.rest.values()) == pytest.approx(20.0, abs=0.1)
+
+
+def test_every_part_that_is_held_out_leaves_something_to_fit():
+    sliding = np.repeat(np.arange(300, 304), 9)  # of 720 blocks of an hour
+    assert len(set(held_out_parts(sliding, np.zeros_like(sliding))[300:])) == 4
+    logs = np.repeat([1, 3], 18)  # of five logs
+    assert len(set(held_out_parts(sliding, logs)[300:])) == 4
+    each = np.repeat(np.arange(0, 12, 2), 9)
+    assert held_out_parts(each, each // 2)[::2].tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def drag(seed: int, duration: float, rate: float) -> np.ndarray:
