@@ -222,6 +222,10 @@ def _filtered(
     measured, t = even.table.position, even.table.t
     noise = [noise_level(q) if is_so else 0.0 for q, is_so in zip(measured.T, noisy, strict=True)]
     found = find_noisy_holds(measured, step, noise)
+    kinds: dict[str, type] = dict.fromkeys(("position", "velocity", "acceleration"), float)
+    # how far the low pass may be wrong is not known to more than single precision's digits
+    kinds |= {"shift": np.float32, "moving": bool}
+    parts = {name: np.empty(measured.shape, kind) for name, kind in kinds.items()}
     joints = []
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
@@ -232,22 +236,22 @@ def _filtered(
         elif moves and noisy[i] and options.cutoff is None:
             cutoff = signal_cutoff(q, step)
             gentle = cutoff is not None and acceleration_jumps(q, step, cutoff)
-        joints.append(_low_passed(t, q, holds, step, cutoff, noise[i], gentle))
-    position, velocity, acceleration, shift, moving = (
-        np.column_stack([getattr(joint, name) for joint in joints])
-        for name in ("position", "velocity", "acceleration", "shift", "moving")
-    )
+        joint = _low_passed(t, q, holds, step, cutoff, noise[i], gentle)
+        for name, column in parts.items():
+            column[:, i] = getattr(joint, name)
+        joints.append((joint.cutoff, joint.spread))
     names = [column.name for column in columns]
-    spread = np.array([joint.spread for joint in joints])
+    spread = np.array([both for _, both in joints])
     reading = replace(
         even.reading,
         noise=dict(zip(names, noise, strict=True)),
-        cutoff={name: joint.cutoff for name, joint in zip(names, joints, strict=True)},
-        uncertain=DerivativeNoise(moving, spread[:, 0], spread[:, 1], shift),
+        cutoff={name: cutoff for name, (cutoff, _) in zip(names, joints, strict=True)},
+        uncertain=DerivativeNoise(parts["moving"], spread[:, 0], spread[:, 1], parts["shift"]),
     )
     line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
     reading = replace(reading, said=(*reading.said, line), noise_line=line)
-    table = replace(even.table, position=position, velocity=velocity, acceleration=acceleration)
+    table = replace(even.table, position=parts["position"], velocity=parts["velocity"],
+                    acceleration=parts["acceleration"])  # fmt: skip
     return Settled(table, even.rows, reading)
 
 
