@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -217,12 +218,11 @@ def _thinned(
             whole = np.interp(place, place[known], column[known])
             low = low_pass(whole, step, PEAK_PASS)
             fewer[:, j] = np.where(known, low, np.nan)[::every]
-    t, q, v = (np.ascontiguousarray(x[::every])
-               for x in (trajectory.t, trajectory.q, trajectory.v))  # fmt: skip
-    attached = trajectory.attached[::every]
+    thin: dict[str, Any] = {name: np.ascontiguousarray(getattr(trajectory, name)[::every])
+                            for name in ("t", "q", "v", "attached")}  # fmt: skip
     assert trajectory.reading is not None
     reading = replace(trajectory.reading, effort={}, uncertain=None)  # of all samples
-    return replace(trajectory, t=t, q=q, v=v, a=a, attached=attached, reading=reading), fewer
+    return replace(trajectory, a=a, reading=reading, **thin), fewer
 
 
 def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:
