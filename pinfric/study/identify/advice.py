@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import joint_rows, prepare
-from pinfric.study.identify.estimate import Estimate, reloaded
+from pinfric.study.identify.estimate import Estimate, reloaded, scale_is_known
 from pinfric.study.identify.laws import INERTIA, SLOT, SLOTS
 from pinfric.study.identify.normal import Grams, Normal, Reduced, above_zero
 from pinfric.study.identify.parameters import scene_key
@@ -59,8 +59,9 @@ class Advice:
 def advise(found: Estimate) -> tuple[Advice, ...]:
     """Return recordings of 30 s each, that which would tell most first.
 
-    Their way-points are postures that the logs visit; the way between them is not checked for
-    collisions.
+    Where a gear's losses are known but for the scale of all masses, one with a known payload comes
+    first: no other tells that scale. Their way-points are postures that the logs visit; the way
+    between them is not checked for collisions.
 
     Args:
         found: the estimate.
@@ -68,7 +69,13 @@ def advise(found: Estimate) -> tuple[Advice, ...]:
     problem = found.problem
     normal = Normal.of(problem.grams, np.ones(problem.folds.size, dtype=bool), problem.weights)
     weighed = [_weighed(found, normal, *recording) for recording in _recordings(found)]
-    return tuple(sorted(weighed, key=lambda one: sum(np.log(list(one.factors.values())))))
+    gears = any(found.choice.laws[j].load == "gear" for j in found.known)
+    scale = gears and not scale_is_known(found)
+
+    def rank(one: Advice) -> tuple[bool, float]:
+        return not (scale and one.load > 0.0), float(sum(np.log(list(one.factors.values()))))
+
+    return tuple(sorted(weighed, key=rank))
 
 
 def advice_text(advice: Advice, scene: Scene) -> str:
@@ -179,7 +186,7 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[G
                                                 "com": (0.0, 0.0, _OFF)}})  # fmt: skip
     trajectory = Trajectory.from_arrays(loaded, motion.t, q, motion.velocity, motion.acceleration)
     recording = Recording.of(loaded, "", trajectory, 1.0 / _RATE, np.zeros_like(motion.velocity),
-                             found.prepared[0].recording.slowest)  # fmt: skip
+                             found.prepared[0].recording.noise)  # fmt: skip
     one = reloaded(replace(found, scene=loaded), prepare(loaded, recording))
     rows = [joint_rows([one], j, 0.0) for j in range(scene.model.nv)]
     return [Grams.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1)

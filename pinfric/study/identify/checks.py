@@ -14,17 +14,18 @@ from numpy.typing import NDArray
 from pinfric.errors import IdentificationError, problems_line
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import Rows
-from pinfric.study.identify.inertias import parameters
+from pinfric.study.identify.inertias import urdf_prior
 from pinfric.study.identify.laws import BACKWARD, FORWARD, INERTIA, SLOT
-from pinfric.study.identify.normal import Fit, residuals
+from pinfric.study.identify.normal import Fit, Prior, residuals
 
 FloatArray = NDArray[np.float64]
 
 #: Slopes of the logged effort on that of the URDF's masses: right logs gave 0.92 to 1.35 with
 #: correlations from 0.96, URDFs wrong by up to 40 %.
 _SLOPES, _CORRELATION = (0.6, 1.6), 0.8
-#: Share of an effort that loads must make for a slope to say anything.
-_LEAST_LOAD = 0.1
+#: Share of an effort that loads must make for a slope to say anything: as the URDF has them, or as
+#: the slope makes them, and then by more than so many standard deviations of the URDF's.
+_LEAST_LOAD, _DEVIATIONS = 0.1, 8.0
 #: An effort that changes by less than this share of itself is always the same.
 _CONSTANT = 1e-9
 #: The columns of friction and rotor that every drive may have.
@@ -44,11 +45,12 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
     Raises:
         IdentificationError: a wrong sign or unit, by joint, all in one message.
     """
-    theta, problems = parameters(scene.model), []
+    prior = urdf_prior(scene.model, kept=False)
+    theta, problems = prior.center, []
     for name, one in zip(scene.joint_names, rows, strict=True):
         if one.effort.size < 50:
             continue
-        slope, correlation = _slope(one, theta)
+        slope, correlation = _slope(one, prior)
         if np.ptp(one.effort) <= _CONSTANT * np.abs(one.effort).max():
             problems.append(
                 f"joint {name}: its effort is {one.effort[0]:.3g} however it moves, so it was not "
@@ -92,17 +94,27 @@ def _turned(rows: Rows, theta: FloatArray) -> bool:
     return bool(turned**2 < 1.0 - _CORRELATION**2 < left**2)
 
 
-def _slope(rows: Rows, theta: FloatArray) -> tuple[float, float]:
-    """Slope and correlation of effort on rigid effort, friction, inertia and offset taken out."""
+def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
+    """Slope and correlation of effort on rigid effort, friction, inertia and offset taken out.
+
+    1 and 0 where they say nothing: loads make little of the effort, and what a URDF is usually
+    wrong by may explain the slope.
+    """
+    theta = prior.center
     load = rows.rigid @ theta
     others = np.column_stack((rows.slots[:, _OWN], np.ones(load.size)))
     others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
     basis = np.linalg.qr(others)[0]
     y, t = (x - basis @ (basis.T @ x) for x in (rows.effort, load))
-    size = float(t @ t)
-    if size < _LEAST_LOAD**2 * float(rows.effort @ rows.effort):
+    size, whole = float(t @ t), float(rows.effort @ rows.effort)
+    if size <= 1e-18 * float(load @ load):
         return 1.0, 0.0
     slope = float(y @ t) / size
+    uncertain = rows.rigid * prior.deviation
+    uncertain = uncertain - basis @ (basis.T @ uncertain)
+    explained = abs(slope - 1.0) < _DEVIATIONS * float(np.linalg.norm(uncertain)) / np.sqrt(size)
+    if size < _LEAST_LOAD**2 * whole and (explained or slope**2 * size < _LEAST_LOAD**2 * whole):
+        return 1.0, 0.0
     return slope, float(y @ t) / np.sqrt(size * max(float(y @ y), 1e-300))
 
 

@@ -89,15 +89,19 @@ class Choice:
 def held_out_parts(block: NDArray[np.int64], log: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return with which part each block is held out: whole logs, or neighbouring blocks.
 
+    Blocks without rows are in part 0; parts are of blocks, or logs, in which something slides.
+
     Args:
         block: (n,) of every row of any joint. log: (n,) the logs of these rows.
     """
-    count = int(block.max()) + 1
-    of_block = np.zeros(count, dtype=np.int64)
-    of_block[block] = log
-    if int(log.max()) + 1 >= _LOGS:
+    of_block = np.zeros(int(block.max()) + 1, dtype=np.int64)
+    whole_logs = np.unique(log)
+    if whole_logs.size >= _LOGS:
+        of_block[block] = np.searchsorted(whole_logs, log)
         return of_block
-    return np.arange(count) * min(_FOLDS, count) // count
+    held = np.unique(block)
+    of_block[held] = np.arange(held.size) * min(_FOLDS, held.size) // held.size
+    return of_block
 
 
 def choose(problem: Problem) -> Choice:

@@ -33,6 +33,7 @@ from pinfric.study.identify.laws import (
 )
 from pinfric.study.identify.recordings import Recording
 from pinfric.study.trajectory.log.noise import low_pass
+from pinfric.study.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -45,9 +46,14 @@ PASS = 8.0
 _PER_PERIOD = 4.0
 #: Periods of the low pass that are left out beside what does not slide; s left out at both ends.
 _BESIDE, _AT_ENDS = 0.35, 0.3
-#: s: blocks are as long as residuals hang together, and there should be enough of them.
-_BLOCK = (2.0, 5.0)
-_BLOCKS = 10
+#: Samples of all logs that are kept: residuals hang together for longer than many more of them are
+#: apart, and these are an hour at 8 Hz.
+_MOST = 30_000
+#: Samples that are computed with at a time; s beyond both ends that the low pass forgets.
+PART, _FORGOTTEN = 8192, 2.0
+#: s: blocks are as long as residuals hang together, and there should be enough of them, not more.
+_BLOCK = (1.0, 5.0)
+_BLOCKS, _MOST_BLOCKS = 10, 200
 #: Rows of a joint in one direction from which friction in that direction is its own coefficient.
 FEWEST_ROWS = 25
 #: A coefficient so small that the load it reports is that without friction.
@@ -102,25 +108,39 @@ class Prepared:
     load: FloatArray
 
 
-def prepare(scene: Scene, recording: Recording) -> Prepared:
+def thinning(recordings: Sequence[Recording]) -> int:
+    """Return by how much fewer samples are kept than the low pass asks for, in all logs together.
+
+    Args:
+        recordings: the logs.
+    """
+    count = sum(one.trajectory.t.size / _spacing(one.step) for one in recordings)
+    return int(np.ceil(count / _MOST))
+
+
+def _spacing(step: float) -> int:
+    return max(1, int(1.0 / (_PER_PERIOD * PASS * step)))
+
+
+def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
     """Return what of a log's columns no estimate changes.
 
     Args:
         scene: the robot as its URDF has it.
         recording: one log.
+        thin: by how much fewer samples are kept than the low pass asks for.
     """
     from scipy.interpolate import CubicSpline
 
     motion, step, nj = recording.trajectory, recording.step, scene.model.nv
-    bare = scene.with_(payloads={}, friction={})
-    rigid_effort = inverse_dynamics(scene, motion).effort_frictionless
+    rigid_effort = along(scene, motion)[0]
     payload = np.zeros_like(rigid_effort)
     if scene.payloads:
-        payload = rigid_effort - inverse_dynamics(bare, motion.q, motion.v, motion.a,
-                                                  t=motion.t).effort_frictionless  # fmt: skip
+        empty = replace(motion, attached=np.zeros_like(motion.attached))
+        payload = rigid_effort - along(scene.with_(friction={}), empty)[0]
     known = np.isfinite(recording.effort)
     measured = np.where(known, recording.effort, rigid_effort) - payload
-    kept = np.arange(0, motion.t.size, max(1, int(1.0 / (_PER_PERIOD * PASS * step))))
+    kept = np.arange(0, motion.t.size, thin * _spacing(step))
     slides = _sliding(recording, known)[kept]
     effort = CubicSpline(motion.t, _passed(measured, step))
     slots, v = np.zeros((kept.size, nj, len(SLOTS))), recording.velocity
@@ -133,24 +153,46 @@ def prepare(scene: Scene, recording: Recording) -> Prepared:
                     payload, rigid_effort)  # fmt: skip
 
 
+def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """Return effort without friction (T, nj) and sites' loads (T, sites), part by part.
+
+    Args:
+        scene: the robot.
+        motion: of its joints.
+    """
+    parts = [(part.effort_frictionless, part.normal_load)
+             for part in inverse_dynamics(scene, motion, chunks=PART)]  # fmt: skip
+    effort, load = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return effort, load
+
+
 def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) -> FloatArray:
     """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj).
 
-    Of coupled drives, what they deliver: P times it.
+    Of coupled drives, what they deliver: P times it. In parts that overlap by as much as the low
+    pass remembers, for of a long log the whole of it would not fit in memory.
     """
-    model, motion = scene.model, recording.trajectory
-    data, nj, P = model.createData(), model.nv, delivery(scene.drives, model.nv)
-    every = np.empty((motion.t.size, nj, 10 * nj))
-    for i in range(motion.t.size):
-        every[i] = pin.computeJointTorqueRegressor(model, data, motion.q[i], motion.v[i],
-                                                   motion.a[i])  # fmt: skip
-        if P.size:
-            every[i] = P @ every[i]
+    nj, count = scene.model.nv, recording.trajectory.t.size
+    beyond = int(np.ceil(_FORGOTTEN / recording.step))
     thin = np.zeros((kept.size, nj, 10 * nj))
-    for j in range(nj):
-        used = every[:, j].any(axis=0)
-        thin[:, j, used] = _passed(every[:, j, used], recording.step)[kept]
+    for first in range(0, count, PART):
+        own = np.flatnonzero((kept >= first) & (kept < first + PART))
+        start = max(first - beyond, 0)
+        every = _regressor(scene, recording.trajectory, start, first + PART + beyond)
+        for j in range(nj):
+            used = np.flatnonzero(every[:, j].any(axis=0))
+            passed = _passed(every[:, j, used], recording.step)
+            thin[own[:, None], j, used] = passed[kept[own] - start]
     return thin
+
+
+def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> FloatArray:
+    """Columns of the links' inertial parameters at samples from `start` up to `stop`."""
+    model, P = scene.model, delivery(scene.drives, scene.model.nv)
+    data, parts = model.createData(), (x[start:stop] for x in (motion.q, motion.v, motion.a))
+    every = np.array([pin.computeJointTorqueRegressor(model, data, q, v, a)
+                      for q, v, a in zip(*parts, strict=True)])  # fmt: skip
+    return P @ every if P.size else every
 
 
 def _passed(columns: FloatArray, step: float) -> FloatArray:
@@ -179,15 +221,12 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     """
     recording = prepared.recording
     motion, step = recording.trajectory, recording.step
-    found = inverse_dynamics(bearings_only(scene), motion)
-    rigid, slots, sign = (
-        found.effort_frictionless,
-        prepared.slots.copy(),
-        np.sign(recording.velocity),
-    )
+    probe = bearings_only(scene)
+    rigid, sites = along(probe, motion)
+    slots, sign = prepared.slots.copy(), np.sign(recording.velocity)
     load = np.zeros_like(rigid)
-    for site, name in enumerate(found.site_names):
-        load[:, scene.joint_names.index(name)] = found.normal_load[:, site]
+    for site, name in enumerate(probe.site_names):
+        load[:, scene.joint_names.index(name)] = sites[:, site]
     columns = {BEARING: sign * load}
     for side, x in zip(SIDES, (rigid, rigid + inner), strict=True):
         both = sign * np.abs(x)
@@ -245,7 +284,11 @@ def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
 
 
 def blocks(t: FloatArray) -> tuple[int, NDArray[np.int64]]:
-    """Return how many blocks of 2 to 5 s a log has, and to which each sample belongs."""
+    """Return how many blocks of 1 to 5 s a log has, and to which each sample belongs.
+
+    A log of a quarter of an hour or more has 200 longer ones.
+    """
     span = float(t[-1] - t[0])
     count = max(1, round(span / float(np.clip(span / _BLOCKS, *_BLOCK))))
+    count = min(count, _MOST_BLOCKS)
     return count, np.minimum(((t - t[0]) / span * count).astype(np.int64), count - 1)

@@ -141,11 +141,11 @@ def log_delay(
     if not one.slides.any():
         return LogDelay(start, np.inf)
     delay, error, slopes = start, _USUAL, [np.zeros(one.kept.size) for _ in slots]
-    row_weights: tuple[FloatArray, ...] | None = None
+    row_weights: tuple[FloatArray, ...] = ()
     weights = np.ones(len(slots))
     for _ in range(_ROUNDS):
         rows = _with_slopes(one, delay, slopes, apart=False)
-        if row_weights is None:
+        if not row_weights:
             row_weights = tuple(np.ones(own.effort.size) for own in rows)
         fit, errors = _changes(rows, row_weights, weights, slots,
                                _with_delays(prior, one, delay, 1), 1)  # fmt: skip

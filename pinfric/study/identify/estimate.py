@@ -25,7 +25,15 @@ from pinfric.study.identify.choice import (
     held_out_parts,
     nested_errors,
 )
-from pinfric.study.identify.columns import Prepared, Rows, blocks, joint_rows, prepare, with_loads
+from pinfric.study.identify.columns import (
+    Prepared,
+    Rows,
+    blocks,
+    joint_rows,
+    prepare,
+    thinning,
+    with_loads,
+)
 from pinfric.study.identify.delay import Delay, common_delay, log_delay
 from pinfric.study.identify.inertias import consistent_fit, urdf_prior, with_parameters
 from pinfric.study.identify.laws import (
@@ -46,9 +54,9 @@ from pinfric.study.identify.stribeck import Fall, falling, find_fall, with_falls
 
 FloatArray = NDArray[np.float64]
 
-#: A gear's loss shows where load varies by more than Coulomb friction; two losses where the load
-#: drives and is driven in at least this share of the rows.
-_LEAST_SHARE = 0.15
+#: Both losses of a gear show where the load drives and is driven in at least this share of the
+#: rows. A gear loses at most this share of what passes it (an efficiency of two thirds).
+_LEAST_SHARE, _MOST_LOSS = 0.15, 0.5
 #: Blocks in which something slides: those of the shortest log.
 _FEWEST_BLOCKS = 4
 #: A model that leaves a larger share of what a joint's mean effort alone leaves explains nothing:
@@ -142,9 +150,9 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
             is explained.
     """
     steps = len(question.recordings) + 3
-    prepared = []
+    prepared, thin = [], thinning(question.recordings)
     for recording in question.recordings:
-        prepared.append(prepare(question.scene, recording))
+        prepared.append(prepare(question.scene, recording, thin))
         progress(len(prepared), steps)
     _check_slides(question, prepared)
     found = _first_pass(question, prepared)
@@ -170,7 +178,7 @@ def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
     if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
         names = ", ".join(one.name for one in question.recordings)
         raise IdentificationError(
-            f"{names}: joints slide in {found} of the logs' blocks of 2 to 5 s, at least "
+            f"{names}: joints slide in {found} of the logs' blocks of 1 to 5 s, at least "
             f"{_FEWEST_BLOCKS} are needed (faster than {STILL:g} rad/s or m/s, and than noise); "
             "log more motion"
         )
@@ -277,25 +285,38 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
         return (found.question.laws[name],)
     if rows.effort.size == 0:
         return (PLAIN,)
-    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
     drives = float(np.mean(rows.load * rows.velocity > 0.0))
-    varied = float(np.sqrt(np.mean(rows.load**2))) > coulomb
+    both = min(drives, 1.0 - drives) > _LEAST_SHARE
     entry = scene.friction.get(name)
-    both = _scale_is_known(found) and min(drives, 1.0 - drives) > _LEAST_SHARE
     bearing = entry is not None and entry.bearing is not None
     falls = found.falls[joint] is not None if found.falls else False
-    laws = candidates(bearing, found.question.motor and varied, both, falls)
+    laws = candidates(bearing, found.question.motor and _shows_gear(found, joint), both, falls)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
         laws = tuple(law for law in laws if not law.stribeck
                      and (not law.load or law.side == "motor" != law.load))  # fmt: skip
     return laws
 
 
-def _scale_is_known(found: Estimate) -> bool:
-    """Whether something says how heavy the robot is, so that both of a gear's losses show.
+def _shows_gear(found: Estimate, joint: int) -> bool:
+    """Whether load can exceed the Coulomb friction that is left where a gear takes its share.
+
+    Friction fitted without a gear holds what the mean load makes of the gear's loss.
+    """
+    rows = found.rows[joint]
+    coulomb = 0.5 * float(found.fit.slots[joint, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
+    left = coulomb - _MOST_LOSS * float(np.mean(np.abs(rows.load)))
+    return float(np.sqrt(np.mean(rows.load**2))) > left
+
+
+def scale_is_known(found: Estimate) -> bool:
+    """Return whether something says how heavy the robot is, so that both of a gear's losses show.
 
     With all masses free, (t + f)/eta and eta_b (t + f) are also those of a robot and a friction
-    larger by 1/eta in a gear without loss forward and eta eta_b back: only the product shows.
+    larger by 1/eta in a gear without loss forward and eta eta_b back: only the product shows. That
+    two losses predict better shows, too.
+
+    Args:
+        found: the estimate.
     """
     return found.question.keep_inertias or any(
         one.recording.trajectory.attached.any() for one in found.prepared)  # fmt: skip

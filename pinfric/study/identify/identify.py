@@ -21,7 +21,7 @@ from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.study.identify.advice import Advice, advise
 from pinfric.study.identify.checks import check_one_robot
-from pinfric.study.identify.columns import joint_rows, prepare
+from pinfric.study.identify.columns import joint_rows, prepare, thinning
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
 from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, SLOT, SLOTS, Law
@@ -263,7 +263,7 @@ def _errors(found: Estimate) -> dict[str, HeldOut]:
 
 def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
     """Errors on a log that was not fitted."""
-    one = reloaded(found, prepare(found.question.scene, recording))
+    one = reloaded(found, prepare(found.question.scene, recording, thinning([recording])))
     rows = [joint_rows([one], j, found.delay.value) for j in range(len(found.rows))]
     return {name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)
             for j, (name, own) in enumerate(zip(found.scene.joint_names, rows, strict=True))

@@ -60,6 +60,19 @@ def parameters(model: pin.Model) -> FloatArray:
     return np.concatenate([inertia.toDynamicParameters() for inertia in model.inertias[1:]])
 
 
+def mass_changes(model: pin.Model, theta: FloatArray) -> FloatArray:
+    """Return by what share of itself each link's mass has changed, (nj,).
+
+    Links lighter than a share of the heaviest one count as that heavy.
+
+    Args:
+        model: the robot as its URDF has it.
+        theta: the parameters found.
+    """
+    before, after = (values.reshape(-1, 10)[:, 0] for values in (parameters(model), theta))
+    return np.asarray((after - before) / np.maximum(before, _LIGHTEST * before.max()))
+
+
 def with_parameters(model: pin.Model, theta: FloatArray) -> pin.Model:
     """Return a copy of the model with these parameters."""
     changed = model.copy()

@@ -35,6 +35,7 @@ from pinfric.study.identify.laws import (
     SPEEDS,
     Law,
 )
+from pinfric.study.identify.recordings import stick_velocity
 from pinfric.study.identify.rest import BreakAway
 from pinfric.study.identify.uncertainty import Uncertainty
 from pinfric.study.summary import effort_unit
@@ -201,6 +202,8 @@ def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
 def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway]) -> Scene:
     """Return the question's scene with what was found in it; other joints keep what it says.
 
+    A joint sticks up to the velocity that noise alone makes of one that stands in these logs.
+
     Args:
         found: the estimate, with the links' inertias.
         static: joint, FORWARD or BACKWARD -> friction at which it broke away, where logged.
@@ -216,7 +219,8 @@ def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway
         actuators.append({"joint": scene.joint_names[j], "transmission": gear,
                           "couples": couples(scene, drive)})  # fmt: skip
     friction = {name: entry for name, entry in friction.items() if entry}
-    return scene.with_(friction=friction, actuators=actuators)
+    stick = stick_velocity(scene, found.question.recordings)
+    return scene.with_(friction=friction, actuators=actuators, stick_velocity=stick)
 
 
 def _entries(

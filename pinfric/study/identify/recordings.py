@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +16,21 @@ from pinfric.model.couples import drive_rates, rate_rows
 from pinfric.model.scene import Scene
 from pinfric.study.trajectory.derivatives import SPLINE_GAINS
 from pinfric.study.trajectory.log.arrays import Log
+from pinfric.study.trajectory.log.noise import low_pass
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
 
 FloatArray = NDArray[np.float64]
 
-#: s. Less than this has no blocks to hold out.
-_SHORTEST = 8.0
 #: rad/s or m/s: a joint that is never faster than this has not moved.
 STILL = 0.01
+#: Standard deviations beyond which a velocity is no noise.
+_CLEAR = 3.0
+#: Samples of which a low pass and a spline still make something.
+_FEWEST = 100
+#: Hz: samples are left out down to this rate, after a low pass of efforts and accelerations. All
+#: that is fitted passes far less, and break-aways are looked for in what this low pass leaves.
+_RATE, PEAK_PASS = 125.0, 40.0
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,7 @@ class Recording:
         step: s between samples.
         velocity, acceleration: (T, nv) of the drives: the joints', but for coupled ones.
         effort: (T, nv) measured, N m or N at the joint; NaN where there is none.
-        slowest: (nv,) speed below which noise or presliding decides, rad/s or m/s.
+        noise: (nv,) standard deviation of the velocities, rad/s or m/s.
     """
 
     name: str
@@ -45,7 +52,17 @@ class Recording:
     velocity: FloatArray
     acceleration: FloatArray
     effort: FloatArray
-    slowest: FloatArray
+    noise: FloatArray
+
+    @property
+    def unclear(self) -> FloatArray:
+        """(nv,) speed up to which noise alone may move a drive that stands, rad/s or m/s."""
+        return np.asarray(_CLEAR * self.noise)
+
+    @property
+    def slowest(self) -> FloatArray:
+        """(nv,) speed below which noise or presliding decides, rad/s or m/s."""
+        return np.maximum(STILL, self.unclear)
 
     @property
     def reading(self) -> Reading:
@@ -61,11 +78,24 @@ class Recording:
     @classmethod
     def of(
         cls, scene: Scene, name: str, trajectory: Trajectory, step: float, effort: FloatArray,
-        slowest: FloatArray,
+        noise: FloatArray,
     ) -> Recording:  # fmt: skip
         """Return a recording with the motion of the scene's drives; arguments are its fields."""
         v, a = (drive_rates(scene.drives, x, x[:, :0]) for x in (trajectory.v, trajectory.a))
-        return cls(name, trajectory, step, v, a, effort, slowest)
+        return cls(name, trajectory, step, v, a, effort, noise)
+
+
+def stick_velocity(scene: Scene, recordings: Sequence[Recording]) -> float:
+    """Return up to which velocity (rad/s, m/s) joints stick, by what noise makes of their rest.
+
+    No less than the scene says, no more than a joint has that has not moved.
+
+    Args:
+        scene: the robot.
+        recordings: the logs.
+    """
+    unclear = max(float(one.unclear.max()) for one in recordings)
+    return max(scene.stick_velocity, float(f"{min(unclear, STILL):.1e}"))
 
 
 def check_scene(scene: Scene) -> None:
@@ -149,9 +179,8 @@ def _read(
     if reading is None:
         raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")
     t = trajectory.t
-    if t.size < 100 or t[-1] - t[0] < _SHORTEST:
-        raise IdentificationError(f"{name}: lasts {t[-1] - t[0]:.3g} s, {t.size} samples; at "
-                                  f"least {_SHORTEST:g} s are needed")  # fmt: skip
+    if t.size < _FEWEST:
+        raise IdentificationError(f"{name}: has {t.size} samples; at least {_FEWEST} are needed")
     missing = [joint for joint in scene.joint_names if joint not in reading.effort]
     if missing:
         raise IdentificationError(
@@ -166,8 +195,34 @@ def _read(
     else:
         noise = np.array([reading.noise[joint] for joint in scene.joint_names])
         noise = noise * SPLINE_GAINS[0] / step
-    slowest = np.maximum(STILL, 3.0 * np.abs(rate_rows(scene.drives, noise.size)) @ noise)
-    return Recording.of(scene, name, trajectory, step, effort, slowest)
+    noise = np.abs(rate_rows(scene.drives, noise.size)) @ noise
+    every = int((1.0 + 1e-6) / (_RATE * step))
+    if every > 1:
+        trajectory, effort = _thinned(trajectory, effort, step, every)
+    return Recording.of(scene, name, trajectory, max(every, 1) * step, effort, noise)
+
+
+def _thinned(
+    trajectory: Trajectory, effort: FloatArray, step: float, every: int
+) -> tuple[Trajectory, FloatArray]:
+    """Return each `every`-th sample; what is above the low pass shall not come back below it."""
+    a = trajectory.a[::every].copy()
+    for j, column in enumerate(trajectory.a.T):
+        # where it is held, it is held
+        a[:, j] = np.where(a[:, j] != 0.0, low_pass(column, step, PEAK_PASS)[::every], 0.0)
+    fewer = np.full_like(a, np.nan)
+    for j, column in enumerate(effort.T):
+        known = np.isfinite(column)
+        if known.any():
+            place = np.arange(column.size)
+            whole = np.interp(place, place[known], column[known])
+            low = low_pass(whole, step, PEAK_PASS)
+            fewer[:, j] = np.where(known, low, np.nan)[::every]
+    thin: dict[str, Any] = {name: np.ascontiguousarray(getattr(trajectory, name)[::every])
+                            for name in ("t", "q", "v", "attached")}  # fmt: skip
+    assert trajectory.reading is not None
+    reading = replace(trajectory.reading, effort={}, uncertain=None)  # of all samples
+    return replace(trajectory, a=a, reading=reading, **thin), fewer
 
 
 def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from pinfric.dynamics.inverse import inverse_dynamics
 from pinfric.dynamics.result import runs
 from pinfric.model.scene import Scene
-from pinfric.study.identify.columns import Prepared
+from pinfric.study.identify.columns import PART, Prepared
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import BACKWARD, FORWARD, SLOT
+from pinfric.study.identify.recordings import PEAK_PASS, Recording
 from pinfric.study.trajectory.log.judged import measured_interval
 from pinfric.study.trajectory.log.noise import low_pass
 
@@ -26,8 +27,6 @@ FloatArray = NDArray[np.float64]
 #: s: a hold from which a departure counts, what counts as before it and right before it, and what
 #: comes after it.
 _HELD, _BEFORE, _NEAR, _AFTER = 0.5, 0.3, 0.05, 0.15
-#: Hz of the low pass on efforts in which a peak is looked for.
-_PEAK_PASS = 40.0
 #: By which share of its peak friction must have risen during the hold, and how much of it the
 #: change of the rigid effort may be while the joint departs.
 _RISE, _INERTIA = 0.3, 0.15
@@ -43,36 +42,55 @@ class RestBound:
         seconds: at rest in all logs.
         largest: the largest friction that held it.
         share: of the identified half-width there.
+        inside: share of the time in which the effort was within the identified interval; NaN where
+            it never rests.
     """
 
     seconds: float
     largest: float
     share: float
+    inside: float
 
 
 def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
     """Return for each joint what its holds show; they bound static friction from below only.
 
     Args:
-        found: the estimate. scene: the identified one.
+        found: the estimate.
+        scene: the identified one, whose joints stick up to a velocity.
     """
     nj = scene.model.nv
-    seconds, largest, share = np.zeros((3, nj))
+    seconds, largest, share, inside = np.zeros((4, nj))
     for one in found.prepared:
-        motion, held = one.recording.trajectory, one.recording.rests
+        motion, held = one.recording.trajectory, _held(one.recording, scene.stick_velocity)
         if not held.any():
             continue
-        lower, upper = measured_interval(inverse_dynamics(scene, motion), found.question.at)
+        parts = [measured_interval(part, found.question.at)
+                 for part in inverse_dynamics(scene, motion, chunks=PART)]  # fmt: skip
+        lower, upper = (np.concatenate(ends) for ends in zip(*parts, strict=True))
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         off = np.abs(one.effort(motion.t) + one.payload - middle)
         for j in range(nj):
             at = held[:, j] & np.isfinite(off[:, j])
             if at.any():
                 seconds[j] += at.sum() * one.recording.step
+                inside[j] += np.sum(off[at, j] <= half[at, j]) * one.recording.step
                 largest[j] = max(largest[j], float(off[at, j].max()))
                 wide = np.maximum(half[at, j], 1e-12)
                 share[j] = max(share[j], float((off[at, j] / wide).max()))
-    return tuple(RestBound(*row) for row in np.column_stack((seconds, largest, share)).tolist())
+    inside = np.where(seconds > 0.0, inside / np.maximum(seconds, 1e-12), np.nan)
+    every = np.column_stack((seconds, largest, share, inside))
+    return tuple(RestBound(*row) for row in every.tolist())
+
+
+def _held(recording: Recording, stick: float) -> NDArray[np.bool_]:
+    """(T, nv) where a drive rests, or is as slow as one that sticks, for so long as holds last."""
+    held = recording.rests.copy()
+    for j, v in enumerate(recording.velocity.T):
+        for first, last in runs(np.abs(v) <= stick):
+            if (last - first) * recording.step >= _HELD:
+                held[first : last + 1, j] = True
+    return held
 
 
 @dataclass(frozen=True)
@@ -115,8 +133,8 @@ def _peaks(found: Estimate, one: Prepared, joint: int) -> Iterator[tuple[str, fl
     recording, rigid = one.recording, one.load[:, joint]
     t, step, v = recording.trajectory.t, recording.step, recording.velocity[:, joint]
     effort = np.where(np.isfinite(recording.effort[:, joint]), recording.effort[:, joint], rigid)
-    if step * _PEAK_PASS < 0.45:
-        effort = low_pass(effort, step, _PEAK_PASS)
+    if step * PEAK_PASS < 0.45:
+        effort = low_pass(effort, step, PEAK_PASS)
     effort = np.interp(t + found.delay.value, t, effort)
     before, near, after = (int(np.ceil(span / step)) for span in (_BEFORE, _NEAR, _AFTER))
     for first, last in runs(recording.rests[:, joint]):

@@ -8,11 +8,13 @@ import numpy as np
 
 from pinfric.study.identify.columns import FEWEST_ROWS
 from pinfric.study.identify.delay import other_delays
-from pinfric.study.identify.estimate import Estimate
+from pinfric.study.identify.estimate import Estimate, scale_is_known
+from pinfric.study.identify.inertias import mass_changes
 from pinfric.study.identify.laws import BACKWARD, FORWARD
 from pinfric.study.identify.misfit import Misfit, uneven
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import Parameter
+from pinfric.study.identify.recordings import stick_velocity
 from pinfric.study.identify.rest import BreakAway, RestBound
 from pinfric.study.summary import effort_unit
 
@@ -20,6 +22,10 @@ from pinfric.study.summary import effort_unit
 _FAST = 0.2
 #: A fit that leaves a larger share of an effort lacks something.
 _MISSED = 0.1
+#: Share of the time at rest in which an effort should be within the interval.
+_HELD_INSIDE = 0.985
+#: URDFs' masses are wrong by 10 to 40 %: a change of a larger share of one has another cause.
+_MOVED = 0.5
 
 
 def said(
@@ -44,8 +50,11 @@ def said(
     lines += [f"{what}: {', '.join(names)}" for what, names in _of_joints(found, rest, static)
               if names]  # fmt: skip
     lines += _misfits(found, shapes)
-    if found.question.keep_inertias:
-        lines.append("the URDF's inertias were kept: what is wrong with them is in the friction")
+    lines += _of_masses(found)
+    stick = stick_velocity(found.question.scene, found.question.recordings)
+    if stick > found.question.scene.stick_velocity:
+        lines.append(f"joints stick up to {stick:.1e} rad/s or m/s in the scene: noise of the logs "
+                     "makes so much of a joint that stands")  # fmt: skip
     if found.distrusted:
         lines.append("too little was logged to choose laws: those chosen predicted what neither "
                      "choice nor fit had seen worse than Coulomb and viscous friction, which "
@@ -79,7 +88,12 @@ def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
 def _of_logs(found: Estimate) -> list[str]:
     """What one log does not tell, and what several say of the delay."""
     delay, lines = found.delay, []
-    if len(found.prepared) == 1:
+    moving = [one.slides.any() for one in found.prepared]
+    still = [one.recording.name for one, moves in zip(found.prepared, moving, strict=True)
+             if not moves]  # fmt: skip
+    if still:
+        lines.append(f"nothing slides in {', '.join(still)}, which only bounds friction at rest")
+    if sum(moving) == 1:
         lines.append("one log only: how much friction differs from day to day is not known; "
                      "between logs of a robot it was 1 to 10 %")  # fmt: skip
     if not delay.determined:
@@ -92,11 +106,31 @@ def _of_logs(found: Estimate) -> list[str]:
                 for j, (value, error) in others.items()]  # fmt: skip
         lines.append(f"lack of fit: the delays of {', '.join(each)} differ from that of the other "
                      "joints: play, a filter, or friction that no law has")  # fmt: skip
-    if len(delay.logs) > 1:
+    if sum(moving) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
         each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
-                for one, (value, error) in logs]  # fmt: skip
+                for one, (value, error) in logs if np.isfinite(error)]  # fmt: skip
         lines.append(f"efforts' delay by each log alone, with standard error: {', '.join(each)}")
+    return lines
+
+
+def _of_masses(found: Estimate) -> list[str]:
+    """How far the links' masses have moved from the URDF's, and what that may mean."""
+    if found.question.keep_inertias:
+        return ["the URDF's inertias were kept: what is wrong with them is in the friction"]
+    model, names = found.question.scene.model, found.scene.joint_names
+    bodies = zip(tuple(model.inertias)[1:], tuple(found.scene.model.inertias)[1:], strict=True)
+    masses = [f"{name} {before.mass:.3g} -> {after.mass:.3g}"
+              for name, (before, after) in zip(names, bodies, strict=True)]  # fmt: skip
+    lines = [f"masses that the joints move first, kg in the URDF -> found: {', '.join(masses)}"]
+    changes = mass_changes(model, found.fit.theta)
+    far = [name for name, change in zip(names, changes.tolist(), strict=True)
+           if abs(change) > _MOVED]  # fmt: skip
+    if far:
+        lines.append(f"masses that moved by more than {100 * _MOVED:.0f} %, more than URDFs are "
+                     f"wrong by: {', '.join(far)}; check the zero and sign of the angles of these "
+                     "and the joints beside them, the unit of efforts, and whether a payload is "
+                     "missing in the scene")  # fmt: skip
     return lines
 
 
@@ -123,6 +157,10 @@ def _of_joints(
          "only bounded from below",
          [names[j] for j in slid if rest[names[j]].seconds > 0.0
           and not {(j, FORWARD), (j, BACKWARD)} & static.keys()]),
+        ("at rest efforts are within the interval for less than "
+         f"{100 * _HELD_INSIDE:g} % of the time, so static friction or the rigid effort is off",
+         [f"{names[j]} {100 * rest[names[j]].inside:.1f} %" for j in slid
+          if rest[names[j]].inside < _HELD_INSIDE]),
         ("never fast, friction at speed is extrapolated (rad/s or m/s)", _slow(found, slid)),
         ("no load contrast beside Coulomb friction, a gear's loss cannot be told from it",
          [names[j] for j in slid if question.motor and names[j] not in question.laws
@@ -137,10 +175,10 @@ def _of_joints(
           if question.laws.get(name, law).side != law.side]),
         ("off by more than a tenth even where it was fitted, so something is missing or turned "
          "(signs, zeros, motors that move with another joint)", _missed(found, slid)),
-        ("with masses free, a gear's losses driving and driven cannot be told apart and are taken "
-         "as equal; a log with a known payload (--payload) tells both",
-         [name for name, law in zip(names, choice.laws, strict=True)
-          if law.load == "gear" and law.both_ways and not question.keep_inertias]),
+        ("with masses free, only the product of a gear's losses driving and driven shows: each of "
+         "them follows the URDF's masses; a log with a known payload (--payload) tells both",
+         [] if scale_is_known(found) else
+         [name for name, law in zip(names, choice.laws, strict=True) if law.load == "gear"]),
     ]  # fmt: skip
 
 

@@ -75,7 +75,7 @@ def find_fall(
         """What two columns take off the residual's sum of squares, and their coefficients."""
         own = columns * root
         own = own - basis @ (basis.T @ own)
-        values = np.linalg.lstsq(own, rest, rcond=1e-8)[0]
+        values: FloatArray = np.linalg.lstsq(own, rest, rcond=1e-8)[0].astype(float)
         return float(np.sum((own @ values) ** 2)) * bool(values.min() > 0.0), values
 
     def passed(log_velocity: float) -> FloatArray:

@@ -26,6 +26,9 @@ _DEGREE = 5
 #: Gains of the quintic spline's first and second derivative for white noise, times step and step
 #: squared: the 2-norms of the cardinal spline's derivatives.
 SPLINE_GAINS = 1.38, 4.8
+#: Samples of a spline that are computed with at a time, and how many more on both sides: the
+#: influence of a sample falls to 0.43 with each further one.
+_PART, _BESIDE = 2**16, 200
 
 
 def find_holds(position: ArrayLike, resolution: float = 0.0) -> list[tuple[int, int]]:
@@ -102,8 +105,7 @@ def position_derivatives(
     times, q = np.asarray(t, dtype=np.float64), np.asarray(position, dtype=np.float64)
     v, a = np.zeros_like(q), np.zeros_like(q)
     for piece, left, right in _moving_pieces(q.size, holds):
-        spline = _interpolate(times[piece], q[piece], 2 * left, 2 * right)
-        v[piece], a[piece] = spline(times[piece], 1), spline(times[piece], 2)
+        v[piece], a[piece] = _derivatives(times[piece], q[piece], 2 * left, 2 * right, (1, 2))
     for first, last in holds:
         v[first : last + 1] = a[first : last + 1] = 0.0
     return v, a
@@ -122,7 +124,7 @@ def velocity_derivative(
     times, v = np.asarray(t, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
     a = np.zeros_like(v)
     for piece, left, right in _moving_pieces(v.size, holds):
-        a[piece] = _interpolate(times[piece], v[piece], int(left), int(right))(times[piece], 1)
+        (a[piece],) = _derivatives(times[piece], v[piece], int(left), int(right), (1,))
     for first, last in holds:
         a[first : last + 1] = 0.0
     return a
@@ -154,6 +156,26 @@ def _moving_pieces(
         start, left = last, True
     if start < count - 1:
         yield slice(start, count), left, False
+
+
+def _derivatives(
+    t: FloatArray, y: FloatArray, left: int, right: int, orders: Sequence[int]
+) -> list[FloatArray]:
+    """Return derivatives of the spline through (t, y), as `_interpolate` makes it.
+
+    Of long ones part by part, with samples beside that the part's samples do not feel: equations
+    of a whole log would take 16 numbers a sample.
+    """
+    found = [np.empty_like(y) for _ in orders]
+    for first in range(0, y.size, _PART):
+        last = min(first + _PART, y.size)
+        before, after = max(first - _BESIDE, 0), min(last + _BESIDE, y.size)
+        near, own = slice(before, after), slice(first, last)
+        spline = _interpolate(t[near], y[near], left if before == 0 else 0,
+                              right if after == y.size else 0)  # fmt: skip
+        for column, order in zip(found, orders, strict=True):
+            column[own] = spline(t[own], order)
+    return found
 
 
 def _interpolate(t: FloatArray, y: FloatArray, left: int, right: int) -> Any:

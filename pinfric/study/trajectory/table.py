@@ -59,13 +59,15 @@ def complete_derivatives(
         warnings: where rounding spoils an acceleration, or velocities do not fit the positions,
             is appended here.
     """
-    v, a = table.velocity.copy(), table.acceleration.copy()
+    v, a = table.velocity, table.acceleration
     for i, column in enumerate(columns):
         if not np.isnan(v[0, i]):
             warnings += mismatch_warning(
                 column, table.t, table.position[:, i], v[:, i], table.resolution[i]
             )
     missing = [i for i in range(len(columns)) if np.isnan(v[0, i]) or np.isnan(a[0, i])]
+    if missing:
+        v, a = v.copy(), a.copy()
     if missing and table.t.size == 1:
         names = ", ".join(columns[i].name for i in missing)
         problems.append(f"one sample says nothing about derivatives: give .v and .a for {names}")

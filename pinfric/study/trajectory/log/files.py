@@ -197,7 +197,7 @@ def arrays_log(
                 values = values - values[0]
             parts.append(np.asarray(values, dtype=np.float64))
         rows = np.array(parts).reshape(len(names), -1).T
-        found = _Rows(rows, list(range(1, len(rows) + 1)), np.isnan(rows))
+        found = _Rows(rows, range(1, len(rows) + 1), np.isnan(rows))
         return _sifted(names, found, np.zeros(len(names)), origin, problems)
 
     return OpenedLog(list(columns), read, recorded=recorded, said=said, units=units)
@@ -356,7 +356,7 @@ class _Rows:
     """
 
     values: FloatArray
-    lines: list[int]
+    lines: Sequence[int]
     unreadable: NDArray[np.bool_]
     torn: Sequence[str] = ()
     cut: bool = False
@@ -443,9 +443,12 @@ def _sifted(
     if not few:
         problems += wrong
     keep = ~absent & ~bad if few else ~absent
-    lines = [line for line, kept in zip(rows.lines, keep.tolist(), strict=True) if kept]
+    values, lines = rows.values, rows.lines
+    if not keep.all():  # else no copy: a long log fills much of the memory
+        values = values[keep]
+        lines = [line for line, kept in zip(lines, keep.tolist(), strict=True) if kept]
     dropped = "; ".join(wrong) if few else ""
-    return Cells(tuple(names), rows.values[keep], lines, resolution, origin,
+    return Cells(tuple(names), values, lines, resolution, origin,
                  lost if few else 0, dropped, int(absent.sum()))  # fmt: skip
 
 

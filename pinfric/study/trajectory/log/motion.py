@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -312,6 +313,12 @@ def _filtered(
         for level in (noise_level, noise_floor)
     )  # fmt: skip
     found = find_noisy_holds(measured, step, noise)
+    kinds: dict[str, type] = dict.fromkeys(("position", "velocity", "acceleration"), float)
+    # how far the low pass may be wrong is not known to more than single precision's digits
+    kinds |= {"shift": np.float32, "moving": bool}
+    parts: dict[str, NDArray[Any]] = {
+        name: np.empty(measured.shape, kind) for name, kind in kinds.items()
+    }
     joints, cut = [], []
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
@@ -325,24 +332,26 @@ def _filtered(
             cutoff = signal_cutoff(q, step, floor[i], gentle)
         cut.append(0.0 if cutoff is None else
                    motion_taken_away(q, step, floor[i], cutoff, gentle))  # fmt: skip
-        joints.append(_low_passed(t, q, holds, step, cutoff, noise[i], gentle))
-    position, velocity, acceleration, shift, moving = (
-        np.column_stack([getattr(joint, name) for joint in joints])
-        for name in ("position", "velocity", "acceleration", "shift", "moving")
-    )
+        joint = _low_passed(t, q, holds, step, cutoff, noise[i], gentle)
+        for name, column in parts.items():
+            column[:, i] = getattr(joint, name)
+        joints.append((joint.cutoff, joint.spread))
     names = [column.name for column in columns]
-    spread = np.array([joint.spread for joint in joints])
+    spread = np.array([both for _, both in joints])
     reading = replace(
         even.reading,
         noise=dict(zip(names, noise, strict=True)),
-        cutoff={name: joint.cutoff for name, joint in zip(names, joints, strict=True)},
-        uncertain=DerivativeNoise(moving, spread[:, 0], spread[:, 1], shift, np.array(cut)),
+        cutoff={name: cutoff for name, (cutoff, _) in zip(names, joints, strict=True)},
+        uncertain=DerivativeNoise(
+            parts["moving"], spread[:, 0], spread[:, 1], parts["shift"], np.array(cut)
+        ),
     )
     line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
     reading = replace(reading, said=(*reading.said, line), noise_line=line)
-    table = replace(even.table, position=position, velocity=velocity, acceleration=acceleration)
-    ends = [0.0 if joint.cutoff is None else _ONE_SIDED / joint.cutoff for joint in joints]
-    return _without_ends(Settled(table, even.rows, reading), moving, np.array(ends), step)
+    table = replace(even.table, position=parts["position"], velocity=parts["velocity"],
+                    acceleration=parts["acceleration"])  # fmt: skip
+    ends = [0.0 if cutoff is None else _ONE_SIDED / cutoff for cutoff, _ in joints]
+    return _without_ends(Settled(table, even.rows, reading), parts["moving"], np.array(ends), step)
 
 
 def _without_ends(

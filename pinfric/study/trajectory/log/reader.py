@@ -71,12 +71,8 @@ def read_log(
     if not found.time or not named:
         refuse(name, problems)
     said = [*log.said, *found.said, *([f"columns not used: {others}"] if others else [])]
-    cells = log.read(found.used(), problems)
-    if len(cells.values) == 0:
-        refuse(name, problems)
-    _say_dropped(cells, said)
     unit = options.unit or (mapping.unit if mapping else None)
-    return _read(log, found, named, cells, options, unit, problems, said)
+    return _read(name, log, found, named, options, unit, problems, said)
 
 
 def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
@@ -102,32 +98,38 @@ def _say_dropped(cells: Cells, said: list[str]) -> None:
 
 
 def _read(
+    name: str,
     log: OpenedLog,
     found: Columns,
     named: tuple[JointColumn, ...],
-    cells: Cells,
     options: ReadingOptions,
     unit: str | None,
     problems: list[str],
     said: list[str],
 ) -> Logged:
     """Turn cells into SI, put the rows in order, and settle on the motion behind them."""
+    cells = log.read(found.used(), problems)
+    if len(cells.values) == 0:
+        refuse(name, problems)
+    _say_dropped(cells, said)
     uses = [found.position[column.name] for column in named]
     raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
     known = [use.unit for use in uses]
     factors = angle_unit(named, raw, known, unit, problems, said)
+    del raw
     position = _quantity(cells, found.position, named, factors)
     resolution = np.array([cells.resolution[cells.names.index(use.column)] for use in uses])
     found.time_unit = options.time_unit or found.time_unit or log.units.get(found.time)
     t = _seconds(cells, found, _speeds(named, position), problems, said)
     check_times(t, cells.lines, problems)
     kept = ordered_rows(t, cells.lines, problems, said)
+    taken = slice(None) if kept.size == t.size else kept
     own_plan = found.planned and bool(found.velocity)
     if not problems and not own_plan and set(factors) == {1.0}:
         problems += fast_angles(named, t[kept], position[kept], known, unit)
-    position = unwrapped(named, position[kept], said)
+    position = unwrapped(named, position[taken], said)
     velocity, acceleration = (
-        _quantity(cells, part, named, factors)[kept]
+        _quantity(cells, part, named, factors)[taken]
         for part in (found.velocity, found.acceleration)
     )
     attached = {name: _phase(cells, name, problems)[kept] for name in found.payloads}
@@ -137,10 +139,12 @@ def _read(
         return named, plan, Reading(kept.size)
     if log.recorded or not found.planned:
         said += _compared(named, plan)
-        nothing = np.full_like(position, np.nan)
+        nothing = np.broadcast_to(np.nan, position.shape)
         plan = replace(plan, velocity=nothing, acceleration=nothing)
-    effort = _quantity(cells, found.effort, named)[kept]
+    effort = _quantity(cells, found.effort, named)[taken]
+    dropped = cells.dropped + len(cells.values) - kept.size
     recorded = log.recorded or bool(found.effort)
+    del cells, position, velocity, acceleration  # a long log fills much of the memory
     settled = settle(named, plan, options, problems, recorded)
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
         said.append("velocities in the file are not used: they come from the filtered positions")
@@ -150,8 +154,7 @@ def _read(
     at, rows = settled.rows, np.arange(kept.size)
     efforts = {column.name: np.interp(at, rows, effort[:, i])
                for i, column in enumerate(named) if column.name in found.effort}  # fmt: skip
-    dropped = settled.reading.dropped + cells.dropped + len(cells.values) - kept.size
-    reading = replace(settled.reading, dropped=dropped, effort=efforts,
+    reading = replace(settled.reading, dropped=settled.reading.dropped + dropped, effort=efforts,
                       said=(*said, *settled.reading.said))  # fmt: skip
     return named, settled.table, reading
 
@@ -173,6 +176,8 @@ def _quantity(
     factors: Sequence[float] | None = None,
 ) -> FloatArray:
     """Return one quantity of the joints in SI, (rows, nj); NaN where there is no column."""
+    if not uses:
+        return np.broadcast_to(np.nan, (len(cells.values), len(named)))
     values = np.full((len(cells.values), len(named)), np.nan)
     for i, column in enumerate(named):
         if (use := uses.get(column.name)) is not None:
