@@ -64,6 +64,8 @@ def write_lines(t: Tables, w: Work, v: np.ndarray, given: np.ndarray, step: floa
             )
             if slope <= 0.0 and (w.modes.stuck[c] or w.modes.at_rest[c]):
                 way = 0.0
+                if not w.modes.stuck[c]:  # no solution: other lines are not tried in turn for ever
+                    w.line[d, 0], w.line[d, 1] = -np.inf, np.inf
             else:
                 w.slope[d] = 1.0 + share * (slope - 1.0)
                 w.offset[d] += share * offset

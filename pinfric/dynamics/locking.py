@@ -84,6 +84,18 @@ class LockingGears:
         couple()
         return found, found == Found.SOLVED
 
+    def begin(self, delivered: np.ndarray) -> None:
+        """Let gears begin to settle: those that stick around given loads, others where they drive.
+
+        Args:
+            delivered: (na,) around which gears are asked what they hold.
+        """
+        m, w = self._modes, self._work
+        for d in self.gears:
+            c = self._coordinate[d]
+            slips = c >= 0 and m.at_rest[c] and not m.stuck[c]
+            w.delivered[d] = m.direction[c] * _MUCH * w.push_size[0] if slips else delivered[d]
+
     def ways_to_hold(self, couple: Callable[[], None]) -> Iterator[bool]:
         """Yield with each choice of loads that these gears hold; then the first again.
 

@@ -482,7 +482,7 @@ class Workspace:
             return solve(self.problem, self.modes, self.mechanism)
         q, v, effort, _, step = self._given
         if delivered is not None:
-            self.work.delivered[self._locking.gears] = delivered[self._locking.gears]
+            self._locking.begin(delivered)
         if not self.closed:
             refused, found, obeying, _ = solve_instant(self._machine, q, v, effort, SETTLED, step)
             if refused:
