@@ -592,9 +592,6 @@ def accuracy(
         str | None,
         typer.Argument(metavar="[TRAJECTORY]", help="By default the scene's own simulation."),
     ] = None,
-    peers: Annotated[
-        bool, typer.Option("--peers", help="MuJoCo and Drake, too (extra `bench`).")
-    ] = False,
     out: OutFolder = None,
     as_json: AsJson = False,
     log: Any,
@@ -610,7 +607,7 @@ def accuracy(
     from pinfric.study.accuracy.study import accuracy as study
 
     with working("measuring, for half a minute or more; minutes where loops close"):
-        found = study(scene, trajectory, second=absolute_judge(scene), peers=peers)
+        found = study(scene, trajectory, second=absolute_judge(scene))
     answer(accuracy_json(found, noticed), lambda: accuracy_report(found), as_json, out, {
         "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
         "accuracy.csv": lambda path: accuracy_frame(found).to_csv(path, index=False),

@@ -22,6 +22,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))  # cases, as pytest finds them
 
 from measure import all_seconds, machine, median_seconds, states, ur5, with_pins  # isort: skip
+from peers import compete_with_peers  # isort: skip
 from scaling import memory  # isort: skip
 
 SAMPLES = 20_000
@@ -233,10 +234,8 @@ def swinging_ur5():
     return dataclasses.replace(scene, simulation=simulation), constants
 
 
-def peers():
+def peer_rows():
     """Time of `event` to an error of q below a bound, against the quickest peer that gets there."""
-    from pinfric.study.accuracy import peers as module
-
     rows = []
     cases = {
         "pendulum": (pf.load_scene("pendulum"), {"joint_1": 0.29}),
@@ -244,7 +243,7 @@ def peers():
         "UR5": swinging_ur5(),
     }
     for name, (scene, constants) in cases.items():
-        runs, missing = module.compete_with_peers(scene, constants)
+        runs, missing = compete_with_peers(scene, constants)
         for line in missing:
             print(line)
         for bound in (1e-3, 1e-4, 1e-5):
@@ -275,7 +274,7 @@ def rows(with_peers=False):
     studies = [inverse, memory_in_chunks, threads, forward, solver, simulation,
                at_rest_and_moving, loops]  # fmt: skip
     if with_peers:
-        studies.append(peers)
+        studies.append(peer_rows)
     for study in studies:
         yield from study()
 

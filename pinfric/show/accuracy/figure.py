@@ -25,9 +25,6 @@ _STYLES = {
     "event": ("#0072B2", "o"),
     "timestepping": ("#D55E00", "s"),
     "regularized": ("#009E73", "^"),
-    "MuJoCo": ("#CC79A7", "D"),
-    "MuJoCo, stiff": ("#8C4A73", "d"),
-    "Drake": ("#B8860B", "v"),
 }
 #: The same of the two solvers of coupled friction.
 _SOLVER_STYLES = {"fixed point": ("#D55E00", "s"), "Newton": ("#0072B2", "o")}
@@ -47,13 +44,12 @@ def accuracy_figure(found: Accuracy) -> Figure:
 
     name = Path(found.scene.source).stem
     panels: list[Callable[[Axes], None]] = []
-    for runs, what in ((found.runs, "simulation"), (found.peers, "constant friction, with peers")):
-        if runs:
-            panels.append(partial(_work, runs=runs, quantity="error",
-                                  title=f"{what}: error of q (rad or m)"))  # fmt: skip
-        if any(run.stick_error > 0 for run in runs):
-            panels.append(partial(_work, runs=runs, quantity="stick_error",
-                                  title=f"{what}: error of stick times (s)"))  # fmt: skip
+    if found.runs:
+        title = "simulation: error of q (rad or m)"
+        panels.append(partial(_work, runs=found.runs, quantity="error", title=title))
+    if any(run.stick_error > 0 for run in found.runs):
+        title = "simulation: error of stick times (s)"
+        panels.append(partial(_work, runs=found.runs, quantity="stick_error", title=title))
     panels.append(partial(_sampling, rows=found.sampling))
     if found.coupled:
         panels += [partial(draw, runs=found.coupled) for draw in (_coupled_work, _coupled_passes)]

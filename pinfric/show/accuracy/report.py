@@ -28,8 +28,6 @@ def accuracy_json(found: Accuracy, warnings: Sequence[str] = ()) -> dict[str, An
         "trajectory": found.trajectory,
         "runs": [asdict(run) for run in found.runs],
         "reference_difference": found.reference_difference,
-        "peers": [asdict(run) for run in found.peers],
-        "constants": found.constants,
         "sampling": [asdict(row) for row in found.sampling],
         "coupled": [asdict(run) for run in found.coupled],
         "ladder": [asdict(rung) for rung in found.ladder],
@@ -43,7 +41,7 @@ def accuracy_frame(found: Accuracy) -> pd.DataFrame:
     import pandas as pd
 
     studies: tuple[tuple[str, tuple[Run | Sampled | CoupledRun | Rung, ...]], ...] = (
-        ("simulation", found.runs), ("peers", found.peers), ("sampling", found.sampling),
+        ("simulation", found.runs), ("sampling", found.sampling),
         ("coupled", found.coupled), ("ladder", found.ladder),
     )  # fmt: skip
     return pd.DataFrame([{"study": name, **asdict(row)} for name, rows in studies for row in rows])
@@ -55,7 +53,6 @@ def accuracy_report(found: Accuracy) -> Report:
     title = f"{name}: {found.trajectory}"
     return paragraphs(
         *_simulated(f"{name}: simulation", found.runs, _reference_lines(found)),
-        *_simulated(f"{name}: constant friction, with peers", found.peers, _peer_lines(found)),
         _sampling_table(f"{title}, fewer samples", found.sampling),
         [f"given {row.given}, {digits(row.rate)} per s: {row.problem}"
          for row in found.sampling if row.problem],
@@ -80,12 +77,6 @@ def _reference_lines(found: Accuracy) -> list[str]:
         lines.insert(0, "its reference and absolute coordinates differ by "
                      f"{_power(found.reference_difference)} at most")  # fmt: skip
     return lines
-
-
-def _peer_lines(found: Accuracy) -> list[str]:
-    constants = ", ".join(f"{site} {digits(F)}" for site, F in found.constants.items())
-    return [f"friction, static as kinetic (N m or N): {constants}",
-            "Drake has no dry friction in joints: F tanh(v / velocity) stands in"]  # fmt: skip
 
 
 def _runs_table(title: str, runs: Sequence[Run]) -> Table:

@@ -2,15 +2,13 @@
 
 Studies of one scene: `precision` simulates it by three methods with many settings,
 `sampling` thins its motion, `coupled` solves its coupled friction to many tolerances, `ladder`
-climbs from no friction to all of it. `peers` adds MuJoCo and Drake on the constant friction that
-they can express.
+climbs from no friction to all of it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,7 +18,6 @@ from pinfric.errors import PinfricError, SceneError
 from pinfric.model.scene import Scene
 from pinfric.study.accuracy.coupled import CoupledRun, coupled
 from pinfric.study.accuracy.ladder import Rung, ladder
-from pinfric.study.accuracy.peers import compete_with_peers
 from pinfric.study.accuracy.precision import (
     Judge,
     Run,
@@ -31,7 +28,7 @@ from pinfric.study.accuracy.precision import (
 )
 from pinfric.study.accuracy.sampling import Sampled, sampling
 from pinfric.study.trajectory.trajectory import Trajectory
-from pinfric.study.variants import fitted_constants, solve
+from pinfric.study.variants import solve
 
 #: Samples of the scene's own motion where no trajectory is given.
 _SAMPLES = 2001
@@ -47,8 +44,6 @@ class Accuracy:
         runs: simulations by pinfric; empty where the scene has no `simulation`.
         reference_difference: largest difference of q between the two references (rad or m); NaN
             where there is only one.
-        peers: simulations of the same robot with constant friction, pinfric's and the peers'.
-        constants: site -> that friction (N m or N).
         sampling, coupled, ladder: see there; `coupled` is empty where no friction couples.
         notes: what could not be studied, and why.
     """
@@ -57,8 +52,6 @@ class Accuracy:
     trajectory: str
     runs: tuple[Run, ...]
     reference_difference: float
-    peers: tuple[Run, ...]
-    constants: dict[str, float]
     sampling: tuple[Sampled, ...]
     coupled: tuple[CoupledRun, ...]
     ladder: tuple[Rung, ...]
@@ -70,7 +63,6 @@ def accuracy(
     trajectory: Trajectory | None = None,
     *,
     second: Judge | None = None,
-    peers: bool = False,
     rounds: int = 3,
 ) -> Accuracy:
     """Measure what accuracy costs in time.
@@ -79,7 +71,6 @@ def accuracy(
         scene: the robot; its `simulation` section is what is simulated.
         trajectory: what inverse dynamics is studied on; None takes the simulated motion.
         second: judges the simulations, too, and is compared with the reference.
-        peers: simulate with MuJoCo and Drake, too (extra `bench`).
         rounds: timings of each contestant, of which the median counts.
 
     Raises:
@@ -92,12 +83,10 @@ def accuracy(
         )
     notes: list[str] = []
     motion = _reference(scene, notes)
-    found: dict[str, Any] = {"runs": (), "reference_difference": float("nan"), "peers": (),
-                             "constants": {}}  # fmt: skip
+    runs: tuple[Run, ...] = ()
+    difference = float("nan")
     if motion is not None:
-        found |= _simulations(scene, motion, second, rounds)
-        if peers:
-            found |= _peers(scene, motion, rounds, notes)
+        runs, difference = _simulations(scene, motion, second, rounds)
     given: MotionLike
     if trajectory is not None:
         given, name = trajectory, Path(trajectory.source).name
@@ -109,11 +98,12 @@ def accuracy(
     return Accuracy(
         scene=scene,
         trajectory=name,
+        runs=runs,
+        reference_difference=difference,
         sampling=sampling(scene, given),
         coupled=() if scene.linkage is None else coupled(solve(scene, given), rounds),
         ladder=ladder(scene, given, rounds),
         notes=tuple(notes),
-        **found,
     )
 
 
@@ -130,23 +120,12 @@ def _reference(scene: Scene, notes: list[str]) -> Motion | None:
         return None
 
 
-def _simulations(scene: Scene, motion: Motion, second: Judge | None, rounds: int) -> dict[str, Any]:
+def _simulations(
+    scene: Scene, motion: Motion, second: Judge | None, rounds: int
+) -> tuple[tuple[Run, ...], float]:
     judge = judge_of(motion)
     difference = float("nan")
     if second is not None:
         times = np.linspace(0.0, motion.t[-1], 201)
         difference = float(np.abs(judge.at(times) - second.at(times)).max())
-    runs = compete(contestants(scene), judge, second, rounds)
-    return {"runs": runs, "reference_difference": difference}
-
-
-def _peers(scene: Scene, motion: Motion, rounds: int, notes: list[str]) -> dict[str, Any]:
-    sampled = motion.sample(np.linspace(0.0, motion.t[-1], _SAMPLES))
-    constants = fitted_constants(solve(scene, sampled))
-    try:
-        runs, missing = compete_with_peers(scene, constants, rounds)
-    except PinfricError as problem:
-        notes.append(f"peers: {' '.join(str(problem).split())}")
-        return {}
-    notes += missing
-    return {"peers": runs, "constants": constants}
+    return compete(contestants(scene), judge, second, rounds), difference

@@ -1,4 +1,4 @@
-"""Accuracy against time: errors that are what they say, failures that stay rows, peers that agree.
+"""Accuracy against time: errors that are what they say, failures that stay rows.
 
 Wall times are never asserted; errors, counts and orders of convergence are.
 """
@@ -15,7 +15,6 @@ from builders import block, plane_friction
 import pinfric as pf
 from pinfric.dynamics.result import StickInterval
 from pinfric.errors import SceneError, SimulationError
-from pinfric.model.schema import Simulation
 from pinfric.paper.reproduction import absolute_judge
 from pinfric.show.accuracy.figure import accuracy_figure
 from pinfric.show.accuracy.report import accuracy_frame, accuracy_json, accuracy_report
@@ -121,7 +120,7 @@ def test_a_failure_is_a_row():
     assert np.isnan(runs[0].error)
     assert (runs[1].problem, runs[1].error, runs[1].stick_error, runs[1].rhs) == ("", 0.0, 0.0, 7)
     assert "diverges" in runs[2].problem
-    study = accuracy_module.Accuracy(scene, "none", runs, float("nan"), (), {}, (), (), (), ())
+    study = accuracy_module.Accuracy(scene, "none", runs, float("nan"), (), (), (), ())
     table, _, first, last, *_ = accuracy_report(study)
     assert len(table.rows) == 3
     assert "it cannot go on" in str(first)
@@ -228,50 +227,3 @@ def test_a_trajectory_alone_is_studied():
     assert rungs["+ transmission"].motor_side
     assert rungs["+ viscous"].distance < rungs["frictionless"].distance
     assert "ur5_pick_and_place.csv" in accuracy_json(found)["trajectory"]
-
-
-def test_a_peer_that_is_not_there_is_one_line(monkeypatch):
-    from pinfric.study.accuracy import peers
-
-    monkeypatch.setattr(peers, "find_spec", lambda name: None)
-    monkeypatch.setattr(precision, "STEPS", (50,))
-    monkeypatch.setattr(precision, "TOLERANCES", (1e-4,))
-    runs, missing = peers.compete_with_peers(pf.load_scene("pendulum"), {"joint_1": 0.3}, rounds=1)
-    assert {run.method for run in runs} == {"event", "timestepping"}
-    assert missing == [
-        'MuJoCo: not installed; pip install "pinfric[bench]" brings it',
-        'Drake: not installed; pip install "pinfric[bench]" brings it',
-    ]
-
-
-def test_peers_converge_to_the_same_motion(monkeypatch):
-    pytest.importorskip("mujoco")
-    pytest.importorskip("pydrake")
-    from pinfric.study.accuracy import peers
-
-    monkeypatch.setattr(precision, "STEPS", (500,))
-    monkeypatch.setattr(precision, "TOLERANCES", (1e-4, 1e-8))
-    monkeypatch.setattr(peers, "STEPS", (400, 6400))
-    monkeypatch.setattr(peers, "VELOCITIES", (1e-2, 1e-4))
-    scene = pf.load_scene("three_link")  # its constant: what the paper's pin has on average
-    runs, missing = peers.compete_with_peers(scene, {"joint_12": 9.0}, rounds=1)
-    assert not missing
-    for method in ("MuJoCo, stiff", "Drake"):
-        coarse, fine = of(runs, method)
-        assert not fine.problem
-        assert fine.error < 0.1 * coarse.error
-        assert fine.error < 5e-3
-        assert fine.missed == 0
-    plain, finest = of(runs, "MuJoCo")
-    assert finest.error < plain.error
-    assert of(runs, "event")[1].error < 1e-6
-
-
-def test_loops_are_not_handed_to_peers():
-    from pinfric.errors import PinfricError
-    from pinfric.study.accuracy.peers import compete_with_peers
-
-    base = pf.load_scene("four_bar")
-    scene = dataclasses.replace(base, simulation=Simulation(start=base.simulation.start, t_end=1.0))
-    with pytest.raises(PinfricError, match="loops"):
-        compete_with_peers(scene, {"crank_pin": 0.1})

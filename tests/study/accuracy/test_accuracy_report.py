@@ -10,7 +10,7 @@ import pytest
 
 from pinfric import cli
 from pinfric.show.accuracy.figure import accuracy_figure
-from pinfric.study.accuracy import coupled, peers, precision
+from pinfric.study.accuracy import coupled, precision
 from pinfric.study.accuracy.precision import Run
 from pinfric.study.accuracy.study import Accuracy
 
@@ -45,7 +45,7 @@ def test_json_has_every_study_and_nothing_else_is_printed(capsys):
     assert err == ""
     answer = json.loads(out, parse_constant=refuse)
     assert answer.keys() == {
-        "scene", "trajectory", "runs", "reference_difference", "peers", "constants", "sampling",
+        "scene", "trajectory", "runs", "reference_difference", "sampling",
         "coupled", "ladder", "notes", "warnings",
     }  # fmt: skip
     methods = [(r["method"], r["setting"]) for r in answer["runs"]]
@@ -58,11 +58,7 @@ def test_json_has_every_study_and_nothing_else_is_printed(capsys):
         assert 0 <= row["error"] < 1
         assert row["rhs"] > 10
     assert answer["reference_difference"] < 1e-11
-    assert (answer["trajectory"], answer["coupled"], answer["peers"]) == (
-        "its own simulation",
-        [],
-        [],
-    )
+    assert (answer["trajectory"], answer["coupled"]) == ("its own simulation", [])
     assert {row["given"] for row in answer["sampling"]} == {"q, v, a", "q"}
 
 
@@ -106,15 +102,6 @@ def test_the_drawers_coupled_solves_are_rows_and_a_table(tmp_path, capsys):
     assert "…" not in text
 
 
-def test_peers_that_are_not_installed_are_lines(capsys, monkeypatch):
-    monkeypatch.setattr(peers, "find_spec", lambda name: None)
-    assert run("pendulum", "--peers") == 0
-    text = " ".join(capsys.readouterr().out.split())
-    assert "pendulum: constant friction, with peers" in text
-    for peer in ("MuJoCo", "Drake"):
-        assert f'{peer}: not installed; pip install "pinfric[bench]" brings it' in text
-
-
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
@@ -142,11 +129,11 @@ def test_no_legend_hides_a_point():
     corners = [(1e-3, 1e-12), (1.0, 1e-12), (1e-3, 1e-1), (1.0, 1e-1)]
     runs = tuple(
         Run(method, str(i), error=error, stick_error=error, wall_s=seconds)
-        for method in ("event", "timestepping", "regularized", "MuJoCo", "MuJoCo, stiff", "Drake")
+        for method in ("event", "timestepping", "regularized")
         for i, (seconds, error) in enumerate(corners)
     )
     nan, scene = float("nan"), pf.load_scene("pendulum")
-    figure = accuracy_figure(Accuracy(scene, "none", runs, nan, (), {}, (), (), (), ()))
+    figure = accuracy_figure(Accuracy(scene, "none", runs, nan, (), (), (), ()))
     figure.draw_without_rendering()
     for axes in figure.axes[:2]:
         legend = axes.get_legend().get_window_extent()
