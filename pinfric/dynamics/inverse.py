@@ -92,7 +92,7 @@ def inverse_dynamics(
 def _states(scene: Scene, q: Any, v: Any, a: Any, t: Any, attached: Any) -> States:
     """The samples that `inverse_dynamics` is given: arrays, or one motion."""
     expect_scene(scene, "inverse_dynamics")
-    if isinstance(q, str | os.PathLike):
+    if isinstance(q, str | os.PathLike) and v is None and a is None:
         name = str(q)
         raise StateError(f"inverse_dynamics: the motion is a file's name, {name!r}; give "
                          f"pf.load_trajectory({name!r}, scene)")  # fmt: skip
