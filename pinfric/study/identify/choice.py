@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +57,14 @@ class Problem:
         A joint without rows takes none, one that moves one way only no Coulomb friction the other.
         """
         rotor = (SLOT[INERTIA],) if self.rotor else ()
-        sizes = [gram.products.diagonal(axis1=1, axis2=2).sum(axis=0) for gram in self.grams]
-        seen = [size[-len(SLOTS) - 1 : -1] > 0.0 for size in sizes]
         return [tuple(slot for slot in (*rotor, *law.slots) if own[slot])
-                for own, law in zip(seen, laws, strict=True)]  # fmt: skip
+                for own, law in zip(self._seen, laws, strict=True)]  # fmt: skip
+
+    @cached_property
+    def _seen(self) -> list[list[bool]]:
+        """Which slots of each joint its rows have anything of."""
+        sizes = [gram.products.diagonal(axis1=1, axis2=2).sum(axis=0) for gram in self.grams]
+        return [(size[-len(SLOTS) - 1 : -1] > 0.0).tolist() for size in sizes]
 
 
 @dataclass(frozen=True)

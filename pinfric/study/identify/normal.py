@@ -29,6 +29,9 @@ _HUBER = 2.5
 #: No effort is fitted better than to this share of itself: from a simulation it may be, and weights
 #: without end would drown the links' prior in rounding.
 _EXACT = 1e-3
+#: Rounds in which coefficients of many fits go to zero or come back together, and the share of the
+#: right side by which rounding may miss a gradient of zero.
+_EXCHANGES, _SLACK = 12, 1e-12
 #: Share of a block that is left out: what one block alone shows is hardly known, not singular.
 _LEFT_OUT = 0.99
 #: Multiplications from which BLAS takes several threads. These wait for each other by spinning: on
@@ -184,7 +187,7 @@ class ManyReduced:
         place = places(chosen)
         x = np.zeros_like(self.right)
         x[:, place] = non_negative(self.left[:, place[:, None], place], self.right[:, place])
-        theta = self.start - np.einsum("fpn,fn->fp", self.by_slots[:, :, place], x[:, place])
+        theta = self.start - (self.by_slots @ x[:, :, None])[:, :, 0]
         return theta, x.reshape(len(x), len(chosen), -1)
 
 
@@ -313,7 +316,9 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     """Return the x >= 0 that makes x^T left x / 2 - right^T x least.
 
     Columns are scaled to one, and drawn to zero by so little that it only matters where nothing
-    tells two of them apart.
+    tells two of them apart. All problems are solved together: those coefficients are set to zero
+    that came out below it, those are freed whose gradient asks for it, until none is left (Kim and
+    Park, Fast nonnegative matrix factorization, 2011). Where that goes in circles, one at a time.
 
     Args:
         left: (..., n, n) symmetric, positive semidefinite.
@@ -321,17 +326,32 @@ def non_negative(left: FloatArray, right: FloatArray) -> FloatArray:
     """
     from scipy.optimize import nnls
 
+    n = right.shape[-1]
+    if n == 0:
+        return np.zeros_like(right)
     diagonal = np.diagonal(left, axis1=-2, axis2=-1)
-    least = 1e-30 * np.maximum(diagonal.max(axis=-1, initial=0.0, keepdims=True), 1.0)
+    least = 1e-30 * np.maximum(diagonal.max(axis=-1, keepdims=True), 1.0)
     size = np.sqrt(np.maximum(diagonal, least))
-    scaled = left / (size[..., :, None] * size[..., None, :]) + _RIDGE * np.eye(right.shape[-1])
+    scaled = left / (size[..., :, None] * size[..., None, :]) + _RIDGE * np.eye(n)
     target = right / size
-    found = np.linalg.solve(scaled, target[..., None])[..., 0]
-    for at in np.argwhere(found.min(axis=-1, initial=0.0) < 0.0):
-        here = tuple(at)
-        root = np.linalg.cholesky(scaled[here])
-        found[here], _ = nnls(root.T, np.linalg.solve(root, target[here]))
-    return np.asarray(found / size)
+    every, wanted = scaled.reshape(-1, n, n), target.reshape(-1, n)
+    found, free = np.empty_like(wanted), np.ones(wanted.shape, dtype=bool)
+    open_, slack = np.arange(len(wanted)), _SLACK * np.abs(wanted).max(axis=1, keepdims=True)
+    for _ in range(_EXCHANGES):
+        here, own = free[open_], every[open_]
+        held = own * (here[:, :, None] & here[:, None, :]) + np.eye(n) * ~here[:, None, :]
+        x = np.linalg.solve(held, (wanted[open_] * here)[:, :, None])
+        gradient = (own @ x)[:, :, 0] - wanted[open_]
+        found[open_] = x[:, :, 0]
+        wrong = np.where(here, found[open_] < 0.0, gradient < -slack[open_])
+        free[open_] = here ^ wrong
+        open_ = open_[wrong.any(axis=1)]
+        if open_.size == 0:
+            break
+    for at in open_.tolist():
+        root = np.linalg.cholesky(every[at])
+        found[at], _ = nnls(root.T, np.linalg.solve(root, wanted[at]))
+    return np.asarray(found.reshape(right.shape) / size)
 
 
 def residuals(rows: Rows, fit: Fit, joint: int) -> FloatArray:

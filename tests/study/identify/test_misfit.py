@@ -180,6 +180,7 @@ def test_coefficients_are_the_least_squares_that_are_not_negative():
 
     rng = np.random.default_rng(3)
     A, y = rng.normal(size=(12, 30, 6)), rng.normal(size=(12, 30))
+    A[::2, :, 5] += 3.0 * A[::2, :, 4] - 2.0 * A[::2, :, 3]  # columns that hang together
     ours = non_negative(np.einsum("fni,fnj->fij", A, A), np.einsum("fni,fn->fi", A, y))
     for columns, effort, x in zip(A, y, ours, strict=True):
         judge = lsq_linear(columns, effort, (0.0, np.inf), method="bvls", tol=1e-12).x
