@@ -49,9 +49,9 @@ app = typer.Typer(
 
 
 def _effort_place(value: str) -> str:
-    """Refuse a place that is none where it is given: of way-points nothing would read it."""
+    """Refuse an unknown place at once: with way-points nothing else would read it."""
     if value not in ("motor", "joint"):
-        raise typer.BadParameter(f"{value!r}: there are motor, joint")
+        raise typer.BadParameter(f"{value!r}; should be motor or joint")
     return value
 
 
@@ -572,7 +572,7 @@ def check(
 def warm_up(scene_name: SceneName) -> None:
     """Compile what the dynamics of a scene need, so that no later run waits for the compiler.
 
-    Takes a minute or two with an empty cache, seconds where all is compiled already.
+    Takes a minute or two with an empty cache, seconds if everything is compiled already.
     """
     scene, _ = load(scene_name)
     from pinfric.show.report.values import digits

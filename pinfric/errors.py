@@ -164,7 +164,7 @@ class AmbiguousAcceleration(AccelerationError):  # noqa: N818 - a finding about 
 
 
 class UndecidedAcceleration(AccelerationError):  # noqa: N818 - a finding about the search
-    """The search for stick and slip came to its bound before it found an acceleration."""
+    """The search for stick and slip reached its bound before it found an acceleration."""
 
     _finding = "no acceleration was found within the search's bound"
 

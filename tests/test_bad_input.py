@@ -285,7 +285,7 @@ def test_missing_mesh_does_not_matter_to_efforts(tmp_path, monkeypatch, capsys):
     (["inverse", "parts", "motion.csv"], "parts is a folder"),
     (["inverse", "arm.yaml", "parts"], "parts is a folder"),
     *[([*command, "--effort-at", "x"],
-       "Invalid value for '--effort-at': 'x': there are motor, joint")
+       "Invalid value for '--effort-at': 'x'; should be motor or joint")
       for command in (["inverse", "arm.yaml", "way.yaml"], ["replay", "arm.yaml"],
                       ["identify", "arm.yaml", "motion.csv"])],
     (["simulate", "pendulum", "--dt", "0.01"], "dt = 0.01: is for timestepping; event takes"),

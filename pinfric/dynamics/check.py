@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Check:
-    """Largest residuals over all samples, and what else the judge finds.
+    """Largest residuals over all samples, and what the judge finds beside them.
 
     Attributes:
         equilibrium: |M a + h - J^T f_ext - u - D phi| at both ends of every interval (N m or N).
         friction_law: |phi - law(v, c)| at both ends (N m or N).
         wrench: |w - data.f| (N or N m); 0 where no wrench was needed.
         ends: how far the intervals' ends are from those that the judge finds (N m or N).
-        wrong_status: number of samples whose `Status` the judge contradicts: jammed although
-            something obeys the laws, converged although nothing or more than one state does.
-        undecided: number of samples where the judge's own search is not complete: it confirms what
-            it found, and cannot say that there is no more.
+        wrong_status: number of samples whose `Status` the judge contradicts: jammed although a
+            state of friction obeys the laws, converged although none does, or several do.
+        undecided: number of samples where the judge's own search is not complete. It confirms
+            what it found, and cannot say that there is nothing else.
         scale: largest effort in the result, to compare the residuals with.
         sample: the sample of the largest of these residuals, or the first of a wrong status.
     """
@@ -48,7 +48,7 @@ class Check:
     sample: int
 
     def passed(self, relative: float = 1e-9) -> bool:
-        """Say whether every residual is below `relative` times the scale, every status right."""
+        """Say whether every residual is below `relative` times the scale and every status right."""
         worst = np.max([self.equilibrium, self.friction_law, self.wrench, self.ends])
         return bool(worst <= relative * max(self.scale, 1e-300)) and not self.wrong_status
 
@@ -132,7 +132,7 @@ def _judge_tree(result: InverseResult, model: pin.Model, data: pin.Data, i: int)
 def _left_by_others(
     D: np.ndarray, total: np.ndarray, low: np.ndarray, high: np.ndarray, undriven: list[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Narrow what friction can be where it alone balances a joint: D phi = total there.
+    """Narrow the range of friction where it alone balances a joint: D phi = total there.
 
     Each site has what the others on that joint leave.
     """

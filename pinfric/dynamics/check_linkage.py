@@ -1,4 +1,4 @@
-"""The judge of scenes with loops, cylinders and forces: nothing of the solver's kernels.
+"""The judge of scenes with loops, cylinders and forces; it uses none of the solver's kernels.
 
 Jacobians come from Pinocchio's joint Jacobians, wrenches from `data.f` of its RNEA with every
 closure force, drive and friction torque as external forces, laws from plain NumPy (`plain_laws`).
@@ -23,7 +23,7 @@ from pinfric.model.scene import Scene
 if TYPE_CHECKING:
     from pinfric.dynamics.result import InverseResult
 
-#: A sample is called singular wrongly where no singular value that counts is as small as this.
+#: A status "singular" is wrong if no singular value that counts is as small as this.
 _REGULAR = 1e-6
 #: What must be numbers where there is an answer.
 _ARRAYS = ("effort_lower", "effort_upper", "effort_frictionless", "normal_load", "friction_lower",
@@ -95,10 +95,10 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
 def _ends(
     sample: Sample, states: States, solutions: tuple[Solution, ...], spheres: bool
 ) -> tuple[float, float]:
-    """How far reported ends of efforts, of frictions, are from those that the judge has found.
+    """How far the reported ends of efforts and frictions are from those that the judge has found.
 
-    Where the judge may have missed some, reported ones may lie beyond if a solution attains them.
-    Ranges of friction that come from a search are not compared.
+    Where the judge may have missed some, reported ends may lie farther out if a solution attains
+    them. Ranges of friction that come from a search are not compared.
     """
     result, i = sample.result, sample.i
     lower, upper = result.effort_lower[i], result.effort_upper[i]

@@ -1,8 +1,8 @@
 """The judge's search: all loads that obey z = k + sum |p + P z|, in plain NumPy.
 
 Where the right side contracts, there is exactly one solution (Banach). Else boxes of loads are cut
-until each holds none or exactly one, by Krawczyk's test (Krawczyk 1969; Moore 1977): a proof, up to
-rounding, of no solution as well as of several.
+until Krawczyk's test shows that each holds none or exactly one (Krawczyk 1969; Moore 1977). Up to
+rounding, that proves how many solutions there are.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _MOST_BOXES, _NARROW = 20_000, 1e-10
 _RANK = 1e-12
 #: Two solutions closer than this, relative to their size, are one.
 _DISTINCT = 1e-6
-#: A box is tested with so much more than its size, so that a solution on a border is inside of one.
+#: A box is tested enlarged by this share, so that a solution on a border is inside one of them.
 _MARGIN = 1.05
 #: Passes towards a solution; a residual that stops falling ends them.
 _PASSES = 200

@@ -1,8 +1,8 @@
 """The judge's own enumeration of one sample: every state of friction, and the ends of the efforts.
 
-What slides has one friction, what sticks is at either of its limits, what reverses has all three:
-the efforts' ends lie where each is at one of these. A sticking ball's limit is a sphere: its
-friction is turned towards each end, from several starts.
+A site that slides has one friction; one that sticks may be at either of its limits; one that
+reverses may have all three. The efforts' ends lie where each site is at one of these. A sticking
+ball's limit is a sphere: its friction is turned towards each end, from several starts.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pinfric.dynamics.check_search import Loads, all_solutions
 from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.plain_laws import plain_friction
 
-#: Choices of one sample that are all looked at; beyond, one friction at a time is changed.
+#: Up to so many choices of one sample all are tried; beyond, one friction at a time is changed.
 _ENUMERATED = 4096
 #: Starts and turns of a sticking ball's friction, and what counts as staying.
 _STARTS, _TURNS, _STAYS = 2, 60, 1e-9
@@ -50,8 +50,8 @@ class States:
         friction_lower, friction_upper: (ns,).
         fewest, most: least and greatest number of solutions of one choice.
         decided: whether these are proved to be all that the choices have.
-        sampled, flipped: only some choices were looked at: sticking balls have infinitely many;
-            there were too many.
+        sampled, flipped: only some choices were tried, because sticking balls have infinitely
+            many, or because there were too many.
         reference: (n, ne) solutions where what sticks has no friction.
     """
 

@@ -29,7 +29,7 @@ class Effort:
         function: (t, q, v) -> (na,), N m or N at the joints, or N m at the motors' shafts, in the
             order of `Scene.actuator_names`; or a mapping by drive, see `by_name`.
         breakpoints: (n,) times (s) at which it jumps or bends: a step of integration ends there.
-        finest: time (s) within which it changes little between them; None: nobody knows.
+        finest: time (s) within which it changes little between them; None: not known.
         given: what it is of, "effort" or "motor_torque".
     """
 
@@ -173,7 +173,7 @@ def _of_time(function: Callable[[float], Any]) -> EffortFunction:
 
 
 def _takes_state(function: Callable[..., Any]) -> bool:
-    """Whether a function is one of (t, q, v): three arguments have no default; else one of t."""
+    """Whether a function takes (t, q, v): three arguments have no default; else it takes t."""
     try:
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):  # builtins need not have one: `math.sin` is of one number

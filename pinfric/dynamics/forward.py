@@ -92,10 +92,10 @@ def forward_dynamics(
         q, v: (nq,), (nv,) in rad, m and per second.
         effort: (na,) what the drives deliver at the joints (N m or N), in the order of
             `scene.actuator_names`, which need not be that of the list of actuators; or a mapping
-            drive name -> number, 0 where one is left out.
+            drive name -> number, in which those left out give 0.
         external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
-        motor_torque: as `effort` and in its place, at the motors' shafts (N m): of it, gears take
-            what they lose and rotors what accelerates them (`model/transmission.py`).
+        motor_torque: as `effort` and in its place, at the motors' shafts (N m); gears lose a part
+            of it and rotors need a part to accelerate (`model/transmission.py`).
         attached: names of the payloads carried; None takes those attached by default.
 
     Raises:
@@ -105,7 +105,7 @@ def forward_dynamics(
             loop that is open or that the velocities violate (`LoopMotionError`), a toggle
             (`ToggleError`).
         NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
-        UndecidedAcceleration: the search came to its bound (`friction/search.py`).
+        UndecidedAcceleration: the search reached its bound (`friction/search.py`).
         RollMomentError: a guide without width is loaded by a moment about its axis.
     """
     expect_scene(scene, "forward_dynamics")

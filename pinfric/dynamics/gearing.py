@@ -230,11 +230,11 @@ def refit(machine: Machine, cautious: bool) -> int:
 
 @kernel
 def gear_margins(machine: Machine, d: int) -> tuple[float, float]:
-    """Return how far what arrives at a gear at rest is above lower(t), and below upper(t).
+    """Return how far the torque that arrives at a gear at rest is above lower(t), below upper(t).
 
-    For the effort t at which it is farthest, of all that the friction beside the gear leaves. Below
-    0 the gear slips backward or forward. Both are continuous, where the efforts that a self-locking
-    gear holds come from infinity.
+    Each is the largest over all efforts t that the friction beside the gear leaves; below 0 the
+    gear slips backward or forward. Both are finite and continuous, also where a self-locking gear
+    begins to hold any effort.
 
     Args:
         machine: solved, what the gear drives sticks.

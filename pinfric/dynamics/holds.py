@@ -29,14 +29,14 @@ class StaticHold:
 
     Attributes:
         held: True, False, or None where neither could be shown.
-        use: the share of its static limit that the most used joint needs, above 1 where nothing
-            holds: the least, to 1e-6, over all ways to share friction among the joints. Where
-            friction can wedge itself ever more of it may need ever less of its limits: then over
-            frictions up to 50 times the limits. It is the least found, and perhaps not the least,
-            where a contact force lies in no plane, or balls rest, or 2,000 nodes of the proof are
-            not enough.
+        use: the share of its static limit that the most used joint needs; above 1 where nothing
+            holds. It is the least, to 1e-6, over all ways to share friction among the joints.
+            Where friction can wedge itself, more friction may use a smaller share of its limits;
+            then it is the least over frictions up to 50 times the limits. Where a contact force
+            lies in no plane, or balls rest, or 2,000 nodes of the proof are not enough, it is the
+            least found, and a smaller one may exist.
         proved: whether `held` is proved: by the friction here where it is True, by branching where
-            it is False. Not proved is only what friction might wedge beyond 50 times its limits.
+            it is False. What friction might wedge beyond 50 times its limits is not proved.
         at_limit: names of the joints with friction, or with a gear alone, that need that share:
             what breaks away first.
         moving: names of the joints without dry friction that accelerate although all that rubs
@@ -69,7 +69,7 @@ def holds(
     Wanted is a friction in equilibrium with effort, gravity and loops, |x_k| <= limit_k(x) at every
     joint: use = min over all of them of max |x_k| / limit_k. Limits follow the loads, which follow
     friction, so this is decided by a search and, where it finds none, by a proof (`holding`). Each
-    joint is measured in its own limit, however far apart limits are; no unit of mass matters.
+    joint is measured in its own limit, so limits may be decades apart and units do not matter.
 
     Args:
         scene: the robot with its friction and drives.
@@ -158,8 +158,8 @@ def _decide(
 def _statics(ws: Workspace, resting: np.ndarray) -> Balance:
     """What friction must balance where nothing moves, Z^T D^T x = Z^T (h - S u), Z all motions.
 
-    Without the mass matrix, through which a large effort blurs what a small limit must hold. Where
-    some freedoms Z B are not held at all, their inertia is part of it.
+    The mass matrix has no part in it: through it the rounding of a large effort would reach a small
+    limit. Where some freedoms Z B are not held at all, their inertia is part of it.
     """
     w, d = ws.work, int(ws.work.freedoms[0])
     Z = w.Z[:, :d] if ws.closed else np.eye(ws.nv)

@@ -85,7 +85,7 @@ class LockingGears:
         return found, found == Found.SOLVED
 
     def begin(self, delivered: np.ndarray) -> None:
-        """Let gears begin to settle: those that stick around given loads, others where they drive.
+        """Choose the first lines: of gears that stick by given loads, of others where they drive.
 
         Args:
             delivered: (na,) around which gears are asked what they hold.

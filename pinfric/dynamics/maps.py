@@ -44,7 +44,7 @@ NOT_FINITE, SINGULAR, TOGGLE, UNDECIDED = 1, 2, 3, 4
 _IDLE = 1e-4
 #: So small a share is none.
 _DEAD = 1e-13
-#: So much faster, relative to a speed, the slope of drag is taken.
+#: The slope of drag is taken to a speed that is faster by this share.
 _FASTER = 1e-6
 #: So many times its inertia something moves little.
 _HELD = 1e9
@@ -825,9 +825,9 @@ def _write_given(w: Work, effort: np.ndarray) -> None:
 def _add_drag(w: Work, step: float, given: np.ndarray) -> None:
     """Let drag d act at the end of the step, d + c (v' - v): M + step D^T c D, given - D^T d.
 
-    With c = d/|v|, the secant, or half the slope of drag, whichever is more. So drag turns no
-    motion round, and speeds tend to where drag and drive balance, however long the step: near there
-    an error becomes 1 - slope step / (M + c step) times itself.
+    c is the secant d/|v| or half the slope of drag, whichever is larger. The secant keeps drag from
+    reversing a motion. Half the slope lets speeds tend to where drag and drive balance, however
+    long the step: near there a step multiplies an error by 1 - slope step / (M + c step).
     """
     M, D, damping = w.M, w.D, w.damping
     nc, nv = D.shape
@@ -880,7 +880,7 @@ def _face(t: Tables, w: Work) -> int:
 
 @kernel
 def _turn(t: Tables, w: Work, balls: bool) -> None:
-    """Point the friction of what has no dry friction against its motion.
+    """Point the friction of coordinates without dry friction against their motion.
 
     Args:
         t, w: `modes.direction` is written.
@@ -966,8 +966,8 @@ def solve_instant(
 ) -> tuple[int, int, int, int]:
     """Assemble, try the modes with every gear on the line that fits, and finish: one call.
 
-    With modes given, what a gear passes on rises with what arrives: Newton's method over the lines
-    ends, of gears that do not lock themselves, at the one solution.
+    With modes given, what a gear passes on rises with what arrives at it. So for gears that do not
+    lock themselves Newton's method over the lines ends at the one solution.
 
     Args:
         machine ... effort: see `assemble`.

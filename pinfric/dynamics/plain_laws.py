@@ -41,7 +41,7 @@ def plain_load_terms(site: Site, displacement: float) -> tuple[list[np.ndarray],
     return maps, float(_forces(site, np.zeros(6), displacement)[1])
 
 
-#: Vectors linear in the wrench whose lengths add up to the load, and what is constant in it.
+#: Vectors linear in the wrench whose lengths add up to the load, and its constant part.
 _Forces = tuple[list[np.ndarray], float]
 
 

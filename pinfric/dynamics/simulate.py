@@ -32,7 +32,7 @@ _PATIENCE = 2.0
 _FINEST = 100 * np.finfo(float).eps
 #: More steps would take days and more memory than there is.
 _MOST_STEPS = 1e9
-#: The same of steps that an integrator takes no longer than: each has six right-hand sides.
+#: The same for the longest step of an integrator: each has six right-hand sides.
 _MOST_SHORT_STEPS = 1e7
 
 METHODS = ("event", "timestepping", "regularized")
@@ -53,8 +53,7 @@ class Numbers(TypedDict, total=False):
         sample_step: of all: time between samples (s); None gives 1001 of them. `event` adds one at
             every event; `timestepping` takes the nearest step.
         max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, t_end / 50
-            for an effort function: what changes within less time than its sixth part may go
-            unnoticed.
+            for an effort function: a change that lasts less than a sixth of it may go unnoticed.
         regularization_velocity: of `regularized` (rad/s or m/s); 1e-3.
         max_events: of `event`; more are an error; 100 000.
     """
@@ -129,7 +128,7 @@ def simulate(
 
 
 def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> Settings:
-    """Return the settings; refuse a number that there is not, or that the method would ignore."""
+    """Return the settings; refuse an unknown number, and one that the method would ignore."""
     if unknown := numbers.keys() - Numbers.__annotations__.keys():
         raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
     settings = _settings(method, _end(scene, t_end), **numbers)

@@ -191,8 +191,9 @@ class Solver:
 
     For controllers, optimizers and integrators. Everything that does not depend on the state is
     prepared when the solver is made, and all kernels are compiled, so that no call waits for the
-    compiler: with an empty cache that takes a minute or two and is said on stderr. The arrays of a
-    result belong to the solver, and its next call overwrites them: copy what is to stay. The
+    compiler. With an empty cache that takes a minute or two, and a line on stderr says so. The
+    arrays of a result belong to the solver, and its next call overwrites them: copy what is to
+    stay. The
     solver has a scene of its own: what is done to `scene.model` later does not reach it.
 
     Attributes:
@@ -230,7 +231,7 @@ class Solver:
             return
         q, a = closed_configuration(self.scene), np.zeros(self._ws.nv)
         for speed in (0.0, 1.0):
-            with suppress(PinfricError):  # a motion that its loops, or its drives, cannot do
+            with suppress(PinfricError):  # a motion that its loops or drives do not allow
                 self._inverse_of_batch(q, a + speed, a)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -29,16 +29,16 @@ _FEW = 4096
 
 
 class _Threads:
-    """Whether OpenMP has threads, and of which process.
+    """Which process OpenMP's threads belong to.
 
     Attributes:
-        owner: the process that began them; None: none yet.
+        owner: the process that started them; None: there are none yet.
     """
 
     owner: int | None = None
 
     def allowed(self, wanted: int) -> int:
-        """Return how many threads this process may use, at most as many as are wanted."""
+        """Return how many of the wanted threads this process may use."""
         if wanted > 1 and self.owner is None:
             self.owner = os.getpid()
         return wanted if self.owner in (None, os.getpid()) else 1

@@ -315,7 +315,7 @@ class Workspace:
             NoConsistentAcceleration, AmbiguousAcceleration, UndecidedAcceleration: see there.
         """
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
-        several = self.modes.figures[0] >= 1.0  # one was found, there may be others
+        several = self.modes.figures[0] >= 1.0  # one was found; there may be others
         if obeying == 1 and not several:
             self._check_jam()
             return
@@ -594,7 +594,7 @@ class Workspace:
         return np.minimum(out, _MOST_MARGIN)
 
     def friction_rounding(self) -> np.ndarray:
-        """Return how far margins (nc,) may be off by rounding, of the loads that cancel, too."""
+        """Return how far margins (nc,) may be off by rounding, also of loads that cancel."""
         slope = np.diag(self.problem.rate_slope)
         terms = self.problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
         return np.asarray(ROUNDING * (self.limit_width + terms))
@@ -613,8 +613,8 @@ class Workspace:
     def rehearse(self) -> None:
         """Compile every kernel that a solve may call, so that none is compiled in a control loop.
 
-        What looks at joints at rest that share their friction is called once, where nothing pushes
-        and where nothing can hold. The solutions are lost: use a workspace of its own.
+        The kernels for joints at rest that share their friction are called with no effort and with
+        one that nothing can hold. That overwrites the solutions: use a separate workspace.
         """
         if not self.nv:
             return
@@ -689,16 +689,18 @@ class Workspace:
         if found == Found.AMBIGUOUS:
             finding = AmbiguousAcceleration
             if not contraction >= 1.0:
-                reason = ("with static friction above kinetic, different joints may break away and "
-                          "the others hold, equally many each time")  # fmt: skip
+                reason = ("static friction is above kinetic, so one set of joints may break away "
+                          "and the others hold, or another set of as many")  # fmt: skip
         elif found == Found.NOT_CONVERGED:
             reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
         elif found == Found.UNDECIDED:
             finding = UndecidedAcceleration
-            reason = (f"{resting} coordinates at rest, {MOST_PASSES} passes; give joints that do "
-                      "not matter no friction, or start from a state in motion")  # fmt: skip
+            reason = (
+                f"{resting} coordinates at rest, {MOST_PASSES} passes; remove friction from joints "
+                "where it does not matter, or start from a state in motion"
+            )
         elif resting > MOST_ENUMERATED:
-            reason += f"; more than {MOST_ENUMERATED} joints at rest: not every mode was tried"
+            reason += f"; with more than {MOST_ENUMERATED} joints at rest not every mode is tried"
         return finding(*state, self._worst_site(), reason, given=self.given)
 
     def _as_given(self, effort: np.ndarray) -> np.ndarray:

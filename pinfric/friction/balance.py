@@ -2,10 +2,10 @@
 
     A x = b, so x = x_0 + N z
 
-Limits of joints may be decades apart: a hoist's gear holds 1e6 N m beside a hinge with 1e-6. So no
-sum is formed of which a small part matters: the joints with the largest limits take what is left
-(Gauss and Jordan with full pivoting, every column in its own unit), z is the friction of those with
-the smallest. A joint without limit comes first: it takes whatever is left.
+Limits of joints may be decades apart: a hoist's gear holds 1e6 N m beside a hinge with 1e-6. In a
+sum of both, the small one would be lost in rounding. So the equations are solved for the friction
+of the joints with the largest limits, joints without limit first (Gauss and Jordan with full
+pivoting, every column in its own unit); z is the friction of those with the smallest.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class Shared(NamedTuple):
         x0: (n,), zero where `free`. N: (n, dz), one where `free`.
         free: (dz,) int, the coordinates whose friction z is.
         noise: (n,) size of the terms that x0 is the sum of; 0 where `free`.
-        follow: (n, 1 + n) x of the coordinates without limit by that of the others, as far as it
-            follows from it: follow[:, 0] + follow[:, 1:] x; zero rows for all others.
-        follows: (n,) bool, which those are.
+        follow: (n, 1 + n) x of those coordinates without limit that follows from the others' x, as
+            follow[:, 0] + follow[:, 1:] x; zero rows for all others.
+        follows: (n,) bool, which coordinates these are.
     """
 
     x0: np.ndarray

@@ -15,7 +15,7 @@ from pinfric.friction.least_use import Rest, friction_and_limits, write_limit
 from pinfric.friction.minimax import least_violation
 from pinfric.model.compiled import at_once, kernel
 
-#: Programs are exact to so much.
+#: Accuracy of the linear programs.
 _EXACT = 1e-12
 #: Nodes that may wait.
 _MOST_WAITING = 4096
@@ -49,7 +49,7 @@ def prove(rest: Rest, z: np.ndarray, use: float, margin: float, most_nodes: int)
         rest: `Rest`, forces in planes.
         z: overwritten.
         use: that is looked for.
-        margin: what is proved is that none has less than use (1 - margin).
+        margin: the proof is that none has less than use (1 - margin).
         most_nodes: where to give up.
     """
     n, dz = rest.N.shape

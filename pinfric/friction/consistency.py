@@ -42,7 +42,7 @@ def evaluate(problem: Problem, friction: np.ndarray, load: np.ndarray, rate: np.
 
 @inlined_kernel
 def site_limits(problem: Problem, load: np.ndarray, s: int) -> tuple[float, float]:
-    """Return what a site at rest may add to its coordinate's friction, the least and the most."""
+    """Return the least and the most that a site at rest may add to its coordinate's friction."""
     size, grip = abs(problem.ratio[s]), problem.mu_stick[s] * load[s]
     forward, backward = (0, 1) if problem.ratio[s] > 0.0 else (1, 0)
     return (-size * (grip + problem.coulomb_stick[s, forward]),
@@ -108,7 +108,7 @@ def _share_unlimited(
 ) -> None:
     """Write the friction of the sites of a coordinate at rest of which one or more have no limit.
 
-    Those have as little as they may of what the others leave, one after the other.
+    The unlimited sites get, one after the other, as little as they may of what the others leave.
     """
     limited, unlimited = np.zeros(2), np.zeros(2)
     for s in range(phi.size):

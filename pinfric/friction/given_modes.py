@@ -466,7 +466,7 @@ def _search(
         figures[1] += passes
         if error <= tolerance and settles(reduced, z):
             found = keep(X, z, solutions, found)
-    # between two solutions there may be one that no start far out leads to
+    # a solution between two others may be reached from no start far out
     for one in range(found):
         for other in range(one):
             for c in range(unknown.size):

@@ -17,9 +17,9 @@ from pinfric.friction.branching import MOST_NODES, prove
 from pinfric.friction.least_use import Rest, descend, make_rest
 from pinfric.friction.problem import Problem
 
-#: What is proved is that nothing holds with a use of 1 - _MARGIN.
+#: The proof is that nothing holds with a use of 1 - _MARGIN.
 _MARGIN = 1e-9
-#: The least use is known to this part, where so many nodes are enough to show it (of 700 closed
+#: Relative accuracy of the least use, and the nodes after which the proof gives up (of 700 closed
 #: chains with up to seven pins none needed 1,000).
 LEAST, _NODES_FOR_LEAST = 1e-6, 2_000
 
@@ -94,8 +94,8 @@ def _least(narrow: Rest, wide: Rest, z: np.ndarray) -> float:
     """Lower the use at z (dz,) to the least there is, to `LEAST`; overwrite z, return it.
 
     Args:
-        narrow: with a box that holds whatever has a use of at most 1.
-        wide: with one for more.
+        narrow: with a box that contains all frictions with a use of at most 1.
+        wide: with a box for a use above 1.
     """
     use = float(descend(wide, z))
     while z.size and len(wide.owner) and use > 0.0:

@@ -25,10 +25,10 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel
 
-#: Friction is not known beyond this many times the terms that it balances; nor its unit, beyond
-#: this many times the terms that rates are the sum of.
+#: Rounding of friction, relative to the terms that it balances; and of its unit, relative to the
+#: terms that rates are the sum of.
 _NOISE, _LEAST_UNIT = 1e-12, 1e-15
-#: Descent ends where a program leaves more than this part of the use, or after so many.
+#: Descent ends if a program leaves more than this share of the use, or after so many programs.
 _STAYS, _PROGRAMS = 1.0 - 1e-9, 60
 #: Friction looked at is at most this many times the limits, where friction can wedge itself.
 _WEDGED = 50.0
@@ -50,8 +50,8 @@ class Rest(NamedTuple):
             one of them lies in none (nf, 3), (nf, 3, dz).
         owner: (nf,) coordinate whose limit it is part of. weight: (nf,) mu of it.
         on_a_line: (nf,) bool, whether it has one direction and its opposite only.
-        box: (n,) magnitude of x up to which is looked. reach: (dz,) what that means for z.
-        low, high: as `force`, what that means for the contact forces.
+        box: (n,) largest magnitude of x that is searched. reach: (dz,) the same for z.
+        low, high: as `force`, the same for the contact forces.
     """
 
     unit: np.ndarray
@@ -118,7 +118,7 @@ class Limits(NamedTuple):
 def make_rest(
     problem: Problem, members: np.ndarray, balance: Balance
 ) -> tuple[Rest, Rest, bool, bool]:
-    """Arrays of coordinates at rest; whether all forces lie in planes; whether none wedges.
+    """Return arrays of coordinates at rest, whether all forces lie in planes, whether none wedges.
 
     Args:
         problem: `Problem`.
@@ -126,8 +126,8 @@ def make_rest(
         balance: what their friction balances.
 
     Returns:
-        With a box beyond which no friction holds, if there is one; with one that is wide as well;
-        and both answers.
+        The arrays with a box beyond which no friction holds, if there is one; those with a wide
+        box; and both answers.
     """
     limits = Limits.of(problem, members)
     unlimited = np.isinf(np.maximum(limits.above, limits.below))
@@ -234,7 +234,7 @@ def _box(
 
 
 def _boxed(rest: Rest, box: np.ndarray, free: np.ndarray, maps: np.ndarray) -> Rest:
-    """Look at frictions up to a box (n,) only; maps (nf, 2, 1 + n) are the contact forces by x."""
+    """Limit frictions to a box (n,); maps (nf, 2, 1 + n) are the contact forces by x."""
     reach = box[free]
     around = np.abs(maps[:, :, 1:]) @ np.where(np.isfinite(box), box, 0.0)
     spread = np.abs(rest.slope) @ reach

@@ -15,7 +15,7 @@ class Found(IntEnum):
     NONE = 1
     AMBIGUOUS = 2
     NOT_CONVERGED = 3
-    #: The search has come to its bound.
+    #: The search has reached its bound.
     UNDECIDED = 4
 
 

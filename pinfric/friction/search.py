@@ -4,8 +4,8 @@ At rest stick has priority: a coordinate slips only where no admissible stick ex
 wanted are the consistent ones with the fewest slipping joints; two different accelerations with
 equally few are ambiguous, unless it is known what was sticking until now and just one of them lets
 it stick on. Up to `MOST_ENUMERATED` joints at rest that is decided by enumeration of all that
-kinematics allows (`ways`). Beyond, modes are followed from all stick: they are consistent, but it
-is not known that they are the only ones.
+kinematics allows (`ways`). Beyond, modes are followed from all stick: those found are consistent,
+but others may exist.
 
 A search ends after `MOST_PASSES` passes of its solves: what is not decided by then is `UNDECIDED`.
 """
@@ -27,15 +27,15 @@ from pinfric.friction.ways import Kinematics
 
 #: Up to so many joints at rest all modes are looked at: 3^8 = 6561 solves.
 MOST_ENUMERATED = 8
-#: Passes of all solves of a search; a solve in an open chain is one, in a mechanism three or those
-#: in which its friction is shared. A few seconds, compiled.
+#: Passes of all solves of a search, a few seconds once compiled. A solve takes one pass in an open
+#: chain, three in a mechanism, more where friction is shared.
 MOST_PASSES = 20_000
 #: Accelerations closer than this, relative to their size, are the same one.
 _SAME = 1e-6
 #: Passes of the search: so many, and for each coordinate.
 _CHANGES, _FOR_EACH = 60, 20
-#: A direction of a ball that turns no more than this stays. Where it turns less than `_NEARLY`,
-#: modes are given up whose rates are wrong by so many times as much.
+#: A ball's direction that turns by no more than this stays. Where it turns by less than `_NEARLY`,
+#: modes are given up if their rates are wrong by so many times as much.
 _TURNED, _NEARLY, _FARTHER = 1e-8, 0.03, 30.0
 
 
@@ -227,7 +227,7 @@ def _settle(query: _Query) -> tuple[int, int]:
 
 
 def _moves_against(problem: Problem, modes: Modes, part: float) -> bool:
-    """Whether a joint moves against its direction by more than a part of the terms of its rate."""
+    """Whether a joint moves against its direction by more than a share of its rate's terms."""
     slips = modes.at_rest & ~modes.stuck
     against = -(modes.direction * modes.rate)[slips]
     terms = problem.rate_scale[slips] + np.abs(problem.rate_slope[slips]) @ np.abs(modes.friction)

@@ -1,15 +1,15 @@
-"""All frictions that fit given modes, where several may: a search that leaves nothing out.
+"""All frictions that fit given modes, where there may be several: a complete search.
 
 In given modes (`given_modes`) the friction that follows loads is z_k = offset_k + sign_k y_k with
 
     y_k = sum |gain| |p|,      p = P_0 + P y,      y >= 0
 
-Written for u = (tau, y) on the simplex tau + sum y = 1 the forces are linear in u, P u, and what
-lies however far out is near tau = 0: the simplex holds every solution. It is cut into ever smaller
-simplices. In each of them f_k(u) = y_k - sum |gain| |P u| is concave: not below its chord through
-the corners, not above its tangent. Where such a bound of one f_k, or of a combination of them, has
-one sign, there is no solution. Where forces turn so little that f is one to one, there
-is one at most, which Newton's method finds.
+In homogeneous coordinates u = (tau, y) on the simplex tau + sum y = 1 the forces P u are linear,
+and large solutions are near tau = 0, so the simplex holds every solution. It is cut into ever
+smaller simplices. In each of them f_k(u) = y_k - sum |gain| |P u| is concave: it is not below its
+chord through the corners and not above its tangent. Where such a bound of one f_k, or of a
+combination of them, has one sign, there is no solution. Where forces turn so little that f is one
+to one, there is one at most, which Newton's method finds.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from pinfric.friction.given_modes import Reduced, reduce_problem
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
 
-#: Up to so many frictions that follow loads all solutions are found; simplices looked at.
+#: Up to so many frictions that follow loads all solutions are found; most simplices to look at.
 MOST_COUPLED, MOST_PARTS = 6, 4000
-#: Solutions closer than this, relative to their size, are one; so small a part holds no other.
+#: Solutions closer than this, relative to their size, are one; a simplex so small is not cut.
 _DISTINCT, _SMALL = 1e-6, 1e-7
 #: What rounding leaves of zero; what Newton's method must reach; its passes.
 _ROUNDING, _FOUND, _PASSES = 1e-12, 1e-13, 40

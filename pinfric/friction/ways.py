@@ -1,8 +1,8 @@
 """Which joints at rest can slip together, and in which directions: what kinematics leaves of 3^n.
 
-Relative accelerations are r = c + A^T w with any w: in a mechanism of d freedoms not every choice
-of signs is one of them. The four pins of a four-bar all slip or none does: three ways in place of
-3^4. In general the ways are the faces of n planes in d dimensions (Zaslavsky 1975).
+Relative accelerations are r = c + A^T w with any w, so in a mechanism of d freedoms not every
+choice of signs is possible. The four pins of a four-bar all slip or none does: three ways in place
+of 3^4. In general the ways are the faces that n planes form in d dimensions (Zaslavsky 1975).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism
 from pinfric.friction.sharing import RANK
 
-#: A rate this small beside the terms it is the sum of is zero, whatever its sign.
+#: A rate this small beside the terms of its sum counts as zero.
 _ROUNDING = 1e-7
 #: Accelerations looked at, so many times those without friction; and of a mechanism that stands.
 _FAR = 1e9

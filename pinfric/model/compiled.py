@@ -31,7 +31,7 @@ Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
 #: The versions of numba that the tests have run with, from the first to below the second.
 _TESTED = (0, 61), (0, 69)
-#: What this module replaces or calls of numba and numba's documentation does not promise.
+#: What this module replaces or calls in numba although numba's documentation does not promise it.
 _INNER = {
     Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
     FunctionCache: ("load_overload", "save_overload"),
@@ -41,10 +41,10 @@ _INNER = {
 
 
 def check_numba(version: str) -> None:
-    """Say at import that a version of numba is not one of those tested, or cannot work.
+    """Warn at import of a version of numba that was not tested; refuse one that cannot work.
 
     Raises:
-        PinfricError: something is missing that this module builds on.
+        PinfricError: something is missing that this module uses.
     """
     first, last = (".".join(map(str, end)) for end in _TESTED)
     what = f"numba {version}: pinfric is tested with numba>={first},<{last}"
@@ -52,11 +52,11 @@ def check_numba(version: str) -> None:
                if not hasattr(kind, name)]  # fmt: skip
     if missing:
         raise PinfricError(
-            f"{what}, and this one has no {', '.join(missing)}; install one of those"
+            f"{what}; this version has no {', '.join(missing)}; install a tested one"
         )
     found = tuple(int(part) for part in re.findall(r"\d+", version)[:2])
     if not _TESTED[0] <= found < _TESTED[1]:
-        text = f"{what}; where kernels fail to compile or to load, install one of those"
+        text = f"{what}; install a tested one if kernels fail to compile or to load"
         warnings.warn(text, PinfricWarning, stacklevel=2)
 
 
@@ -85,7 +85,7 @@ def compile_for(made: Any, *arguments: Any) -> None:
 
 @contextmanager
 def compiling() -> Iterator[None]:
-    """Within, kernels are compiled at their first call, however few numbers they get."""
+    """Compile kernels at their first call while this is active, however few numbers they get."""
     CLOCK.hurried += 1
     try:
         yield

@@ -32,7 +32,7 @@ class _Clock:
 
     Attributes:
         here: in this process.
-        hurried: while it is above 0, nobody waits: see `compiled.compiling`.
+        hurried: while it is above 0, kernels are compiled at once: see `compiled.compiling`.
     """
 
     def __init__(self) -> None:
@@ -97,9 +97,9 @@ def interpreted(
 
     Args:
         kernel: what numba made of it.
-        otherwise: compiles the kernel for arguments and returns what to call: where Python's
-            numbers overflow or are divided by zero and NumPy's are not. The arrays are given back
-            as they were before: a kernel may have written half of its results, or added to them.
+        otherwise: compiles the kernel for arguments and returns what to call. It is used where
+            Python's numbers raise on overflow or division by zero and NumPy's do not. Before
+            that the arrays are restored: a kernel may have written to them already.
     """
 
     def run(*arguments: Any) -> Any:
@@ -139,7 +139,7 @@ def plain(kernel: Any) -> FunctionType:
 
 
 def _plain_names(names: dict[str, Any]) -> dict[str, Any]:
-    """A module's names with functions in place of kernels, whatever name a kernel has there."""
+    """A module's names with functions in place of kernels, found by identity, not by name."""
     module = names["__name__"]
     if module not in _NAMES:
         _NAMES[module] = here = dict(names)

@@ -24,7 +24,7 @@ from pinfric.model.yamlfile import brief, brief_path
 
 #: An eigenvalue of the mass matrix below zero by this part of the largest is rounding.
 _ROUNDING = 1e-12
-#: Poses at which a robot with negative moments of inertia is looked at, and as many near the worst.
+#: Poses at which a robot with negative moments of inertia is tested, and as many near the worst.
 _POSES = 300
 
 
@@ -150,10 +150,11 @@ def _build(
 
 
 def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
-    """Refuse a robot that could gain speed from nothing: v^T M v / 2 < 0 for some q, v.
+    """Refuse a robot with negative kinetic energy, v^T M v / 2 < 0, for some q, v.
 
-    Where every body's moments are positive, M is at every pose. Links with negative moments are let
-    through where others make up for them at all poses that a search within the ranges tries.
+    Where every body's moments are positive, M is positive definite at every pose. Links with
+    negative moments are accepted if others make up for them at all poses that a search within the
+    joints' ranges tries.
     """
     data = model.createData()
 
@@ -173,15 +174,15 @@ def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
                      if j.idx_v <= column < j.idx_v + j.nv)  # fmt: skip
         raise RobotError(
             f"{urdf}: what joint {joint!r} moves has a negative kinetic energy at "
-            f"q = {np.array2string(worst, precision=3, separator=', ', max_line_width=10_000)}, so "
-            "no motion follows from any effort; correct the <inertia> of its links"
+            f"q = {np.array2string(worst, precision=3, separator=', ', max_line_width=10_000)}; "
+            "correct the <inertia> of its links"
         )
 
 
 def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.ndarray:
-    """Return the pose (nq,) of the least value among random ones within the joints' ranges.
+    """Return the pose (nq,) with the least value among random ones within the joints' ranges.
 
-    Of the best of them, smaller and smaller changes are tried.
+    Around the best one, ever smaller changes are tried.
     """
     rng, neutral = np.random.default_rng(0), pin.neutral(model)
     lower, upper = np.maximum(model.lowerPositionLimit, -1e3), np.minimum(

@@ -94,7 +94,7 @@ class SiteTables:
 
 
 def expect_scene(scene: object, where: str) -> None:
-    """Refuse what is no `Scene`, as a file's name.
+    """Refuse anything that is not a `Scene`, such as a file's name.
 
     Args:
         scene: what was given.
@@ -104,7 +104,7 @@ def expect_scene(scene: object, where: str) -> None:
         SceneError: says how to make one.
     """
     if not isinstance(scene, Scene):
-        how = "one, as pf.load_scene returns it"
+        how = "the result of pf.load_scene"
         if isinstance(scene, str | os.PathLike):
             how = f"pf.load_scene({str(scene)!r})"
         raise SceneError(f"{where}: scene is a {type(scene).__name__}, not a Scene; give {how}")
@@ -121,7 +121,7 @@ class Scene:
         model: Pinocchio's model, without the payloads; copied.
         friction: joint name -> friction, as `Friction` or as the mapping a scene file holds.
         actuators: the drives; None is one ideal drive per joint. The columns of efforts are in the
-            order of `actuator_names`, which need not be that of this list.
+            order of `actuator_names`, which may differ from that of this list.
         payloads: name -> payload; those with `attached` are carried unless a trajectory says else.
         stick_velocity: default of all sites (rad/s or m/s).
         robot: the URDF it came from, for meshes; None for a model made in Python.
@@ -301,8 +301,8 @@ class Scene:
     def actuator_names(self) -> tuple[str, ...]:
         """Names of the drives: the columns of every effort, in the order of `drives`.
 
-        With loops or drives off the joints they stand as they are listed; else in the model's
-        order, whatever the order of the list.
+        With loops or drives off the joints that is the order of the list; else it is the order of
+        the model's joints.
         """
         return tuple(drive.name for drive in self.drives)
 

@@ -1,7 +1,8 @@
-"""The functions of rooms above that methods of scenes and results call.
+"""The functions of higher layers that methods of scenes and results call.
 
-Imports go down only. `scene.solver()` and `result.plot()` lead up all the same: the package, which
-stands above every room, registers what they call when it is imported. No other module may lead up.
+Imports go down only, but `scene.solver()` and `result.plot()` call upward. The package, which is
+above every layer, registers these functions here when it is imported. No other module may call
+upward.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ if TYPE_CHECKING:
     from pinfric.dynamics.solver import Solver
     from pinfric.model.scene import Scene
 
-#: The public names that methods lead up to.
+#: The registered functions by their public names.
 NAMES = ("Solver", "plot", "summary")
 _FUNCTIONS: dict[str, Callable[..., Any]] = {}
 
 
 def register(name: str, function: Callable[..., Any]) -> None:
-    """Let a public name be called from the rooms below it."""
+    """Let a public function be called from lower layers."""
     _FUNCTIONS[name] = function
 
 

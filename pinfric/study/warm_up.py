@@ -1,4 +1,4 @@
-"""Compiling before it is needed: for control loops, for images of machines, for a first example."""
+"""Compile kernels before they are needed: for control loops, containers, demonstrations."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def warm_up(scene: Scene) -> float:
     They are those of `scene.solver()`, of `inverse_dynamics` on one thread and on several, of
     `forward_dynamics`, `holds` and `simulate` by every method. They are kept in numba's cache, from
     which later runs load them in a second or two. All open chains need the same kernels; loops and
-    drives off the joints need some more. That something is compiled is said on stderr.
+    drives off the joints need some more. A line on stderr says when something is compiled.
 
     Args:
         scene: the robot with its friction and drives.

@@ -56,7 +56,7 @@ def test_every_public_function_of_a_scene_is_asked():
 
 def test_another_thing_is_named_by_its_type():
     with pytest.raises(
-        pf.PinfricError, match=r"scene is a dict, not a Scene; give one, as pf.load"
+        pf.PinfricError, match=r"scene is a dict, not a Scene; give the result of pf.load"
     ):
         pf.holds({}, THREE, THREE)
 

@@ -99,7 +99,7 @@ def linkage_frame(linkage: Linkage, pair: int, side: int) -> tuple[int, pin.SE3]
 def equivalent_box(inertia: pin.Inertia) -> Box | None:
     """Return the uniform box of the same mass and inertia, or None for a body without mass.
 
-    None, too, where it would be larger than any machine: an inertia with next to no mass.
+    Also None where the box would be larger than any machine, because there is hardly any mass.
 
     Edge^2 = 6 (J_2 + J_3 - J_1)/m about each principal axis; where the data belong to no body
     (or to a point) the edge is `_THINNEST` of the longest.

@@ -12,7 +12,7 @@ import numpy as np
 def digits(x: float, zero: float = 0.0) -> str:
     """Return x with three significant digits, a whole number below 1e5 in full; "n/a" for NaN.
 
-    No exponent from 0.001 to below 1e5: 0.00123, 12.3, 12346, 1.23e5.
+    There is no exponent from 0.001 to below 1e5: 0.00123, 12.3, 12346, 1.23e5.
 
     Args:
         x: the number.

@@ -57,11 +57,11 @@ class Advice:
 
 
 def advise(found: Estimate) -> tuple[Advice, ...]:
-    """Return recordings of 30 s each, that which would tell most first.
+    """Return recordings of 30 s each, the most informative one first.
 
-    Where a gear's losses are known but for the scale of all masses, one with a known payload comes
-    first: no other tells that scale. Their way-points are postures that the logs visit; the way
-    between them is not checked for collisions.
+    Where only the scale of all masses keeps a gear's losses from being known, one with a known
+    payload comes first: no other shows that scale. Their way-points are postures that the logs
+    visit; the motion between them is not checked for collisions.
 
     Args:
         found: the estimate.

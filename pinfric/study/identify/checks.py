@@ -23,8 +23,8 @@ FloatArray = NDArray[np.float64]
 #: Slopes of the logged effort on that of the URDF's masses: right logs gave 0.92 to 1.35 with
 #: correlations from 0.96, URDFs wrong by up to 40 %.
 _SLOPES, _CORRELATION = (0.6, 1.6), 0.8
-#: Share of an effort that loads must make for a slope to say anything: as the URDF has them, or as
-#: the slope makes them, and then by more than so many standard deviations of the URDF's.
+#: A slope says something where loads make at least this share of the effort, by the URDF or after
+#: the slope; in the second case it must differ from 1 by more standard deviations than these.
 _LEAST_LOAD, _DEVIATIONS = 0.1, 8.0
 #: An effort that changes by less than this share of itself is always the same.
 _CONSTANT = 1e-9
@@ -97,8 +97,8 @@ def _turned(rows: Rows, theta: FloatArray) -> bool:
 def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
     """Slope and correlation of effort on rigid effort, friction, inertia and offset taken out.
 
-    1 and 0 where they say nothing: loads make little of the effort, and what a URDF is usually
-    wrong by may explain the slope.
+    1 and 0 where they say nothing: loads make little of the effort, and usual errors of a URDF may
+    explain the slope.
     """
     theta = prior.center
     load = rows.rigid @ theta

@@ -46,12 +46,12 @@ PASS = 8.0
 _PER_PERIOD = 4.0
 #: Periods of the low pass that are left out beside what does not slide; s left out at both ends.
 _BESIDE, _AT_ENDS = 0.35, 0.3
-#: Samples of all logs that are kept: residuals hang together for longer than many more of them are
-#: apart, and these are an hour at 8 Hz.
+#: Samples of all logs that are kept, an hour at 8 Hz: residuals are autocorrelated over a longer
+#: time than these are apart, so more would tell little.
 _MOST = 30_000
-#: Samples that are computed with at a time; s beyond both ends that the low pass forgets.
+#: Samples computed at a time; s beyond both ends after which the low pass has no influence.
 PART, _FORGOTTEN = 8192, 2.0
-#: s: blocks are as long as residuals hang together, and there should be enough of them, not more.
+#: s: blocks must be longer than residuals are autocorrelated, and short enough to be many.
 _BLOCK = (1.0, 5.0)
 _BLOCKS, _MOST_BLOCKS = 10, 200
 #: Rows of a joint in one direction from which friction in that direction is its own coefficient.
@@ -109,7 +109,7 @@ class Prepared:
 
 
 def thinning(recordings: Sequence[Recording]) -> int:
-    """Return by how much fewer samples are kept than the low pass asks for, in all logs together.
+    """Return the factor by which samples are thinned beyond what the low pass allows, in all logs.
 
     Args:
         recordings: the logs.
@@ -123,7 +123,7 @@ def _spacing(step: float) -> int:
 
 
 def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
-    """Return what of a log's columns no estimate changes.
+    """Return those of a log's columns that no estimate changes.
 
     Args:
         scene: the robot as its URDF has it.
@@ -169,8 +169,8 @@ def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
 def _rigid_columns(scene: Scene, recording: Recording, kept: NDArray[np.int64]) -> FloatArray:
     """Pinocchio's regressor of the links' inertial parameters, low-passed: (n, nj, 10 nj).
 
-    Of coupled drives, what they deliver: P times it. In parts that overlap by as much as the low
-    pass remembers, for of a long log the whole of it would not fit in memory.
+    For coupled drives, what they deliver: P times it. A long log's would not fit in memory, so it
+    is computed in parts, which overlap by the time over which the low pass has influence.
     """
     nj, count = scene.model.nv, recording.trajectory.t.size
     beyond = int(np.ceil(_FORGOTTEN / recording.step))
@@ -284,9 +284,9 @@ def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
 
 
 def blocks(t: FloatArray) -> tuple[int, NDArray[np.int64]]:
-    """Return how many blocks of 1 to 5 s a log has, and to which each sample belongs.
+    """Return how many blocks of 1 to 5 s a log has, and the block of each sample.
 
-    A log of a quarter of an hour or more has 200 longer ones.
+    A log of a quarter of an hour or more has 200 longer blocks.
     """
     span = float(t[-1] - t[0])
     count = max(1, round(span / float(np.clip(span / _BLOCKS, *_BLOCK))))

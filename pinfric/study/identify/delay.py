@@ -3,10 +3,10 @@
     y(t + d) = X(t) beta,    so  y(t + d0) = X beta - (d - d0) y'(t + d0)    near d0
 
 Each joint's change of delay is one more coefficient beside the links' and friction's, with a
-standard error from blocks as theirs. One clock and one filter make one delay, so joints that differ
-by more than they are known show something else: friction that changes with the angle, play, a
-filter. Their disagreement then is in the standard error of the delay. Each log has coefficients of
-its own: a warm robot shall not look like a delay.
+standard error from blocks as theirs. One clock and one filter make one delay. So joints that differ
+by more than their errors show something else: friction that changes with the angle, play, a filter.
+Their disagreement is then part of the delay's standard error. Each log has coefficients of its own:
+a warm robot must not look like a delay.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 _LEAST, _MOST, _USUAL = -0.03, 0.1, 0.02
 #: Standard errors within which joints' delays agree.
 _ALIKE = 2.0
-#: Standard errors by which a joint's delay differs from that of all to be named.
+#: A joint is named if its delay differs from the common one by more standard errors than this.
 _DIFFERS = 4.0
 #: s: with a larger standard error, a delay is not determined.
 _VAGUE = 2.5e-3
@@ -50,7 +50,7 @@ class Delay:
         value: taken for all logs; 0 where it is not determined.
         standard_error: of what the logs say together, their spread and that of joints included.
         logs: (value, standard error) of each log alone.
-        joints: (value, standard error) of each joint alone; nothing where it never slides.
+        joints: (value, standard error) of each joint alone that slides.
     """
 
     value: float
@@ -113,7 +113,7 @@ def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
-    """Return joint -> (value, standard error), s, of joints whose delay is not that of all.
+    """Return joint -> (value, standard error), s, of joints whose delay is not the common one.
 
     Args:
         delay: of the logs.
@@ -164,10 +164,10 @@ def log_delay(
 
 
 def disagreement(value: float, joints: Collection[tuple[float, float]]) -> float:
-    """Return by which factor joints differ from a value more than their errors say, at least 1.
+    """Return the factor, at least 1, by which joints differ more than their errors say.
 
-    The median of the differences in standard errors, by the information that each joint has: one
-    that tells little, as a light wrist that hardly leaves presliding, cannot call off the others.
+    It is the median of the differences in standard errors, weighted by each joint's information: a
+    light wrist that hardly leaves presliding has little weight.
 
     Args:
         value: of all joints, s.
@@ -206,7 +206,7 @@ def _changes(
 
 def _with_delays(links: Prior, one: Prepared, delay: float, count: int) -> Prior:
     """The prior of the links' parameters, and of `count` changes of the delay behind them."""
-    # what is known of delays counts as much as rows of unit variance that say it
+    # what is known of delays counts like rows of unit variance
     strength = 1.0 / (_USUAL**2 * float(one.slides.sum()))
     known = np.full(count, -delay), np.full(count, strength), np.full(count, _USUAL)
     own = links.center, links.weight, links.deviation

@@ -107,8 +107,8 @@ class Estimate:
         errors: (nj,) of the laws taken and of plain friction, on blocks that neither their choice
             nor their fit has seen, N m or N.
         falls: of each joint's friction from rest to motion; None: it has none.
-        distrusted: whether laws chosen here would have predicted these blocks worse than plain
-            friction, which was taken instead.
+        distrusted: whether the chosen laws predicted these blocks worse than plain friction,
+            which was taken instead.
     """
 
     question: Question
@@ -159,7 +159,7 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
     for number in (2, 1):
         progress(steps - number, steps)
         found = _next_pass(found)
-    if any(law.stribeck for law in found.choice.laws):  # whose speeds take some steps more
+    if any(law.stribeck for law in found.choice.laws):  # their speeds take longer
         found = _next_pass(_next_pass(found))
     found = _trusted(replace(found, errors=nested_errors(found.problem, found.rows)))
     progress(steps, steps)
@@ -178,9 +178,9 @@ def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
     if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
         names = ", ".join(one.name for one in question.recordings)
         raise IdentificationError(
-            f"{names}: joints slide in {found} of the logs' blocks of 1 to 5 s, at least "
-            f"{_FEWEST_BLOCKS} are needed (faster than {STILL:g} rad/s or m/s, and than noise); "
-            "log more motion"
+            f"{names}: joints slide, faster than {STILL:g} rad/s or m/s and than noise, in {found} "
+            f"of the logs' blocks of 1 to 5 s; at least {_FEWEST_BLOCKS} are needed: log more "
+            "motion"
         )
 
 
@@ -298,9 +298,9 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
 
 
 def _shows_gear(found: Estimate, joint: int) -> bool:
-    """Whether load can exceed the Coulomb friction that is left where a gear takes its share.
+    """Whether load can exceed the Coulomb friction that remains beside a gear's loss.
 
-    Friction fitted without a gear holds what the mean load makes of the gear's loss.
+    Friction that was fitted without a gear contains the gear's loss at the mean load.
     """
     rows = found.rows[joint]
     coulomb = 0.5 * float(found.fit.slots[joint, [SLOT[FORWARD], SLOT[BACKWARD]]].sum())
@@ -311,9 +311,9 @@ def _shows_gear(found: Estimate, joint: int) -> bool:
 def scale_is_known(found: Estimate) -> bool:
     """Return whether something says how heavy the robot is, so that both of a gear's losses show.
 
-    With all masses free, (t + f)/eta and eta_b (t + f) are also those of a robot and a friction
-    larger by 1/eta in a gear without loss forward and eta eta_b back: only the product shows. That
-    two losses predict better shows, too.
+    With all masses free, (t + f)/eta and eta_b (t + f) are also the efforts of a robot and a
+    friction larger by 1/eta, in a gear without loss driving and with eta eta_b driven: only the
+    product is known.
 
     Args:
         found: the estimate.

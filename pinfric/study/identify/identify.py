@@ -84,8 +84,8 @@ class Identified(Shown):
         rest: joint -> what its holds show.
         spread: joint -> how much friction differs between logs, as a share; NaN with one log.
         delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
-        misfits: what residuals still depend on; the intervals are widened by it.
-        said: what was read, repaired, left out, and what the logs cannot tell.
+        misfits: what residuals still depend on; intervals are widened for it.
+        said: what was read, repaired, left out, and what the logs cannot show.
         estimate: rows and coefficients behind all this.
     """
 

@@ -63,7 +63,7 @@ def parameters(model: pin.Model) -> FloatArray:
 def mass_changes(model: pin.Model, theta: FloatArray) -> FloatArray:
     """Return by what share of itself each link's mass has changed, (nj,).
 
-    Links lighter than a share of the heaviest one count as that heavy.
+    Of a link much lighter than the heaviest one, the change is taken as a share of a larger mass.
 
     Args:
         model: the robot as its URDF has it.

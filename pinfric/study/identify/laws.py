@@ -23,7 +23,7 @@ SIDES = ("motor", "joint")
 _WAYS = ("driving", "driven", "both")
 
 INERTIA, FORWARD, BACKWARD, BEARING = "inertia", "forward", "backward", "bearing"
-#: What friction at rest exceeds that in motion by, and the speed at which it has fallen.
+#: By how much friction at rest exceeds friction in motion, and the speed at which it has fallen.
 FALL_FORWARD, FALL_BACKWARD, FALL_SPEED = "fall forward", "fall backward", "fall's speed"
 SPEEDS = {f"speed^{p:g}": p for p in EXPONENTS}
 #: The columns of one joint beside the rigid ones: what each coefficient multiplies.
@@ -44,7 +44,7 @@ class Law:
         exponent: of the speed; None: no such term.
         load: "", "bearing" or "gear".
         side: of a gear's friction, and of a coupled drive's, "motor" or "joint".
-        both_ways: a gear that loses as much driven as driving (eta_b = 2 - 1/eta).
+        both_ways: whether a gear loses as much driven as driving (eta_b = 2 - 1/eta).
         stribeck: whether Coulomb friction falls from rest to motion.
     """
 
@@ -104,8 +104,8 @@ def candidates(
         bearing: the scene gives the joint a bearing.
         gear: the effort passes a gear, and load varies enough beside Coulomb friction.
         both_directions: the load both drives the motion and is driven by it often enough.
-        stribeck: friction at low speed is larger than Coulomb and viscous friction make it; a scene
-            can say so on the joint's side.
+        stribeck: friction at low speed is larger than Coulomb and viscous friction explain, and
+            sits on the joint's side, where a scene can state it.
     """
     loads = [Law()]
     if bearing:

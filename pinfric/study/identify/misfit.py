@@ -42,9 +42,9 @@ _HARMONICS = tuple(range(1, 13))
 #: be equal, and the effort's sensor off.
 _UNEVEN = 0.15
 _WAYS = [SLOT[FORWARD], SLOT[BACKWARD]]
-#: Keeps shapes apart that are nearly the same.
+#: Regularization where shapes are nearly the same.
 _RIDGE = 1e-9
-#: Columns of which the model's own leave less than this share are described by it.
+#: Columns of a shape are dropped if the model's columns leave less than this share of them.
 _DESCRIBED = 0.05
 
 
@@ -99,7 +99,7 @@ def misfits(found: Estimate) -> tuple[Misfit, ...]:
 
 
 def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
-    """Return (n,) by how much coefficients change when the shapes join the model.
+    """Return (n,) changes of the coefficients when the shapes join the model.
 
     Args:
         found: the estimate.
@@ -130,7 +130,7 @@ def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) ->
 
 
 def uneven(found: Estimate) -> dict[int, float]:
-    """Return joint -> half of what its Coulomb friction differs by direction, where it is much.
+    """Return joint -> half the difference of its Coulomb friction by direction, where it is large.
 
     An offset of the effort's sensor makes the same difference, and no log tells the two apart.
 
@@ -146,7 +146,7 @@ def uneven(found: Estimate) -> dict[int, float]:
 
 
 def one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]:
-    """Yield (n,) by how much coefficients change where an offset makes a joint look uneven.
+    """Yield (n,) changes of the coefficients if an offset explains a joint's uneven friction.
 
     Args:
         found: the estimate.
@@ -195,7 +195,7 @@ def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
 
 
 def chance(sums: FloatArray) -> float:
-    """Return the probability of sums that are as far from zero where their mean is zero.
+    """Return the probability of sums at least this far from zero if their mean is zero.
 
     Args:
         sums: (N, m) of each span.
@@ -208,7 +208,7 @@ def chance(sums: FloatArray) -> float:
 
 
 def _spans(rows: Rows) -> tuple[int, NDArray[np.int64]]:
-    """How many spans of time rows lie in, and in which of them each one does."""
+    """The number of spans of time, and the span of each row."""
     key = np.column_stack((rows.log, np.floor(rows.time / _SPAN).astype(np.int64)))
     _, span = np.unique(key, axis=0, return_inverse=True)
     return int(span.max(initial=-1)) + 1, span.ravel()
@@ -264,15 +264,15 @@ def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, F
     yield "the speed", hats * sign[:, None]
     yield ("whether it speeds up or slows down (play, a soft drive, or efforts that were filtered)",
            _hats(speed, (0.1, 0.5, 0.9)) * np.sign(track.a)[:, None])  # fmt: skip
-    yield ("the effort that it passes on",
+    yield ("the effort that it transmits",
            np.column_stack((sign * np.abs(load), sign * load, load * np.abs(load),
                             load**2 * sign)))  # fmt: skip
-    yield ("the load on its bearing (name the bearing in the scene, and it is a candidate)",
+    yield ("the load on its bearing (add the bearing to the scene to make it a candidate)",
            track.press * sign[:, None])  # fmt: skip
     yield ("time (warming up, or a sensor that drifts)",
            np.column_stack((track.time, sign * track.time, v * track.time,
                             sign * track.time**2)))  # fmt: skip
-    yield ("how fast the effort changes (efforts filtered, or late by another delay)",
+    yield ("how fast the effort changes (efforts that were filtered or have another delay)",
            np.column_stack((track.slope, track.bend)))  # fmt: skip
 
 

@@ -32,7 +32,8 @@ _EXACT = 1e-3
 #: Rounds in which coefficients of many fits go to zero or come back together, and the share of the
 #: right side by which rounding may miss a gradient of zero.
 _EXCHANGES, _SLACK = 12, 1e-12
-#: Share of a block that is left out: what one block alone shows is hardly known, not singular.
+#: Share of a block that is left out. Less than 1: where one block alone shows a coefficient, the
+#: matrix must not be singular.
 _LEFT_OUT = 0.99
 #: Multiplications from which BLAS takes several threads. These wait for each other by spinning: on
 #: cores that others use, too, a product of this size then takes a hundred times as long.
@@ -199,14 +200,14 @@ def moves(
     place: NDArray[np.int64],
     feedback: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, int]:
-    """Return how the estimate moves by what is uncertain: C = M^T M is its covariance.
+    """Return the influence of each block on the estimate: C = M^T M is the covariance.
 
         M = S (H + F)^-T,    S: gradient of each block less their mean, and P deviation of the prior
 
     H is the matrix of the normal equations, P the prior's part of it, F what they change by because
-    columns follow from the estimate. A block's gradient meets H without that block, as if it had
-    been left out (MacKinnon, Nielsen and Webb, Fast and reliable jackknife and bootstrap methods
-    for cluster-robust inference, 2023): of few short blocks each has pulled the fit to itself.
+    columns follow from the estimate. For each block's own gradient H has that block's part left out
+    (MacKinnon, Nielsen and Webb, Fast and reliable jackknife and bootstrap methods for
+    cluster-robust inference, 2023), because with few short blocks each one pulls the fit to itself.
 
     Args:
         grams: of each joint.

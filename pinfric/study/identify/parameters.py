@@ -202,7 +202,7 @@ def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
 def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway]) -> Scene:
     """Return the question's scene with what was found in it; other joints keep what it says.
 
-    A joint sticks up to the velocity that noise alone makes of one that stands in these logs.
+    A joint sticks up to the velocity that these logs' noise gives a joint at rest.
 
     Args:
         found: the estimate, with the links' inertias.

@@ -24,12 +24,12 @@ FloatArray = NDArray[np.float64]
 
 #: rad/s or m/s: a joint that is never faster than this has not moved.
 STILL = 0.01
-#: Standard deviations beyond which a velocity is no noise.
+#: Standard deviations beyond which a velocity is not noise.
 _CLEAR = 3.0
-#: Samples of which a low pass and a spline still make something.
+#: Fewest samples that a low pass and a spline can use.
 _FEWEST = 100
-#: Hz: samples are left out down to this rate, after a low pass of efforts and accelerations. All
-#: that is fitted passes far less, and break-aways are looked for in what this low pass leaves.
+#: Hz: logs are thinned to this rate, after a low pass of efforts and accelerations. The fit uses
+#: far lower frequencies; break-aways are looked for in what this low pass leaves.
 _RATE, PEAK_PASS = 125.0, 40.0
 
 
@@ -86,9 +86,9 @@ class Recording:
 
 
 def stick_velocity(scene: Scene, recordings: Sequence[Recording]) -> float:
-    """Return up to which velocity (rad/s, m/s) joints stick, by what noise makes of their rest.
+    """Return the velocity (rad/s, m/s) up to which joints stick, by the noise at rest.
 
-    No less than the scene says, no more than a joint has that has not moved.
+    It is at least the scene's, and at most the speed below which a joint counts as still.
 
     Args:
         scene: the robot.
@@ -205,7 +205,7 @@ def _read(
 def _thinned(
     trajectory: Trajectory, effort: FloatArray, step: float, every: int
 ) -> tuple[Trajectory, FloatArray]:
-    """Return each `every`-th sample; what is above the low pass shall not come back below it."""
+    """Return every `every`-th sample after a low pass, which prevents aliasing."""
     a = trajectory.a[::every].copy()
     for j, column in enumerate(trajectory.a.T):
         # where it is held, it is held

@@ -36,7 +36,7 @@ _FEWEST = 3
 
 @dataclass(frozen=True)
 class RestBound:
-    """What times at rest say of a joint's static friction: no less than this, N m or N.
+    """What times at rest say of a joint's static friction: it is at least this large, N m or N.
 
     Attributes:
         seconds: at rest in all logs.
@@ -84,7 +84,7 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
 
 
 def _held(recording: Recording, stick: float) -> NDArray[np.bool_]:
-    """(T, nv) where a drive rests, or is as slow as one that sticks, for so long as holds last."""
+    """(T, nv) where a drive rests or is as slow as one that sticks, for at least a hold's time."""
     held = recording.rests.copy()
     for j, v in enumerate(recording.velocity.T):
         for first, last in runs(np.abs(v) <= stick):

@@ -24,7 +24,7 @@ _FAST = 0.2
 _MISSED = 0.1
 #: Share of the time at rest in which an effort should be within the interval.
 _HELD_INSIDE = 0.985
-#: URDFs' masses are wrong by 10 to 40 %: a change of a larger share of one has another cause.
+#: URDFs' masses are wrong by 10 to 40 %: a larger change has another cause.
 _MOVED = 0.5
 
 
@@ -35,7 +35,7 @@ def said(
     static: Mapping[tuple[int, str], BreakAway],
     shapes: Sequence[Misfit] = (),
 ) -> tuple[str, ...]:
-    """Return a line for everything that was read, repaired or left out, or that no log tells.
+    """Return a line for everything that was read, repaired or left out, or that logs do not show.
 
     Args:
         found: the estimate.
@@ -53,8 +53,8 @@ def said(
     lines += _of_masses(found)
     stick = stick_velocity(found.question.scene, found.question.recordings)
     if stick > found.question.scene.stick_velocity:
-        lines.append(f"joints stick up to {stick:.1e} rad/s or m/s in the scene: noise of the logs "
-                     "makes so much of a joint that stands")  # fmt: skip
+        lines.append(f"joints stick up to {stick:.1e} rad/s or m/s in the scene: noise makes "
+                     "joints at rest seem so fast in the logs")  # fmt: skip
     if found.distrusted:
         lines.append("too little was logged to choose laws: those chosen predicted what neither "
                      "choice nor fit had seen worse than Coulomb and viscous friction, which "
@@ -68,31 +68,31 @@ def said(
 
 
 def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
-    """What each joint's law does not describe, and where it may come from."""
+    """What each joint's law does not describe, and what may cause it."""
     lines = []
     for j in sorted({one.joint for one in shapes}):
         unit = effort_unit(found.scene, j)
         own = [f"{one.over} {one.size:.2g} {unit} RMS ({100 * one.share:.0f} % of its square)"
                for one in shapes if one.joint == j]  # fmt: skip
         lines.append(f"lack of fit: {found.scene.joint_names[j]}: the residual still depends on "
-                     f"{'; '.join(own)}: intervals are widened by it")  # fmt: skip
+                     f"{'; '.join(own)}; intervals are widened for that")  # fmt: skip
     for j, half in uneven(found).items():
         unit = effort_unit(found.scene, j)
         lines.append(f"lack of fit: {found.scene.joint_names[j]}: Coulomb friction differs by "
                      f"{2.0 * abs(half):.2g} {unit} between the directions, which an offset of "
-                     f"{abs(half):.2g} {unit} of the effort's sensor would explain: intervals are "
+                     f"{abs(half):.2g} {unit} in the effort's sensor would explain; intervals are "
                      "widened to hold both")  # fmt: skip
     return lines
 
 
 def _of_logs(found: Estimate) -> list[str]:
-    """What one log does not tell, and what several say of the delay."""
+    """What one log does not show, and what several say of the delay."""
     delay, lines = found.delay, []
     moving = [one.slides.any() for one in found.prepared]
     still = [one.recording.name for one, moves in zip(found.prepared, moving, strict=True)
              if not moves]  # fmt: skip
     if still:
-        lines.append(f"nothing slides in {', '.join(still)}, which only bounds friction at rest")
+        lines.append(f"nothing slides in {', '.join(still)}: used for bounds on friction at rest")
     if sum(moving) == 1:
         lines.append("one log only: how much friction differs from day to day is not known; "
                      "between logs of a robot it was 1 to 10 %")  # fmt: skip
@@ -105,7 +105,7 @@ def _of_logs(found: Estimate) -> list[str]:
         each = [f"{names[j]} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
                 for j, (value, error) in others.items()]  # fmt: skip
         lines.append(f"lack of fit: the delays of {', '.join(each)} differ from that of the other "
-                     "joints: play, a filter, or friction that no law has")  # fmt: skip
+                     "joints: play, a filter, or friction that no law describes")  # fmt: skip
     if sum(moving) > 1:
         logs = zip(found.prepared, delay.logs, strict=True)
         each = [f"{one.recording.name} {1e3 * value:.1f} +- {1e3 * error:.1f} ms"
@@ -122,15 +122,15 @@ def _of_masses(found: Estimate) -> list[str]:
     bodies = zip(tuple(model.inertias)[1:], tuple(found.scene.model.inertias)[1:], strict=True)
     masses = [f"{name} {before.mass:.3g} -> {after.mass:.3g}"
               for name, (before, after) in zip(names, bodies, strict=True)]  # fmt: skip
-    lines = [f"masses that the joints move first, kg in the URDF -> found: {', '.join(masses)}"]
+    lines = [f"link behind each joint, kg in the URDF -> found: {', '.join(masses)}"]
     changes = mass_changes(model, found.fit.theta)
     far = [name for name, change in zip(names, changes.tolist(), strict=True)
            if abs(change) > _MOVED]  # fmt: skip
     if far:
         lines.append(f"masses that moved by more than {100 * _MOVED:.0f} %, more than URDFs are "
-                     f"wrong by: {', '.join(far)}; check the zero and sign of the angles of these "
-                     "and the joints beside them, the unit of efforts, and whether a payload is "
-                     "missing in the scene")  # fmt: skip
+                     f"usually off by: {', '.join(far)}; check the zero and sign of the angles of "
+                     "these joints and those beside them, the unit of efforts, and whether the "
+                     "scene lacks a payload")  # fmt: skip
     return lines
 
 
@@ -157,8 +157,8 @@ def _of_joints(
          "only bounded from below",
          [names[j] for j in slid if rest[names[j]].seconds > 0.0
           and not {(j, FORWARD), (j, BACKWARD)} & static.keys()]),
-        ("at rest efforts are within the interval for less than "
-         f"{100 * _HELD_INSIDE:g} % of the time, so static friction or the rigid effort is off",
+        (f"efforts at rest are within the interval for less than {100 * _HELD_INSIDE:g} % of the "
+         "time, so static friction or the rigid effort is off",
          [f"{names[j]} {100 * rest[names[j]].inside:.1f} %" for j in slid
           if rest[names[j]].inside < _HELD_INSIDE]),
         ("never fast, friction at speed is extrapolated (rad/s or m/s)", _slow(found, slid)),
@@ -175,8 +175,9 @@ def _of_joints(
           if question.laws.get(name, law).side != law.side]),
         ("off by more than a tenth even where it was fitted, so something is missing or turned "
          "(signs, zeros, motors that move with another joint)", _missed(found, slid)),
-        ("with masses free, only the product of a gear's losses driving and driven shows: each of "
-         "them follows the URDF's masses; a log with a known payload (--payload) tells both",
+        ("while masses are free, only the product of a gear's efficiencies (driving, driven) is "
+         "known, and each is as wrong as the URDF's masses; record a log with a known payload "
+         "(--payload)",
          [] if scale_is_known(found) else
          [name for name, law in zip(names, choice.laws, strict=True) if law.load == "gear"]),
     ]  # fmt: skip

@@ -2,8 +2,8 @@
 
     friction = ... + e+ s(v) [v > 0] - e- s(v) [v < 0],    s = exp(-(v/v_s)^2)
 
-e+ and e- are coefficients as all others. The speed v_s is not linear in the model: it is searched,
-by what it takes off the residual, and its own column, that of d/d(log v_s), is in the covariance.
+e+ and e- are coefficients like all others. The model is not linear in the speed v_s, so the v_s
+that leaves the least residual is searched; the covariance has a column for it, d/d(log v_s).
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def find_fall(
         joint: which one.
         rows: of the joint.
         weight: (n,) of each row.
-        taken: places of the coefficients beside which a fall is looked for.
+        taken: places of the coefficients that the joint's law has without the fall.
     """
     from scipy.optimize import minimize_scalar
 
@@ -72,7 +72,7 @@ def find_fall(
     rest = rest - basis @ (basis.T @ rest)
 
     def fitted(columns: FloatArray) -> tuple[float, FloatArray]:
-        """What two columns take off the residual's sum of squares, and their coefficients."""
+        """By how much two columns reduce the residual's sum of squares, and their coefficients."""
         own = columns * root
         own = own - basis @ (basis.T @ own)
         values: FloatArray = np.linalg.lstsq(own, rest, rcond=1e-8)[0].astype(float)
@@ -86,7 +86,7 @@ def find_fall(
 
     low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
     tried = np.linspace(low, high, _TRIED)
-    # without the low pass first: it changes little away from rest
+    # first without the low pass, which changes little away from rest
     gains = [fitted(_ways(rows.velocity, float(np.exp(x))))[0] for x in tried]
     if max(gains) < _LEAST_GAIN * float(rest @ rest):
         return None

@@ -38,7 +38,7 @@ FloatArray = NDArray[np.float64]
 
 #: Share of a standard deviation by which a link's parameter is changed to see what its load does.
 _STEP = 0.1
-#: Columns of the friction that a gear on the motor's side of it passes on.
+#: Columns of the friction that passes a gear between it and the motor.
 _INNER = (FORWARD, BACKWARD, *SPEEDS, FALL_FORWARD, FALL_BACKWARD, FALL_SPEED)
 #: Logs from which a spread between them can be told.
 _FEWEST_LOGS = 2
@@ -109,10 +109,10 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
 
         (H + F)^-1 (sum over blocks of s s^T + P S P) (H + F)^-T + b b^T
 
-    H is the matrix of the normal equations of inertial parameters and coefficients together, F what
-    they change by because columns of loads follow from the estimate, s a block's part of the
-    gradient, P the weight that draws links to the URDF, S the variance of that, b what coefficients
-    change by when the shapes that residuals have join the model.
+    H is the matrix of the normal equations of inertial parameters and coefficients together; F its
+    change because columns of loads follow from the estimate; s a block's part of the gradient; P
+    the weight that draws links to the URDF; S the variance of that; b the change of the
+    coefficients when the shapes of the residuals join the model.
 
     Args:
         found: the estimate.
@@ -140,7 +140,7 @@ def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatA
         place: (n,) of the coefficients among (nj K,).
 
     Returns:
-        The covariance, and the fewest logs by which a factor is known: L - 1 is its freedom.
+        The covariance, and L, the fewest logs that a factor is known from: L - 1 is its freedom.
     """
     every = [_log_factors(found, j)[0] for j in range(len(found.rows))]
     values = found.fit.slots.ravel()[place] * (place % len(SLOTS) != SLOT[INERTIA])
@@ -155,7 +155,7 @@ def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatA
 
 
 def _uncertain(found: Estimate) -> NDArray[np.int64]:
-    """Where coefficients above zero, and speeds of friction that falls, stand among (nj K,)."""
+    """Places among (nj K,) of coefficients above zero and of the speeds of falling friction."""
     place = above_zero(found.fit, found.problem.slots(found.choice.laws))
     falls = [j * len(SLOTS) + SLOT[FALL_SPEED] for j in found.known
              if found.fit.slots[j, [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]].any()]  # fmt: skip
@@ -224,7 +224,7 @@ def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:
 def between_logs(found: Estimate) -> FloatArray:
     """Return (nj,) how much a joint's friction differs from log to log, as a standard deviation.
 
-    Of each log's factor on the fitted friction, what blocks within a log scatter taken off.
+    It is the scatter of each log's factor on the fitted friction, less that of blocks in a log.
 
     Args:
         found: the estimate.

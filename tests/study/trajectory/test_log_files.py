@@ -142,7 +142,7 @@ def test_what_ros2_topic_echo_writes_may_change_its_order(tmp_path):
                               *names, *(f"{x:.12g}" for x in numbers)]))  # fmt: skip
     motion = load(tmp_path, "\n".join(rows) + "\n")
     np.testing.assert_allclose(motion.q, Q, atol=1e-6)  # four rows interpolated
-    assert "another order, or others, in 251 rows, the first in line 71" in motion.warnings[0]
+    assert "or their order, change in 251 rows, first in line 71" in motion.warnings[0]
     np.testing.assert_allclose(motion.reading.effort["arm_lift"], 7.0 * Q[:, 1], atol=1e-3)
 
 

@@ -32,7 +32,7 @@ _WORDS = {
     "current": ("current", "currents", "amps"),
 }
 _QUANTITY = {word: quantity for quantity, words in _WORDS.items() for word in words}
-#: Units in brackets that say a quantity, without blanks and dots.
+#: Units in brackets that imply a quantity, without blanks and dots.
 _UNITS = {"nm": "effort", "n": "effort", "a": "current", "rad/s": "velocity", "deg/s": "velocity",
           "m/s": "velocity", "rad/s^2": "acceleration", "rad/s2": "acceleration",
           "rad/s²": "acceleration"}  # fmt: skip
@@ -213,9 +213,9 @@ def _take_in_order(
     claims: dict[tuple[str, str], list[str]],
     found: Columns,
 ) -> None:
-    """Take columns that only number the joints in the scene's order, if they are as many.
+    """Take columns that only number the joints in the scene's order, if there is one for each.
 
-    `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position` and on.
+    Such are `actual_q_0` to `actual_q_5`, `q1` to `q6`, `joint_1_position` and so on.
     """
     groups: dict[tuple[str, str], dict[int, str]] = {}
     for column in dict.fromkeys(header):
@@ -241,7 +241,7 @@ def _take_in_order(
 
 
 def _in_words(column: str) -> str:
-    """Return a column's name with the quantity in place of the unit that says it: tau [Nm]."""
+    """Return a column's name with the quantity in place of a unit that implies it: tau [Nm]."""
     unit = _UNIT.search(column)
     meant = _UNITS.get(re.sub(r"[ ·*.]", "", unit[1]).lower()) if unit else None
     return f"{column[: unit.start()]}/{meant}" if unit and meant else column

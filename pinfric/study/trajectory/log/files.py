@@ -151,10 +151,10 @@ def open_matlab(path: Path) -> OpenedLog:
     try:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
-        raise TrajectoryError(f"{path}: is of MATLAB's version 7.3; save it with -v7") from None
+        raise TrajectoryError(f"{path}: MATLAB's version 7.3; save it with -v7") from None
     except Exception as problem:  # zlib's, struct's, NumPy's: whatever a cut file ends in
         reason = " ".join(str(problem).split())[:200] or type(problem).__name__
-        raise TrajectoryError(f"{path}: is no MATLAB file that can be read: {reason}") from None
+        raise TrajectoryError(f"{path}: cannot be read as a MATLAB file: {reason}") from None
     arrays = dict(_matlab_arrays("", content))
     sizes = [max(x.shape) for x in arrays.values() if max(x.shape) >= FEWEST]
     count = max(sizes, key=lambda size: (sizes.count(size), size), default=0)
@@ -166,7 +166,7 @@ def open_matlab(path: Path) -> OpenedLog:
             each = values if values.shape[1] == count else values.T
             columns |= {f"{name}_{i}": row for i, row in enumerate(each, 1)}
     if not columns:
-        raise TrajectoryError(f"{path}: has no arrays of numbers")
+        raise TrajectoryError(f"{path}: holds no arrays of numbers")
     return arrays_log(columns, {}, recorded=True)
 
 
@@ -204,9 +204,9 @@ def arrays_log(
 
 
 def _numbered_lines(path: Path) -> list[tuple[int, str]]:
-    """Return the lines that are not empty, with their numbers; comments, but for a header, apart.
+    """Return the lines that are not empty, with their numbers; comments apart, except a header.
 
-    A comment right above numbers is their header if it has as many names, as np.savetxt writes it.
+    A comment right above the numbers is their header if it has as many names (`np.savetxt`).
     """
     opened = gzip.open if path.suffix.lower() == ".gz" else open
     try:
@@ -275,7 +275,7 @@ def _split(path: Path, rows: list[tuple[int, str]]) -> _Text:
 def _sorted_by_names(text: _Text) -> _Text:
     """Put numbered columns in the order of the first row's names, where later rows have another.
 
-    Joint states name their joints in each message anew; `name_0` is not always the same joint.
+    Each message of joint states names its joints, so `name_0` is not always the same joint.
     """
     places: dict[str, dict[str, int]] = {}
     for place, column in enumerate(text.header):
@@ -304,8 +304,8 @@ def _sorted_by_names(text: _Text) -> _Text:
         rows[index] = text.separator.join(moved)
     if not changed:
         return text
-    said = (f"names of joints come in another order, or others, in {counted(len(changed), 'row')}, "
-            f"the first in line {changed[0]}: each row is read by its own names",)  # fmt: skip
+    said = (f"the names of joints, or their order, change in {counted(len(changed), 'row')}, first "
+            f"in line {changed[0]}: each row is read by its own names",)  # fmt: skip
     return replace(text, rows=rows, said=said)
 
 
@@ -444,7 +444,7 @@ def _sifted(
         problems += wrong
     keep = ~absent & ~bad if few else ~absent
     values, lines = rows.values, rows.lines
-    if not keep.all():  # else no copy: a long log fills much of the memory
+    if not keep.all():  # else no copy: a long log takes much memory
         values = values[keep]
         lines = [line for line, kept in zip(lines, keep.tolist(), strict=True) if kept]
     dropped = "; ".join(wrong) if few else ""

@@ -54,8 +54,8 @@ _CLEARLY = 0.98
 _CONTRADICTED = 0.5
 #: Share of a step: rows that follow sooner are not interpolated between.
 _NEAREST = 0.5
-#: The low pass of comparison, whose difference shows what a low pass takes away; of a jump of
-#: acceleration a gentle one shows half as much.
+#: Cutoff of a second low pass over that of the first: their difference shows what a low pass takes
+#: away. At a jump of acceleration a gentle one shows half as much.
 _LOWER, _GENTLE_LOWER = 1.0 / np.sqrt(2.0), 0.5
 #: Periods of the cutoff from an end of a log within which errors are up to 50 times those inside.
 _ONE_SIDED = 0.35
@@ -138,8 +138,8 @@ def settle(
         plan: what the rows say; time increases but for jitter, positions are finite, unwrapped.
         options: the cutoff.
         problems: gaps in what must be filtered are appended here.
-        recorded: the file holds what was measured, which goes on regular times with or without
-            noise: filters of it expect them.
+        recorded: the file holds measurements; they are put on regular times, with or without noise,
+            because filters expect that.
     """
     held = None if np.isfinite(plan.acceleration).any() else held_rate(plan.position)
     rows = np.arange(plan.t.size)[held or slice(None)]
@@ -191,8 +191,8 @@ def _rows_of(table: TrajectoryTable, rows: NDArray[np.int64]) -> TrajectoryTable
 def _on_regular_time(plain: Settled, timing: Timing) -> _Sampled:
     """Return the samples on regular time.
 
-    Either the stamps jitter and the rows were taken regularly, or the stamps tell when: the one
-    that leaves the positions less noise is right. Where the stamps wander they are believed.
+    Either the stamps jitter and the rows were taken regularly, or the stamps are right. Taken is
+    what leaves less noise in the positions. Stamps that wander are taken as right.
     """
     table, stamps = plain.table, plain.table.t
     if not timing.irregular:
@@ -240,8 +240,8 @@ def _by_stamps(plain: Settled, timing: Timing, reading: Reading) -> _Sampled:
     kept = far_apart(stamps, _NEAREST * timing.step)
     close = stamps.size - kept.size
     if close:
-        words.append(f"{counted(close, 'row')} left out whose stamps follow within "
-                     f"{_time(_NEAREST * timing.step)}")  # fmt: skip
+        words.append(f"{counted(close, 'row')} left out whose stamps are within "
+                     f"{_time(_NEAREST * timing.step)} of the row before")  # fmt: skip
     position = _between(stamps[kept], table.position[kept], at)
     order = np.interp(at, stamps, np.arange(stamps.size))
     reading = replace(reading, dropped=reading.dropped + close, resampled=timing.count,
@@ -274,8 +274,8 @@ def _contradictions(sampled: _Sampled) -> list[str]:
     if by_rows > _CONTRADICTED * by_stamps:
         return []
     return [
-        f"positions are rough over the stamps ({by_stamps:.2g} rad or m, from row to row "
-        f"{by_rows:.2g}): these say when rows were written, not when they were measured; give the "
+        f"positions over the stamps are rougher ({by_stamps:.2g} rad or m) than from row to row "
+        f"({by_rows:.2g}): these say when rows were written, not when they were measured; give the "
         "robot's own times"
     ]
 
@@ -357,7 +357,7 @@ def _filtered(
 def _without_ends(
     settled: Settled, moving: NDArray[np.bool_], ends: FloatArray, step: float
 ) -> Settled:
-    """Leave out the ends of a log in which a joint moves: a low pass knows but one side there.
+    """Leave out the ends of a log in which a joint moves: there a low pass has one side only.
 
     Args:
         settled: the filtered motion.

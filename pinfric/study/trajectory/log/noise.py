@@ -2,8 +2,8 @@
 
 White noise of standard deviation sigma has differences of order k with RMS sigma sqrt(C(2k, k)); a
 motion that is smooth over a few samples has hardly any of order six. So sigma comes from the
-positions alone. What the noise is of each frequency of the acceleration follows from it: the power
-spectral density of its second difference is 2 sigma^2 dt |2 sin(pi f dt)|^4 (one-sided).
+positions alone. The noise of the acceleration follows from it: the one-sided power spectral density
+of its second difference is 2 sigma^2 dt |2 sin(pi f dt)|^4.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ _HARMLESS_SHARE, _ROUNDED_SHARE = 0.01, 0.05
 _WHITE_SHARE = 0.7
 #: Differences below which nothing can be said about noise.
 _FEWEST = 10
-#: s. Shorter segments blur slow motion into its noise; longer ones weigh the middle of a log more,
-#: and with it noise that comes and goes with the speed.
+#: s. Shorter segments blur slow motion into the noise. Longer ones give the middle of a log more
+#: weight, which matters where noise changes with the speed.
 _SEGMENT = 1.0
 _SHORTEST_SEGMENT = 64
-#: How many cutoffs are compared, and Hz times the step beyond which nothing is worth a low pass.
+#: How many cutoffs are compared; the highest, as Hz times the step: above it nothing is filtered.
 _CUTOFFS, _HIGHEST = 200, 0.4
-#: Noise counts so many times: that of jittering samples and of coarse encoders is not white.
+#: Factor on the noise's density: noise of jittering samples and coarse encoders is not white.
 _CAUTION = 4.0
-#: How much farther than 80 % of its power 95 % reach, and than 90 %, where an acceleration jumps
-#: (3 to 4, 2 times; smoother motions: less than 2, 1.5 times).
+#: An acceleration jumps if the frequency below which 95 % of its power lies is more than so many
+#: times that of 80 %, and that of 90 % (3 to 4 and 2 times; smoother motions: below 2 and 1.5).
 _HEAVY_TAIL, _NO_TONE = 2.5, 1.25
 #: Chance with which white noise in one of a spectrum's bins is taken for motion.
 _FALSE_ALARM = 1e-6
-#: Times the noise's density below which nothing is called motion: noise that is not white.
+#: Below so many times the noise's density nothing is called motion: noise is not always white.
 _UNCLEAR = 10.0
 _BUTTERWORTH = 4
 #: Degree of the polynomial by which a motion goes on beyond its ends, and periods of the cutoff
@@ -96,9 +96,9 @@ def noisy_joints(
 ) -> list[bool]:
     """Return which joints carry noise, if any of it would spoil accelerations; else none.
 
-    What makes a log is noise that a spline turns into more than 1 % of a joint's acceleration; 5 %
-    where a file's digits explain it, as a planned motion may be printed with few. In a log every
-    noisy joint is filtered: each one's acceleration moves the others.
+    A motion counts as logged if a spline turns its noise into more than 1 % of a joint's
+    acceleration; 5 % where the file's digits explain the noise, because a planned motion may be
+    printed with few. In a log every noisy joint is filtered: each acceleration moves the others.
 
     Args:
         position: (T, nj) rad or m.
@@ -185,13 +185,13 @@ def typical_noise(position: FloatArray, t: FloatArray | None = None, order: int 
 def signal_cutoff(
     position: FloatArray, step: float, noise: float, gentle: bool = False
 ) -> float | None:
-    """Return the cutoff (Hz) whose acceleration is least wrong; None: none is worth it.
+    """Return the cutoff (Hz) that leaves the least error in the acceleration; None: no low pass.
 
     A low pass of gain G leaves an error of the acceleration whose mean square is expected to be
     int (1 - G)^2 (D - N) + G^2 N df: motion taken away, and noise let through. D is Welch's
     estimate of the spectral density of the second difference, N that of white noise; their
-    difference is the motion's, without bias. Motion above a gap in the spectrum counts like any
-    other. N of the noise let through is taken four times.
+    difference estimates the motion's without bias. Motion above a gap in the spectrum counts like
+    any other. In the second term N is taken four times, as noise is not always white.
 
     Args:
         position: (T,) rad or m at regular times.

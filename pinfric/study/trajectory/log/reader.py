@@ -144,7 +144,7 @@ def _read(
     effort = _quantity(cells, found.effort, named)[taken]
     dropped = cells.dropped + len(cells.values) - kept.size
     recorded = log.recorded or bool(found.effort)
-    del cells, position, velocity, acceleration  # a long log fills much of the memory
+    del cells, position, velocity, acceleration  # a long log takes much memory
     settled = settle(named, plan, options, problems, recorded)
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
         said.append("velocities in the file are not used: they come from the filtered positions")

@@ -61,9 +61,8 @@ class DerivativeNoise:
         moving: (T, nj) bool, where a joint is not held; only there is anything uncertain.
         velocity: (nj,) standard deviation, rad/s or m/s.
         acceleration: (nj,) the same, rad/s^2 or m/s^2.
-        acceleration_shift: (T, nj) how a lower cutoff (by 1/sqrt(2), of a gentle low pass by 1/2)
-            changes the acceleration: the size of what the low pass may have taken away near its
-            cutoff.
+        acceleration_shift: (T, nj) change of the acceleration with a lower cutoff (by 1/sqrt(2), of
+            a gentle low pass by 1/2). The low pass may have taken away so much near its cutoff.
         acceleration_cut: (nj,) RMS of the motion above the cutoff that the low pass took away.
     """
 

@@ -43,8 +43,8 @@ class Timing:
         start, step: of the regular times, s.
         count: how many there are.
         number: (rows,) increasing whole numbers: row i was taken at start + step number[i] but for
-            jitter; one missing is a row that was lost. None where stamps wander from every regular
-            time: then only the stamps tell when a row was taken.
+            jitter; one missing is a row that was lost. None where stamps wander from any regular
+            time: then only the stamps say when a row was taken.
         jitter: RMS of the stamps about regular time, s.
     """
 
@@ -142,7 +142,7 @@ def regular_time(t: FloatArray) -> Timing | None:
 
     Steps are rounded to multiples of the median one and summed, then a line is fitted: rounding
     the stamps themselves would drift past lost rows. Stamps that wander by more than half a step
-    from the line tell themselves when rows were taken.
+    from the line are taken as the rows' times.
 
     Args:
         t: (rows,) s.
