@@ -377,8 +377,10 @@ def powers(motion: Motion) -> np.ndarray:
     drives, sites = working_rates(scene, motion.q, motion.v)
     given, lost = motion.effort, np.zeros_like(drives)
     if torque is not None:
+        # a motion says itself what stands still: there rates are 0; all else loses as it slips
         gears = scene_gears(scene)
-        given, still = torque * gears.ratio, np.abs(drives) <= gears.stick_velocity
+        gears = gears._replace(stick_velocity=np.zeros_like(gears.stick_velocity))
+        given, still = torque * gears.ratio, drives == 0.0
         lower, upper = np.empty((2, *drives.shape))
         write_motor_torques(gears, motion.effort, motion.effort, drives, np.zeros_like(drives),
                             still, lower, upper)  # fmt: skip

@@ -13,7 +13,7 @@ presses; it is in N m for a joint that turns, in N for one that slides.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -28,7 +28,7 @@ from pydantic_core import CoreSchema, InitErrorDetails
 
 from pinfric.errors import choose_from
 from pinfric.model.compiled import kernel
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, question
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, unlikely
 
 #: Rows that take one component of the wrench, z along the joint's axis.
 FX, FY, FZ, MX, MY, MZ = np.eye(6)
@@ -77,7 +77,7 @@ class Bearing(Entry):
         kind: what the scene file calls it, a `Literal` of one word in each subclass.
         fits: the joints it can carry: "turning joint", "prismatic joint", "spherical loop",
             "revolute loop", "planar_pin loop", "prismatic loop", "cylinder".
-        sizes: keys that are sizes (m), which are questioned where they are unusually large.
+        sizes: keys that are sizes (m), which are asked about above 1 m.
         rolling: whether it rolls, and so has the coefficients of rolling bearings.
     """
 
@@ -153,9 +153,12 @@ class Bearing(Entry):
             if field.is_required() and key not in given:
                 raise ValueError(f"a {kind} needs `{key}`")
         made: Bearing = read(given)
-        for key in cls.sizes:
-            question(f"bearing.{key}", getattr(made, key), 1.0, "m")
         return made
+
+    def questions(self) -> Iterator[str]:
+        """Ask about sizes that are larger than a machine."""
+        for key in self.sizes:
+            yield from unlikely(key, getattr(self, key), 1.0, "m")
 
 
 #: The classes of all kinds of bearing, by what the scene file calls them.

@@ -10,7 +10,7 @@ import inspect
 import math
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import yaml
@@ -54,6 +54,8 @@ NonNegative = Annotated[Number, Field(ge=0)]
 Positive = Annotated[Number, Field(gt=0), AfterValidator(not_vanishing)]
 #: The version of a file's format; `true`, which Python takes for 1, is none.
 Version = Annotated[Literal[1], BeforeValidator(strict_number)]
+#: What every question of an entry says; its reader may ask for it.
+USUALLY = "usually at most"
 #: What reads the value of a key, before pydantic checks its type.
 Reader = Callable[[Any], Any]
 
@@ -90,6 +92,10 @@ class Entry(BaseModel):
     def keys_and_kinds(cls) -> dict[str, Any]:
         """Return the keys a mapping may have, and the annotation of what stands there."""
         return {key: field.annotation for key, field in cls.model_fields.items()}
+
+    def questions(self) -> Iterator[str]:
+        """Yield what to ask about values of this entry alone: `unlikely` of each; `parse` warns."""
+        yield from ()
 
     @classmethod
     def __get_pydantic_json_schema__(
@@ -157,16 +163,22 @@ _Kind = TypeVar("_Kind", bound=BaseModel)
 def parse(
     entry: type[_Kind], content: Any, where: str, error: type[PinfricError] = SceneError
 ) -> _Kind:
-    """Validate `content` as `entry`; all problems in one error that begins with `where`."""
+    """Validate `content` as `entry`; all problems in one error that begins with `where`.
+
+    What entries ask (`Entry.questions`) comes as warnings that begin with `where`, too.
+    """
     if isinstance(content, entry):
         return content
     if not isinstance(content, dict):
         raise error(f"{where}: should be a mapping of keys, found {brief(content)}")
     try:
-        return entry.model_validate(content)
+        made = entry.model_validate(content)
     except ValidationError as found:
         problems = [_problem(entry, problem) for problem in found.errors()]
-    raise error(problems_line(where, problems))
+        raise error(problems_line(where, problems)) from None
+    for text in _questions(made, ""):
+        warnings.warn(f"{where}: {text}", PinfricWarning, stacklevel=2)
+    return made
 
 
 def _problem(entry: type[BaseModel], problem: Any) -> str:
@@ -225,12 +237,28 @@ def _models_in(annotation: Any) -> list[type[Entry]]:
     return [model for arg in getattr(annotation, "__args__", ()) for model in _models_in(arg)]
 
 
-def question(key: str, value: float | None, largest_usual: float, unit: str) -> None:
-    """Warn where a magnitude is possible but so unusual that a wrong unit is likelier."""
-    if value is not None and value > largest_usual:
-        warnings.warn(
-            f"{key} = {value:g} {unit}: unusually large (usual: up to {largest_usual:g}); "
-            "check the unit",
-            PinfricWarning,
-            stacklevel=2,
-        )
+def unlikely(
+    key: str, value: float | None, most: float, unit: str, hint: str = ""
+) -> Iterator[str]:
+    """Yield what to say where a magnitude is possible but so unusual that a wrong unit is likelier.
+
+    Args:
+        key: below the entry that asks, e.g. mu.static.
+        value, most, unit: what is there, and what it usually is at most.
+        hint: what may have gone wrong; by default, that the unit may be wrong.
+    """
+    if value is not None and value > most:
+        number, usual = (f"{x:g} {unit}".rstrip() for x in (value, most))
+        yield f"{key} = {number}: {USUALLY} {usual}; {hint or 'check the unit'}"
+
+
+def _questions(made: Any, path: str) -> Iterator[str]:
+    """What the entries at and below a path ask about what they hold, each key with its path."""
+    if isinstance(made, Entry):
+        yield from (f"{path}{text}" for text in made.questions())
+    if isinstance(made, BaseModel | dict):
+        parts: Iterable[tuple[Any, Any]] = made.items() if isinstance(made, dict) else made
+    else:
+        parts = enumerate(made) if isinstance(made, list | tuple) else ()
+    for key, part in parts:
+        yield from _questions(part, f"{path}{key}.")

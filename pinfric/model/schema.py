@@ -6,6 +6,7 @@ kind) live in `scene.py`; what a single entry can get wrong by itself is refused
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -28,7 +29,7 @@ from pinfric.model.entry import (
     Vector3,
     Version,
     number_or,
-    question,
+    unlikely,
 )
 from pinfric.model.friction_terms import (
     TERMS,
@@ -162,11 +163,14 @@ class Friction(Entry):
         if (self.bearing is None) != (self.mu is None):
             have, miss = ("mu", "bearing") if self.bearing is None else ("bearing", "mu")
             raise ValueError(f"`{have}` without `{miss}`: friction = mu x the bearing's load")
-        if self.mu is not None:
-            question("mu.static", self.mu.static, 2.0, "")
         if self.stribeck is not None and self.mu is None and self.coulomb is None:
             raise ValueError("`stribeck` needs `mu` or `coulomb` to act on")
         return self
+
+    def questions(self) -> Iterator[str]:
+        """Ask about a coefficient that no materials have."""
+        if self.mu is not None:
+            yield from unlikely("mu.static", self.mu.static, 2.0, "")
 
 
 class LinkPoint(Entry):

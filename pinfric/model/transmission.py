@@ -12,6 +12,7 @@ motor's viscous friction and rotor inertia come on top.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Literal, NamedTuple
 
@@ -19,13 +20,14 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from pinfric.model.entry import (
+    USUALLY,
     Entry,
     NonNegative,
     Number,
     Positive,
     not_vanishing,
     number_or,
-    question,
+    unlikely,
 )
 from pinfric.model.friction_terms import (
     CoulombFriction,
@@ -185,22 +187,26 @@ class Transmission(Entry):
         if self.ratio == 0:
             raise ValueError("ratio 0 connects nothing; give motor turns per joint turn")
         not_vanishing(abs(self.ratio))
-        driving = driving_loss(self)
+        driving_loss(self)  # refuses efficiencies that cannot be
         if self.efficiency != 1 and self.back_efficiency is None:
             equal = ("take `same_loss`" if isinstance(self.efficiency, MakersEfficiency) else
                      f"give 2 - 1/efficiency = {2 - 1 / self.efficiency:.3g}")  # fmt: skip
             raise ValueError("`efficiency` below 1 needs `back_efficiency`, which catalogues rarely"
                              f" print; equal losses both ways {equal}")  # fmt: skip
         _check_back_driving(self)
-        if driving.error > _APART:
-            question("transmission.efficiency.over_speed: missed by", driving.error, _APART,
-                     "at most; try another `exponent` than "
-                     f"{driving.exponent:.3g}")  # fmt: skip
-        if abs(self.ratio) != 1.0:  # without a gear it is a joint's, of any size
-            question("transmission.rotor_inertia", self.rotor_inertia, 0.1,
-                     "kg m^2 (kg cm^2 entered?)")  # fmt: skip
-        question("transmission.ratio", abs(self.ratio), 1000.0, "")
         return self
+
+    def questions(self) -> Iterator[str]:
+        """Ask about a ratio or a rotor that no drive has, and a line that misses its figures."""
+        driving = driving_loss(self)
+        if driving.error > _APART:
+            yield (f"efficiency.over_speed: the fit misses the maker's efficiencies by "
+                   f"{driving.error:.2g} ({USUALLY} {_APART:g}); try another `exponent` than "
+                   f"{driving.exponent:.3g}")  # fmt: skip
+        if abs(self.ratio) != 1.0:  # without a gear it is a joint's, of any size
+            yield from unlikely("rotor_inertia", self.rotor_inertia, 0.1, "kg m^2",
+                                "kg cm^2 entered?")  # fmt: skip
+        yield from unlikely("ratio", abs(self.ratio), 1000.0, "")
 
 
 class LoadLoss(NamedTuple):

@@ -15,7 +15,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 
@@ -110,6 +110,26 @@ def sine_against_load(M, gear, amplitude, w, h0, h1, t_end):
         found.append(go(direction, starts[direction], q))
         t, q = found[-1].end, found[-1].at(found[-1].end)[0]
     return found
+
+
+def heat(stretches, gear):
+    """What gear and drag lose along stretches of `sine_against_load` (J): (slope - 1) t + n, k v.
+
+    The load's side of the gear carries t = (u - k v - I a - s n)/slope.
+    """
+    total = 0.0
+    for path in stretches:
+        way = np.sign(path.at(0.5 * (path.start + path.end))[1])
+        slope = 1.0 / gear.eta if way > 0 else gear.eta_b
+
+        def power(t, path=path, way=way, slope=slope):
+            v, u = path.at(t)[1], path.amplitude * np.sin(path.w * t)
+            a = (u + path.b + path.c * t - path.k * v) / path.m
+            carried = (u - gear.drag * v - gear.inertia * a - way * gear.n) / slope
+            return ((slope - 1.0) * carried + way * gear.n + gear.drag * v) * v
+
+        total += quad(power, path.start, path.end, epsabs=1e-15, epsrel=1e-13)[0]
+    return total
 
 
 def _first(f, start, end):

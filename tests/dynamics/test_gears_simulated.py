@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from builders import geared_arm, random_states
-from dynamics.gear_judges import Gear, follow, mesh_reversal, sine_against_load, spun_down
+from dynamics.gear_judges import Gear, follow, heat, mesh_reversal, sine_against_load, spun_down
 from dynamics.test_cylinder_friction import ARM, INERTIA, PIN, RAM, SEAL, G, M, boom, line, needed
 from dynamics.test_gear_judges import DEMO, PUBLISHED
 from dynamics.test_gears import LOSSY, WORM, hoist
@@ -37,6 +37,8 @@ def wheel(mass: float, gear: Gear, friction: dict | None = None) -> pf.Scene:
 
 
 FINE = {"rtol": 1e-11, "atol": 1e-13}
+#: Time stepping reads no tolerances.
+FINEST = {"event": FINE, "timestepping": {}}
 
 
 @pytest.mark.parametrize("demo", DEMO)
@@ -58,6 +60,8 @@ def test_lossy_gears_follow_the_closed_forms_and_the_published_curves(demo):
     np.testing.assert_allclose(times, PUBLISHED[demo][0], rtol=0, atol=1e-7)
     assert found.v[-1, 0] == pytest.approx(PUBLISHED[demo][2], abs=5e-8)
     assert {event.name for event in found.events} == {"motor"}  # no site is there
+    lost = heat(by_hand, gear)  # below the stick velocity, too: only what stands still loses none
+    np.testing.assert_allclose(found.energy().gear_loss, [lost, 0.0], rtol=1e-11, atol=1e-15)
 
 
 def test_a_mesh_that_carries_nothing_does_not_chatter():
@@ -83,13 +87,13 @@ def test_a_flywheel_spins_down_and_its_mesh_reverses_as_by_hand(method, near):
     gear = Gear(0.8, 0.6, 0.5, 0.7, 0.3)
     path = spun_down(2.0, gear, 4.0)
     found = pf.simulate(wheel(2.0, gear), [0.0], [4.0], t_end=1.1 * path.end, method=method,
-                        motor_torque=[0.0, 0.0], **FINE)  # fmt: skip
+                        motor_torque=[0.0, 0.0], **FINEST[method])  # fmt: skip
     assert [event.kind for event in found.events] == ["stick"]
     assert found.events[0].time == pytest.approx(path.end, abs=near)
     assert found.q[-1, 0] == pytest.approx(path.at(path.end)[0], abs=near)
     gear = Gear(0.7, 0.5, 0.3, 0.4)
     by_hand = mesh_reversal(2.0, gear, 3.0, 2.0, 4.0, 1.5)
-    found = pf.simulate(wheel(2.0, gear), [0.0], [3.0], t_end=1.5, method=method, **FINE,
+    found = pf.simulate(wheel(2.0, gear), [0.0], [3.0], t_end=1.5, method=method, **FINEST[method],
                         motor_torque=lambda t, q, v: [(2.0 - 4.0 * t) / RATIO, 0.0])  # fmt: skip
     assert not found.events  # a kink of the right side, nothing more
     wanted = follow(by_hand, found.t)
@@ -102,8 +106,8 @@ def test_a_worm_lowers_at_constant_speed_and_locks_when_the_motor_stops():
     worm = {**WORM, "rotor_inertia": 3.0 / 50**2}
     lower = -20.62 / 50
     for method, near in (("event", 1e-9), ("timestepping", 3e-3)):
-        found = pf.simulate(hoist(worm), [0.0], [-0.2], t_end=1.0, method=method, **FINE,
-                            breakpoints=[0.5],
+        found = pf.simulate(hoist(worm), [0.0], [-0.2], t_end=1.0, method=method,
+                            **FINEST[method], breakpoints=[0.5],
                             motor_torque=lambda t, q, v: [lower * (t < 0.5)])  # fmt: skip
         stop = 0.5 + 0.2 * (3.0 - 2.0) / 20.62
         assert found.q[-1, 0] == pytest.approx(-0.1 - 0.1 * (stop - 0.5), abs=near)

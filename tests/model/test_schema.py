@@ -124,15 +124,24 @@ def test_all_problems_come_at_once():
 @pytest.mark.parametrize(
     ("entry", "content", "says"),
     [
-        (Bearing, {"kind": "pin", "radius": 80.0}, "radius = 80 m: unusually large"),
+        (Bearing, {"kind": "pin", "radius": 80.0},
+         "scene.yaml: radius = 80 m: usually at most 1 m; check the unit"),
         (Friction, {"bearing": {"kind": "pin", "radius": 0.1}, "mu": {"static": 35, "kinetic": 30}},
-         "mu.static = 35"),
-        (Transmission, {"ratio": 10, "rotor_inertia": 4.4}, "kg cm"),
+         "scene.yaml: mu.static = 35: usually at most 2; check the unit"),
+        (Transmission, {"ratio": 10, "rotor_inertia": 4.4},
+         "scene.yaml: rotor_inertia = 4.4 kg m^2: usually at most 0.1 kg m^2; kg cm^2 entered?"),
+        (SceneFile, with_change(["friction", "joint_12", "bearing", "radius"], 80.0),
+         "scene.yaml: friction.joint_12.bearing.radius = 80 m: usually at most 1 m; "
+         "check the unit"),
+        (SceneFile, with_change(["actuators", 1, "transmission", "ratio"], -2e3),
+         "scene.yaml: actuators.1.transmission.ratio = 2000: usually at most 1000; "
+         "check the unit"),
     ],
 )  # fmt: skip
 def test_implausible_magnitudes_are_questioned_but_taken(entry, content, says):
-    with pytest.warns(PinfricWarning, match=says):
+    with pytest.warns(PinfricWarning) as said:
         parse(entry, content, "scene.yaml")
+    assert [str(warning.message) for warning in said] == [says]
 
 
 @pytest.mark.parametrize("kind", ["pin", "guide", "linear", "ball"])

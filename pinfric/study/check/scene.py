@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.entry import USUALLY
 from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.robot import payload_inertia
 from pinfric.model.scene import Scene, Site
@@ -44,7 +45,7 @@ def scene_findings(
         said: what loading warned of.
     """
     for text in said:
-        if "unusually large" in text:  # the schema's own questions
+        if USUALLY in text:  # the schema's own questions
             yield Finding(Severity.WARNING, "question", "scene", text, "")
     for site in scene.sites:
         yield from _bearing(site, scene, facts)
