@@ -258,6 +258,11 @@ def _fitted(
     choice = choice.on_motors(mixed(question.scene.drives, nj))
     slots = problem.slots(choice.laws)
     fit = consistent_fit(normal, prior, Reduced(normal, prior).fit(slots), slots)
+    if not _scale_is_known(question, prepared) and (ends := _at_an_end(problem, choice, fit)):
+        choice = replace(choice, laws=tuple(replace(law, both_ways=True) if j in ends else law
+                                            for j, law in enumerate(choice.laws)))  # fmt: skip
+        slots = problem.slots(choice.laws)
+        fit = consistent_fit(normal, prior, Reduced(normal, prior).fit(slots), slots)
     for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
         dry = [slot for slot in (SLOT[FORWARD], SLOT[BACKWARD]) if slot in own]
         if law.coulomb and len(dry) == 1:  # it moved one way only
@@ -318,8 +323,25 @@ def scale_is_known(found: Estimate) -> bool:
     Args:
         found: the estimate.
     """
-    return found.question.keep_inertias or any(
-        one.recording.trajectory.attached.any() for one in found.prepared)  # fmt: skip
+    return _scale_is_known(found.question, found.prepared)
+
+
+def _scale_is_known(question: Question, prepared: Sequence[Prepared]) -> bool:
+    return question.keep_inertias or any(
+        one.recording.trajectory.attached.any() for one in prepared)  # fmt: skip
+
+
+def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
+    """Return the joints of whose gear's two losses one is zero, where one loss may be chosen.
+
+    With all masses free the two follow the masses' scale (`scale_is_known`). One that is zero is
+    the end of that scale, not a finding: the joint's other coefficients would follow it.
+    """
+    return [j for j, law in enumerate(choice.laws)
+            if law.load == "gear" and replace(law, both_ways=True) in problem.laws[j]
+            and not law.both_ways
+            and min(fit.slots[j, SLOT[f"gear {way}, {law.side} side"]]
+                    for way in ("driving", "driven")) <= 0.0]  # fmt: skip
 
 
 def reloaded(found: Estimate, one: Prepared) -> Prepared:

@@ -40,9 +40,10 @@ from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.choice import held_out_parts, smallest_good
 from pinfric.study.identify.columns import blocks, prepare, thinning
 from pinfric.study.identify.delay import LogDelay, common_delay
+from pinfric.study.identify.estimate import _at_an_end
 from pinfric.study.identify.files import posterior_text, scene_text
 from pinfric.study.identify.identify import Identified, beside_measured
-from pinfric.study.identify.laws import Law
+from pinfric.study.identify.laws import SLOT, SLOTS, Law
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.recordings import STILL, Recording, read_recordings, stick_velocity
 from pinfric.study.identify.rest import _held
@@ -276,6 +277,18 @@ def test_two_losses_are_weighed_whatever_is_known_of_the_masses(found):
     assert any(law.load == "gear" and not law.both_ways for law in weighed)
     assert found.laws[NAMES[1]].both_ways  # losses of 5 and 7 % are as good as one
     assert found.advice[0].load > 0.0
+
+
+def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
+    """Masses larger by 1/eta leave a gear without loss driving: then one loss is taken."""
+    one, two = Law(load="gear"), Law(load="gear", both_ways=False)
+    driving, driven = SLOT["gear driving, joint side"], SLOT["gear driven, joint side"]
+    slots = np.zeros((4, len(SLOTS)))
+    slots[[0, 2], driven], slots[1, [driving, driven]] = 0.1, (0.05, 0.1)
+    choice = replace(found.estimate.choice, laws=(two, two, two, one))
+    problem = replace(found.estimate.problem, laws=((one, two), (one, two), (two,), (one, two)))
+    fit = replace(found.estimate.fit, slots=slots)
+    assert _at_an_end(problem, choice, fit) == [0]  # the third was asked for
 
 
 def test_a_joint_that_never_moves_keeps_what_the_scene_says():
