@@ -15,8 +15,8 @@ from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.delay import Delay, disagreement, other_delays
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS, Law
-from pinfric.study.identify.misfit import chance
-from pinfric.study.identify.normal import Fit, non_negative
+from pinfric.study.identify.misfit import Misfit, chance, gradients
+from pinfric.study.identify.normal import Fit, Grams, Prior, moves, non_negative
 from pinfric.study.identify.uncertainty import Uncertainty, for_a_further_log, uncertainty
 
 NAMES = truth().joint_names
@@ -78,6 +78,36 @@ def test_a_wrong_model_is_named_and_widens_the_intervals(case, named):
     if one.misfits:  # blocks alone do not show it
         alone, wide = (uncertainty(one.estimate, shapes) for shapes in ((), one.misfits))
         assert np.trace(wide.within) > np.trace(alone.within)
+
+
+def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
+    """Of a shape with a wave and a constant, only the wave shows beside Coulomb friction."""
+    rng, s, count = np.random.default_rng(4), 0.3, 80
+    slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
+    slots[:, SLOT[FORWARD]] = 1.0
+    wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(count) / count)
+    effort = 2.0 + s * wave + 1e-3 * rng.normal(size=count)
+    rows = Rows(np.zeros((count, 10)), slots, effort, np.arange(count) // 4,
+                np.zeros(count, dtype=int), still, still, still)  # fmt: skip
+    weight, place = np.ones(count), np.array([SLOT[FORWARD]])
+    fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
+    grams = [Grams.of(rows, weight, 20)]
+    prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
+    given = SimpleNamespace(rows=[rows], row_weights=[weight], fit=fit,
+                            problem=SimpleNamespace(weights=np.ones(1)))  # fmt: skip
+    shape = Misfit(0, "", s, 1.0, s * np.column_stack((np.ones(count), wave)))
+    alone, _ = moves(grams, np.ones(1), prior, fit, place)
+    unknown = gradients(given, [shape], place)
+    wide, _ = moves(grams, np.ones(1), prior, fit, place, unknown=unknown)
+    assert np.sum(wide**2) == pytest.approx(np.sum(alone**2) + s**2, rel=1e-9)
+
+
+def test_a_shape_is_as_large_in_the_model_as_beside_it():
+    one = found("position")
+    for shape in one.misfits:
+        weight = one.estimate.row_weights[shape.joint]
+        whole = np.sqrt(np.sum(shape.columns**2 * weight[:, None]) / weight.size)
+        assert whole >= shape.size  # what shows, and what does not
 
 
 @pytest.mark.slow
