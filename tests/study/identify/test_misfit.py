@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -11,13 +12,17 @@ from identify_cases import BACK_EFFICIENCY, COULOMB, DELAY, EFFICIENCY, MU, VISC
 from identify_wrong_models import FALL, STATIC, wrong_log
 
 import pinfric as pf
-from pinfric.study.identify.columns import Rows
+from pinfric.errors import IdentificationError
+from pinfric.study.identify.checks import check_efforts
+from pinfric.study.identify.columns import Rows, joint_rows, prepare
 from pinfric.study.identify.delay import Delay, disagreement, other_delays
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.misfit import Misfit, chance, gradients
 from pinfric.study.identify.normal import Fit, Grams, Prior, moves, non_negative
+from pinfric.study.identify.recordings import read_recordings
 from pinfric.study.identify.uncertainty import Uncertainty, for_a_further_log, uncertainty
+from pinfric.study.trajectory.log.reading import ReadingOptions
 
 NAMES = truth().joint_names
 
@@ -110,9 +115,27 @@ def test_a_shape_is_as_large_in_the_model_as_beside_it():
         assert whole >= shape.size  # what shows, and what does not
 
 
+def test_an_unknown_payload_is_no_factor_on_efforts():
+    """Both make joints' efforts larger; a factor is still asked about."""
+
+    logs = {case: wrong_log(case, 200, 10.0, 125.0) for case in ("payload", "true")}
+
+    def check(case: str, factor: np.ndarray | float) -> None:
+        given = replace(logs[case], effort=logs[case].effort * factor)
+        (one,) = read_recordings(truth(), [given], {}, {}, ReadingOptions())
+        columns = prepare(truth(), one)
+        check_efforts(truth(), [joint_rows([columns], j, 0.0) for j in range(6)], ())
+
+    check("payload", 1.0)
+    for joints in ([1], range(6)):
+        with pytest.raises(IdentificationError, match="shoulder_lift_joint: its effort is 2"):
+            check("true", np.where(np.isin(np.arange(6), joints), 2.0, 1.0))
+
+
 @pytest.mark.slow
 def test_an_unknown_payload_leaves_friction_in_its_intervals():
     assert np.mean(list(hits(found("payload")).values())) >= 0.85
+    assert any("payload is missing" in line for line in found("payload").said)
 
 
 def test_a_bearing_that_the_scene_lacks_is_named():
