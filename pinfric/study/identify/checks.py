@@ -6,7 +6,7 @@ would explain it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ _SLOPES, _CORRELATION = (0.6, 1.6), 0.8
 #: A slope says something where loads make at least this share of the effort, by the URDF or after
 #: the slope; in the second case it must differ from 1 by more standard deviations than these.
 _LEAST_LOAD, _DEVIATIONS = 0.1, 8.0
+#: Rows below which a joint's effort is not judged.
+_FEWEST = 50
 #: An effort that changes by less than this share of itself is always the same.
 _CONSTANT = 1e-9
 #: The columns of friction and rotor that every drive may have.
@@ -46,9 +48,9 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
         IdentificationError: a wrong sign or unit, by joint, all in one message.
     """
     prior = urdf_prior(scene.model, kept=False)
-    theta, problems = prior.center, []
-    for name, one in zip(scene.joint_names, rows, strict=True):
-        if one.effort.size < 50:
+    theta, problems, factors = prior.center, [], {}
+    for j, (name, one) in enumerate(zip(scene.joint_names, rows, strict=True)):
+        if one.effort.size < _FEWEST:
             continue
         slope, correlation = _slope(one, prior)
         if np.ptp(one.effort) <= _CONSTANT * np.abs(one.effort).max():
@@ -71,13 +73,47 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
             )
         elif (correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1]
               and name not in given):  # fmt: skip
-            problems.append(
-                f"joint {name}: its effort is {slope:.3g} times what the URDF's masses need: in A, "
-                f"or at the motor's shaft? say by --gain {name}=FACTOR what makes N m of it "
-                f"({name}=1: it is in N m, the masses are wrong)"
-            )
+            factors[j] = slope
+    if factors and not _carries(rows, theta, factors):
+        problems += [
+            f"joint {scene.joint_names[j]}: its effort is {slope:.3g} times what the URDF's masses "
+            "need: in A, or at the motor's shaft? say by --gain "
+            f"{scene.joint_names[j]}=FACTOR what makes N m of it ({scene.joint_names[j]}=1: it is "
+            "in N m, the masses are wrong, or a payload is missing in the scene)"
+            for j, slope in factors.items()
+        ]
     if problems:
         raise IdentificationError(problems_line(scene.source, problems))
+
+
+def _carries(rows: Sequence[Rows], theta: FloatArray, factors: Mapping[int, float]) -> bool:
+    """Whether a payload at the last link explains all efforts better than factors on some do.
+
+        effort = Y theta + Y_last (m, m c)    or    effort = factor Y theta
+
+    A payload must show at all joints alike; each joint counts by its effort's own spread.
+    """
+    by_factors, offs, lasts = 0.0, [], []
+    for j, one in enumerate(rows):
+        if one.effort.size < _FEWEST:
+            continue
+        y, load, last = _beside_friction(one, one.effort, one.rigid @ theta, one.rigid[:, -10:-6])
+        scale = 1.0 / max(float(np.linalg.norm(y)), 1e-300)
+        by_factors += float(np.sum((scale * (y - factors.get(j, 1.0) * load)) ** 2))
+        offs.append(scale * (y - load))
+        lasts.append(scale * last)
+    off, every = np.concatenate(offs), np.concatenate(lasts)
+    payload = np.linalg.lstsq(every, off, rcond=1e-9)[0]
+    return bool(payload[0] > 0.0 and np.sum((off - every @ payload) ** 2) < by_factors)
+
+
+def _beside_friction(rows: Rows, *given: FloatArray) -> Iterator[FloatArray]:
+    """Yield columns without what friction, a rotor's inertia and an offset make of them."""
+    others = np.column_stack((rows.slots[:, _OWN], np.ones(rows.effort.size)))
+    others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
+    basis = np.linalg.qr(others)[0]
+    for x in given:
+        yield x - basis @ (basis.T @ x)
 
 
 def _turned(rows: Rows, theta: FloatArray) -> bool:
@@ -102,16 +138,11 @@ def _slope(rows: Rows, prior: Prior) -> tuple[float, float]:
     """
     theta = prior.center
     load = rows.rigid @ theta
-    others = np.column_stack((rows.slots[:, _OWN], np.ones(load.size)))
-    others = others / np.maximum(np.abs(others).max(axis=0), 1e-12)
-    basis = np.linalg.qr(others)[0]
-    y, t = (x - basis @ (basis.T @ x) for x in (rows.effort, load))
+    y, t, uncertain = _beside_friction(rows, rows.effort, load, rows.rigid * prior.deviation)
     size, whole = float(t @ t), float(rows.effort @ rows.effort)
     if size <= 1e-18 * float(load @ load):
         return 1.0, 0.0
     slope = float(y @ t) / size
-    uncertain = rows.rigid * prior.deviation
-    uncertain = uncertain - basis @ (basis.T @ uncertain)
     explained = abs(slope - 1.0) < _DEVIATIONS * float(np.linalg.norm(uncertain)) / np.sqrt(size)
     if size < _LEAST_LOAD**2 * whole and (explained or slope**2 * size < _LEAST_LOAD**2 * whole):
         return 1.0, 0.0

@@ -57,7 +57,7 @@ class Misfit:
         over: what the residual depends on, in words.
         size: RMS of the shape, N m or N.
         share: of the residual's mean square.
-        columns: (n, m) the shape's, of the joint's rows.
+        columns: (n, m) the shape's, of the joint's rows, each of one standard deviation.
     """
 
     joint: int
@@ -129,6 +129,28 @@ def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) ->
     return np.asarray((np.linalg.solve(scaled, right / size) / size)[p : p + place.size])
 
 
+def gradients(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
+    """Return (m, p + n) the gradients by the estimate of shapes of one standard deviation each.
+
+        A^T W Z,    Z: the columns of all shapes
+
+    Args:
+        found: the estimate.
+        shapes: of its residuals.
+        place: (n,) of the coefficients above zero among (nj K,).
+    """
+    p, result = found.fit.theta.size, []
+    for one in shapes:
+        j, rows = one.joint, found.rows[one.joint]
+        own = np.flatnonzero(place // len(SLOTS) == j)
+        weighed = one.columns * (found.problem.weights[j] * found.row_weights[j])[:, None]
+        every = np.zeros((one.columns.shape[1], p + place.size))
+        every[:, :p] = weighed.T @ rows.rigid
+        every[:, p + own] = weighed.T @ rows.slots[:, place[own] % len(SLOTS)]
+        result.append(every)
+    return np.concatenate(result) if result else np.zeros((0, p + place.size))
+
+
 def uneven(found: Estimate) -> dict[int, float]:
     """Return joint -> half the difference of its Coulomb friction by direction, where it is large.
 
@@ -173,10 +195,9 @@ def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
         rest = left - basis @ (basis.T @ left)
         best: Misfit | None = None
         for over, columns in shapes:
-            own = columns * weight[:, None]
-            clear = own - basis @ (basis.T @ own)
-            size = np.linalg.norm(clear, axis=0)
-            clear = orthonormal(clear[:, size > _DESCRIBED * np.linalg.norm(own, axis=0)])
+            own = orthonormal(columns * weight[:, None])
+            beside = own - basis @ (basis.T @ own)
+            clear = orthonormal(beside[:, np.linalg.norm(beside, axis=0) > _DESCRIBED])
             m = clear.shape[1]
             if m == 0 or spans < 2 * m + 2:
                 continue
@@ -187,7 +208,8 @@ def _of_joint(found: Estimate, joint: int, track: _Track) -> Iterator[Misfit]:
             sums = np.zeros((spans, m))
             np.add.at(sums, span, clear * rest[:, None])
             if chance(sums) < _CHANCE:
-                best = Misfit(joint, over, float(np.sqrt(part / rest.size)), share, columns)
+                spread = float(np.sqrt(part / np.sum(beside**2))) / weight[:, None]
+                best = Misfit(joint, over, float(np.sqrt(part / rest.size)), share, spread * own)
         if best is None:
             return
         yield best

@@ -199,10 +199,12 @@ def moves(
     fit: Fit,
     place: NDArray[np.int64],
     feedback: FloatArray | float = 0.0,
+    unknown: FloatArray | None = None,
 ) -> tuple[FloatArray, int]:
     """Return the influence of each block on the estimate: C = M^T M is the covariance.
 
-        M = S (H + F)^-T,    S: gradient of each block less their mean, and P deviation of the prior
+        M = S (H + F)^-T,    S: gradient of each block less their mean, P deviation of the prior,
+                             and what the model lacks
 
     H is the matrix of the normal equations, P the prior's part of it, F what they change by because
     columns follow from the estimate. For each block's own gradient H has that block's part left out
@@ -216,9 +218,11 @@ def moves(
         fit: the estimate.
         place: (n,) of the coefficients above zero among (nj K,).
         feedback: (p + n, p + n) F.
+        unknown: (m, p + n) gradients of what the model lacks, of one standard deviation each.
 
     Returns:
-        (blocks + p, p + n), or (blocks, n) where theta is kept; and how many blocks have rows.
+        (blocks + p + m, p + n), or (blocks + m, n) where theta is kept; and how many blocks have
+        rows.
     """
     p, n, blocks = fit.theta.size, place.size, grams[0].count.size
     hessian, scores = np.zeros((p + n, p + n)) + feedback, np.zeros((blocks, p + n))
@@ -231,13 +235,14 @@ def moves(
         own_parts[np.ix_(np.arange(blocks), to, to)] += part[:, :, columns]
         scores[:, to] += part @ np.append(-fit.of_joint(j), 1.0)
     hessian += own_parts.sum(axis=0)
-    drawn = np.zeros((0, n))
+    lacking = np.zeros((0, p + n)) if unknown is None else unknown
     if prior.kept:
         hessian, scores, own_parts = hessian[p:, p:], scores[:, p:], own_parts[:, p:, p:]
+        drawn = lacking[:, p:]
     else:
         strength = sum(float(one.count.sum()) for one in grams) * prior.weight
         hessian[:p, :p] += np.diag(strength)
-        drawn = np.eye(p, p + n) * (strength * prior.deviation)[:, None]
+        drawn = np.vstack((np.eye(p, p + n) * (strength * prior.deviation)[:, None], lacking))
     used = (scores != 0.0).any(axis=1)
     scores, own_parts, count = scores[used], own_parts[used], int(used.sum())
     scores = (scores - scores.mean(axis=0)) * np.sqrt((count - 1.0) / count)

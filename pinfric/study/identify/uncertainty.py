@@ -31,7 +31,7 @@ from pinfric.study.identify.laws import (
     SLOTS,
     SPEEDS,
 )
-from pinfric.study.identify.misfit import Misfit, bias, one_sided
+from pinfric.study.identify.misfit import Misfit, bias, gradients, one_sided
 from pinfric.study.identify.normal import above_zero, moves, residuals
 
 FloatArray = NDArray[np.float64]
@@ -107,12 +107,13 @@ class Uncertainty:
 def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     """Return the coefficients' covariance, within logs, by the URDF's errors, and between logs.
 
-        (H + F)^-1 (sum over blocks of s s^T + P S P) (H + F)^-T + b b^T
+        (H + F)^-1 (sum over blocks of s s^T + P S P + G^T G) (H + F)^-T + b b^T
 
     H is the matrix of the normal equations of inertial parameters and coefficients together; F its
     change because columns of loads follow from the estimate; s a block's part of the gradient; P
     the weight that draws links to the URDF; S the variance of that; b the change of the
-    coefficients when the shapes of the residuals join the model.
+    coefficients when the shapes of the residuals join the model; G the gradients of what the model
+    may have absorbed of these shapes, of unknown sign.
 
     Args:
         found: the estimate.
@@ -121,7 +122,7 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     problem, fit = found.problem, found.fit
     place = _uncertain(found)
     moved, count = moves(problem.grams, problem.weights, problem.prior, fit, place,
-                         _feedback(found, place))  # fmt: skip
+                         _feedback(found, place), gradients(found, shapes, place))  # fmt: skip
     moved = moved[:, moved.shape[1] - place.size :]
     within = moved.T @ moved
     for off in (*([bias(found, shapes, place)] if shapes else ()), *one_sided(found, place)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -11,13 +12,17 @@ from identify_cases import BACK_EFFICIENCY, COULOMB, DELAY, EFFICIENCY, MU, VISC
 from identify_wrong_models import FALL, STATIC, wrong_log
 
 import pinfric as pf
-from pinfric.study.identify.columns import Rows
+from pinfric.errors import IdentificationError
+from pinfric.study.identify.checks import check_efforts
+from pinfric.study.identify.columns import Rows, joint_rows, prepare
 from pinfric.study.identify.delay import Delay, disagreement, other_delays
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS, Law
-from pinfric.study.identify.misfit import chance
-from pinfric.study.identify.normal import Fit, non_negative
+from pinfric.study.identify.misfit import Misfit, chance, gradients
+from pinfric.study.identify.normal import Fit, Grams, Prior, moves, non_negative
+from pinfric.study.identify.recordings import read_recordings
 from pinfric.study.identify.uncertainty import Uncertainty, for_a_further_log, uncertainty
+from pinfric.study.trajectory.log.reading import ReadingOptions
 
 NAMES = truth().joint_names
 
@@ -80,9 +85,57 @@ def test_a_wrong_model_is_named_and_widens_the_intervals(case, named):
         assert np.trace(wide.within) > np.trace(alone.within)
 
 
+def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
+    """Of a shape with a wave and a constant, only the wave shows beside Coulomb friction."""
+    rng, s, count = np.random.default_rng(4), 0.3, 80
+    slots, still = np.zeros((count, len(SLOTS))), np.zeros(count)
+    slots[:, SLOT[FORWARD]] = 1.0
+    wave = np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(count) / count)
+    effort = 2.0 + s * wave + 1e-3 * rng.normal(size=count)
+    rows = Rows(np.zeros((count, 10)), slots, effort, np.arange(count) // 4,
+                np.zeros(count, dtype=int), still, still, still)  # fmt: skip
+    weight, place = np.ones(count), np.array([SLOT[FORWARD]])
+    fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
+    grams = [Grams.of(rows, weight, 20)]
+    prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
+    given = SimpleNamespace(rows=[rows], row_weights=[weight], fit=fit,
+                            problem=SimpleNamespace(weights=np.ones(1)))  # fmt: skip
+    shape = Misfit(0, "", s, 1.0, s * np.column_stack((np.ones(count), wave)))
+    alone, _ = moves(grams, np.ones(1), prior, fit, place)
+    unknown = gradients(given, [shape], place)
+    wide, _ = moves(grams, np.ones(1), prior, fit, place, unknown=unknown)
+    assert np.sum(wide**2) == pytest.approx(np.sum(alone**2) + s**2, rel=1e-9)
+
+
+def test_a_shape_is_as_large_in_the_model_as_beside_it():
+    one = found("position")
+    for shape in one.misfits:
+        weight = one.estimate.row_weights[shape.joint]
+        whole = np.sqrt(np.sum(shape.columns**2 * weight[:, None]) / weight.size)
+        assert whole >= shape.size  # what shows, and what does not
+
+
+def test_an_unknown_payload_is_no_factor_on_efforts():
+    """Both make joints' efforts larger; a factor is still asked about."""
+
+    logs = {case: wrong_log(case, 200, 10.0, 125.0) for case in ("payload", "true")}
+
+    def check(case: str, factor: np.ndarray | float) -> None:
+        given = replace(logs[case], effort=logs[case].effort * factor)
+        (one,) = read_recordings(truth(), [given], {}, {}, ReadingOptions())
+        columns = prepare(truth(), one)
+        check_efforts(truth(), [joint_rows([columns], j, 0.0) for j in range(6)], ())
+
+    check("payload", 1.0)
+    for joints in ([1], range(6)):
+        with pytest.raises(IdentificationError, match="shoulder_lift_joint: its effort is 2"):
+            check("true", np.where(np.isin(np.arange(6), joints), 2.0, 1.0))
+
+
 @pytest.mark.slow
 def test_an_unknown_payload_leaves_friction_in_its_intervals():
     assert np.mean(list(hits(found("payload")).values())) >= 0.85
+    assert any("payload is missing" in line for line in found("payload").said)
 
 
 def test_a_bearing_that_the_scene_lacks_is_named():
