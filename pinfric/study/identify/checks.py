@@ -74,7 +74,7 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
             problems.append(
                 f"joint {name}: its effort is {slope:.3g} times what the URDF's masses need: in A, "
                 f"or at the motor's shaft? say by --gain {name}=FACTOR what makes N m of it "
-                f"({name}=1: it is in N m, the masses are wrong)"
+                f"({name}=1: it is in N m, and the masses are wrong or a payload is missing)"
             )
     if problems:
         raise IdentificationError(problems_line(scene.source, problems))

@@ -11,6 +11,7 @@ from identify_cases import BACK_EFFICIENCY, COULOMB, DELAY, EFFICIENCY, MU, VISC
 from identify_wrong_models import FALL, STATIC, wrong_log
 
 import pinfric as pf
+from pinfric.errors import IdentificationError
 from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.delay import Delay, disagreement, other_delays
 from pinfric.study.identify.identify import Identified
@@ -31,7 +32,8 @@ def found(case: str, stribeck: bool = False, seed: int = 21) -> Identified:
     if case == "payload":  # with masses wrong as well it would be refused
         scene = scene.with_(model=truth().model)
     rate = 250.0 if stribeck else 125.0  # where friction falls, a reversal takes 50 ms
-    return pf.identify(scene, wrong_log(case, seed, rate=rate), laws=laws)
+    gain = dict.fromkeys(NAMES if case == "payload" else (), 1.0)
+    return pf.identify(scene, wrong_log(case, seed, rate=rate), laws=laws, gain=gain)
 
 
 def hits(one: Identified, stribeck: bool = False) -> dict[str, bool]:
@@ -81,7 +83,9 @@ def test_a_wrong_model_is_named_and_widens_the_intervals(case, named):
 
 
 @pytest.mark.slow
-def test_an_unknown_payload_leaves_friction_in_its_intervals():
+def test_an_unknown_payload_is_asked_about_and_leaves_friction_in_its_intervals():
+    with pytest.raises(IdentificationError, match="the masses are wrong or a payload is missing"):
+        pf.identify(guess(21).with_(model=truth().model), wrong_log("payload", 21, rate=125.0))
     assert np.mean(list(hits(found("payload")).values())) >= 0.85
 
 
