@@ -331,9 +331,7 @@ def _filtered(
         if moves and isinstance(options.cutoff, float):
             cutoff = options.cutoff
         elif moves and noisy[i] and options.cutoff is None:
-            cutoff = signal_cutoff(q, step, floor[i])
-            gentle = cutoff is not None and acceleration_jumps(q, step, cutoff, floor[i])
-            cutoff = signal_cutoff(q, step, floor[i], gentle)
+            cutoff, gentle = _chosen_cutoff(q, step, floor[i])
         cut.append(0.0 if cutoff is None else
                    motion_taken_away(q, step, floor[i], cutoff, gentle))  # fmt: skip
         joint = _low_passed(t, q, holds, step, cutoff, noise[i], gentle)
@@ -360,6 +358,13 @@ def _filtered(
     ends = [0.0 if cutoff is None else _ONE_SIDED / cutoff for cutoff, _ in joints]
     settled = Settled(table, even.rows, reading, every)
     return _without_ends(settled, parts["moving"], np.array(ends), every * step)
+
+
+def _chosen_cutoff(q: FloatArray, step: float, noise: float) -> tuple[float | None, bool]:
+    """One joint's cutoff, Hz or None, and whether the low pass should be a gentle one."""
+    cutoff = signal_cutoff(q, step, noise)
+    gentle = cutoff is not None and acceleration_jumps(q, step, cutoff, noise)
+    return signal_cutoff(q, step, noise, gentle), gentle
 
 
 def _without_ends(
