@@ -36,7 +36,7 @@ from pinfric.study.trajectory.log.noise import low_pass
 from pinfric.study.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import PPoly
 
 FloatArray = NDArray[np.float64]
 
@@ -46,9 +46,11 @@ PASS = 8.0
 _PER_PERIOD = 4.0
 #: Periods of the low pass that are left out beside what does not slide; s left out at both ends.
 _BESIDE, _AT_ENDS = 0.35, 0.3
-#: Samples of all logs that are kept, an hour at 8 Hz: residuals are autocorrelated over a longer
+#: Samples of all logs that are kept, an hour at 4 Hz: residuals are autocorrelated over a longer
 #: time than these are apart, so more would tell little.
-_MOST = 30_000
+_MOST = 15_000
+#: Numbers that are low-passed at once.
+_AT_ONCE = 2**20
 #: Samples computed at a time; s beyond both ends after which the low pass has no influence.
 PART, _FORGOTTEN = 8192, 2.0
 #: s: blocks must be longer than residuals are autocorrelated, and short enough to be many.
@@ -103,7 +105,7 @@ class Prepared:
     slides: NDArray[np.bool_]
     rigid: FloatArray
     slots: FloatArray
-    effort: CubicSpline
+    effort: PPoly
     payload: FloatArray
     load: FloatArray
 
@@ -130,8 +132,6 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
         recording: one log.
         thin: by how much fewer samples are kept than the low pass asks for.
     """
-    from scipy.interpolate import CubicSpline
-
     motion, step, nj = recording.trajectory, recording.step, scene.model.nv
     rigid_effort = along(scene, motion)[0]
     payload = np.zeros_like(rigid_effort)
@@ -142,15 +142,25 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
     measured = np.where(known, recording.effort, rigid_effort) - payload
     kept = np.arange(0, motion.t.size, thin * _spacing(step))
     slides = _sliding(recording, known)[kept]
-    effort = CubicSpline(motion.t, _passed(measured, step))
+    effort = _spline(motion.t, _passed(measured, step))
     slots, v = np.zeros((kept.size, nj, len(SLOTS))), recording.velocity
-    columns = {INERTIA: recording.acceleration, FORWARD: (v > 0.0).astype(np.float64),
-               BACKWARD: -(v < 0.0).astype(np.float64)}  # fmt: skip
-    columns |= {name: np.sign(v) * np.abs(v) ** p for name, p in SPEEDS.items()}
-    for name, column in columns.items():
-        slots[:, :, SLOT[name]] = _passed(column, step)[kept]
+    slots[:, :, SLOT[INERTIA]] = _passed(recording.acceleration, step)[kept]
+    slots[:, :, SLOT[FORWARD]] = _passed((v > 0.0).astype(np.float64), step)[kept]
+    slots[:, :, SLOT[BACKWARD]] = _passed(-(v < 0.0).astype(np.float64), step)[kept]
+    for name, p in SPEEDS.items():
+        slots[:, :, SLOT[name]] = _passed(np.sign(v) * np.abs(v) ** p, step)[kept]
     return Prepared(recording, kept, slides, _rigid_columns(scene, recording, kept), slots, effort,
                     payload, rigid_effort)  # fmt: skip
+
+
+def _spline(t: FloatArray, columns: FloatArray) -> PPoly:
+    """Return the cubic spline through columns (T, nj), made one after another to spare memory."""
+    from scipy.interpolate import CubicSpline, PPoly
+
+    found = np.empty((4, t.size - 1, columns.shape[1]))
+    for j, column in enumerate(columns.T):
+        found[:, :, j] = CubicSpline(t, column).c
+    return PPoly(found, t)
 
 
 def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
@@ -192,11 +202,16 @@ def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> Float
     data, parts = model.createData(), (x[start:stop] for x in (motion.q, motion.v, motion.a))
     every = np.array([pin.computeJointTorqueRegressor(model, data, q, v, a)
                       for q, v, a in zip(*parts, strict=True)])  # fmt: skip
+    every = every.reshape(-1, model.nv, 10 * model.nv)  # of one joint they are vectors
     return P @ every if P.size else every
 
 
 def _passed(columns: FloatArray, step: float) -> FloatArray:
-    return low_pass(columns, step, PASS) if step * PASS < 0.45 else columns
+    if step * PASS >= 0.45:
+        return columns
+    if columns.size < _AT_ONCE:
+        return low_pass(columns, step, PASS)
+    return np.column_stack([low_pass(column, step, PASS) for column in columns.T])
 
 
 def _sliding(recording: Recording, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -227,14 +242,12 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     load = np.zeros_like(rigid)
     for site, name in enumerate(probe.site_names):
         load[:, scene.joint_names.index(name)] = sites[:, site]
-    columns = {BEARING: sign * load}
+    slots[:, :, SLOT[BEARING]] = _passed(sign * load, step)[prepared.kept]
     for side, x in zip(SIDES, (rigid, rigid + inner), strict=True):
         both = sign * np.abs(x)
-        columns |= {f"gear driving, {side} side": both * (x * sign > 0.0),
-                    f"gear driven, {side} side": both * (x * sign < 0.0),
-                    f"gear both, {side} side": both}  # fmt: skip
-    for slot, column in columns.items():
-        slots[:, :, SLOT[slot]] = _passed(column, step)[prepared.kept]
+        for way, part in (("driving", x * sign > 0.0), ("driven", x * sign < 0.0), ("both", True)):
+            slot = SLOT[f"gear {way}, {side} side"]
+            slots[:, :, slot] = _passed(both * part, step)[prepared.kept]
     return replace(prepared, slots=slots, load=rigid)
 
 

@@ -16,8 +16,8 @@ from pinfric.model.couples import drive_rates, rate_rows
 from pinfric.model.scene import Scene
 from pinfric.study.trajectory.derivatives import SPLINE_GAINS
 from pinfric.study.trajectory.log.arrays import Log
-from pinfric.study.trajectory.log.noise import low_pass
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
+from pinfric.study.trajectory.log.thinning import Thinning
 from pinfric.study.trajectory.trajectory import Trajectory, load_trajectory
 
 FloatArray = NDArray[np.float64]
@@ -28,9 +28,10 @@ STILL = 0.01
 _CLEAR = 3.0
 #: Fewest samples that a low pass and a spline can use.
 _FEWEST = 100
-#: Hz: logs are thinned to this rate, after a low pass of efforts and accelerations. The fit uses
+#: Hz: logs are thinned to 125 Hz, after a low pass of efforts and accelerations. The fit uses
 #: far lower frequencies; break-aways are looked for in what this low pass leaves.
-_RATE, PEAK_PASS = 125.0, 40.0
+PEAK_PASS = 40.0
+_THINNING = Thinning(125.0, PEAK_PASS)
 
 
 @dataclass(frozen=True)
@@ -174,13 +175,13 @@ def _label(found: Sequence[Recording], logs: Sequence[str | Path | Log], number:
 def _read(
     scene: Scene, log: str | Path | Log, gain: Mapping[str, float], options: ReadingOptions
 ) -> Recording:
-    trajectory = load_trajectory(log, scene, options)
+    trajectory = load_trajectory(log, scene, replace(options, thinning=_THINNING))
     name, reading = Path(trajectory.source).name, trajectory.reading
     if reading is None:
         raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")
-    t = trajectory.t
-    if t.size < _FEWEST:
-        raise IdentificationError(f"{name}: has {t.size} samples; at least {_FEWEST} are needed")
+    if reading.samples < _FEWEST:
+        raise IdentificationError(f"{name}: {reading.samples} samples can be used; at least "
+                                  f"{_FEWEST} are needed")  # fmt: skip
     missing = [joint for joint in scene.joint_names if joint not in reading.effort]
     if missing:
         raise IdentificationError(
@@ -189,40 +190,31 @@ def _read(
         )
     effort = np.column_stack([gain.get(joint, 1.0) * reading.effort[joint]
                               for joint in scene.joint_names])  # fmt: skip
-    step = float(np.median(np.diff(t)))
+    step = float(np.median(np.diff(trajectory.t)))
     if reading.uncertain is not None:
         noise = reading.uncertain.velocity
     else:
         noise = np.array([reading.noise[joint] for joint in scene.joint_names])
         noise = noise * SPLINE_GAINS[0] / step
     noise = np.abs(rate_rows(scene.drives, noise.size)) @ noise
-    every = int((1.0 + 1e-6) / (_RATE * step))
-    if every > 1:
-        trajectory, effort = _thinned(trajectory, effort, step, every)
-    return Recording.of(scene, name, trajectory, max(every, 1) * step, effort, noise)
+    if (every := _THINNING.every(step)) > 1:
+        trajectory, effort = _thinned(trajectory, effort, step)
+    return Recording.of(scene, name, trajectory, every * step, effort, noise)
 
 
 def _thinned(
-    trajectory: Trajectory, effort: FloatArray, step: float, every: int
+    trajectory: Trajectory, effort: FloatArray, step: float
 ) -> tuple[Trajectory, FloatArray]:
-    """Return every `every`-th sample after a low pass, which prevents aliasing."""
-    a = trajectory.a[::every].copy()
-    for j, column in enumerate(trajectory.a.T):
-        # where it is held, it is held
-        a[:, j] = np.where(a[:, j] != 0.0, low_pass(column, step, PEAK_PASS)[::every], 0.0)
-    fewer = np.full_like(a, np.nan)
-    for j, column in enumerate(effort.T):
-        known = np.isfinite(column)
-        if known.any():
-            place = np.arange(column.size)
-            whole = np.interp(place, place[known], column[known])
-            low = low_pass(whole, step, PEAK_PASS)
-            fewer[:, j] = np.where(known, low, np.nan)[::every]
+    """Return fewer samples of a motion that was not filtered, as of one that was when read."""
+    every = _THINNING.every(step)
+    a = np.column_stack([_THINNING.acceleration(x, step)[::every] for x in trajectory.a.T])
+    fewer = np.column_stack([_THINNING.effort(x, step)[::every] for x in effort.T])
     thin: dict[str, Any] = {name: np.ascontiguousarray(getattr(trajectory, name)[::every])
                             for name in ("t", "q", "v", "attached")}  # fmt: skip
-    assert trajectory.reading is not None
-    reading = replace(trajectory.reading, effort={}, uncertain=None)  # of all samples
-    return replace(trajectory, a=a, reading=reading, **thin), fewer
+    reading = trajectory.reading
+    assert reading is not None
+    own = {joint: _THINNING.effort(x, step)[::every] for joint, x in reading.effort.items()}
+    return replace(trajectory, a=a, reading=replace(reading, effort=own), **thin), fewer
 
 
 def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:

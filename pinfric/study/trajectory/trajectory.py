@@ -283,7 +283,8 @@ def load_trajectory(
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
     """
-    expect_scene(scene, "load_trajectory")
+    if not (hasattr(scene, "model") and hasattr(scene, "payloads")):
+        expect_scene(scene, "load_trajectory")
     if isinstance(path, Log):
         source: Path | Log = path
         name = path.name

@@ -11,6 +11,7 @@ from builders import chain
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
+from pinfric.study.trajectory.log import files
 from pinfric.study.trajectory.log.judged import judge_log
 from pinfric.study.trajectory.log.reading import ReadingOptions
 
@@ -653,3 +654,28 @@ def test_what_cannot_be_known_is_refused_in_one_line(header, columns, parts, tmp
 def test_options_that_say_nothing_are_refused(options):
     with pytest.raises(TrajectoryError, match=r"^--"):
         ReadingOptions(**options)
+
+
+def test_a_long_file_is_parsed_line_by_line_to_the_same_numbers(tmp_path, monkeypatch):
+    rng, rows = np.random.default_rng(0), 4000
+    stamps = 1_700_000_000_000_000_000 + 2_000_001 * np.arange(rows)
+    numbers = rng.normal(size=(rows, 2)).round(6)
+    lines = [f"{t},{a:.6f},{b:.6f}" for t, (a, b) in zip(stamps, numbers, strict=True)]
+    path = tmp_path / "long.csv"
+    monkeypatch.setattr(files, "_LONG", 0)
+    monkeypatch.setattr(files, "_HEAD", 200)
+    path.write_text("\n".join(["# made by a test", "stamp,a,b", *lines, "", ""]))
+    cells = files._streamed(path, files._plain_head(path), ("stamp", "b"), [])
+    assert cells is not None
+    assert cells.values[:, 0].tolist() == (stamps - stamps[0]).tolist()  # no digit is lost
+    assert cells.origin == {"stamp": int(stamps[0])}
+    assert cells.values[:, 1].tolist() == numbers[:, 1].tolist()
+    assert (cells.lines[0], cells.lines[-1]) == (3, rows + 2)
+    assert cells.resolution[1] == pytest.approx(1e-6)
+    # what is torn is said as of any other file
+    lines[1000] = lines[1000][:30]
+    path.write_text("\n".join(["stamp,a,b", *lines]))
+    assert files._streamed(path, files._plain_head(path), ("stamp", "b"), []) is None
+    torn = files.open_csv(path).read(("stamp", "b"), [])
+    assert torn.dropped == 1
+    assert "line 1002" in torn.why

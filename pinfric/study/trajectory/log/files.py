@@ -13,8 +13,10 @@ import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import dropwhile
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +34,9 @@ BAD_SHARE = 0.01
 FEWEST = 20
 #: Rows looked at to see how many digits a file prints.
 _ROWS_FOR_DIGITS = 500
+#: Bytes from which a file is parsed while it is read, for its lines would fill the memory; bytes
+#: at its start that say what separates cells.
+_LONG, _HEAD = 2**25, 2**16
 #: Whole numbers beyond this lose their last digits as floats.
 _EXACT = 2.0**53
 #: Columns that tables of joint states number: `name_0`, `position[0]`.
@@ -63,7 +68,7 @@ class Cells:
 
     def column(self, name: str) -> FloatArray:
         """Return one of the columns, (rows,)."""
-        return np.ascontiguousarray(self.values[:, self.names.index(name)])
+        return self.values[:, self.names.index(name)].copy()  # a view would keep all the others
 
 
 @dataclass(frozen=True)
@@ -104,10 +109,92 @@ def open_csv(path: Path) -> OpenedLog:
     Raises:
         TrajectoryError: unreadable, not text, empty, or lines that cannot be split.
     """
+    if (head := _plain_head(path)) is not None:
+        return OpenedLog(head.header, lambda names, problems: _streamed(path, head, names, problems)
+                         or _whole_csv(path).read(names, problems),
+                         _cells(head.rows[0], head.separator))  # fmt: skip
+    return _whole_csv(path)
+
+
+def _whole_csv(path: Path) -> OpenedLog:
     text = _sorted_by_names(_split(path, _numbered_lines(path)))
     first = next(csv.reader([text.rows[0]], delimiter=text.separator))
     return OpenedLog(text.header, lambda names, problems: _read_text(text, names, problems), first,
                      said=text.said)  # fmt: skip
+
+
+def _plain_head(path: Path) -> _Text | None:
+    """Return the first lines of a long file that may be parsed line by line; None: another one."""
+    try:
+        if path.stat().st_size < _LONG:
+            return None
+    except OSError:
+        return None
+    rows = _numbered_lines(path, _HEAD)
+    head = _split(path, rows)
+    rewritten = head.lines[0] == rows[0][0] or any(
+        "," in line for _, line in rows if head.separator != ",")  # fmt: skip
+    named = any("name" in column.lower() for column in head.header)  # rows may differ in order
+    return None if rewritten or named else head
+
+
+def _streamed(path: Path, head: _Text, names: Sequence[str], problems: list[str]) -> Cells | None:
+    """Parse a long file line by line; None where a line is torn or holds what is no number."""
+    places, first = (
+        [head.header.index(name) for name in names],
+        _cells(head.rows[0], head.separator),
+    )
+    origin = {name: int(first[place]) for name, place in zip(names, places, strict=True)
+              if first[place].isdigit() and int(first[place]) > _EXACT}  # fmt: skip
+    exact: dict[int | str, Callable[[Any], Any]] = {
+        head.header.index(name): partial(_above, start=start) for name, start in origin.items()
+    }
+    kept: list[str] = []
+    try:
+        values = np.loadtxt(_plain_lines(path, head, kept), comments=None, ndmin=2, usecols=places,
+                            delimiter=head.separator.strip(" ") or None,
+                            converters=exact or None)  # fmt: skip
+    except (ValueError, OSError, EOFError, zlib.error):
+        return None
+    if np.max(np.abs(values), where=np.isfinite(values), initial=0.0) > _EXACT:
+        return None
+    sample = replace(head, rows=kept)
+    resolution = np.array([_resolution(sample, place, values[:, i])
+                           for i, place in enumerate(places)])  # fmt: skip
+    start = head.lines[0]
+    rows = _Rows(values, range(start, start + len(values)), np.zeros(values.shape, dtype=bool))
+    return _sifted(names, rows, resolution, origin, problems, len(head.header))
+
+
+def _above(cell: str, start: int) -> float:
+    return float(int(cell) - start)
+
+
+def _plain_lines(path: Path, head: _Text, kept: list[str]) -> Iterator[str]:
+    """Yield the lines below the header, and keep some hundreds of them, evenly.
+
+    Raises:
+        ValueError: a line that is not like the first one.
+    """
+    mark, width, every = head.separator, len(head.header), 1
+    with _opened(path) as file:
+        lines = enumerate(dropwhile(lambda row: row[0] < head.lines[0], enumerate(file, 1)))
+        for index, (_, line) in lines:
+            cells = len(line.split()) if mark == " " else line.count(mark) + 1
+            if cells != width or '"' in line:
+                if not line.strip() and not "".join(x for _, (_, x) in lines).strip():
+                    return
+                raise ValueError
+            if index % every == 0:
+                kept.append(" ".join(line.split()) if mark == " " else line)
+            if len(kept) > 2 * _ROWS_FOR_DIGITS:
+                kept[:], every = kept[::2], 2 * every
+            yield line
+
+
+def _opened(path: Path) -> TextIO:
+    opened = gzip.open if path.suffix.lower() == ".gz" else open
+    return cast(TextIO, opened(path, "rt", encoding="utf-8-sig"))
 
 
 def open_parquet(path: Path) -> OpenedLog:
@@ -203,15 +290,16 @@ def arrays_log(
     return OpenedLog(list(columns), read, recorded=recorded, said=said, units=units)
 
 
-def _numbered_lines(path: Path) -> list[tuple[int, str]]:
+def _numbered_lines(path: Path, most: int = -1) -> list[tuple[int, str]]:
     """Return the lines that are not empty, with their numbers; comments apart, except a header.
 
-    A comment right above the numbers is their header if it has as many names (`np.savetxt`).
+    Of a file longer than `most` characters only the whole lines in these. A comment right above
+    the numbers is their header if it has as many names (`np.savetxt`).
     """
-    opened = gzip.open if path.suffix.lower() == ".gz" else open
     try:
-        with opened(path, "rt", encoding="utf-8-sig") as file:
-            text = file.read()
+        with _opened(path) as file:
+            text = file.read(most)
+            text = text if len(text) != most else text[: text.rfind("\n") + 1]
     except UnicodeDecodeError:
         raise TrajectoryError(f"{path}: is not a text file in UTF-8") from None
     except (OSError, EOFError, zlib.error) as problem:

@@ -69,11 +69,13 @@ class Settled:
         table: the motion.
         rows: (T,) number of the row, with a fraction where a sample lies between two.
         reading: what was found and done.
+        every: of how many samples the motion has one; `rows` are those of all.
     """
 
     table: TrajectoryTable
     rows: FloatArray
     reading: Reading
+    every: int = 1
 
 
 def unwrapped(columns: Sequence[JointColumn], position: FloatArray, said: list[str]) -> FloatArray:
@@ -305,8 +307,10 @@ def _filtered(
     options: ReadingOptions,
 ) -> Settled:
     """Low-pass what is noisy (all that moves, where the cutoff was given) between its holds."""
-    even, step = sampled.even, sampled.step
+    even, step, thinning = sampled.even, sampled.step, options.thinning
     measured, t = even.table.position, even.table.t
+    every = thinning.every(step) if thinning else 1
+    kept = np.arange(0, t.size, every)
     noise, floor = (
         [sampled.spread * level(q, sampled.t) if is_so else 0.0
          for q, is_so in zip(sampled.position.T, noisy, strict=True)]
@@ -317,7 +321,7 @@ def _filtered(
     # how far the low pass may be wrong is not known to more than single precision's digits
     kinds |= {"shift": np.float32, "moving": bool}
     parts: dict[str, NDArray[Any]] = {
-        name: np.empty(measured.shape, kind) for name, kind in kinds.items()
+        name: np.empty((kept.size, len(columns)), kind) for name, kind in kinds.items()
     }
     joints, cut = [], []
     for i, q in enumerate(measured.T):
@@ -327,14 +331,15 @@ def _filtered(
         if moves and isinstance(options.cutoff, float):
             cutoff = options.cutoff
         elif moves and noisy[i] and options.cutoff is None:
-            cutoff = signal_cutoff(q, step, floor[i])
-            gentle = cutoff is not None and acceleration_jumps(q, step, cutoff, floor[i])
-            cutoff = signal_cutoff(q, step, floor[i], gentle)
+            cutoff, gentle = _chosen_cutoff(q, step, floor[i])
         cut.append(0.0 if cutoff is None else
                    motion_taken_away(q, step, floor[i], cutoff, gentle))  # fmt: skip
         joint = _low_passed(t, q, holds, step, cutoff, noise[i], gentle)
+        if thinning and every > 1:
+            slow = thinning.acceleration(joint.acceleration, step)
+            joint = replace(joint, acceleration=slow)
         for name, column in parts.items():
-            column[:, i] = getattr(joint, name)
+            column[:, i] = getattr(joint, name)[::every]
         joints.append((joint.cutoff, joint.spread))
     names = [column.name for column in columns]
     spread = np.array([both for _, both in joints])
@@ -348,10 +353,18 @@ def _filtered(
     )
     line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
     reading = replace(reading, said=(*reading.said, line), noise_line=line)
-    table = replace(even.table, position=parts["position"], velocity=parts["velocity"],
-                    acceleration=parts["acceleration"])  # fmt: skip
+    table = replace(_rows_of(even.table, kept), position=parts["position"],
+                    velocity=parts["velocity"], acceleration=parts["acceleration"])  # fmt: skip
     ends = [0.0 if cutoff is None else _ONE_SIDED / cutoff for cutoff, _ in joints]
-    return _without_ends(Settled(table, even.rows, reading), parts["moving"], np.array(ends), step)
+    settled = Settled(table, even.rows, reading, every)
+    return _without_ends(settled, parts["moving"], np.array(ends), every * step)
+
+
+def _chosen_cutoff(q: FloatArray, step: float, noise: float) -> tuple[float | None, bool]:
+    """One joint's cutoff, Hz or None, and whether the low pass should be a gentle one."""
+    cutoff = signal_cutoff(q, step, noise)
+    gentle = cutoff is not None and acceleration_jumps(q, step, cutoff, noise)
+    return signal_cutoff(q, step, noise, gentle), gentle
 
 
 def _without_ends(
@@ -382,13 +395,14 @@ def _without_ends(
              "where joints move and a low pass has samples on one side only")  # fmt: skip
     reading = replace(
         reading,
-        samples=count - first - last,
-        dropped=reading.dropped + first + last,
+        samples=reading.samples - (first + last) * settled.every,
+        dropped=reading.dropped + (first + last) * settled.every,
         said=(*reading.said, words),
         uncertain=uncertain,
     )
-    rows = np.arange(count)[inside]
-    return Settled(_rows_of(table, rows), settled.rows[inside], reading)
+    rows = settled.rows[first * settled.every : (count - last) * settled.every]
+    return replace(settled, table=_rows_of(table, np.arange(count)[inside]), rows=rows,
+                   reading=reading)  # fmt: skip
 
 
 @dataclass(frozen=True)

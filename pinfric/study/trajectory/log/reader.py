@@ -17,9 +17,10 @@ from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.bags import is_bag, open_bag
 from pinfric.study.trajectory.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
 from pinfric.study.trajectory.log.files import Cells, OpenedLog, open_csv, open_matlab, open_parquet
-from pinfric.study.trajectory.log.motion import settle, unwrapped
+from pinfric.study.trajectory.log.motion import Settled, settle, unwrapped
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.log.rows import check_times, gap_problems, ordered_rows
+from pinfric.study.trajectory.log.thinning import Thinning
 from pinfric.study.trajectory.log.units import angle_unit, fast_angles, is_clock, time_factor
 from pinfric.study.trajectory.table import TrajectoryTable, mismatch_warning
 
@@ -126,7 +127,7 @@ def _read(
     taken = slice(None) if kept.size == t.size else kept
     own_plan = found.planned and bool(found.velocity)
     if not problems and not own_plan and set(factors) == {1.0}:
-        problems += fast_angles(named, t[kept], position[kept], known, unit)
+        problems += fast_angles(named, t[kept], position[taken], known, unit)
     position = unwrapped(named, position[taken], said)
     velocity, acceleration = (
         _quantity(cells, part, named, factors)[taken]
@@ -151,12 +152,21 @@ def _read(
     if log.recorded:
         said += _smoothed_already(settled.reading)
         problems += [gap for gap in gap_problems(plan.t) if gap not in problems]
-    at, rows = settled.rows, np.arange(kept.size)
-    efforts = {column.name: np.interp(at, rows, effort[:, i])
+    efforts = {column.name: _beside(settled, effort[:, i], options.thinning)
                for i, column in enumerate(named) if column.name in found.effort}  # fmt: skip
     reading = replace(settled.reading, dropped=settled.reading.dropped + dropped, effort=efforts,
                       said=(*said, *settled.reading.said))  # fmt: skip
     return named, settled.table, reading
+
+
+def _beside(settled: Settled, effort: FloatArray, thinning: Thinning | None) -> FloatArray:
+    """Return the effort at a motion's samples of that in the rows, (T,)."""
+    whole = np.interp(settled.rows, np.arange(effort.size), effort)
+    if thinning is None or settled.every == 1:
+        return whole
+    t = settled.table.t
+    step = float(t[-1] - t[0]) / ((t.size - 1) * settled.every)
+    return thinning.effort(whole, step)[:: settled.every]
 
 
 def _smoothed_already(reading: Reading) -> list[str]:
@@ -190,9 +200,11 @@ def _speeds(named: Sequence[JointColumn], position: FloatArray) -> tuple[float, 
     """The largest speed over its limit, and the largest speed, per row."""
     if len(position) < 2:
         return 0.0, 0.0
-    steps = np.abs(np.diff(position, axis=0))
-    steps = np.minimum(steps, np.abs(steps - 2.0 * np.pi))  # an angle may wrap
-    largest = np.nanmax(np.where(np.isfinite(steps), steps, 0.0), axis=0)
+    largest = np.zeros(len(named))
+    for i, q in enumerate(position.T):  # one after another: a long log fills much of the memory
+        steps = np.abs(np.diff(q))
+        steps = np.minimum(steps, np.abs(steps - 2.0 * np.pi))  # an angle may wrap
+        largest[i] = np.max(steps, where=np.isfinite(steps), initial=0.0)
     limits = np.array([column.velocity_limit for column in named])
     return float((largest / limits).max(initial=0.0)), float(largest.max(initial=0.0))
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError, choose_from
+from pinfric.study.trajectory.log.thinning import Thinning
 
 FloatArray = NDArray[np.float64]
 
@@ -27,6 +28,7 @@ class ReadingOptions:
         unit: of angles, "rad" or "deg".
         time_unit: "s", "ms", "us" or "ns".
         cutoff: Hz of the low pass on every joint, or "none": positions are taken as they are.
+        thinning: which samples of a filtered recording are kept; None keeps all.
 
     Raises:
         TrajectoryError: a unit that there is not, a cutoff that is not positive.
@@ -36,6 +38,7 @@ class ReadingOptions:
     unit: str | None = None
     time_unit: str | None = None
     cutoff: float | str | None = None
+    thinning: Thinning | None = None
 
     def __post_init__(self) -> None:
         for option, value, units in (("unit", self.unit, ANGLE_UNITS),
@@ -87,7 +90,8 @@ class Reading:
         cutoff: joint -> Hz; None: not filtered.
         said: a line for everything that was guessed, repaired or filtered.
         noise_line: the one of them that says what noise there is and what was done about it.
-        effort: joint -> (T,) the effort that the log itself has, N m or N.
+        effort: joint -> (T,) the effort that the log itself has, N m or N; of the motion's
+            samples, which thinning makes fewer.
         uncertain: what stays uncertain in the derivatives; None where nothing was filtered.
     """
 

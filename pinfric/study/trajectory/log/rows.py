@@ -203,7 +203,9 @@ def held_rate(position: FloatArray) -> slice | None:
     Args:
         position: (rows, nj) rad or m.
     """
-    change = (np.diff(position, axis=0) != 0.0).any(axis=1)
+    change = np.zeros(max(len(position) - 1, 0), dtype=bool)
+    for q in position.T:  # one after another: a long log fills much of the memory
+        change |= np.diff(q) != 0.0
     places = np.flatnonzero(change) + 1
     if places.size < FEWEST:
         return None

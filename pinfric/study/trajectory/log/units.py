@@ -119,7 +119,7 @@ def angle_unit(
     open_ = [i for i, k in enumerate(known) if turning[i] and k is None and given is None]
     if not open_ or position.shape[0] == 0:
         return factors
-    size = np.nanmax(np.abs(np.where(np.isfinite(position), position, 0.0)), axis=0)
+    size = [float(np.max(np.abs(q), where=np.isfinite(q), initial=0.0)) for q in position.T]
     beyond = [i for i in open_ if size[i] > max(_TWO_TURNS, _reach(columns[i]) + LIMIT_TOLERANCE)]
     degree = ANGLE_UNITS["deg"]
     if not beyond or any(size[i] * degree > _reach(columns[i]) + _SMALL for i in open_):
@@ -162,13 +162,15 @@ def fast_angles(
     steps = np.diff(t)
     if given is not None or t.size < FEWEST or not (steps > 0.0).all():
         return []
-    ways = np.abs(np.diff(position, axis=0))
-    ways = np.minimum(ways, np.abs(ways - 2.0 * np.pi))  # an angle may wrap
-    # rows that were written at once say nothing about speeds
-    speeds = np.quantile(ways / np.maximum(steps, np.mean(steps))[:, None], 0.99, axis=0)
+    apart, speeds = np.maximum(steps, np.mean(steps)), []
+    for q in position.T:  # one after another: a long log fills much of the memory
+        ways = np.abs(np.diff(q))
+        ways = np.minimum(ways, np.abs(ways - 2.0 * np.pi))  # an angle may wrap
+        # rows that were written at once say nothing about speeds
+        speeds.append(float(np.quantile(ways / apart, 0.99)))
     fast = [
         f"{column.name} {speed:.3g} rad/s, limit {column.velocity_limit:.3g}"
-        for column, speed, unit in zip(columns, speeds.tolist(), known, strict=True)
+        for column, speed, unit in zip(columns, speeds, known, strict=True)
         if column.unit == "rad" and unit is None and speed > _TOO_FAST * column.velocity_limit
     ]
     if not fast:
