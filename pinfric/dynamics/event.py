@@ -282,7 +282,7 @@ class EventIntegration(Integration):
         if not slow:
             return []
         q, v = self.state(self.y)
-        stopped = np.zeros(self.nc, dtype=bool)
+        stopped = self.ws.modes.stuck.copy()  # what stands stays so
         stopped[slow] = True
         v, stopped = self.ws.stop(q, v, stopped)
         self.y[self.ws.nv :] = v

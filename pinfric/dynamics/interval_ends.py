@@ -5,7 +5,8 @@ small coupled problem (`given_modes`). What sticks, or reverses beside a sample,
 frictions: the ends of efforts lie where each is at one of its limits. A *candidate* is a sample
 with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a sample all
 are candidates; beyond, sites are flipped one by one while that helps. A ball's limit is a sphere:
-its friction is turned until it points where the effort grows fastest.
+its friction is turned until it points where the effort grows fastest. A sample that jams is left
+there, and one whose candidates took `MOST_PASSES` together is `NOT_CONVERGED`.
 """
 
 from __future__ import annotations
@@ -33,6 +34,10 @@ from pinfric.friction.problem import empty_problem
 
 #: Choices of one sample that are all looked at: 2^8.
 ENUMERATED = 256
+#: Passes of Newton's method for one sample, all its candidates together: about a second.
+MOST_PASSES = 100_000
+#: Statuses without efforts: nothing more is looked for.
+_FAILED = (Status.JAMMED, Status.NOT_CONVERGED, Status.SINGULAR)
 #: Candidates per call of the kernel.
 _AT_ONCE = 1 << 14
 #: Turns of a ball's friction until it stays, and what counts as staying.
@@ -105,7 +110,7 @@ class Solver:
         good = np.flatnonzero(~self.maps.singular)
         if len(good):
             self._reference(answer, good)
-        open_ = good[(self.law.choices[good] > 1).any(axis=1) & (answer.status[good] != 1)]
+        open_ = good[(self.law.choices[good] > 1).any(axis=1)]
         if len(open_):
             self._find_ends(answer, open_)
         ambiguous = answer.status == Status.AMBIGUOUS
@@ -273,18 +278,51 @@ class Solver:
             free: sites that each end picks the friction of.
             balls: sites whose direction is turned towards one end: `drive`, `side` (0 lower).
         """
+        value = np.full(len(sample), -np.inf if side else np.inf)
+        here = np.flatnonzero(self._goes_on(answer, sample))
+        if not len(here):
+            return value
+        code = code[here]
+        code[:, balls] = UPPER
+        c = self.candidates(sample[here], code)
         if len(balls):
-            code = code.copy()
-            code[:, balls] = UPPER
-        c = self.candidates(sample, code)
-        for _ in range(_TURNS if len(balls) else 0):
-            direction = self._turned(c, balls, drive, side)
-            turn = float(np.abs(direction - c.direction).max(initial=0.0))
-            c = self.candidates(sample, code, direction)
-            if turn < _STAYS:
-                break
+            self._turn(answer, c, balls, drive, side)
         self._note(answer, c)
-        return self._widen(answer, c, free, drive, side)
+        value[here] = self._widen(answer, c, free, drive, side)
+        return value
+
+    def _goes_on(self, answer: Answer, sample: np.ndarray) -> np.ndarray:
+        """(m,) whether a sample may have ends yet, and came not to its bound."""
+        failed = np.isin(answer.status[sample], _FAILED)
+        over = answer.iterations[sample] > MOST_PASSES
+        answer.status[sample[over & ~failed]] = Status.NOT_CONVERGED
+        return np.asarray(~(failed | over))
+
+    def _turn(
+        self, answer: Answer, c: Candidates, balls: np.ndarray, drive: int, side: int
+    ) -> None:
+        """Turn the balls' friction of each candidate until it stays, or its sample is at its bound.
+
+        Args:
+            answer: what was spent before.
+            c: overwritten; of passes, the sum over all turns.
+            balls, drive, side: see `_evaluate`.
+        """
+        turning = np.arange(len(c.sample))
+        for _ in range(_TURNS):
+            if not len(turning):
+                return
+            before = Candidates(*(array[turning] for array in c))
+            direction = self._turned(before, balls, drive, side)
+            turned = self.candidates(before.sample, before.code, direction)
+            turned.figures[:, 1] += before.figures[:, 1]
+            for array, part in zip(c, turned, strict=True):
+                array[turning] = part
+            passes = np.bincount(c.sample, c.figures[:, 1], len(answer.iterations))
+            within = (answer.iterations + passes)[before.sample] <= MOST_PASSES
+            turn = np.abs(direction - before.direction).max(axis=1, initial=0.0)
+            c.found[turning[(turn >= _STAYS) & ~within]] = -1
+            turning = turning[(turn >= _STAYS) & within]
 
     def _turned(self, c: Candidates, balls: np.ndarray, drive: int, side: int) -> np.ndarray:
         """(m, ne) directions in which the balls' friction moves one effort most.
@@ -338,7 +376,7 @@ class Solver:
             code[:, choosing] = np.where(grows, UPPER, LOWER)
             best = self._evaluate(answer, samples, code, free, balls, drive, side)
             active = np.arange(len(samples))
-            while len(active):
+            while len(active := active[self._goes_on(answer, samples[active])]):
                 trials = np.repeat(code[active][:, None], len(flips), axis=1)
                 trials[:, np.arange(len(flips)), flips[:, 0]] = flips[:, 1]
                 shape = trials.shape[:2]

@@ -8,14 +8,17 @@ multipliers; `effort_maps` makes everything affine in phi; `interval_ends` finds
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from pinfric.dynamics.closure import PairRates, pair_rates
 from pinfric.dynamics.effort_maps import EffortTables, write_wrenches
-from pinfric.dynamics.interval_ends import Answer, Solver
+from pinfric.dynamics.interval_ends import MOST_PASSES, Answer, Solver
 from pinfric.dynamics.layout import Layout, make_inverse_layout
 from pinfric.dynamics.linkage_batch import friction_maps, friction_velocities, loop_wrenches
 from pinfric.dynamics.motor_torques import motor_torques
+from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.reactions import (
     CHUNK,
     AppliedWrench,
@@ -28,6 +31,7 @@ from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.states import States
 from pinfric.dynamics.threaded import threads_for
 from pinfric.dynamics.undriven import check_undriven
+from pinfric.errors import PinfricWarning
 from pinfric.model.couples import drive_rates
 from pinfric.model.scene import Scene
 
@@ -53,6 +57,7 @@ def solve_linkage(
     answer, frictionless, wrench, multipliers = _solve_batches(
         scene, layout, states, applied, whole, velocity, reversal, threads
     )
+    _warn_of_bound(scene, answer, whole.start)
     check_roll_moments(scene, wrench, whole.start)
     rates_of_drives = actuator_rates(scene, states, rates, around)
     if scene.mobility.undriven:  # friction at rest must balance it, too: what it can do is less
@@ -120,6 +125,23 @@ def _solve_batches(
         write_wrenches(tables, samples.wrench, X, maps.y, found.phi, wrench[here], solved[here])
         multipliers[here] = loop_wrenches(linkage, X, solved[here])
     return answer, frictionless, wrench, multipliers
+
+
+def _warn_of_bound(scene: Scene, answer: Answer, first: int) -> None:
+    """Say at which samples the search for the ends of efforts came to its bound."""
+    over = (answer.status == Status.NOT_CONVERGED) & (answer.iterations > MOST_PASSES)
+    if not over.any():
+        return
+    samples, contraction = np.flatnonzero(over), answer.contraction[over].max()
+    more = f" and {len(samples) - 1} more" if len(samples) > 1 else ""
+    warnings.warn(
+        f"{scene.source}: sample {first + samples[0]}{more}: undecided: what sticks can "
+        f"hold in so many ways that {MOST_PASSES} passes did not find the ends of efforts "
+        f"(loads grow with the friction they cause, contraction {contraction:.3g}); give joints "
+        "that do not matter no friction, less `mu`, or a state in motion",
+        PinfricWarning,
+        stacklevel=4,
+    )
 
 
 def site_speeds(layout: Layout, velocity: np.ndarray) -> np.ndarray:

@@ -46,6 +46,7 @@ _IDLE = 1e-4
 _DEAD = 1e-13
 #: The slope of drag is taken to a speed that is faster by this share.
 _FASTER = 1e-6
+_EPS = float(np.finfo(float).eps)
 #: So many times its inertia something moves little.
 _HELD = 1e9
 
@@ -898,12 +899,35 @@ def _turn(t: Tables, w: Work, balls: bool) -> None:
 
 
 @kernel
+def write_accelerations(machine: Machine, a: np.ndarray) -> None:
+    """Write accelerations a (nv,) under the friction found.
+
+    Where something sticks, its friction cancels what pushes it. Of the n terms of such a sum each
+    comes from m equations: no more than n m eps times their magnitudes is rounding, and set to 0.
+    """
+    w = machine.work
+    a_map, x, m = w.a_map, w.modes.friction, w.modes
+    sticks = False
+    for c in range(x.size):
+        sticks |= m.stuck[c]
+    share = (1 + x.size) * a.size * _EPS if sticks else 0.0
+    for i in range(a.size):
+        total = a_map[i, 0]
+        terms = abs(total)
+        for c in range(x.size):
+            part = a_map[i, 1 + c] * x[c]
+            total += part
+            terms += abs(part)
+        a[i] = total if abs(total) > share * terms else 0.0
+
+
+@kernel
 def finish(machine: Machine) -> None:
     """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
     t, w = machine.tables, machine.work
     layout, x, G, wrench, phi = t.layout, w.modes.friction, w.wrench_map, w.wrench, w.phi
     stuck, direction, ratio = w.modes.stuck, w.modes.direction, w.problem.ratio
-    affine(w.a_map, x, w.a)
+    write_accelerations(machine, w.a)
     for c in range(x.size):
         if stuck[c] and layout.coordinate_v[c] >= 0:
             w.a[layout.coordinate_v[c]] = 0.0

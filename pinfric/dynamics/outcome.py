@@ -17,7 +17,8 @@ class Status(IntEnum):
     JAMMED = 1
     #: Several do: `solutions(sample)` returns them, the interval of the efforts encloses them.
     AMBIGUOUS = 2
-    #: There is a solution, and rounding keeps the solver from it: efforts are NaN.
+    #: Undecided, efforts are NaN: rounding keeps the solver from a solution that is there, or the
+    #: search for the ends of efforts came to its bound (then a warning says so).
     NOT_CONVERGED = 3
     #: The drives cannot balance the load here, or the closure changes its rank: a toggle, NaN.
     SINGULAR = 4

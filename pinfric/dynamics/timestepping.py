@@ -59,7 +59,7 @@ def step_through(
             raise ws.failure(found, middle, v, system.u).at(t)
         stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
-        v = v + dt * (ws.a_free + ws.a_slope @ ws.modes.friction)
+        v = v + dt * ws.accelerations()
         v = ws.obey(middle, v)[1]
         q = pin.integrate(model, middle, 0.5 * dt * v)
         # v obeys the loops at the middle; made to obey them here it would lack half their impulse

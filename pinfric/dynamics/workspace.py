@@ -39,6 +39,7 @@ from pinfric.dynamics.maps import (
     measure_rates,
     relate,
     solve_instant,
+    write_accelerations,
 )
 from pinfric.dynamics.reactions import AppliedWrench
 from pinfric.dynamics.records import Supplier, make_tables, make_work
@@ -71,6 +72,8 @@ _STOP = 100.0
 _OVERWHELMING = 1e8
 #: Eigenvalues of slopes are rounding below this many times the largest.
 _ROUNDING = 1e-13
+#: A joint whose largest share in all that may move is no more stands still: rounding.
+_MOVES_NOT = 1e-14
 #: In place of an infinite margin.
 _MOST_MARGIN = 1e300
 
@@ -173,6 +176,15 @@ class Workspace:
         """(nv, nc) their change per unit friction."""
         return self.work.a_map[:, 1:]
 
+    def accelerations(self) -> np.ndarray:
+        """Return accelerations (nv,) under the friction in `modes`, those of what sticks, too.
+
+        At the end of a time step what sticks is at rest, and not at its beginning.
+        """
+        a = np.empty(self.nv)
+        write_accelerations(self._machine, a)
+        return a
+
     # ------------------------------------------------------------ kinematics
 
     def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -265,7 +277,9 @@ class Workspace:
         rank = int((size > RANK * max(float(size[0]), 1e-300)).sum())
         if rank == self.nv:
             return np.zeros(self.nv)
-        return self._stopped(v - right[:rank].T @ (right[:rank] @ v), stopped)
+        left = np.eye(self.nv) - right[:rank].T @ right[:rank]
+        left[np.abs(left).max(axis=1) <= _MOVES_NOT] = 0.0  # moves in no way that is left
+        return self._stopped(left @ v, stopped)
 
     def stop(
         self, q: np.ndarray, v: np.ndarray, stopped: np.ndarray
@@ -626,6 +640,7 @@ class Workspace:
             (assemble, (*state, 0.0)),
             (couple, (*state, 0.0)),
             (finish, (m,)),
+            (write_accelerations, (m, self.a)),
             (refit, (m, True)),
             (relate, (m, v)),
             (measure_rates, (m, v)),

@@ -345,3 +345,27 @@ def test_coupled_worms_hold_where_something_holds(
     found = pf.forward_dynamics(scene, state, np.zeros(4), motor_torque=np.array(torque))
     assert (np.abs(found.a).max() < 1e-9) == holds
     assert pf.holds(scene, state, motor_torque=np.array(torque)).held == holds
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping"])
+def test_joints_that_coupled_gears_hold_between_them_stand_exactly(method: str) -> None:
+    """Motors turn by n1 (q1 + c q2), n2 (q2 + d q1): both held, both joints are; q3 swings."""
+    model = _planar()
+    third = model.addJoint(2, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([0.3, 0, 0])), "j3")
+    body = pin.Inertia(1.0, np.array([0.2, 0.1, 0.0]), 0.01 * np.eye(3))
+    model.appendBodyToJoint(third, body, pin.SE3.Identity())
+    model.gravity.linear = np.array([0.0, -1.0, 0.0])
+    gear = {"efficiency": 0.7, "back_efficiency": 0.5, "no_load_torque": 0.5}
+    scene = pf.Scene(model, actuators=[
+        {"joint": "j1", "couples": {"j2": 0.3}, "transmission": gear | {"ratio": 50.0}},
+        {"joint": "j2", "couples": {"j1": -0.7}, "transmission": gear | {"ratio": -80.0}},
+        {"joint": "j3", "transmission": {"ratio": 1.0}},
+    ])  # fmt: skip
+    found = pf.simulate(scene, [0.3, 0.2, 0.5], [0.2, -0.3, 1.0], t_end=0.2, method=method,
+                        motor_torque=[0.0, 0.0, 0.0])  # fmt: skip
+    assert [event.kind for event in found.events] == ["stick", "stick"]
+    held = found.t > found.events[1].time
+    assert held.sum() > 100
+    assert np.abs(found.v[held, 2]).min() > 0.5
+    assert not found.v[held, :2].any()
+    assert not found.a[held, :2].any()

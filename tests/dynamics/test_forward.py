@@ -383,3 +383,22 @@ def test_a_preload_brakes_with_and_without_other_loads(bearing):
     assert held.a[0] == 0.0
     loose = pf.forward_dynamics(scene, [0.0], [0.0], [0.5 * load * (1 + 1e-9)])
     assert loose.a[0] == pytest.approx(0.1 * load / 2.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_joints_that_nothing_pushes_do_not_accelerate_beside_sticking_ones(seed):
+    """Without gravity, at rest, pushed where friction holds alone: M a = 0, to the last digit."""
+    model, rng = random_tree(seed, joints=6), np.random.default_rng(seed)
+    model.gravity.linear = np.zeros(3)
+    dry = rng.random(6) < 0.5
+    names = np.array(model.names)[1:][dry].tolist()
+    friction = {name: {"coulomb": {"static": 500.0, "kinetic": 400.0}} for name in names}
+    q = pin.integrate(model, pin.neutral(model), rng.uniform(-1.0, 1.0, model.nv))
+    push = np.zeros(model.nv)
+    push[[model.joints[model.getJointId(name)].idx_v for name in names]] = rng.uniform(
+        -300.0, 300.0, len(names)
+    )
+    scene = pf.Scene(model, friction=friction)
+    found = pf.forward_dynamics(scene, q, np.zeros(model.nv), push)
+    assert not found.modes.any()
+    assert not found.a.any()

@@ -10,11 +10,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from cases import Case, ball_tripod, four_bars_in_a_row, resting_four_bar, turning_four_bar
-from mechanisms import add_link, bar, grounded_model, pin_friction, shifted
+from mechanisms import add_link, bar, grounded_model, pin_friction, shifted, two_ball_loops
 
 import pinfric as pf
 from pinfric.dynamics import choices, interval_ends
-from pinfric.dynamics.interval_ends import Solver
+from pinfric.dynamics.interval_ends import MOST_PASSES, Solver
+from pinfric.dynamics.outcome import Status
 from pinfric.dynamics.solutions import one_sample
 
 # ---------------------------------------------------------------- without drives
@@ -260,3 +261,29 @@ def test_the_interval_encloses_a_third_solution(cut):
         assert result.effort_lower[sample, 0] == pytest.approx(min(efforts), rel=1e-9)
         assert result.effort_upper[sample, 0] == pytest.approx(max(efforts), rel=1e-9)
     assert result.check().passed(1e-9)
+
+
+def test_the_search_for_ends_stops_at_its_bound_and_says_so():
+    """Three balls at rest whose friction turns for ever where loads grow with it, contraction 2.5.
+
+    Drawn among random states of the delta robot; without the bound 10 s, and 180 s below.
+    """
+    scene, rng = pf.load_scene("delta"), np.random.default_rng(1)
+    start, still = scene.start_configuration, np.zeros((1, scene.model.nv))
+    q = [start + rng.normal(scale=0.8, size=len(start)) for _ in range(12)][-1]
+    with pytest.warns(pf.PinfricWarning, match=r"sample 0: undecided.* 100000 passes .*less `mu`"):
+        found = pf.inverse_dynamics(scene, scene.close(q)[None], still, still)
+    assert found.status[0] == Status.NOT_CONVERGED
+    assert np.isnan(found.effort_lower).all()
+    assert MOST_PASSES < found.iterations[0] < 1.1 * MOST_PASSES
+    assert found.check().undecided == 1
+
+
+@pytest.mark.filterwarnings("ignore:.*undecided")
+@pytest.mark.parametrize("seed", [0, 4])
+def test_a_sample_that_jams_is_not_searched_on(seed):
+    scene, q, _ = two_ball_loops(seed)
+    still = np.zeros((1, scene.model.nv))
+    found = pf.inverse_dynamics(scene, q[None], still, still)
+    assert found.status[0] in (Status.JAMMED, Status.NOT_CONVERGED)
+    assert found.iterations[0] < 1.1 * MOST_PASSES
