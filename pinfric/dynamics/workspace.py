@@ -622,9 +622,10 @@ class Workspace:
         m = self._machine
         state = m, q, v, effort
         for made, arguments in (
-            (solve_instant, (*state, FREE, 0.0)), (assemble, (*state, 0.0)), (couple, (*state, 0.0)),
-            (finish, (m,)), (refit, (m, True)), (relate, (m, v)), (measure_rates, (m, v)),
-            (is_exact, (m, q)), (gear_margins, (m, 0)), (try_modes, (self.problem, self.modes)),
+            (solve_instant, (*state, FREE, 0.0)), (assemble, (*state, 0.0)),
+            (couple, (*state, 0.0)), (finish, (m,)), (refit, (m, True)), (relate, (m, v)),
+            (measure_rates, (m, v)), (is_exact, (m, q)), (gear_margins, (m, 0)),
+            (try_modes, (self.problem, self.modes)),
         ):  # fmt: skip
             compile_for(made, *arguments)
         with compiling():
