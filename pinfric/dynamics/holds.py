@@ -30,13 +30,14 @@ class StaticHold:
     Attributes:
         held: True, False, or None where neither could be shown.
         use: the share of its static limit that the most used joint needs; above 1 where nothing
-            holds. It is the least, to 1e-6, over all ways to share friction among the joints.
-            Where friction can wedge itself, more friction may use a smaller share of its limits;
-            then it is the least over frictions up to 50 times the limits. Where a contact force
-            lies in no plane, or balls rest, or 2,000 nodes of the proof are not enough, it is the
-            least found, and a smaller one may exist.
+            holds. It is the least found over all ways to share friction among the joints. Where
+            friction can wedge itself, more friction may use a smaller share of its limits; then it
+            is the least over frictions up to 50 times the limits.
         proved: whether `held` is proved: by the friction here where it is True, by branching where
             it is False. What friction might wedge beyond 50 times its limits is not proved.
+        least: whether `use` is proved to be the least, to 1e-6, as self-locking gears hold here.
+            It is not where a contact force lies in no plane, where balls rest, and where 200 nodes
+            of the proof are not enough: there a smaller use may exist.
         at_limit: names of the joints with friction, or with a gear alone, that need that share:
             what breaks away first.
         moving: names of the joints without dry friction that accelerate although all that rubs
@@ -49,6 +50,7 @@ class StaticHold:
     held: bool | None
     use: float
     proved: bool
+    least: bool
     at_limit: tuple[str, ...]
     moving: tuple[str, ...]
     friction: np.ndarray
@@ -107,6 +109,7 @@ def holds(
         held=False if moving else found.held,
         use=found.use,
         proved=found.proved or bool(moving),
+        least=found.least,
         at_limit=_at_limit(ws, found.use),
         moving=moving,
         friction=friction,
@@ -137,7 +140,7 @@ def _decide(
     """The verdict on everything with dry friction at rest."""
     dry = ws.tables.dry
     if not dry.any():
-        return Verdict(True, 0.0, np.zeros(len(dry)), True)
+        return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
     if not ws.mechanism.ball.any():
         resting = can_move(ws.mechanism.factor, dry)
         return decide(ws.problem, ws.mechanism.factor, dry, _statics(ws, resting), least=True)

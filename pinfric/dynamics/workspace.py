@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from math import hypot
-from typing import NoReturn, cast
+from typing import Any, NoReturn, cast
 
 import numpy as np
 
@@ -56,8 +56,11 @@ from pinfric.errors import (
     ToggleError,
     UndecidedAcceleration,
 )
-from pinfric.friction.consistency import ROUNDING, try_modes
-from pinfric.friction.modes import Found
+from pinfric.friction.consistency import ROUNDING, evaluate, judge, stick_limits, try_modes
+from pinfric.friction.given_modes import reduce_problem
+from pinfric.friction.minimax import least_violation
+from pinfric.friction.modes import Found, Modes
+from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
 from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, follow, outcome, search
 from pinfric.model.closure import RANK, close, guesses
@@ -646,7 +649,7 @@ class Workspace:
             (measure_rates, (m, v)),
             (is_exact, (m, q)),
             (gear_margins, (m, 0)),
-            (try_modes, (self.problem, self.modes)),
+            *_kernels_of_search(self.problem, self.modes),
         ):
             compile_for(made, *arguments)
         with compiling():
@@ -772,6 +775,19 @@ class Workspace:
             return self.scene.site_names[self.tables.entry_site[worst]]
         geared = np.flatnonzero(self.tables.gear_entry == worst)
         return self.scene.drives[int(geared[0])].name
+
+
+def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[Any, ...]]]:
+    """Return the kernels that a search of modes calls by itself, with arguments of their types."""
+    line, empty = np.empty(0), np.empty((0, 0))
+    return [
+        (try_modes, (problem, modes)),
+        (judge, (problem, modes)),
+        (evaluate, (problem, modes.friction, modes.load, modes.rate)),
+        (stick_limits, (problem, modes.load, line, line)),
+        (reduce_problem, (problem, modes.stuck, modes.direction)),
+        (least_violation, (empty, line, line, 0, 0.0, line)),
+    ]
 
 
 def closed_configuration(scene: Scene) -> np.ndarray:

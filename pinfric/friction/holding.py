@@ -19,9 +19,8 @@ from pinfric.friction.problem import Problem
 
 #: The proof is that nothing holds with a use of 1 - _MARGIN.
 _MARGIN = 1e-9
-#: Relative accuracy of the least use, and the nodes after which the proof gives up (of 700 closed
-#: chains with up to seven pins none needed 1,000).
-LEAST, _NODES_FOR_LEAST = 1e-6, 2_000
+#: Relative accuracy of the least use, and the nodes after which its proof gives up.
+LEAST, _NODES_FOR_LEAST = 1e-6, 200
 
 
 @dataclass(frozen=True)
@@ -35,12 +34,14 @@ class Verdict:
         friction: (nc,) with that use (N m or N).
         proved: an x that holds is its own proof; that none does is proved by branching, where
             friction cannot wedge itself whatever its size.
+        least: whether no friction is shown to have a use smaller by more than `LEAST`.
     """
 
     held: bool | None
     use: float
     friction: np.ndarray
     proved: bool
+    least: bool = False
 
 
 def decide(
@@ -62,14 +63,16 @@ def decide(
     resting = can_move(factor, at_rest)
     balance = balance or Balance.of_rates(problem, factor, resting)
     if balance is None:
-        return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True)
+        return Verdict(False, np.inf, np.full(len(at_rest), np.nan), True, True)
     narrow, wide, planar, certain = make_rest(problem, resting, balance)
 
     def verdict(held: bool | None, proved: bool) -> Verdict:
-        use = _least(narrow if certain else wide, wide, z) if least and planar else found
+        use, shown = found, not z.size
+        if least and planar and z.size:
+            use, shown = _least(narrow if certain else wide, wide, z, found)
         x = np.zeros(len(at_rest))
         x[resting] = wide.unit * (wide.x0 + wide.N @ z)
-        return Verdict(held, use, x, proved)
+        return Verdict(held, use, x, proved, shown)
 
     z = np.zeros(wide.N.shape[1])
     found = float(descend(wide, z))
@@ -90,19 +93,22 @@ def can_move(factor: np.ndarray, at_rest: np.ndarray) -> np.ndarray:
     return np.flatnonzero(at_rest & factor.any(axis=0))
 
 
-def _least(narrow: Rest, wide: Rest, z: np.ndarray) -> float:
-    """Lower the use at z (dz,) to the least there is, to `LEAST`; overwrite z, return it.
+def _least(narrow: Rest, wide: Rest, z: np.ndarray, use: float) -> tuple[float, bool]:
+    """Lower the use at z (dz,) to the least there is, to `LEAST`; return it, and whether it is.
 
     Args:
         narrow: with a box that contains all frictions with a use of at most 1.
         wide: with a box for a use above 1.
+        z: where a search ended, overwritten.
+        use: at z.
     """
-    use = float(descend(wide, z))
-    while z.size and len(wide.owner) and use > 0.0:
+    outcome = 0
+    while len(wide.owner) and use > 0.0:
         near = z.copy()
         rest = narrow if use <= 1.0 else wide
-        if prove(rest, near, use * (1.0 - 0.5 * LEAST), 0.5 * LEAST, _NODES_FOR_LEAST) != 1:
+        outcome = prove(rest, near, use * (1.0 - 0.5 * LEAST), 0.5 * LEAST, _NODES_FOR_LEAST)
+        if outcome != 1:
             break
         z[:] = near
         use = float(descend(wide, z))
-    return use
+    return use, outcome == 0
