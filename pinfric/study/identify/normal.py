@@ -203,8 +203,7 @@ def moves(
 ) -> tuple[FloatArray, int]:
     """Return the influence of each block on the estimate: C = M^T M is the covariance.
 
-        M = S (H + F)^-T,    S: gradient of each block less their mean, P deviation of the prior,
-                             and what the model lacks
+        M = S (H + F)^-T,    S: gradients of blocks less their mean, P deviation, what is unknown
 
     H is the matrix of the normal equations, P the prior's part of it, F what they change by because
     columns follow from the estimate. For each block's own gradient H has that block's part left out
@@ -221,8 +220,7 @@ def moves(
         unknown: (m, p + n) gradients of what the model lacks, of one standard deviation each.
 
     Returns:
-        (blocks + p + m, p + n), or (blocks + m, n) where theta is kept; and how many blocks have
-        rows.
+        (blocks + p + m, p + n), or (blocks + m, n) where theta is kept; how many blocks have rows.
     """
     p, n, blocks = fit.theta.size, place.size, grams[0].count.size
     hessian, scores = np.zeros((p + n, p + n)) + feedback, np.zeros((blocks, p + n))
@@ -235,20 +233,20 @@ def moves(
         own_parts[np.ix_(np.arange(blocks), to, to)] += part[:, :, columns]
         scores[:, to] += part @ np.append(-fit.of_joint(j), 1.0)
     hessian += own_parts.sum(axis=0)
-    lacking = np.zeros((0, p + n)) if unknown is None else unknown
+    drawn = np.zeros((0, p + n)) if unknown is None else unknown
     if prior.kept:
         hessian, scores, own_parts = hessian[p:, p:], scores[:, p:], own_parts[:, p:, p:]
-        drawn = lacking[:, p:]
+        drawn = drawn[:, p:]
     else:
         strength = sum(float(one.count.sum()) for one in grams) * prior.weight
         hessian[:p, :p] += np.diag(strength)
-        drawn = np.vstack((np.eye(p, p + n) * (strength * prior.deviation)[:, None], lacking))
+        drawn = np.vstack((np.eye(p, p + n) * (strength * prior.deviation)[:, None], drawn))
     used = (scores != 0.0).any(axis=1)
     scores, own_parts, count = scores[used], own_parts[used], int(used.sum())
     scores = (scores - scores.mean(axis=0)) * np.sqrt((count - 1.0) / count)
     size = np.sqrt(np.diag(hessian))
-    scaled = hessian / np.outer(size, size)
-    without = scaled - _LEFT_OUT * own_parts / np.outer(size, size)
+    scaled, parts = (x / np.outer(size, size) for x in (hessian, own_parts))
+    without = scaled - _LEFT_OUT * parts
     moved = np.linalg.solve(without, (scores / size)[:, :, None])[:, :, 0]
     known = np.linalg.solve(scaled, (drawn / size).T).T
     return np.concatenate((moved, known)) / size, count
