@@ -15,6 +15,7 @@ import numpy as np
 from pinfric.dynamics.layout import Layout
 from pinfric.dynamics.machine import Work
 from pinfric.friction.modes import Found, Modes
+from pinfric.friction.search import Reach
 from pinfric.model.drives import may_lock
 
 #: So many gears are let hold and slip in all ways (3^n searches at most, of six 0.7 s); loads that
@@ -37,20 +38,26 @@ class LockingGears:
         self._coordinate, self._work, self._modes = layout.gear_coordinate, work, modes
 
     def search(
-        self, settle: Callable[[], Found], couple: Callable[[], None], thorough: bool
+        self,
+        settle: Callable[[int | None], Found],
+        couple: Callable[[], None],
+        reach: Reach,
+        thorough: bool,
     ) -> tuple[Found, bool]:
         """Settle a search; where things slip, let these gears hold or slip otherwise, too.
 
         Args:
-            settle: searches the modes of what is at rest, until all gears follow their lines.
+            settle: searches the modes of what is at rest, all gears on their lines; given a
+                number, only modes in which so many of them slip.
             couple: writes the coupled problem, with other lines of gears.
+            reach: its passes are those of all searches together.
             thorough: True: of all answers the one in which least slips; False: the first.
 
         Returns:
             what was found, and whether its modes and lines are written, but not yet solved.
         """
         start, m, w = self._modes.copy(), self._modes, self._work
-        found = settle()
+        found = settle(None)
         if not self.gears.size or (
             found == Found.SOLVED and not (thorough and self._slipping(start))
         ):
@@ -63,22 +70,27 @@ class LockingGears:
         wedged = self._wedged(start.at_rest)[:_MOST]
         choices = sorted(product((0, _OTHERWISE, _FALLS), repeat=len(wedged)),
                          key=lambda each: (each.count(_FALLS), sum(each)))  # fmt: skip
-        for choice in choices[1:]:
-            if choice.count(_FALLS) >= fewest:
+        for slipping, choice in product(range(min(fewest, len(m.stuck) + 1)), choices[1:]):
+            others = slipping - choice.count(_FALLS)
+            if slipping >= fewest or reach.left <= 0:
                 break
+            if others < 0:
+                continue
             m.take(start)
             w.gear_way[:], w.delivered[:] = lines
             for d, how in zip(wedged, choice, strict=True):
                 self._wedge(d, how)
             couple()
-            other, slipping = settle(), self._slipping(start)
+            other = settle(others)
             falls = [self._coordinate[d] for d, how in zip(wedged, choice, strict=True)
                      if how == _FALLS]  # fmt: skip
             slips = bool((m.direction[falls] * m.rate[falls] >= 0.0).all())
-            if other == Found.SOLVED and slips and slipping < fewest:
-                fewest = slipping
+            if other == Found.SOLVED and slips and self._slipping(start) < fewest:
+                fewest = self._slipping(start)
                 best = other, m.copy(), w.gear_way.copy(), w.delivered.copy()
         found, modes, w.gear_way[:], w.delivered[:] = best
+        if found == Found.NONE and reach.left <= 0:
+            found = Found.UNDECIDED
         m.take(modes)
         m.at_rest[self._coordinate[self.gears]] = False  # decided: lines that fall are followed
         couple()

@@ -62,7 +62,7 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
-from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, follow, outcome, search
+from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Reach, follow, outcome, search
 from pinfric.model.closure import RANK, close, guesses
 from pinfric.model.compiled import KernelArgument, compile_for, compiling, is_ready
 from pinfric.model.drives import gear_jam
@@ -469,23 +469,28 @@ class Workspace:
     ) -> Found:
         """Search the modes of what is at rest; see `friction/search.py`."""
 
-        def attempt() -> Found:
+        reach = Reach()
+
+        def attempt(slipping: int | None) -> Found:
             delivered = self.work.delivered.copy()
+            reach.slipping = slipping
             found = search(
                 self.problem, self.modes, self.mechanism, forced, held,
-                lambda: self._settle(delivered),
+                lambda: self._settle(delivered), reach,
             )  # fmt: skip
             if found == Found.SOLVED and self.closed:
                 self._leave_dead_centres()
             return found
 
-        return self._hold_or_slip(attempt, thorough=True)
+        return self._hold_or_slip(attempt, reach, thorough=True)
 
-    def _hold_or_slip(self, attempt: Callable[[], Found], thorough: bool) -> Found:
+    def _hold_or_slip(
+        self, attempt: Callable[[int | None], Found], reach: Reach, thorough: bool
+    ) -> Found:
         """Search, with self-locking gears in every way: `LockingGears.search`."""
         if not self._geared:
-            return attempt()
-        found, again = self._locking.search(attempt, self._couple, thorough)
+            return attempt(None)
+        found, again = self._locking.search(attempt, self._couple, reach, thorough)
         return outcome(*self._settle()) if again else found
 
     def _settle(self, delivered: np.ndarray | None = None) -> tuple[int, int]:
@@ -553,9 +558,12 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        return self._hold_or_slip(self._search_step, thorough=False)
+        reach = Reach()
+        return self._hold_or_slip(
+            lambda slipping: self._search_step(reach, slipping), reach, thorough=False
+        )
 
-    def _search_step(self) -> Found:
+    def _search_step(self, reach: Reach, slipping: int | None) -> Found:
         m, dry = self.modes, self.modes.at_rest.copy()
         start, delivered = m.copy(), self.work.delivered.copy()
 
@@ -568,7 +576,8 @@ class Workspace:
             m.stuck[dry], m.direction[dry] = True, 0.0
             found = follow(self.problem, m, self.mechanism, settle=solved)
         if found != Found.SOLVED and int(dry.sum()) <= MOST_ENUMERATED:
-            return search(self.problem, m, self.mechanism, settle=solved)
+            reach.slipping = slipping
+            return search(self.problem, m, self.mechanism, settle=solved, reach=reach)
         return found
 
     @property

@@ -39,13 +39,26 @@ _CHANGES, _FOR_EACH = 60, 20
 _TURNED, _NEARLY, _FARTHER = 1e-8, 0.03, 30.0
 
 
+@dataclass
+class Reach:
+    """How far searches go that belong together.
+
+    Attributes:
+        left: passes.
+        slipping: only modes are tried in which so many joints slip from rest; None: all.
+    """
+
+    left: int = MOST_PASSES
+    slipping: int | None = None
+
+
 class _Query:
     """A search: what is asked, how given modes are solved, and how many passes are left.
 
     Attributes:
         problem, modes, mechanism: see `search`.
         settle: solves the modes as they are, as `rest.solve` does.
-        left: passes.
+        reach: passes that are left, and how many joints may slip.
         every: whether all solutions of given modes are wanted, where there may be several.
     """
 
@@ -56,17 +69,20 @@ class _Query:
         mechanism: Mechanism,
         settle: Callable[[], tuple[int, int]] | None,
         every: bool,
+        reach: Reach | None = None,
     ) -> None:
         self.every = every
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
         self.settle = settle or (lambda: solve(problem, modes, mechanism))
-        self.left = MOST_PASSES
+        self.reach = reach or Reach()
 
     def solve(self) -> tuple[int, int]:
         """Solve the modes as they are; see `rest.solve`."""
         found = self.settle()
         shared = np.isnan(self.modes.figures[0])
-        self.left -= max(3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1)
+        self.reach.left -= max(
+            3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1
+        )
         if self.every and self.modes.figures[0] >= 1.0:
             return self._all(found)
         return found
@@ -76,7 +92,7 @@ class _Query:
         modes, problem = self.modes, self.problem
         kept = modes.copy()
         solutions, parts = find_all(problem, modes)
-        self.left -= abs(parts)
+        self.reach.left -= abs(parts)
         if parts < 0 or len(solutions) <= found[0]:
             return found
         obeying = 0
@@ -97,6 +113,7 @@ def search(
     forced: Mapping[int, float] | None = None,
     held: np.ndarray | None = None,
     settle: Callable[[], tuple[int, int]] | None = None,
+    reach: Reach | None = None,
 ) -> Found:
     """Find the modes of the coordinates at rest; those that move keep theirs.
 
@@ -111,8 +128,9 @@ def search(
             slipping joints, the one that lets all of these stick on.
         settle: solves the modes as they are, in place of `rest.solve`: where the problem follows
             the modes, as with gears.
+        reach: how far the search goes; it counts the passes taken.
     """
-    query = _Query(problem, modes, mechanism, settle, every=True)
+    query = _Query(problem, modes, mechanism, settle, every=True, reach=reach)
     together = mechanism.is_dependent(modes.at_rest)
     passing = modes.at_rest & mechanism.idle
     if together:
@@ -122,7 +140,7 @@ def search(
     at_rest = modes.at_rest.copy()
     for _ in range(3):
         if together and not mechanism.is_dependent(at_rest):
-            found = search(problem, modes, mechanism, forced, held, settle)
+            found = search(problem, modes, mechanism, forced, held, settle, query.reach)
         else:
             found = _search_open(query, dict(forced or {}), held)
         if (modes.direction[passing] * modes.rate[passing] >= 0.0).all():
@@ -150,9 +168,10 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
         return _follow(query, set(forced))
     found = _enumerate(query, forced, held)
     if found == Found.UNDECIDED:
-        query.left = MOST_PASSES
+        query.reach.left = MOST_PASSES
         _stick(modes, mechanism, forced)
         found = _follow(query, set(forced))
+        query.reach.left = 0
         return found if found == Found.SOLVED else Found.UNDECIDED
     if together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
         # which way it breaks away was a first guess: a slow joint may rub along with the motion
@@ -185,10 +204,13 @@ def _enumerate(
     status = Found.NONE
     others = [c for c in mechanism.joints(modes.at_rest) if c not in forced]
     kinematics = Kinematics(query.problem, mechanism, modes.at_rest.copy())
-    for level in range(fewest, len(others) + 1):
+    levels = range(fewest, len(others) + 1)
+    if query.reach.slipping is not None:
+        levels = range(max(fewest, query.reach.slipping - len(forced)), len(others) + 1)[:1]
+    for level in levels:
         consistent: list[Modes] = []
         for ways in kinematics.ways(others, level, forced):
-            if query.left <= 0:
+            if query.reach.left <= 0:
                 return Found.UNDECIDED
             _stick(modes, mechanism, {**forced, **ways})
             solutions, obeying = _settle(query)
@@ -292,7 +314,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
     problem, modes, mechanism = query.problem, query.modes, query.mechanism
     all_at_once = _Patience(len(modes.stuck) + 1)
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
-        if query.left <= 0:
+        if query.reach.left <= 0:
             return Found.UNDECIDED
         solutions, obeying = query.solve()
         if solutions <= 0:
