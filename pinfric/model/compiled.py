@@ -7,8 +7,8 @@ import os
 import pickle
 import sys
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
@@ -39,8 +39,23 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def at_once(made: Any, *arguments: Any) -> Any:
     """Call a kernel compiled, which with few numbers it need not be: it may run for long."""
-    made.compile(tuple(typeof(argument) for argument in arguments))
+    compile_for(made, *arguments)
     return made(*arguments)
+
+
+def compile_for(made: Any, *arguments: Any) -> None:
+    """Compile a kernel for arguments like these, without a call."""
+    made.compile(tuple(typeof(argument) for argument in arguments))
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Within, kernels are compiled at their first call, however few numbers they get."""
+    CLOCK.hurried += 1
+    try:
+        yield
+    finally:
+        CLOCK.hurried -= 1
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -77,13 +92,13 @@ def _compiled(
 
     vars(made)["get_call_template"] = template_of_types
     if waits:
-        compile_for = made._compile_for_args  # type: ignore[attr-defined]
+        compiled_for = made._compile_for_args  # type: ignore[attr-defined]
 
         def first_call(*arguments: Any) -> Any:
             """What is to be called with arguments of types that nothing is compiled for."""
             if is_small(arguments) and not is_ready(made, arguments):
-                return interpreted(made, compile_for)
-            return compile_for(*arguments)
+                return interpreted(made, compiled_for)
+            return compiled_for(*arguments)
 
         vars(made)["_compile_for_args"] = first_call
     return made
@@ -93,9 +108,11 @@ def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
     """Whether a kernel need not be interpreted: it is compiled, or kept, or patience is over."""
     if CLOCK.is_over():
         return True
-    if made not in _MISSING:
+    if made.overloads or made not in _MISSING:
         types_ = tuple(typeof(argument) for argument in arguments)
-        if types_ in made.overloads or made._cache.is_kept(types_, made.targetctx):
+        if types_ in made.overloads:
+            return True
+        if made not in _MISSING and made._cache.is_kept(types_, made.targetctx):
             return True
         _MISSING.add(made)
     return False

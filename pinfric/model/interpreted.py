@@ -12,7 +12,7 @@ from __future__ import annotations
 import atexit
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import FunctionType
@@ -28,10 +28,16 @@ _FEW = 2000
 
 
 class _Clock:
-    """The time (s) spent interpreting: here, and before, as a file in numba's cache says."""
+    """The time (s) spent interpreting: here, and before, as a file in numba's cache says.
+
+    Attributes:
+        here: in this process.
+        hurried: while it is above 0, nobody waits: see `compiled.compiling`.
+    """
 
     def __init__(self) -> None:
         self.here, self._before, self._file = 0.0, -1.0, Path()
+        self.hurried = 0
 
     def keep_in(self, folder: str) -> None:
         """Keep the time in a folder, where one is."""
@@ -39,6 +45,8 @@ class _Clock:
 
     def is_over(self) -> bool:
         """Whether enough was interpreted."""
+        if self.hurried:
+            return True
         if self._before < 0.0:
             self._before = self._read()
         return self.here + self._before >= PATIENCE
@@ -66,7 +74,9 @@ class _Clock:
 
 
 CLOCK = _Clock()
-_PLAIN: dict[str, dict[str, Any]] = {}
+#: Each kernel as a Python function; each module's names, such functions in place of kernels.
+_PLAIN: dict[Any, FunctionType] = {}
+_NAMES: dict[str, dict[str, Any]] = {}
 
 
 def is_small(arguments: tuple[Any, ...]) -> bool:
@@ -88,15 +98,19 @@ def interpreted(
     Args:
         kernel: what numba made of it.
         otherwise: compiles the kernel for arguments and returns what to call: where Python's
-            numbers overflow or are divided by zero and NumPy's are not.
+            numbers overflow or are divided by zero and NumPy's are not. The arrays are given back
+            as they were before: a kernel may have written half of its results, or added to them.
     """
 
     def run(*arguments: Any) -> Any:
         start = time.process_time()
+        before = [(array, array.copy()) for array in arrays_in(arguments) if array.flags.writeable]
         try:
             with np.errstate(all="ignore"):
                 return plain(kernel)(*arguments)
         except (ZeroDivisionError, OverflowError):
+            for array, content in before:
+                array[...] = content
             return otherwise(*arguments)(*arguments)
         finally:
             CLOCK.add(time.process_time() - start)
@@ -104,26 +118,32 @@ def interpreted(
     return run
 
 
-def plain(kernel: Any) -> Callable[..., Any]:
+def arrays_in(arguments: tuple[Any, ...]) -> Iterator[np.ndarray]:
+    """Yield every array among a kernel's arguments, those in tuples, too."""
+    for argument in arguments:
+        if isinstance(argument, np.ndarray):
+            yield argument
+        elif isinstance(argument, tuple):
+            yield from arrays_in(argument)
+
+
+def plain(kernel: Any) -> FunctionType:
     """Return the Python function of a kernel, whose callees are Python functions, too."""
-    function = kernel.py_func
-    made: Callable[..., Any] = _plain_names(function.__globals__)[function.__name__]
-    return made
+    if kernel not in _PLAIN:
+        function = kernel.py_func
+        _PLAIN[kernel] = FunctionType(
+            function.__code__, _plain_names(function.__globals__), function.__name__,
+            function.__defaults__, function.__closure__,
+        )  # fmt: skip
+    return _PLAIN[kernel]
 
 
 def _plain_names(names: dict[str, Any]) -> dict[str, Any]:
-    """A module's names with functions in place of kernels."""
+    """A module's names with functions in place of kernels, whatever name a kernel has there."""
     module = names["__name__"]
-    if module not in _PLAIN:
-        _PLAIN[module] = here = dict(names)
+    if module not in _NAMES:
+        _NAMES[module] = here = dict(names)
         for name, value in names.items():
             if isinstance(value, Dispatcher):
-                function = value.py_func
-                there = function.__globals__
-                if there is names:
-                    here[name] = FunctionType(
-                        function.__code__, here, function.__name__, function.__defaults__
-                    )
-                else:
-                    here[name] = _plain_names(there)[function.__name__]
-    return _PLAIN[module]
+                here[name] = plain(value)
+    return _NAMES[module]

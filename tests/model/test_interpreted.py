@@ -7,12 +7,17 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+import pinfric as pf
+from pinfric.dynamics.solver import make_sample, rub
+from pinfric.dynamics.workspace import Workspace
 from pinfric.model import interpreted
-from pinfric.model.compiled import kernel
+from pinfric.model.compiled import compiling, kernel
 
 ROOT = Path(__file__).parents[2]
 
@@ -35,6 +40,35 @@ def power(x, y):
     return x**y
 
 
+def make_scaling(factor):
+    """A kernel that stands nowhere under the name of its function, and reads an outer variable."""
+
+    @kernel
+    def scale(x):
+        return factor * x
+
+    return scale
+
+
+tripled = make_scaling(3.0)
+
+
+@kernel
+def triple_and_square(x):
+    return inner(tripled(x))
+
+
+class Sums(NamedTuple):
+    total: np.ndarray
+    count: np.ndarray
+
+
+@kernel
+def add_reciprocal(x, sums):
+    sums.count[0] += 1
+    sums.total[0] += 1.0 / x
+
+
 @pytest.fixture
 def patient(monkeypatch):
     """A clock of its own that has all its patience, and kernels that nothing holds."""
@@ -42,7 +76,8 @@ def patient(monkeypatch):
     for module in ("pinfric.model.compiled", "pinfric.model.interpreted"):
         monkeypatch.setattr(f"{module}.CLOCK", clock)
     monkeypatch.setattr(interpreted, "PATIENCE", 20.0)
-    monkeypatch.setattr("pinfric.model.compiled._MISSING", {inner, sum_of_squares, power})
+    kernels = {inner, sum_of_squares, power, tripled, triple_and_square, add_reciprocal}
+    monkeypatch.setattr("pinfric.model.compiled._MISSING", kernels)
     return clock
 
 
@@ -58,6 +93,51 @@ def test_few_numbers_are_interpreted_and_many_compiled(patient):
 def test_what_overflows_in_python_is_compiled(patient):
     assert power(10.0, 400.0) == np.inf
     assert len(power.overloads) == 1
+
+
+def test_a_kernel_is_interpreted_whatever_name_it_has_in_its_module(patient):
+    """As the kernels that box records have: all are called `box` in another module."""
+    for _ in range(2):
+        assert triple_and_square(2.0) == 36.0
+    assert triple_and_square.overloads == tripled.overloads == {}
+
+
+def test_what_is_compiled_in_the_middle_starts_from_the_arrays_as_they_were(patient):
+    """Counted before the division by zero: interpreted and then compiled it would count twice."""
+    sums = Sums(np.array([1.0]), np.zeros(1, dtype=np.int64))
+    add_reciprocal(2.0, sums)
+    assert (sums.total[0], sums.count[0]) == (1.5, 1)
+    assert not add_reciprocal.overloads
+    add_reciprocal(0.0, sums)
+    assert (sums.total[0], sums.count[0]) == (np.inf, 2)
+    assert len(add_reciprocal.overloads) == 1
+
+
+def test_within_compiling_few_numbers_are_compiled_too(patient):
+    with compiling():
+        assert triple_and_square(2.0) == 36.0
+    assert len(triple_and_square.overloads) == 1
+    assert patient.here == 0.0
+    assert triple_and_square(1.0) == 9.0  # and stays so
+    assert patient.here == 0.0
+
+
+@pytest.mark.parametrize("name", ["three_link", "ur10_machine_tending"])
+def test_inverse_dynamics_of_one_state_can_be_interpreted(name):
+    """Its module holds kernels that box records; friction and gears as the equations say."""
+    scene = pf.load_scene(name)
+    x = make_sample(Workspace(scene))
+    rng = np.random.default_rng(4)
+    x.q[:], x.v[:], x.a[:] = rng.normal(size=(3, scene.model.nv))
+    supplier = Workspace(scene).supplier
+    supplier.balance(x.q, x.v[0], x.a[0])
+    x.force[:], x.h[:] = supplier.supply.force, supplier.supply.h
+    assert interpreted.plain(rub)(x)
+    rnea = pin.rnea(scene.model, scene.twin().model.createData(), x.q, x.v[0], x.a[0])
+    np.testing.assert_allclose(x.effort_frictionless[0], rnea, rtol=1e-9, atol=1e-9)
+    lost = (x.effort_lower[0] - x.effort_frictionless[0]) @ x.v[0]
+    np.testing.assert_allclose(lost, -(x.friction_lower[0] @ x.velocity[0]), rtol=1e-12)
+    assert lost > 0.0
 
 
 def test_patience_ends_and_is_remembered(patient, tmp_path, monkeypatch):
