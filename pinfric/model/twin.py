@@ -110,12 +110,12 @@ class Twin:
         return self.pools[key]
 
     def joint_forces(self) -> tuple[pin.Data, list[np.ndarray]]:
-        """Return the robot's data and views of its `data.f`, one (6,) array per joint."""
-        if "data" not in self.pools:
+        """Return this thread's data and views of its `data.f`, one (6,) array per joint."""
+        key = "forces", threading.get_ident()
+        if key not in self.pools:
             data = self.model.createData()
-            views = [data.f[j].vector for j in range(1, self.model.njoints)]
-            self.pools["data"] = data, views
-        return self.pools["data"]
+            self.pools[key] = data, [data.f[j].vector for j in range(1, self.model.njoints)]
+        return self.pools[key]
 
     def poses(self) -> tuple[pin.Data, list[np.ndarray], list[np.ndarray]]:
         """Return this thread's data and views of its `data.oMi`: (3,) and (3, 3) of each joint."""

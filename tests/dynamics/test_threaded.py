@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+import threading
+
 import numba
 import numpy as np
+import pinocchio as pin
 import pytest
 from builders import random_friction, random_states, random_tree
 
 import pinfric as pf
 from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.threaded import team
+from pinfric.model.twin import LARGEST
 
 EVERYTHING = ("effort_lower", "effort_upper", "effort_frictionless", "normal_load", "wrench",
               "friction_lower", "friction_upper", "sticking", "reversal")  # fmt: skip
@@ -58,3 +63,36 @@ def test_a_team_leaves_numbas_threads_as_they_were():
     with pytest.raises(ZeroDivisionError), team(2):
         raise ZeroDivisionError
     assert numba.get_num_threads() == before
+
+
+def test_python_threads_share_a_scene_that_is_too_large_to_open():
+    """Each has Pinocchio's data of its own: they take turns between any two lines of Python."""
+    scene = pf.Scene(model=random_tree(5, LARGEST + 10))
+    motions = [random_states(scene.model, seed, 300) for seed in range(2)]
+    right = [np.array([data_f(scene.model, *state) for state in zip(*motion, strict=True)])
+             for motion in motions]  # fmt: skip
+    found: dict[int, np.ndarray] = {}
+
+    def work(n):
+        found[n] = np.array([pf.joint_wrenches(scene, *motions[n], threads=1) for _ in range(4)])
+
+    threads = [threading.Thread(target=work, args=(n,)) for n in range(2)]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+    for n in range(2):
+        for wrenches in found[n]:
+            np.testing.assert_allclose(wrenches, right[n], atol=1e-9)
+
+
+def data_f(model, q, v, a):
+    """Wrenches of one state by data of its own."""
+    data = model.createData()
+    pin.rnea(model, data, q, v, a)
+    return np.array([force.vector for force in data.f[1:]])
