@@ -65,7 +65,8 @@ def inverse_dynamics(
         t: (T,) times in s, which make the samples one motion: for reversals, stick intervals and
             time-weighted figures. None: states without order.
         attached: (T, np) which payloads are carried; columns as `scene.payloads`.
-        threads: of Pinocchio; None chooses by the number of samples.
+        threads: of Pinocchio; None chooses by the number of samples. One in a process that was
+            forked after its parent had used several: OpenMP would end it.
         chunks: return an iterator of results of this many samples each, for motions whose result
             would not fit in memory; a time at rest that goes on into the next result is a stick
             interval of both.

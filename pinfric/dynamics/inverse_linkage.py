@@ -22,11 +22,11 @@ from pinfric.dynamics.reactions import (
     Batch,
     check_roll_moments,
     constant_payloads,
-    threads_for,
 )
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.states import States
+from pinfric.dynamics.threaded import threads_for
 from pinfric.dynamics.undriven import check_undriven
 from pinfric.model.couples import drive_rates
 from pinfric.model.scene import Scene

@@ -25,12 +25,11 @@ from pinfric.dynamics.reactions import (
     generalized_effort,
     reactions,
     relieve,
-    threads_for,
 )
 from pinfric.dynamics.result import InverseResult
 from pinfric.dynamics.reversals import reversals
 from pinfric.dynamics.states import States
-from pinfric.dynamics.threaded import efforts_in_parts, friction_in_parts, team
+from pinfric.dynamics.threaded import efforts_in_parts, friction_in_parts, team, threads_for
 from pinfric.dynamics.undriven import check_undriven, narrow_friction
 from pinfric.errors import StateError
 from pinfric.model.bearings import normal_loads

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.states import States
-from pinfric.dynamics.threaded import embed_in_parts, team
+from pinfric.dynamics.threaded import embed_in_parts, team, threads_for
 from pinfric.errors import RollMomentError, SceneError, StateError, choose_from
-from pinfric.model.arrays import real_numbers, whole_number
+from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import tree_tables
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
@@ -22,8 +21,6 @@ from pinfric.model.twin import Twin, embed, project, transmit
 CHUNK = 512
 #: The same where several threads wait for each other: fewer and longer batches.
 _SHARED_CHUNK = 1024
-#: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
-_FEW = 4096
 
 
 @dataclass(frozen=True)
@@ -183,14 +180,6 @@ def _frame(scene: Scene, name: str) -> pin.Frame:
         return pin.Frame(name, model.getJointId(name), pin.SE3.Identity(), pin.FrameType.JOINT)
     names = [frame.name for frame in model.frames] + list(model.names)[1:]
     raise SceneError(f"external: there is no frame {name!r}; {choose_from(name, names)}")
-
-
-def threads_for(samples: int, threads: int | None) -> int:
-    """Choose Pinocchio's threads: one for small batches, all cores but one for large ones."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    if threads is None:
-        return 1 if samples < _FEW else max(1, (cores or 1) - 1)
-    return min(whole_number("threads", threads), cores or 1)
 
 
 def constant_payloads(

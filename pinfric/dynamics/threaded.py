@@ -3,10 +3,14 @@
 Pinocchio's batch holds Python's lock, so threads of Python could not share a motion. numba's loops
 run in the same OpenMP as Pinocchio's and find its threads waiting. Each sample is computed as on
 one thread: results are the same to the last bit.
+
+OpenMP's threads do not survive a fork: a child that asks for several is ended by it, or waits for
+ever. So a process that was forked after its parent had used several works on one.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -14,10 +18,45 @@ import numba
 import numpy as np
 
 from pinfric.dynamics.motion_kernels import effort_bounds, mark_reversals
+from pinfric.model.arrays import whole_number
 from pinfric.model.bearings import Contacts, normal_loads
 from pinfric.model.compiled import parallel_kernel
 from pinfric.model.laws import Laws, friction_bounds
 from pinfric.model.twin import Embedding, embed, project
+
+#: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
+_FEW = 4096
+
+
+class _Threads:
+    """Whether OpenMP has threads, and of which process.
+
+    Attributes:
+        owner: the process that began them; None: none yet.
+    """
+
+    owner: int | None = None
+
+    def allowed(self, wanted: int) -> int:
+        """Return how many threads this process may use, at most as many as are wanted."""
+        if wanted > 1 and self.owner is None:
+            self.owner = os.getpid()
+        return wanted if self.owner in (None, os.getpid()) else 1
+
+
+_THREADS = _Threads()
+
+
+def threads_for(samples: int, threads: int | None) -> int:
+    """Choose Pinocchio's threads: one for small batches, all cores but one for large ones.
+
+    One in a process that was forked after its parent had used several.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    cores = cores or 1
+    if threads is None:
+        return _THREADS.allowed(1 if samples < _FEW else max(1, cores - 1))
+    return _THREADS.allowed(min(whole_number("threads", threads), cores))
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 import threading
 
@@ -96,3 +98,27 @@ def data_f(model, q, v, a):
     data = model.createData()
     pin.rnea(model, data, q, v, a)
     return np.array([force.vector for force in data.f[1:]])
+
+
+FORKED = """
+import os, sys
+import numpy as np
+import pinfric as pf
+scene = pf.load_scene("three_link")
+q, v, a = np.random.default_rng(0).normal(size=(3, 9, 3))
+for threads in (1, 2):
+    whole = pf.inverse_dynamics(scene, q, v, a, threads=threads)
+    child = os.fork()
+    if child == 0:
+        found = pf.inverse_dynamics(scene, q, v, a, threads=2)
+        os._exit(0 if (found.effort_lower == whole.effort_lower).all() else 1)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="threads need cores")
+def test_a_forked_process_is_not_ended_by_the_threads_of_its_parent():
+    """OpenMP ends a child that asks for threads which its parent has had: it gets one."""
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True,
+                          check=True, timeout=60)  # fmt: skip
+    assert done.stdout.split() == ["0", "0"], done.stderr
