@@ -50,11 +50,9 @@ class Integration:
 
     def ends(self) -> Iterator[float]:
         """Yield the ends (s) of the pieces that have no breakpoint inside, each as it begins."""
-        breaks, start, last = self.system.effort.breakpoints, 0.0, self.settings.t_end
-        for end in [*breaks[(breaks > 0.0) & (breaks < last)].tolist(), last]:
-            self.system.within(start, end, end in breaks)
-            yield end
-            start = end
+        for piece in self.system.pieces(self.settings.t_end):
+            self.system.within(*piece)
+            yield piece[1]
 
     def state(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return q (nq,), v (nv,)."""

@@ -22,7 +22,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import Shown, counted, file_name, listed, screen
 from pinfric.model.closure import velocity_names
 from pinfric.model.coordinates import motion_columns
-from pinfric.model.drives import write_motor_torques
+from pinfric.model.drives import loses, write_motor_torques
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 
@@ -33,6 +33,8 @@ FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 FORMAT = 1
 #: So often a step of integration is halved towards a bend.
 _MOST_HALVES = 16
+#: Efforts this small beside a drive's largest have no sign.
+_ROUNDING = 1e-12
 #: Arrays of a motion that go into its file as they are.
 ARRAYS = ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load", "phase_t",
           "phase_modes")  # fmt: skip
@@ -353,8 +355,10 @@ class Dense:
         half = (end - start) / 2
         part = self.sample(motion, start + half * (1 + nodes))
         if motion.motor_torque is not None and depth < _MOST_HALVES:
-            positive = part.effort > 0.0
-            if (positive.any(axis=0) & ~positive.all(axis=0)).any():
+            lossy = loses(scene_gears(motion.scene))
+            either = np.minimum(part.effort.max(axis=0), -part.effort.min(axis=0))
+            size = np.abs(motion.effort).max(axis=0, initial=0.0)
+            if (either > _ROUNDING * size)[lossy].any():
                 middle, deeper = start + half, depth + 1
                 return self._integral(motion, start, middle, deeper) + self._integral(
                     motion, middle, end, deeper

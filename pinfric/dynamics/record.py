@@ -179,6 +179,8 @@ class Recorder:
         if not self.steps:
             return None
         steps, system, nv = self.steps, self.system, self.system.ws.nv
+        pieces = system.pieces(self.step_t[-1])
+        starts = np.array([start for start, _, _ in pieces])
 
         def at(step: int, t: float) -> tuple[np.ndarray, np.ndarray]:
             polynomial, chart, system.ws.standing = steps[step]
@@ -188,6 +190,7 @@ class Recorder:
         def solve(t: float, q: np.ndarray, v: np.ndarray) -> Row:
             phase = np.clip(phase_t.searchsorted(t, side="right") - 1, 0, len(phase_modes) - 1)
             system.ws.set_modes(phase_modes[phase])
+            system.within(*pieces[max(int(starts.searchsorted(t, side="right")) - 1, 0)])
             q, v = system.ws.obey(q, v)
             system.solve_given_modes(t, q, v)
             return self.row(t, q, v)

@@ -135,6 +135,17 @@ class System:
         margin = 1e-12 * max(1.0, end)
         self._window = start + margin if start > 0.0 else 0.0, end - margin if jumps else np.inf
 
+    def pieces(self, last: float) -> list[tuple[float, float, bool]]:
+        """Return start, end (s) of the pieces up to `last` that have no breakpoint inside.
+
+        The third says whether a breakpoint ends it, as `within` asks.
+        """
+        breaks = self.effort.breakpoints
+        ends = [*breaks[(breaks > 0.0) & (breaks < last)].tolist(), last]
+        starts = [0.0, *ends[:-1]]
+        return [(start, end, bool(end in breaks))
+                for start, end in zip(starts, ends, strict=True)]  # fmt: skip
+
     def efforts(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return what drives are given (na,) at one state, see `u`.
 

@@ -11,7 +11,7 @@ from builders import block, plane_friction, random_states, random_tree
 
 import pinfric as pf
 from pinfric.dynamics.crossing import first_crossing
-from pinfric.dynamics.motion import mechanical_energy
+from pinfric.dynamics.motion import Dense, mechanical_energy
 from pinfric.errors import SimulationError, StateError
 
 G = 9.81
@@ -278,6 +278,75 @@ def test_dense_sampling_agrees_with_the_samples():
             coarse.sample(bad)
     with pytest.raises(StateError, match="timestepping"):
         swing("timestepping").sample([1.0])
+
+
+def test_efforts_between_samples_are_those_of_their_own_piece():
+    """A sine with breakpoints that change nothing: sampled anywhere, the sine; and no energy lost.
+
+    At a breakpoint the function is asked beside it, on the side that the samples are on.
+    """
+    breaks = [0.3, 0.5, 1.0]
+    scene = pf.Scene(model=block())
+    motion = pf.simulate(scene, [0.0], [0.0], lambda t, q, v: [np.sin(10 * t)], 1.0,
+                         breakpoints=breaks)  # fmt: skip
+    t = np.linspace(0.0, 1.0, 101)
+    sampled = motion.sample(t)
+    np.testing.assert_allclose(sampled.effort[:, 0], np.sin(10 * t), atol=1e-10)
+    mass = scene.model.inertias[1].mass
+    velocity = (1 - np.cos(10 * t)) / (10 * mass)
+    np.testing.assert_allclose(sampled.v[:, 0], velocity, atol=1e-9)
+    energy = motion.energy()
+    assert energy.work == pytest.approx(0.5 * mass * velocity[-1] ** 2, rel=1e-8)
+    assert abs(energy.residual) < 1e-9 * abs(energy.work)
+    step = pf.simulate(
+        scene, [0.0], [0.0], lambda t, q, v: [float(t > 0.5)], 1.0, breakpoints=[0.5]
+    )
+    assert step.sample([0.25, 0.5, 0.75]).effort[:, 0].tolist() == [0.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize(("efficiency", "parts", "left"), [(1.0, 1, 1e-9), (0.8, 40, 1e-4)])
+def test_energy_halves_steps_where_a_lossy_gears_effort_changes_its_sign(
+    efficiency, parts, left, monkeypatch
+):
+    """An ideal gear loses nothing on either side: there is nothing to look for."""
+    drive = {
+        "joint": "slide",
+        "transmission": {
+            "ratio": 10.0,
+            "efficiency": efficiency,
+            "back_efficiency": 2 - 1 / efficiency,
+        },
+    }
+    scene = pf.Scene(model=block(), actuators=[drive])
+    motion = pf.simulate(scene, [0.0], [1.0], t_end=1.0,
+                         motor_torque={"slide": lambda t: 0.01 * np.sin(10 * t)})  # fmt: skip
+    asked = []
+    sample = Dense.sample
+    monkeypatch.setattr(Dense, "sample", lambda *of: asked.append(of) or sample(*of))
+    energy = motion.energy()
+    assert abs(energy.residual) < left * abs(energy.work)
+    steps = len(motion.dense.t) - 1
+    assert steps <= len(asked) <= parts * steps
+
+
+def test_energy_ends_where_a_gears_effort_is_rounding(monkeypatch):
+    """Noise around zero changes its sign in every part of a step."""
+    drive = {
+        "joint": "slide",
+        "transmission": {"ratio": 10.0, "efficiency": 0.8, "back_efficiency": 0.75},
+    }
+    scene = pf.Scene(model=block(), actuators=[drive])
+    motion = pf.simulate(scene, [0.0], [1.0], t_end=0.1, motor_torque=[0.01])
+    sample, rng, asked = Dense.sample, np.random.default_rng(0), []
+
+    def noisy(self, motion, times):
+        asked.append(times)
+        assert len(asked) < 1000
+        part = sample(self, motion, times)
+        return replace(part, effort=1e-17 * rng.normal(size=part.effort.shape))
+
+    monkeypatch.setattr(Dense, "sample", noisy)
+    motion.energy()
 
 
 def test_energy_of_every_method():
