@@ -7,7 +7,7 @@ import math
 import os
 import warnings
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,8 @@ from pinfric.model.yamlfile import brief, brief_path
 
 #: An eigenvalue of the mass matrix below zero by this part of the largest is rounding.
 _ROUNDING = 1e-12
+#: Poses at which a robot with negative moments of inertia is looked at, and as many near the worst.
+_POSES = 300
 
 
 #: What a bundled robot's name begins with.
@@ -148,20 +150,55 @@ def _build(
 
 
 def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
-    """Refuse a robot that could gain speed from nothing: v^T M v / 2 < 0 for some v.
+    """Refuse a robot that could gain speed from nothing: v^T M v / 2 < 0 for some q, v.
 
-    Links with negative moments of inertia are let through where others make up for them.
+    Where every body's moments are positive, M is at every pose. Links with negative moments are let
+    through where others make up for them at all poses that a search within the ranges tries.
     """
-    M = pin.crba(model, model.createData(), pin.neutral(model))
-    values, vectors = np.linalg.eigh(np.triu(M) + np.triu(M, 1).T)
-    if values[0] < -_ROUNDING * np.abs(values).max():
-        column = int(np.abs(vectors[:, 0]).argmax())
+    data = model.createData()
+
+    def least(q: np.ndarray) -> tuple[float, np.ndarray]:
+        M = pin.crba(model, data, q)
+        values, vectors = np.linalg.eigh(np.triu(M) + np.triu(M, 1).T)
+        return float(values[0] / max(np.abs(values).max(), 1e-300)), vectors[:, 0]
+
+    worst = pin.neutral(model)
+    moments = [np.linalg.eigvalsh(inertia.inertia) for inertia in model.inertias]
+    if any(J[0] < -_ROUNDING * np.abs(J).max() for J in moments):
+        worst = _worst_pose(model, lambda q: least(q)[0])
+    value, vector = least(worst)
+    if value < -_ROUNDING:
+        column = int(np.abs(vector).argmax())
         joint = next(n for n, j in zip(model.names, model.joints, strict=True)
                      if j.idx_v <= column < j.idx_v + j.nv)  # fmt: skip
         raise RobotError(
-            f"{urdf}: what joint {joint!r} moves has a negative kinetic energy, so no motion "
-            "follows from any effort; correct the <inertia> of its links"
+            f"{urdf}: what joint {joint!r} moves has a negative kinetic energy at "
+            f"q = {np.array2string(worst, precision=3, separator=', ', max_line_width=10_000)}, so "
+            "no motion follows from any effort; correct the <inertia> of its links"
         )
+
+
+def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.ndarray:
+    """Return the pose (nq,) of the least value among random ones within the joints' ranges.
+
+    Of the best of them, smaller and smaller changes are tried.
+    """
+    rng, neutral = np.random.default_rng(0), pin.neutral(model)
+    lower, upper = np.maximum(model.lowerPositionLimit, -1e3), np.minimum(
+        model.upperPositionLimit, 1e3)  # fmt: skip
+    single = [j.idx_q for j in model.joints if j.nq == 1]
+
+    def pose(start: np.ndarray, change: np.ndarray) -> np.ndarray:
+        q = np.asarray(pin.integrate(model, start, change))
+        q[single] = np.clip(q[single], lower[single], upper[single])
+        return q
+
+    tried = [neutral, *(pose(neutral, rng.uniform(-np.pi, np.pi, model.nv)) for _ in range(_POSES))]
+    worst = min(tried, key=value)
+    for size in np.geomspace(1.0, 1e-3, _POSES):
+        other = pose(worst, size * rng.normal(size=model.nv))
+        worst = min(worst, other, key=value)
+    return worst
 
 
 def with_followers(locked: Mapping[str, float], followers: Mapping[str, Mimic]) -> dict[str, float]:

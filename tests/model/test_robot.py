@@ -85,6 +85,33 @@ def test_what_no_robot_can_be_is_refused(tmp_path, parts, says):
     assert "\n" not in str(caught.value)
 
 
+def two_links(tmp_path, first, second, upper):
+    """Joint 1 about z, joint 2 about x at the same place; moments of the links."""
+    hinge = joint("j2", "arm", "hand", axis="1 0 0")
+    hinge = hinge.replace('lower="-1" upper="1"', f'lower="-0.5" upper="{upper}"')
+    links = link("arm", inertia=first), link("hand", inertia=second)
+    return urdf(tmp_path, *links, joint("j1"), hinge)
+
+
+@pytest.mark.parametrize(
+    ("own", "upper", "loads"),
+    [(0.1, 2.0, False), (0.1, 0.5, True), (0.39, 1.6, False), (0.41, 1.6, True)],
+)
+def test_kinetic_energy_is_positive_at_every_pose_within_the_ranges(tmp_path, own, upper, loads):
+    """M_11 = own + 0.5 cos^2 q2 - 0.4 sin^2 q2, M_22 = 0.5: below 0 where tan^2 q2 is large."""
+    moment = 'ixx="0.5" iyy="-0.4" izz="0.5"'
+    second = f'<inertia {moment} ixy="0" ixz="0" iyz="0"/>'
+    first = f'<inertia ixx="{own}" iyy="{own}" izz="{own}" ixy="0" ixz="0" iyz="0"/>'
+    file = two_links(tmp_path, first, second, upper)
+    if loads:
+        with pytest.warns(PinfricWarning, match="one is negative"):
+            assert read_robot(file, {}).model.nv == 2
+        return
+    says = "'j1' moves has a negative kinetic energy at q = "
+    with pytest.warns(PinfricWarning), pytest.raises(RobotError, match=says):
+        read_robot(file, {})
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [("<robot", "not well-formed"), ("", "robot.urdf: is empty"),
