@@ -12,7 +12,7 @@ from pinfric.dynamics.result import InverseResult
 from pinfric.model.effects import MOTOR_SIDE, Effect, effects, uncoupled, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.random_states import random_states
-from pinfric.study.summary import ends_by_magnitude
+from pinfric.study.summary import ends_by_magnitude, known_rms
 from pinfric.study.timing import interleaved, repeated_times, timed_repeats
 from pinfric.study.trajectory.trajectory import Trajectory
 from pinfric.study.variants import (
@@ -42,7 +42,7 @@ class Explained:
         peak_change: change of the largest effort magnitude of any drive through the effect,
             in the drive's unit, of the drive where the change is largest; NaN as `cost_us`. Of
             coupling: against one pass with the loads that there are without friction.
-        rms_change: the same of the RMS.
+        rms_change: the same of the RMS, over time.
         drive: that drive's name; empty where the effect is off.
         motor_side: True where the change is of motor torques (a transmission changes nothing at
             the joint).
@@ -138,9 +138,9 @@ def _gear_losses(scene: Scene, motion: _Motion, whole: InverseResult) -> tuple[G
     worst, _ = ends_by_magnitude(here.motor_lower, here.motor_upper)
     lossy = [drive.transmission != ideal.transmission
              for drive, ideal in zip(scene.drives, unloaded.drives, strict=True)]  # fmt: skip
+    size = known_rms(here.t, worst)
     return tuple(
-        GearLoss(drive.name, float(peaks[d]), float(rms[d]),
-                 float(np.sqrt(np.nanmean(worst[:, d] ** 2))))
+        GearLoss(drive.name, float(peaks[d]), float(rms[d]), float(size[d]))
         for d, drive in enumerate(scene.drives) if lossy[d]
     )  # fmt: skip
 

@@ -158,6 +158,24 @@ def rms(t: np.ndarray, x: np.ndarray) -> float:
     return largest * float(np.sqrt(integral(t, part * part) / (t[-1] - t[0])))
 
 
+def known_rms(t: np.ndarray | None, x: np.ndarray) -> np.ndarray:
+    """Return sqrt(1/T int x^2 dt) of each column over the time at whose both ends it is known.
+
+    Args:
+        t: (T,) increasing, s; None: states without order, of which each counts alike.
+        x: (T, n), NaN where it is not known.
+    """
+    square = x**2
+    if t is None or len(t) < 2:
+        return np.asarray(np.sqrt(np.nanmean(square, axis=0)))
+    step = np.diff(t)[:, None]
+    both = square[1:] + square[:-1]
+    known = ~np.isnan(both)
+    total = np.where(known, step * both, 0.0).sum(axis=0) / 2
+    time = np.where(known, step, 0.0).sum(axis=0)
+    return np.asarray(np.sqrt(total / np.where(time > 0.0, time, np.nan)))
+
+
 def integral(t: np.ndarray, x: np.ndarray) -> float:
     """Return int x dt by the trapezoidal rule: as NumPy's, which takes any axis and twice as long.
 

@@ -15,7 +15,7 @@ from pinfric.model.effects import with_effects
 from pinfric.model.friction_terms import CoulombFriction, LoadFriction
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Friction
-from pinfric.study.summary import ends_by_magnitude
+from pinfric.study.summary import ends_by_magnitude, known_rms
 
 #: A coefficient so small that the load it reports is that without friction.
 _HARDLY = 1e-9
@@ -23,17 +23,21 @@ _HARDLY = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Efforts:
-    """(T, na) ends of the efforts at the joints and at the motors' shafts."""
+    """(T, na) ends of the efforts at the joints and at the motors' shafts.
+
+    t: (T,) times in s, or None: states without order.
+    """
 
     lower: np.ndarray
     upper: np.ndarray
     motor_lower: np.ndarray
     motor_upper: np.ndarray
+    t: np.ndarray | None
 
     @classmethod
     def of(cls, r: InverseResult) -> Efforts:
         """Return the efforts of a result."""
-        return cls(r.effort_lower, r.effort_upper, r.motor_torque_lower, r.motor_torque_upper)
+        return cls(r.effort_lower, r.effort_upper, r.motor_torque_lower, r.motor_torque_upper, r.t)
 
 
 def solve(scene: Scene, motion: MotionLike) -> InverseResult:
@@ -100,7 +104,7 @@ def one_pass(radial: Scene, motion: MotionLike) -> Efforts:
         alone = solve(with_constant_friction(radial, {name: 1.0}), motion)
         unit = 0.5 * (alone.effort_lower + alone.effort_upper) - plain.effort_lower
         efforts += unit * mu.kinetic * loads[:, s : s + 1]
-    return Efforts(efforts, efforts, efforts, efforts)
+    return Efforts(efforts, efforts, efforts, efforts, plain.t)
 
 
 def effort_change(
@@ -119,5 +123,5 @@ def effort_changes(here: Efforts, below: Efforts, motor: bool) -> tuple[np.ndarr
         for e in (here, below)
     ]
     peaks = [np.nanmax(np.abs(w), axis=0) for w in worst]
-    rms = [np.sqrt(np.nanmean(w**2, axis=0)) for w in worst]
+    rms = [known_rms(e.t, w) for e, w in zip((here, below), worst, strict=True)]
     return peaks[0] - peaks[1], rms[0] - rms[1]

@@ -12,6 +12,7 @@ from builders import block
 import pinfric as pf
 from pinfric.cli import main
 from pinfric.study.explain import explain
+from pinfric.study.summary import known_rms
 from pinfric.study.trajectory.trajectory import Trajectory
 
 
@@ -28,6 +29,22 @@ def test_changes_are_those_of_the_drive_by_hand():
     assert found["viscous"].drive == "slide"
     assert not found["load"].on
     assert np.isnan(found["load"].cost_us)
+
+
+def test_rms_is_over_time_not_over_samples():
+    """A second of motion in many samples, a slow minute in few; jams are left out of both."""
+    scene = pf.Scene(model=block(mass=2.0), friction={"slide": {"viscous": 2.0}})
+    t = np.concatenate([np.linspace(0.0, 1.0, 201), [1.1, 30.0, 61.0]])
+    v = np.where(t <= 1.0, 0.01, 0.5)
+    motion = Trajectory.from_arrays(scene, t, t[:, None], v[:, None], np.zeros((len(t), 1)))
+    found = {e.name: e for e in explain(scene, motion).effects}
+    over_time = np.sqrt(np.trapezoid((2.0 * v) ** 2, t) / 61.0)
+    assert over_time > 0.99
+    assert found["viscous"].rms_change == pytest.approx(over_time)
+    known = np.array([[1.0, 3.0], [1.0, np.nan], [2.0, 4.0], [2.0, 4.0]])
+    times = np.array([0.0, 1.0, 1.5, 9.5])
+    np.testing.assert_allclose(known_rms(times, known), [np.sqrt((1 + 1.25 + 32) / 9.5), 4.0])
+    np.testing.assert_allclose(known_rms(None, known), np.sqrt([10 / 4, 41 / 3]))
 
 
 def test_what_gears_lose_with_their_load_is_a_row_each():

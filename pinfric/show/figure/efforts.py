@@ -180,6 +180,8 @@ def largest(peaks: Sequence[float], units: Sequence[str], most: int) -> tuple[li
 def thinned(series: Sequence[np.ndarray], pieces: int = _PIECES) -> np.ndarray:
     """Return increasing indices that keep each series' least and greatest value piece by piece.
 
+    Where a piece holds NaN, its first is kept, too: the line has its gap.
+
     Args:
         series: arrays of equal shape (T,).
         pieces: number of equal pieces; up to 4 x pieces samples, all are kept.
@@ -193,8 +195,10 @@ def thinned(series: Sequence[np.ndarray], pieces: int = _PIECES) -> np.ndarray:
     for values in series:
         # the last piece is filled with its own last value, which changes no extreme
         filled = np.pad(values, (0, len(starts) * size - count), mode="edge").reshape(-1, size)
-        for extreme in (filled.argmin(axis=1), filled.argmax(axis=1)):
-            kept.append(np.minimum(starts + extreme, count - 1))
+        gap = np.isnan(filled)
+        low, high = np.where(gap, np.inf, filled), np.where(gap, -np.inf, filled)
+        for chosen in (low.argmin(axis=1), high.argmax(axis=1), gap.argmax(axis=1)):
+            kept.append(np.minimum(starts + chosen, count - 1))
     return np.unique(np.concatenate(kept))
 
 

@@ -17,6 +17,7 @@ from pinfric.dynamics.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
 from pinfric.model.effects import MOTOR_SIDE, effects, switchable, with_effects
 from pinfric.model.scene import Scene
+from pinfric.study.summary import known_rms
 from pinfric.study.timing import interleaved, repeated_times, timed_repeats
 from pinfric.study.variants import (
     Efforts,
@@ -157,9 +158,9 @@ def _timed(scene: Scene | None, motion: MotionLike, repeats: int) -> Callable[[]
 
 
 def _distance(whole: Efforts, here: Efforts) -> float:
-    """Share that is missing, RMS over both ends, mean over the drives."""
-    missing = (here.lower - whole.lower) ** 2 + (here.upper - whole.upper) ** 2
-    size = np.sqrt(np.nanmean(whole.lower**2 + whole.upper**2, axis=0))
+    """Share that is missing, RMS over both ends and time, mean over the drives."""
+    missing = np.hypot(here.lower - whole.lower, here.upper - whole.upper)
+    size = known_rms(whole.t, np.hypot(whole.lower, whole.upper))
     counts = size > 1e-9 * size.max(initial=0.0)
-    share = np.sqrt(np.nanmean(missing, axis=0))[counts] / size[counts]
+    share = known_rms(whole.t, missing)[counts] / size[counts]
     return float(share.mean()) if share.size else 0.0

@@ -167,6 +167,16 @@ def test_thinning_keeps_every_piece_and_its_extremes(count):
         assert (part_of.min(), part_of.max()) == (all_of.min(), all_of.max())
 
 
+@pytest.mark.parametrize("missing", [[5001], [5000, 5001, 5002, 5004], range(4990, 5003)])
+def test_thinning_keeps_a_peak_beside_what_is_missing_and_the_gap(missing):
+    x = np.zeros(10_000)
+    x[5003], x[5005] = 100.0, -50.0
+    x[list(missing)] = np.nan
+    drawn = x[thinned([x], 100)]
+    assert (np.nanmax(drawn), np.nanmin(drawn)) == (100.0, -50.0)
+    assert np.isnan(drawn).any()
+
+
 def test_long_motion_is_thinned_but_its_spike_and_its_stick_are_drawn():
     long = result(1, 100_001)
     long.effort_lower[77_777] = long.effort_upper[77_777] = 123.0
