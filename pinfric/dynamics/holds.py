@@ -12,8 +12,9 @@ from pinfric.dynamics.forward import drive_vector, one_of, vector
 from pinfric.dynamics.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import AccelerationError
+from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.consistency import evaluate
-from pinfric.friction.holding import Verdict, decide
+from pinfric.friction.holding import Verdict, can_move, decide
 from pinfric.model.scene import Scene
 
 #: A joint that needs this share of what the most used one needs is at its limit with it.
@@ -28,8 +29,12 @@ class StaticHold:
 
     Attributes:
         held: True, False, or None where neither could be shown.
-        use: the share of its static limit that the most used joint needs, least over all ways to
-            share friction among the joints; above 1 where nothing holds.
+        use: the share of its static limit that the most used joint needs, above 1 where nothing
+            holds: the least, to 1e-6, over all ways to share friction among the joints. Where
+            friction can wedge itself ever more of it may need ever less of its limits: then over
+            frictions up to 50 times the limits. It is the least found, and perhaps not the least,
+            where a contact force lies in no plane, or balls rest, or 2,000 nodes of the proof are
+            not enough.
         proved: whether `held` is proved: by the friction here where it is True, by branching where
             it is False. Not proved is only what friction might wedge beyond 50 times its limits.
         at_limit: names of the joints with friction, or with a gear alone, that need that share:
@@ -63,7 +68,8 @@ def holds(
 
     Wanted is a friction in equilibrium with effort, gravity and loops, |x_k| <= limit_k(x) at every
     joint: use = min over all of them of max |x_k| / limit_k. Limits follow the loads, which follow
-    friction, so this is decided by a search and, where it finds none, by a proof (`holding`).
+    friction, so this is decided by a search and, where it finds none, by a proof (`holding`). Each
+    joint is measured in its own limit, however far apart limits are; no unit of mass matters.
 
     Args:
         scene: the robot with its friction and drives.
@@ -132,7 +138,8 @@ def _decide(
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True)
     if not ws.mechanism.ball.any():
-        return decide(ws.problem, ws.mechanism.factor, dry)
+        resting = can_move(ws.mechanism.factor, dry)
+        return decide(ws.problem, ws.mechanism.factor, dry, _statics(ws, resting), least=True)
     # a ball's limit is a sphere: what holds is found as forward dynamics finds it, not proved
     try:
         ws.solve(q, np.zeros(ws.nv), effort, applied)
@@ -145,6 +152,39 @@ def _decide(
     friction = ws.modes.friction.copy()
     ws.assemble(q, np.zeros(ws.nv), effort, applied)
     return Verdict(True if held else None, use, friction, held)
+
+
+def _statics(ws: Workspace, resting: np.ndarray) -> Balance:
+    """What friction must balance where nothing moves, Z^T D^T x = Z^T (h - S u), Z all motions.
+
+    Without the mass matrix, through which a large effort blurs what a small limit must hold. Where
+    some freedoms Z B are not held at all, their inertia is part of it.
+    """
+    w, d = ws.work, int(ws.work.freedoms[0])
+    Z = w.Z[:, :d] if ws.closed else np.eye(ws.nv)
+    rows, need, terms = Z.T @ w.D[resting].T, -Z.T @ w.push, np.abs(Z.T) @ _terms(ws)
+    size = np.linalg.norm(rows, axis=0)
+    left, values, _ = np.linalg.svd(rows / size)
+    rank = int((values > RANK * values[:1]).sum())
+    if rank == d:
+        return Balance(rows, need, terms)
+    held, B = left[:, :rank].T, left[:, rank:]
+    M = Z.T @ w.M @ Z
+    need = need - M @ B @ np.linalg.solve(B.T @ M @ B, B.T @ need)
+    return Balance(held @ rows, held @ need, np.abs(held) @ terms)
+
+
+def _terms(ws: Workspace) -> np.ndarray:
+    """Size of the terms (nv,) that a joint's effort is the sum of (N m, N): what rounds it.
+
+    Of gravity at most |S_i^T I g| <= (M_ii m)^1/2 |g|, m what the joint carries.
+    """
+    model, carried = ws.twin.model, np.zeros(ws.nv)
+    for j, joint in enumerate(model.joints):
+        mass = sum(model.inertias[child].mass for child in model.subtrees[j])
+        carried[joint.idx_v : joint.idx_v + max(joint.nv, 1)] += mass if j else 0.0
+    weight = np.sqrt(np.diag(ws.work.M) * carried) * np.linalg.norm(model.gravity.linear)
+    return np.asarray(ws.work.size + weight)
 
 
 def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:

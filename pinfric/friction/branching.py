@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.friction.least_use import Rest, friction_and_limits
+from pinfric.friction.least_use import Rest, friction_and_limits, write_limit
 from pinfric.friction.minimax import least_violation
 from pinfric.model.compiled import at_once, kernel
 
-#: What is proved is that nothing holds with a use of 1 - _MARGIN; programs are exact to _EXACT.
-_MARGIN, _EXACT = 1e-9, 1e-12
+#: Programs are exact to so much.
+_EXACT = 1e-12
 #: Nodes that may wait.
 _MOST_WAITING = 4096
 #: Most proofs are over by then, only those that are not are worth compiling for; given up.
-_FEW_NODES, _MOST_NODES = 200, 40_000
+_FEW_NODES, MOST_NODES = 200, 40_000
 
 
 class Program(NamedTuple):
@@ -29,7 +29,8 @@ class Program(NamedTuple):
     Attributes:
         G, h, s: (4 n + 2 nf, dz), (4 n + 2 nf,) twice: limits, box, sides of sectors.
         bound: (nf, dz + 1): |p_i| <= bound[:dz] z + bound[dz].
-        scale: (n,) size of the limits. largest: of the contact forces.
+        scale: (n,) size of the limits.
+        target: the use that nodes are asked for. enough: the use that ends the search.
     """
 
     G: np.ndarray
@@ -37,21 +38,31 @@ class Program(NamedTuple):
     s: np.ndarray
     bound: np.ndarray
     scale: np.ndarray
-    largest: float
+    target: float
+    enough: float
 
 
-def prove(rest: Rest, z: np.ndarray) -> int:
-    """Find a z (dz,) that holds: 1; or prove that there is none: 0; or give up: -1."""
+def prove(rest: Rest, z: np.ndarray, use: float, margin: float, most_nodes: int) -> int:
+    """Find a z (dz,) with at most a use: 1; or prove that there is none: 0; or give up: -1.
+
+    Args:
+        rest: `Rest`, forces in planes.
+        z: overwritten.
+        use: that is looked for.
+        margin: what is proved is that none has less than use (1 - margin).
+        most_nodes: where to give up.
+    """
     n, dz = rest.N.shape
     rows, nf = 4 * n + 2 * len(rest.owner), len(rest.owner)
     above, below = np.empty(n), np.empty(n)
     friction_and_limits(rest, z, np.empty(n), above, below)
-    largest = float(np.linalg.norm(rest.force, axis=1).max(initial=1e-300))
+    scale = np.where(above < np.inf, np.where(below < np.inf, np.maximum(above, below), above),
+                     np.where(below < np.inf, below, 1.0))  # fmt: skip
     program = Program(np.empty((rows, dz)), np.empty(rows), np.empty(rows),
-                      np.empty((nf, dz + 1)), np.maximum(above, below), largest)  # fmt: skip
-    outcome = branch(rest, program, z, _FEW_NODES)
-    if outcome < 0:
-        outcome = at_once(branch, rest, program, z, _MOST_NODES)
+                      np.empty((nf, dz + 1)), scale, use * (1.0 - margin), use)  # fmt: skip
+    outcome = branch(rest, program, z, min(_FEW_NODES, most_nodes))
+    if outcome < 0 and most_nodes > _FEW_NODES:
+        outcome = at_once(branch, rest, program, z, most_nodes)
     return int(outcome)
 
 
@@ -112,26 +123,27 @@ def write_program(rest: Rest, program: Program, centre: np.ndarray, half: np.nda
     """
     n, dz = rest.N.shape
     G, h, s = program.G, program.h, program.s
-    target = 1.0 - _MARGIN
+    target = program.target
     for k in range(n):
         for side in range(2):
-            r, sign = 2 * k + side, 1.0 - 2.0 * side
-            s[r] = s[2 * n + r] = program.scale[k]
-            h[r] = sign * rest.x0[k] - target * (rest.above[k] if side == 0 else rest.below[k])
-            h[2 * n + r] = sign * rest.x0[k] - rest.box[k]
-            for j in range(dz):
-                G[r, j] = G[2 * n + r, j] = sign * rest.N[k, j]
+            r, limit = 2 * k + side, rest.above[k] if side == 0 else rest.below[k]
+            write_limit(rest, rest.x0, r, target, limit + rest.least[k], G, h, s)
+            if limit < np.inf:
+                s[r] = program.scale[k]
+            s[2 * n + r] = program.scale[k]
     rows, sides = 4 * n, np.empty((2, dz + 1))
     for i in range(half.size):
         line = program.bound[i]
         count = bound_force(rest, i, centre[i], half[i], line, sides)
         for side in range(2):
             r = 2 * rest.owner[i] + side
+            if (rest.above if side == 0 else rest.below)[rest.owner[i]] == np.inf:
+                continue
             h[r] -= target * rest.weight[i] * line[dz]
             for j in range(dz):
                 G[r, j] -= target * rest.weight[i] * line[j]
         for side in range(count):
-            s[rows], h[rows] = program.largest, sides[side, dz]
+            s[rows], h[rows] = 1.0, sides[side, dz]
             for j in range(dz):
                 G[rows, j] = sides[side, j]
             rows += 1
@@ -193,7 +205,7 @@ def branch(rest: Rest, program: Program, z: np.ndarray, most_nodes: int) -> int:
         rows = write_program(rest, program, centre, half)
         if least_violation(program.G, program.h, program.s, rows, reach, z) > _EXACT:
             continue
-        if friction_and_limits(rest, z, x, above, below) <= 1.0:
+        if friction_and_limits(rest, z, x, above, below) <= program.enough:
             return 1
         cut, angle = worst_bounded(rest, program, half, z)
         if cut < 0 or waiting + 4 > _MOST_WAITING:

@@ -7,6 +7,10 @@ At rest all is affine in the friction x of the coordinates that could move:
 The *use* of x is the largest |x_k| / limit_k. With the limits' tangents at hand, which lie below
 them, one linear program finds the x with the largest margin at the present use; its true use is
 smaller. So it falls, to a stationary point; where limits follow loads there may be several.
+
+Every friction is measured in its own limit, every contact force in its own size: limits of 1e-6 and
+1e6 N m beside each other, and the unit of mass, do not matter. A joint without limit has no row in
+the program.
 """
 
 from __future__ import annotations
@@ -15,17 +19,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.friction.balance import Balance, Shared
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Problem
 from pinfric.model.compiled import kernel
 
-#: Limits are not smaller than this many times the largest one: zero over zero has no use.
-_LEAST_LIMIT = 1e-9
-#: Descent ends where a program lowers the use by less than this (relative), or after so many.
-_STAYS, _PROGRAMS = 1e-9, 60
-#: Its longest step, so many times the friction that it starts from.
-_FAR = 1e6
+#: Friction is not known beyond this many times the terms that it balances; nor its unit, beyond
+#: this many times the terms that rates are the sum of.
+_NOISE, _LEAST_UNIT = 1e-12, 1e-15
+#: Descent ends where a program leaves more than this part of the use, or after so many.
+_STAYS, _PROGRAMS = 1.0 - 1e-9, 60
 #: Friction looked at is at most this many times the limits, where friction can wedge itself.
 _WEDGED = 50.0
 #: Singular values below this many times the largest are zero.
@@ -35,20 +39,27 @@ _FLAT = 1e-9
 class Rest(NamedTuple):
     """What rests, as numbers: n coordinates, dz of them free to share, nf contact forces.
 
+    Frictions and limits are in `unit`, contact forces in a unit of their own.
+
     Attributes:
+        unit: (n,) N m or N.
         x0: (n,) a friction in equilibrium. N: (n, dz) what may be added to it, x = x0 + N z.
-        above, below: (n,) constant part of the limits of x > 0 and of x < 0.
-        force, slope: (nf, 2), (nf, 2, dz): contact force p = force + slope z, in its plane.
+        above, below: (n,) constant part of the limits of x > 0 and of x < 0; inf: no limit.
+        least: (n,) limits are not smaller: rounding of the friction, which zero does not limit.
+        force, slope: (nf, 2), (nf, 2, dz): contact force p = force + slope z, in its plane; where
+            one of them lies in none (nf, 3), (nf, 3, dz).
         owner: (nf,) coordinate whose limit it is part of. weight: (nf,) mu of it.
         on_a_line: (nf,) bool, whether it has one direction and its opposite only.
         box: (n,) magnitude of x up to which is looked. reach: (dz,) what that means for z.
-        low, high: (nf, 2) what that means for the contact forces.
+        low, high: as `force`, what that means for the contact forces.
     """
 
+    unit: np.ndarray
     x0: np.ndarray
     N: np.ndarray
     above: np.ndarray
     below: np.ndarray
+    least: np.ndarray
     force: np.ndarray
     slope: np.ndarray
     owner: np.ndarray
@@ -60,70 +71,179 @@ class Rest(NamedTuple):
     high: np.ndarray
 
 
+class Limits(NamedTuple):
+    """Static limits of n coordinates by their friction, in N m and N.
+
+    Attributes:
+        above, below, owner, weight: see `Rest`.
+        free: (nf, 3) contact forces without friction. slope: (nf, 3, n) their change with it.
+    """
+
+    above: np.ndarray
+    below: np.ndarray
+    owner: np.ndarray
+    weight: np.ndarray
+    free: np.ndarray
+    slope: np.ndarray
+
+    @classmethod
+    def of(cls, problem: Problem, members: np.ndarray) -> Limits:
+        """Take the limits of some coordinates (n,)."""
+        number = np.full(len(problem.rate_free), -1)
+        number[members] = np.arange(len(members))
+        site = number[problem.coordinate]
+        size, ahead = np.abs(problem.ratio), problem.ratio > 0.0
+        coulomb = np.where(ahead[:, None], problem.coulomb_stick, problem.coulomb_stick[:, ::-1])
+        held = site >= 0
+        constant = size[held, None] * (
+            (problem.mu_stick * problem.constant)[held, None] + coulomb[held]
+        )
+        below, above = (np.bincount(site[held], constant[:, i], len(members)) for i in (0, 1))
+        weight = (size * problem.mu_stick)[problem.contact_site]
+        owner = site[problem.contact_site]
+        limited = np.isfinite(np.minimum(above, below))[owner]
+        counts = (weight > 0.0) & (owner >= 0) & limited
+        return cls(above, below, owner[counts].astype(np.int64), weight[counts],
+                   problem.contact_free[counts],
+                   problem.contact_slope[counts][:, members].transpose(0, 2, 1))  # fmt: skip
+
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """Return the larger of both limits (n,) at x (n,), or the one that is finite."""
+        load = self.weight * np.linalg.norm(self.free + self.slope @ x, axis=1)
+        higher, lower = np.maximum(self.above, self.below), np.minimum(self.above, self.below)
+        constant = np.where(np.isfinite(higher), higher, lower)
+        return np.asarray(np.bincount(self.owner, load, len(x)) + constant)
+
+
 def make_rest(
-    problem: Problem, resting: np.ndarray, A: np.ndarray, b: np.ndarray
-) -> tuple[Rest, bool, bool]:
-    """Arrays of the resting coordinates; whether all forces lie in planes; whether none wedges."""
-    number = np.full(len(problem.rate_free), -1)
-    number[resting] = np.arange(len(resting))
-    site = number[problem.coordinate]
-    size, ahead = np.abs(problem.ratio), problem.ratio > 0.0
-    coulomb = np.where(ahead[:, None], problem.coulomb_stick, problem.coulomb_stick[:, ::-1])
-    held = site >= 0
-    constant = size[held, None] * (
-        (problem.mu_stick * problem.constant)[held, None] + coulomb[held]
-    )
-    below, above = (np.bincount(site[held], constant[:, i], len(resting)) for i in (0, 1))
-    weight = (size * problem.mu_stick)[problem.contact_site]
-    counts = (weight > 0.0) & held[problem.contact_site]
-    owner = site[problem.contact_site][counts]
-    free, slope, weight = (
-        problem.contact_free[counts],
-        problem.contact_slope[counts],
-        weight[counts],
-    )
-    maps = np.concatenate([free[:, None], slope[:, resting]], axis=1).transpose(0, 2, 1)
-    left, values, _ = np.linalg.svd(maps, full_matrices=False)
-    values = np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
-    rank = (values > _FLAT * np.maximum(values[:, :1], 1e-300)).sum(axis=1)
-    plane = left[:, :, :2].transpose(0, 2, 1)
-    P = plane @ maps  # (nf, 2, 1 + n)
-    limit = np.bincount(owner, weight * np.linalg.norm(P[:, :, 0], axis=1), len(resting))
-    limit = limit + np.maximum(above, below)
-    x0, N = _equilibrium(A, b, np.maximum(limit, _LEAST_LIMIT * limit.max(initial=1e-300)))
-    C = np.zeros((len(resting), len(resting)))
-    np.add.at(C, owner, weight[:, None] * np.linalg.norm(P[:, :, 1:], axis=1))
-    certain = spectral_radius_bound(C, np.empty(len(C))) < 1.0 - 1e-3
-    box = np.linalg.solve(np.eye(len(C)) - C, limit) if certain else _WEDGED * limit
-    box = np.maximum(box, 0.0 if certain else 2.0 * np.abs(x0))
-    reach = np.abs(np.linalg.pinv(N)) @ (box + np.abs(x0))
-    P[rank <= 1, 1] = 0.0
-    force, slope = P[:, :, 0] + P[:, :, 1:] @ x0, P[:, :, 1:] @ N
-    around, spread = np.abs(P[:, :, 1:]) @ box, np.abs(slope) @ reach
+    problem: Problem, members: np.ndarray, balance: Balance
+) -> tuple[Rest, Rest, bool, bool]:
+    """Arrays of coordinates at rest; whether all forces lie in planes; whether none wedges.
+
+    Args:
+        problem: `Problem`.
+        members: (n,) the coordinates.
+        balance: what their friction balances.
+
+    Returns:
+        With a box beyond which no friction holds, if there is one; with one that is wide as well;
+        and both answers.
+    """
+    limits = Limits.of(problem, members)
+    unlimited = np.isinf(np.maximum(limits.above, limits.below))
+    slopes = np.diag(problem.rate_slope)[members]
+    natural = problem.rate_scale[members] / np.where(slopes > 0.0, slopes, np.inf)
+    shared, x, unit = _units(limits, balance, unlimited, natural)
+    free = shared.free
+    force, slope = limits.free + limits.slope @ x, limits.slope @ shared.N * unit[free]
+    axes, size, rank = _axes(force, slope)
+    box, certain, around = _box(limits, shared, unit, unlimited)
+    least = np.maximum(_NOISE * shared.noise / unit, _LEAST_UNIT)
+    uses = np.abs(x / unit)[~unlimited]
+    wide = np.maximum(box, max(_WEDGED, 2.0 * float(uses.max(initial=0.0))))
+    wide[shared.follows] = np.inf
+    narrow = np.where(unlimited, wide, box + least) if certain else wide
     rest = Rest(
-        x0=x0,
-        N=N,
-        above=above,
-        below=below,
-        force=np.ascontiguousarray(force),
-        slope=np.ascontiguousarray(slope),
-        owner=owner.astype(np.int64),
-        weight=weight,
+        unit=unit,
+        x0=x / unit,
+        N=np.ascontiguousarray(shared.N * (unit[free] / unit[:, None])),
+        above=limits.above / unit,
+        below=limits.below / unit,
+        least=least,
+        force=np.ascontiguousarray((axes @ force[:, :, None])[:, :, 0]),
+        slope=np.ascontiguousarray(axes @ slope),
+        owner=limits.owner,
+        weight=limits.weight * size / unit[limits.owner],
         on_a_line=rank <= 1,
+        box=wide,
+        reach=wide[free],
+        low=np.empty((len(size), axes.shape[1])),
+        high=np.empty((len(size), axes.shape[1])),
+    )
+    parts = axes @ around
+    return (_boxed(rest, narrow, free, parts), _boxed(rest, wide, free, parts),
+            axes.shape[1] == 2, certain)  # fmt: skip
+
+
+def _axes(force: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return axes (nf, 2 or 3, 3) of contact forces force + slope z, their sizes and ranks (nf,).
+
+    Two axes, over the size, where all forces lie in planes; the second one is zero on a line.
+    """
+    maps = np.concatenate([force[:, :, None], slope], axis=2)
+    size = np.linalg.norm(maps, axis=1).sum(axis=1)
+    size[size == 0.0] = 1.0
+    left, values, _ = np.linalg.svd(maps / size[:, None, None])
+    rank = (values > _FLAT * np.maximum(values[:, :1], 1e-300)).sum(axis=1)
+    axes = left.transpose(0, 2, 1) / size[:, None, None]
+    axes[rank <= 1, 1:] = axes[rank <= 2, 2:] = 0.0
+    return axes if (rank > 2).any() else axes[:, :2], size, rank
+
+
+def _units(
+    limits: Limits, balance: Balance, unlimited: np.ndarray, natural: np.ndarray
+) -> tuple[Shared, np.ndarray, np.ndarray]:
+    """Solve a balance; return a friction (n,), of the least sum of squared uses, and units (n,).
+
+    Args:
+        limits, balance: of n coordinates.
+        unlimited: (n,) bool, what has no limit, at least one way.
+        natural: (n,) friction of the size of all that accelerates.
+    """
+    x, start = np.zeros(len(natural)), None
+    for _ in range(2):
+        unit = limits.at(x)
+        endless = np.isinf(unit)
+        unit[endless] = np.maximum(np.abs(x), natural)[endless]
+        unit = np.maximum(unit, _NOISE * natural)
+        some = unit[unit > 0.0]
+        unit[unit == 0.0] = _NOISE * some.max() if some.size else 1.0
+        shared = balance.solve(unit, unlimited)
+        if start is None:
+            uses = shared.N / unit[:, None]
+            uses[unlimited] = 0.0
+            z = -np.linalg.lstsq(uses * unit[shared.free], shared.x0 / unit, rcond=None)[0]
+            start = shared.x0 + shared.N @ (unit[shared.free] * z)
+        x = shared.x0 + shared.N @ start[shared.free]
+    return shared, x, unit
+
+
+def _box(
+    limits: Limits, shared: Shared, unit: np.ndarray, unlimited: np.ndarray
+) -> tuple[np.ndarray, bool, np.ndarray]:
+    """Bound the frictions that hold, |x| <= limit(0) + C |x|; return whether that is a bound, too.
+
+    Returns:
+        (n,) the bound; whether there is one: whether friction cannot wedge itself; (nf, 3, 1 + n)
+        the contact forces by all frictions but those that follow from others.
+    """
+    n, endless = len(unit), unlimited & ~shared.follows
+    maps = np.concatenate([limits.free[:, :, None], limits.slope], axis=2)
+    maps = maps + limits.slope @ shared.follow
+    maps[:, :, 1:] *= np.where(shared.follows, 0.0, unit)
+    loads = limits.weight[:, None] * np.linalg.norm(maps, axis=1)  # (nf, 1 + n)
+    C = np.zeros((n, 1 + n))
+    np.add.at(C, limits.owner, loads / unit[limits.owner, None])
+    higher = np.where(unlimited, 0.0, np.maximum(limits.above, limits.below))
+    C[:, 0] += higher / unit
+    C[unlimited] = 0.0
+    certain = not C[:, 1:][:, endless].any()
+    certain = certain and spectral_radius_bound(C[:, 1:].copy(), np.empty(n)) < 1.0 - 1e-3
+    box = np.linalg.solve(np.eye(n) - C[:, 1:], C[:, 0]) if certain else np.zeros(n)
+    return box, bool(certain), maps
+
+
+def _boxed(rest: Rest, box: np.ndarray, free: np.ndarray, maps: np.ndarray) -> Rest:
+    """Look at frictions up to a box (n,) only; maps (nf, 2, 1 + n) are the contact forces by x."""
+    reach = box[free]
+    around = np.abs(maps[:, :, 1:]) @ np.where(np.isfinite(box), box, 0.0)
+    spread = np.abs(rest.slope) @ reach
+    return rest._replace(
         box=box,
         reach=reach,
-        low=np.maximum(P[:, :, 0] - around, force - spread),
-        high=np.minimum(P[:, :, 0] + around, force + spread),
+        low=np.maximum(maps[:, :, 0] - around, rest.force - spread),
+        high=np.minimum(maps[:, :, 0] + around, rest.force + spread),
     )
-    return rest, bool((rank <= 2).all()), bool(certain)
-
-
-def _equilibrium(A: np.ndarray, b: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The x of A x = b with the least sum of squared uses, and a basis of what keeps it there."""
-    _, _, right = np.linalg.svd(A * limit)
-    N = np.ascontiguousarray((right[len(b) :] * limit).T)
-    N /= np.linalg.norm(N, axis=0) if N.size else 1.0
-    return limit * np.linalg.lstsq(A * limit, b, rcond=None)[0], N
 
 
 @kernel
@@ -132,14 +252,13 @@ def friction_and_limits(
 ) -> float:
     """Write x (n,) and the limits of x > 0 and x < 0 (n,) at z (dz,); return the use."""
     n, dz = rest.N.shape
-    most = 0.0
     for k in range(n):
         x[k], above[k], below[k] = rest.x0[k], rest.above[k], rest.below[k]
         for j in range(dz):
             x[k] += rest.N[k, j] * z[j]
     for i in range(rest.owner.size):
         square = 0.0
-        for e in range(2):
+        for e in range(rest.force.shape[1]):
             p = rest.force[i, e]
             for j in range(dz):
                 p += rest.slope[i, e, j] * z[j]
@@ -147,66 +266,84 @@ def friction_and_limits(
         load = rest.weight[i] * np.sqrt(square)
         above[rest.owner[i]] += load
         below[rest.owner[i]] += load
-    for k in range(n):
-        most = max(most, above[k], below[k])
     use = 0.0
     for k in range(n):
-        above[k] = max(above[k], _LEAST_LIMIT * most)
-        below[k] = max(below[k], _LEAST_LIMIT * most)
-        if x[k] != 0.0:
-            limit = above[k] if x[k] > 0.0 else below[k]
-            use = max(use, abs(x[k]) / limit if limit > 0.0 else np.inf)
+        above[k] = max(above[k], rest.least[k])
+        below[k] = max(below[k], rest.least[k])
+        use = max(use, abs(x[k]) / (above[k] if x[k] > 0.0 else below[k]))
     return use
+
+
+@kernel
+def write_limit(
+    rest: Rest, x: np.ndarray, r: int, use: float, limit: float,
+    G: np.ndarray, h: np.ndarray, s: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the rows |x_k| - use limit <= m and |x_k| - box_k <= m of a linear program, one way.
+
+    Args:
+        rest: `Rest`.
+        x: (n,) friction from which z is counted.
+        r: the row of the limit, 2 k for x_k > 0, 2 k + 1 for x_k < 0; that of the box is 2 n below.
+        use: so much of the limit is looked for. limit: inf: there is none, the row says nothing.
+        G, h, s: (>= 4 n, dz), (>= 4 n,) twice: G z + h <= m s.
+    """
+    n, dz = rest.N.shape
+    k, sign = r // 2, 1.0 - 2.0 * (r % 2)
+    for part in range(2):
+        row, most = r + part * 2 * n, limit if part == 0 else rest.box[k]
+        s[row] = 1.0
+        h[row] = -2.0 * (1.0 + use)  # m is at least -use
+        if most < np.inf:
+            h[row] = sign * x[k] - (use * most if part == 0 else most)
+        for j in range(dz):
+            G[row, j] = sign * rest.N[k, j] if most < np.inf else 0.0
 
 
 @kernel
 def descend(rest: Rest, z: np.ndarray) -> float:
     """Lower the use from z on, one linear program a step; return it, and overwrite z (dz,).
 
-    Where friction can wedge itself the use may fall towards a friction without bound. Steps grow
-    with it, but so far only that what balances is not lost beside it in rounding.
+    Where friction can wedge itself the use may fall towards a friction without bound: it is looked
+    for in the box only.
     """
     n, dz = rest.N.shape
     x, above, below = np.empty(n), np.empty(n), np.empty(n)
     use = friction_and_limits(rest, z, x, above, below)
-    if dz == 0 or not use < np.inf:
+    if dz == 0 or use == 0.0:
         return use
-    G, h, s = np.empty((2 * n, dz)), np.empty(2 * n), np.empty(2 * n)
-    tangent, step, trial = np.empty((n, dz)), np.empty(dz), np.empty(dz)
-    farthest = np.inf
+    G, h, s = np.empty((4 * n, dz)), np.empty(4 * n), np.empty(4 * n)
+    trial, p = np.empty(dz), np.empty(rest.force.shape[1])
     for _ in range(_PROGRAMS):
-        for k in range(n):
-            for j in range(dz):
-                tangent[k, j] = 0.0
+        tangent, largest = np.zeros((n, dz)), 1.0
         for i in range(rest.owner.size):
-            px, py = rest.force[i, 0], rest.force[i, 1]
-            for j in range(dz):
-                px += rest.slope[i, 0, j] * z[j]
-                py += rest.slope[i, 1, j] * z[j]
-            size = np.sqrt(px * px + py * py)
-            if size > 0.0:  # a norm of zero has no tangent; zero is one of its subgradients
+            square = 0.0
+            for e in range(p.size):
+                p[e] = rest.force[i, e]
                 for j in range(dz):
-                    along = px * rest.slope[i, 0, j] + py * rest.slope[i, 1, j]
-                    tangent[rest.owner[i], j] += rest.weight[i] * along / size
-        largest = 0.0
+                    p[e] += rest.slope[i, e, j] * z[j]
+                square += p[e] * p[e]
+            if square > 0.0:  # a norm of zero has no tangent; zero is one of its subgradients
+                part = rest.weight[i] / np.sqrt(square)
+                for e in range(p.size):
+                    for j in range(dz):
+                        tangent[rest.owner[i], j] += part * p[e] * rest.slope[i, e, j]
         for k in range(n):
-            for side in range(2):
-                r, sign = 2 * k + side, 1.0 - 2.0 * side
-                limit = above[k] if side == 0 else below[k]
-                s[r] = limit
-                h[r] = sign * x[k] - use * limit
-                for j in range(dz):
-                    G[r, j] = sign * rest.N[k, j] - use * tangent[k, j]
-                largest = max(largest, limit * max(use, 1.0), abs(x[k]))
-        farthest = min(farthest, _FAR * largest)
-        least_violation(G, h, s, 2 * n, min(10.0 * largest, farthest), step)
+            largest = max(largest, abs(x[k]))
+            for r, limit in ((2 * k, above[k]), (2 * k + 1, below[k])):
+                write_limit(rest, x, r, use, limit, G, h, s)
+                if limit < np.inf:
+                    s[r] = limit
+                    for j in range(dz):
+                        G[r, j] -= use * tangent[k, j]
+        least_violation(G, h, s, 4 * n, 10.0 * largest, trial)
         for j in range(dz):
-            trial[j] = z[j] + step[j]
+            trial[j] += z[j]
         before, new = use, friction_and_limits(rest, trial, x, above, below)
         if new < before:
             use = new
             for j in range(dz):
                 z[j] = trial[j]
-        if not new < before * (1.0 - _STAYS):
+        if not new < before * _STAYS:
             break
     return use

@@ -162,7 +162,7 @@ def _hold_otherwise(step: _Shared) -> bool:
     modes, ball = step.modes, step.mechanism.ball
     if ball[modes.stuck].any() or step.gain.any() or step.offset.any():
         return False  # a ball's limit is a sphere; what slides has friction that loads decide
-    found = decide(step.problem, step.mechanism.factor, modes.stuck)
+    found = decide(step.given, step.mechanism.factor, modes.stuck)
     if found.held:
         modes.friction[:] = found.friction
         evaluate(step.problem, modes.friction, modes.load, modes.rate)
@@ -175,7 +175,8 @@ class _Shared:
     def __init__(
         self, problem: Problem, modes: Modes, mechanism: Mechanism, groups: list[Group]
     ) -> None:
-        self.problem, self.modes, self.mechanism = bounded(problem), modes, mechanism
+        self.given, self.problem = problem, bounded(problem)
+        self.modes, self.mechanism = modes, mechanism
         nc, ns = len(modes.stuck), len(problem.constant)
         self.gain, self.offset = np.empty(ns), np.empty(nc)
         slip_law(problem, modes.stuck, modes.direction, self.gain, self.offset)

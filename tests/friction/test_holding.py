@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction
 from cases import ball_tripod, resting_four_bar
+from friction.limits_apart import WORM, least_use, random_mechanism
 from mechanisms import (
     add_link,
     bar,
@@ -23,11 +22,11 @@ from scipy.optimize import linprog, minimize
 import pinfric as pf
 from pinfric.dynamics.workspace import Workspace
 from pinfric.errors import StateError
+from pinfric.friction.balance import Balance
 from pinfric.friction.branching import bound_force
 from pinfric.friction.holding import decide
 from pinfric.friction.least_use import descend, friction_and_limits, make_rest
 from pinfric.friction.minimax import least_violation
-from pinfric.friction.sharing import Group
 
 G = 9.81
 
@@ -241,6 +240,77 @@ def test_four_pins_of_one_freedom_are_used_alike_and_the_interval_ends_at_use_1(
         assert set(found.at_limit) == set(case.scene.site_names)
 
 
+@pytest.mark.parametrize("decades", [0, 3, 6, 9, 12])
+def test_a_small_limit_counts_beside_a_large_one(decades):
+    """A hoist with a self-locking gear and a pan do not touch: the pan needs 0.05 of 0.03 N m."""
+    model = grounded_model((0.0, 0.0, -G))
+    add_link(model, 0, pin.JointModelPZ(), shifted(0.0), "hoist", bar(10.0**decades, 0.3))
+    add_link(model, 0, pin.JointModelRZ(), shifted(2.0), "pan", bar(1.0, 0.1))
+    gears = {"hoist": WORM, "pan": {"ratio": 1.0}}
+    drives = [{"joint": name, "transmission": gear} for name, gear in gears.items()]
+    friction = {"pan": {"coulomb": {"static": 0.03, "kinetic": 0.03}}}
+    scene = pf.Scene(model=model, friction=friction, actuators=drives)
+    for need, held in ((0.05, False), (0.03 * (1 + 1e-9), False), (0.03 * (1 - 1e-9), True)):
+        found = pf.holds(scene, [0.0, 0.0], motor_torque=[0.0, need])
+        assert found.held is held
+        assert found.proved
+        assert found.use == pytest.approx(need / 0.03, rel=1e-12)
+        assert found.at_limit == ("pan",)
+
+
+def decided_like_the_judge(seed):
+    """Whether a random mechanism holds: pinfric's use is that of the exact program."""
+    case = random_mechanism(seed)
+    found = pf.holds(case.scene, case.q, motor_torque=case.effort)
+    least = least_use(case)
+    assert found.proved
+    assert found.held is (least <= 1.0)
+    assert found.use == pytest.approx(least, rel=1e-8, abs=1e-9)
+    return found.held
+
+
+def test_limits_over_twelve_decades_are_told_apart():
+    """Rings, arms and hoists in one scene, limits of 1e-6 to 1e6 and none; see `limits_apart`."""
+    assert {decided_like_the_judge(seed) for seed in range(12)} == {True, False}
+
+
+@pytest.mark.slow
+def test_limits_over_twelve_decades_are_told_apart_300_times():
+    held = [decided_like_the_judge(seed) for seed in range(300)]
+    assert 80 < sum(held) < 220
+
+
+@pytest.mark.filterwarnings("ignore:.*radius:pinfric.PinfricWarning")
+@pytest.mark.parametrize(("pins", "strong"), [(4, False), (5, True), (6, False)])
+def test_the_unit_of_mass_does_not_matter(pins, strong):
+    """All forces 2^-50 to 2^36 times as large: the same digits (powers of two round nothing)."""
+    rng = np.random.default_rng(pins)
+    scene, q = random_chain(rng, pins, strong)
+    balance, push = near_the_limit(rng, scene, q)
+    one = pf.holds(scene, q, balance + push)
+    for power in (-50, -37, -25, 25, 36):
+        model, unit = scene.model.copy(), 2.0**power
+        for j in range(1, model.njoints):
+            body = model.inertias[j]
+            model.inertias[j] = pin.Inertia(body.mass * unit, body.lever, body.inertia * unit)
+        found = pf.holds(scene.with_(model=model), q, (balance + push) * unit)
+        assert (found.held, found.proved, found.at_limit) == (one.held, one.proved, one.at_limit)
+        assert found.use == pytest.approx(one.use, rel=1e-12)
+        assert found.friction == pytest.approx(one.friction * unit, rel=1e-9)
+
+
+def test_use_is_the_least_where_a_search_ends_above_it():
+    """Two pins, one freedom, loads that fall before they rise: a grid finds the other valley."""
+    rng, better = np.random.default_rng(3), 0
+    for _ in range(60):
+        p, factor = two_that_share(rng, contact=3.0)
+        every = np.ones(2, dtype=bool)
+        found, least = decide(p, factor, every, least=True), grid_use(p, factor, (0.2, 1.0), 2001)
+        assert found.use <= least * (1 + 2e-6)
+        better += decide(p, factor, every).use > found.use * (1 + 1e-4)
+    assert better > 0
+
+
 def test_a_joint_without_friction_does_not_rest():
     """The crank rubs, the rest of a chain hangs free: it swings."""
     model = grounded_model()
@@ -302,8 +372,8 @@ def resting_six_bar(seed):
     ws.modes.stuck[:] = True
     ws.assemble(q, np.zeros(ws.nv), balance + push, None)
     every = np.arange(len(ws.problem.rate_free))
-    group = Group.of(ws.mechanism.factor, every)
-    return make_rest(ws.problem, every, group.rates, group.needs(ws.problem.rate_free)[0])[0], ws
+    balance = Balance.of_rates(ws.problem, ws.mechanism.factor, every)
+    return make_rest(ws.problem, every, balance)[0], ws
 
 
 def test_a_force_is_below_its_bound_wherever_it_points_into_its_sector():
@@ -341,12 +411,41 @@ def test_use_falls_to_where_no_friction_nearby_has_less(seed):
     z = start.copy()
     use = descend(rest, z)
     assert use == friction_and_limits(rest, z, *out) < friction_and_limits(rest, start, *out)
-    x = rest.x0 + rest.N @ z
+    x = rest.unit * (rest.x0 + rest.N @ z)
     rate = ws.problem.rate_free + ws.problem.rate_slope @ x
     assert np.abs(rate).max() < 1e-9 * ws.problem.rate_scale.max()  # in equilibrium
     for size in (1e-2, 1e-4):
-        for step in rng.normal(size=(200, dz)) * size * np.linalg.norm(x):
+        for step in rng.normal(size=(200, dz)) * size * np.linalg.norm(x / rest.unit):
             assert friction_and_limits(rest, z + step, *out) > use * (1 - 1e-8)
+
+
+def two_that_share(rng, contact=1.0):
+    """Problem and factor of two joints that share one freedom, and load each other in planes."""
+    ws = Workspace(four_bar()[0])
+    p = ws.problem._replace(
+        rate_free=np.zeros(2), rate_slope=np.zeros((2, 2)), rate_scale=np.ones(2),
+        contact_free=rng.normal(size=(2, 3)) * [1, 1, 0],
+        contact_slope=contact * rng.normal(size=(2, 2, 3)) * [1, 1, 0],
+        contact_site=np.arange(2), constant=np.zeros(2), coordinate=np.arange(2),
+        ratio=np.ones(2), mu_stick=rng.uniform(0.1, 0.6, 2), coulomb_stick=np.zeros((2, 2)),
+        mu_slip=np.zeros(2), coulomb_slip=np.zeros((2, 2)), drag=np.zeros(2),
+    )  # fmt: skip
+    factor = rng.normal(size=(1, 2))
+    p.rate_slope[:] = factor.T @ factor
+    p.rate_free[:] = factor[0] * rng.uniform(0.0, 1.5)
+    return p, factor
+
+
+def grid_use(p, factor, reaches, count=20001):
+    """The least use of two joints that share one freedom, along the line of equilibria."""
+    x0 = -np.linalg.lstsq(p.rate_slope, p.rate_free, rcond=1e-9)[0]
+    along, least = np.array([-factor[0, 1], factor[0, 0]]) / np.linalg.norm(factor), np.inf
+    for reach in reaches:
+        x = x0 + np.linspace(-reach, reach, count)[:, None] * along
+        force = p.contact_free + np.einsum("nc,tce->nte", x, p.contact_slope)
+        limit = p.mu_stick * np.linalg.norm(force, axis=2)
+        least = min(least, float((np.abs(x) / limit).max(axis=1).min()))
+    return least
 
 
 def test_the_verdict_is_that_of_a_grid():
@@ -354,27 +453,8 @@ def test_the_verdict_is_that_of_a_grid():
     rng = np.random.default_rng(0)
     seen = set()
     for _ in range(40):
-        ws = Workspace(four_bar()[0])
-        p = ws.problem._replace(
-            rate_free=np.zeros(2), rate_slope=np.zeros((2, 2)), rate_scale=np.ones(2),
-            contact_free=rng.normal(size=(2, 3)) * [1, 1, 0],
-            contact_slope=rng.normal(size=(2, 2, 3)) * [1, 1, 0],
-            contact_site=np.arange(2), constant=np.zeros(2), coordinate=np.arange(2),
-            ratio=np.ones(2), mu_stick=rng.uniform(0.1, 0.6, 2), coulomb_stick=np.zeros((2, 2)),
-            mu_slip=np.zeros(2), coulomb_slip=np.zeros((2, 2)), drag=np.zeros(2),
-        )  # fmt: skip
-        factor = rng.normal(size=(1, 2))
-        p.rate_slope[:] = factor.T @ factor
-        p.rate_free[:] = factor[0] * rng.uniform(0.0, 1.5)
-        answer = decide(p, factor, np.ones(2, dtype=bool))
-        x0 = -np.linalg.lstsq(p.rate_slope, p.rate_free, rcond=1e-9)[0]
-        along = np.array([-factor[0, 1], factor[0, 0]])
-        least = np.inf
-        for reach, count in itertools.product((1.0, 30.0), (20001,)):
-            x = x0 + np.linspace(-reach, reach, count)[:, None] * along
-            force = p.contact_free + np.einsum("nc,tce->nte", x, p.contact_slope)
-            limit = p.mu_stick * np.linalg.norm(force, axis=2)
-            least = min(least, float((np.abs(x) / limit).max(axis=1).min()))
+        p, factor = two_that_share(rng)
+        answer, least = decide(p, factor, np.ones(2, dtype=bool)), grid_use(p, factor, (1.0, 30.0))
         seen.add(answer.held)
         assert answer.held == (least <= 1.0) or abs(least - 1.0) < 1e-3
         if answer.held:

@@ -1,0 +1,136 @@
+"""The equilibrium of what rests, solved for the friction that its joints are free to share.
+
+    A x = b, so x = x_0 + N z
+
+Limits of joints may be decades apart: a hoist's gear holds 1e6 N m beside a hinge with 1e-6. So no
+sum is formed of which a small part matters: the joints with the largest limits take what is left
+(Gauss and Jordan with full pivoting, every column in its own unit), z is the friction of those with
+the smallest. A joint without limit comes first: it takes whatever is left.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.friction.problem import Problem
+
+#: Columns, or singular values, below this many times the largest are zero: geometry, not forces.
+RANK = 1e-9
+#: Rates that friction cannot take away are rounding below this many times the terms' size.
+_FITS = 1e-7
+
+
+class Shared(NamedTuple):
+    """The frictions in equilibrium, x = x_0 + N z.
+
+    Attributes:
+        x0: (n,), zero where `free`. N: (n, dz), one where `free`.
+        free: (dz,) int, the coordinates whose friction z is.
+        noise: (n,) size of the terms that x0 is the sum of; 0 where `free`.
+        follow: (n, 1 + n) x of the coordinates without limit by that of the others, as far as it
+            follows from it: follow[:, 0] + follow[:, 1:] x; zero rows for all others.
+        follows: (n,) bool, which those are.
+    """
+
+    x0: np.ndarray
+    N: np.ndarray
+    free: np.ndarray
+    noise: np.ndarray
+    follow: np.ndarray
+    follows: np.ndarray
+
+
+class Balance(NamedTuple):
+    """What friction x must balance, A x = b, each row in units of its own.
+
+    Attributes:
+        rows: (d, n) A, of rank d.
+        need: (d,) b.
+        terms: (d,) size of the terms that b is the sum of: what is small beside it is rounding.
+    """
+
+    rows: np.ndarray
+    need: np.ndarray
+    terms: np.ndarray
+
+    @classmethod
+    def of_rates(cls, problem: Problem, factor: np.ndarray, members: np.ndarray) -> Balance | None:
+        """Return what takes the rates of some coordinates away; None: no friction does.
+
+        Args:
+            problem: `Problem`.
+            factor: (d, nc) A of rate_slope = A^T A.
+            members: (n,) the coordinates; no zero columns of the factor.
+        """
+        size = np.linalg.norm(factor[:, members], axis=0)  # rates of one joint, in its own unit
+        _, values, right = np.linalg.svd(factor[:, members] / size, full_matrices=False)
+        rank = int((values > RANK * values[:1]).sum())
+        right, values = right[:rank], values[:rank, None]
+        rate, terms = problem.rate_free[members] / size, problem.rate_scale[members] / size
+        left = np.abs(rate - right.T @ (right @ rate))
+        if (left > _FITS * terms.max(initial=0.0) + 1e-300).any():
+            return None
+        inverse = right / values**2
+        return cls(right * size, -inverse @ rate, np.abs(inverse) @ terms)
+
+    def solve(self, unit: np.ndarray, unlimited: np.ndarray) -> Shared:
+        """Solve for the friction of the joints with the largest limits.
+
+        Args:
+            unit: (n,) size of each limit, N m or N, positive.
+            unlimited: (n,) bool, what has none, at least one way.
+        """
+        d, n = self.rows.shape
+        T = np.column_stack([self.rows, self.need, np.diag(self.terms)])
+        T /= _largest(T[:, :n])
+        rows, columns = list(range(d)), np.flatnonzero(unlimited).tolist()
+        geometry = 1.0 / _largest(T[:, :n].T)[:, 0]
+        first = _eliminate(T, rows, columns, geometry, RANK)
+        follow, follows = np.zeros((n, 1 + n)), np.zeros(n, dtype=bool)
+        for r, c in first:
+            follow[c, 0], follow[c, 1:], follows[c] = T[r, n], -T[r, :n], True
+            follow[c, 1 + c] = 0.0
+        limited = np.flatnonzero(~unlimited)
+        T[rows] /= _largest(T[rows][:, limited] * unit[limited])
+        pivots = first + _eliminate(T, rows, limited.tolist(), unit, 0.0)
+        free = np.setdiff1d(np.arange(n), [c for _, c in pivots])
+        x0, N, noise = np.zeros(n), np.zeros((n, len(free))), np.zeros(n)
+        N[free, np.arange(len(free))] = 1.0
+        for r, c in pivots:
+            x0[c], N[c], noise[c] = T[r, n], -T[r, free], np.abs(T[r, n + 1 :]).sum()
+        return Shared(x0, N, free, noise, follow, follows)
+
+
+def _largest(rows: np.ndarray) -> np.ndarray:
+    """Return the largest magnitude of each row (m, n), 1 where all are zero; (m, 1)."""
+    most = np.abs(rows).max(axis=1, initial=0.0, keepdims=True)
+    return np.where(most > 0.0, most, 1.0)
+
+
+def _eliminate(
+    T: np.ndarray, rows: list[int], columns: list[int], unit: np.ndarray, least: float
+) -> list[tuple[int, int]]:
+    """Bring a tableau to reduced echelon form in some columns; return its pivots (row, column).
+
+    Args:
+        T: (d, >= n), overwritten.
+        rows: which have no pivot yet; those that get one are taken out.
+        columns: which may get one.
+        unit: (n,) of the columns.
+        least: pivots up to this size, in these units, are zero.
+    """
+    pivots = []
+    while rows and columns:
+        size = np.abs(T[rows][:, columns]) * unit[columns]
+        i, j = np.unravel_index(int(size.argmax()), size.shape)
+        if not size[i, j] > least:
+            break
+        r, c = rows.pop(int(i)), columns.pop(int(j))
+        T[r] /= T[r, c]
+        others = np.arange(len(T)) != r
+        T[others] -= np.outer(T[others, c], T[r])
+        T[others, c] = 0.0
+        pivots.append((r, c))
+    return pivots
