@@ -29,12 +29,12 @@ class StaticHold:
 
     Attributes:
         held: True, False, or None where neither could be shown.
-        use: the share of its static limit that the most used joint needs, above 1 where nothing
-            holds: the least, to 1e-6, over all ways to share friction among the joints. Where
-            friction can wedge itself ever more of it may need ever less of its limits: then over
-            frictions up to 50 times the limits. It is the least found, and perhaps not the least,
-            where a contact force lies in no plane, or balls rest, or 2,000 nodes of the proof are
-            not enough.
+        use: the share of its static limit that the most used joint needs; above 1 where nothing
+            holds. It is the least, to 1e-6, over all ways to share friction among the joints.
+            Where friction can wedge itself, more friction may use a smaller share of its limits;
+            then it is the least over frictions up to 50 times the limits. Where a contact force
+            lies in no plane, or balls rest, or 2,000 nodes of the proof are not enough, it is the
+            least found, and a smaller one may exist.
         proved: whether `held` is proved: by the friction here where it is True, by branching where
             it is False. Not proved is only what friction might wedge beyond 50 times its limits.
         at_limit: names of the joints with friction, or with a gear alone, that need that share:
