@@ -25,6 +25,8 @@ from pinfric.model.drives import Gears, gear_drag, gear_line, gear_range, gear_s
 _ROUNDING = 1e-12
 #: So many times all forces no friction can be: a gear does not slip where it cannot.
 _NEVER = 1e9
+#: So many times all forces is a load on the outermost line of a gear.
+MUCH = 1e6
 #: Passes in which all gears change their lines, and after which none was found.
 FEW_PASSES, MOST_PASSES = 6, 100
 
@@ -216,7 +218,9 @@ def refit(machine: Machine, cautious: bool) -> int:
         if w.modes.stuck[c]:
             total += x[c]
             least, greatest = held(layout.gears, d, w.arriving[d], True, total)
-            fits = least == w.held[d, 0] and greatest == w.held[d, 1]
+            nearest = least == w.held[d, 0] and greatest == w.held[d, 1]
+            chosen = abs(w.delivered[d]) >= MUCH * w.push_size[0]  # the side is to be tried
+            fits = nearest or (chosen and w.modes.verdict[c] == 0)
         else:
             way = w.modes.direction[c]
             beyond = max(w.line[d, 0] - total, total - w.line[d, 1])

@@ -62,7 +62,14 @@ from pinfric.friction.minimax import least_violation
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
-from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES, Reach, follow, outcome, search
+from pinfric.friction.search import (
+    MOST_ENUMERATED,
+    MOST_PASSES,
+    Lines,
+    follow,
+    outcome,
+    search,
+)
 from pinfric.model.closure import RANK, close, guesses
 from pinfric.model.compiled import KernelArgument, compile_for, compiling, is_ready
 from pinfric.model.drives import gear_jam
@@ -468,43 +475,43 @@ class Workspace:
         self, forced: Mapping[int, float] | None = None, held: np.ndarray | None = None
     ) -> Found:
         """Search the modes of what is at rest; see `friction/search.py`."""
+        found = self._try_lines(
+            lambda lines: search(self.problem, self.modes, self.mechanism, forced, held, lines)
+        )
+        if found == Found.SOLVED and self.closed:
+            self._leave_dead_centres()
+        return found
 
-        reach = Reach()
-
-        def attempt(slipping: int | None) -> Found:
-            delivered = self.work.delivered.copy()
-            reach.slipping = slipping
-            found = search(
-                self.problem, self.modes, self.mechanism, forced, held,
-                lambda: self._settle(delivered), reach,
-            )  # fmt: skip
-            if found == Found.SOLVED and self.closed:
-                self._leave_dead_centres()
-            return found
-
-        return self._hold_or_slip(attempt, reach, thorough=True)
-
-    def _hold_or_slip(
-        self, attempt: Callable[[int | None], Found], reach: Reach, thorough: bool
-    ) -> Found:
-        """Search, with self-locking gears in every way: `LockingGears.search`."""
+    def _try_lines(self, attempt: Callable[[Lines | None], Found]) -> Found:
+        """Search with gears on the lines that fit: where not all modes are tried, in turn."""
         if not self._geared:
             return attempt(None)
-        found, again = self._locking.search(attempt, self._couple, reach, thorough)
-        return outcome(*self._settle()) if again else found
+        m, gears, delivered = self.modes, self._locking, self.work.delivered.copy()
+        if gears.gears.size:
+            self._couple()
+        start, found = m.copy(), attempt(self._lines(delivered))
+        if len(self.mechanism.joints(start.at_rest)) > MOST_ENUMERATED:
+            for loads in gears.let_fall(start, delivered):
+                if found in (Found.SOLVED, Found.UNDECIDED):
+                    break
+                found = attempt(self._lines(loads))
+                falls = start.at_rest & ~m.at_rest
+                if (m.direction[falls] * m.rate[falls] < 0.0).any():
+                    found = Found.NONE
+        gears.take_fallen()
+        return found
 
-    def _settle(self, delivered: np.ndarray | None = None) -> tuple[int, int]:
-        """Solve the modes as they are, every gear on the line that fits; see `rest.solve`.
+    def _lines(self, delivered: np.ndarray) -> Lines:
+        """What gears do while modes are sought; first they hold around loads (na,)."""
+        gears = self._locking
+        return Lines(lambda falls: gears.settle(self._settle, delivered, falls),
+                     gears.may_slip(), len(gears.gears))  # fmt: skip
 
-        Args:
-            delivered: (na,) the loads around which self-locking gears are asked first what they
-                hold; None: as they are.
-        """
+    def _settle(self) -> tuple[int, int]:
+        """Solve the modes as they are, every gear on the line that fits; see `rest.solve`."""
         if not self._geared:
             return solve(self.problem, self.modes, self.mechanism)
         q, v, effort, _, step = self._given
-        if delivered is not None:
-            self._locking.begin(delivered)
         if not self.closed:
             refused, found, obeying, _ = solve_instant(self._machine, q, v, effort, SETTLED, step)
             if refused:
@@ -558,26 +565,17 @@ class Workspace:
 
     def search_step(self) -> Found:
         """Search the modes at the end of a time step, from those in `modes`, else all of them."""
-        reach = Reach()
-        return self._hold_or_slip(
-            lambda slipping: self._search_step(reach, slipping), reach, thorough=False
-        )
+        return self._try_lines(self._search_step)
 
-    def _search_step(self, reach: Reach, slipping: int | None) -> Found:
-        m, dry = self.modes, self.modes.at_rest.copy()
-        start, delivered = m.copy(), self.work.delivered.copy()
-
-        def solved() -> tuple[int, int]:
-            return self._settle(delivered)
-
-        found = follow(self.problem, m, self.mechanism, settle=solved)
+    def _search_step(self, lines: Lines | None) -> Found:
+        p, m, mechanism, start = self.problem, self.modes, self.mechanism, self.modes.copy()
+        found = follow(p, m, mechanism, lines)
         if found != Found.SOLVED and self.closed:
             m.take(start)
-            m.stuck[dry], m.direction[dry] = True, 0.0
-            found = follow(self.problem, m, self.mechanism, settle=solved)
-        if found != Found.SOLVED and int(dry.sum()) <= MOST_ENUMERATED:
-            reach.slipping = slipping
-            return search(self.problem, m, self.mechanism, settle=solved, reach=reach)
+            m.stuck[m.at_rest], m.direction[m.at_rest] = True, 0.0
+            found = follow(p, m, mechanism, lines)
+        if found != Found.SOLVED and int(m.at_rest.sum()) <= MOST_ENUMERATED:
+            return search(p, m, mechanism, lines=lines)
         return found
 
     @property

@@ -39,17 +39,20 @@ _CHANGES, _FOR_EACH = 60, 20
 _TURNED, _NEARLY, _FARTHER = 1e-8, 0.03, 30.0
 
 
-@dataclass
-class Reach:
-    """How far searches go that belong together.
+@dataclass(frozen=True)
+class Lines:
+    """How a problem follows its modes where drives have gears.
 
     Attributes:
-        left: passes.
-        slipping: only modes are tried in which so many joints slip from rest; None: all.
+        settle: solves the modes as they are, as `rest.solve` does, with so many self-locking gears
+            on lines that fall.
+        may_slip: (2, nc) bool, whether coordinates may slip from rest forward, backward.
+        falls: how many gears may be on lines that fall.
     """
 
-    left: int = MOST_PASSES
-    slipping: int | None = None
+    settle: Callable[[int], tuple[int, int]]
+    may_slip: np.ndarray
+    falls: int
 
 
 class _Query:
@@ -57,8 +60,9 @@ class _Query:
 
     Attributes:
         problem, modes, mechanism: see `search`.
-        settle: solves the modes as they are, as `rest.solve` does.
-        reach: passes that are left, and how many joints may slip.
+        lines: what gears do; without gears all may slip, and modes are solved by `rest.solve`.
+        falls: how many gears are on lines that fall at present.
+        left: passes.
         every: whether all solutions of given modes are wanted, where there may be several.
     """
 
@@ -67,22 +71,27 @@ class _Query:
         problem: Problem,
         modes: Modes,
         mechanism: Mechanism,
-        settle: Callable[[], tuple[int, int]] | None,
+        lines: Lines | None,
         every: bool,
-        reach: Reach | None = None,
     ) -> None:
-        self.every = every
+        self.every, self.falls, self.left = every, 0, MOST_PASSES
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
-        self.settle = settle or (lambda: solve(problem, modes, mechanism))
-        self.reach = reach or Reach()
+        everywhere = np.ones((2, len(modes.stuck)), dtype=bool)
+        self.lines = lines or Lines(lambda _: solve(problem, modes, mechanism), everywhere, 0)
+
+    def may(self, ways: Mapping[int, float]) -> bool:
+        """Whether joints may slip in these ways: coordinate -> direction."""
+        return all(self.lines.may_slip[int(way < 0.0), c] for c, way in ways.items())
+
+    def settle(self) -> tuple[int, int]:
+        """Solve the modes as they are; see `rest.solve`."""
+        return self.lines.settle(self.falls)
 
     def solve(self) -> tuple[int, int]:
-        """Solve the modes as they are; see `rest.solve`."""
+        """Solve the modes as they are, all solutions of them if wanted; see `rest.solve`."""
         found = self.settle()
         shared = np.isnan(self.modes.figures[0])
-        self.reach.left -= max(
-            3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1
-        )
+        self.left -= max(3 * self.mechanism.closed, int(self.modes.figures[1]) if shared else 1)
         if self.every and self.modes.figures[0] >= 1.0:
             return self._all(found)
         return found
@@ -92,7 +101,7 @@ class _Query:
         modes, problem = self.modes, self.problem
         kept = modes.copy()
         solutions, parts = find_all(problem, modes)
-        self.reach.left -= abs(parts)
+        self.left -= abs(parts)
         if parts < 0 or len(solutions) <= found[0]:
             return found
         obeying = 0
@@ -112,8 +121,7 @@ def search(
     mechanism: Mechanism,
     forced: Mapping[int, float] | None = None,
     held: np.ndarray | None = None,
-    settle: Callable[[], tuple[int, int]] | None = None,
-    reach: Reach | None = None,
+    lines: Lines | None = None,
 ) -> Found:
     """Find the modes of the coordinates at rest; those that move keep theirs.
 
@@ -126,11 +134,9 @@ def search(
         forced: coordinate -> direction it must slip in (it has just broken away).
         held: (nc,) bool, what has been sticking until now: among several answers with equally few
             slipping joints, the one that lets all of these stick on.
-        settle: solves the modes as they are, in place of `rest.solve`: where the problem follows
-            the modes, as with gears.
-        reach: how far the search goes; it counts the passes taken.
+        lines: how the problem follows the modes, if it does.
     """
-    query = _Query(problem, modes, mechanism, settle, every=True, reach=reach)
+    query = _Query(problem, modes, mechanism, lines, every=True)
     together = mechanism.is_dependent(modes.at_rest)
     passing = modes.at_rest & mechanism.idle
     if together:
@@ -140,7 +146,7 @@ def search(
     at_rest = modes.at_rest.copy()
     for _ in range(3):
         if together and not mechanism.is_dependent(at_rest):
-            found = search(problem, modes, mechanism, forced, held, settle, query.reach)
+            found = search(problem, modes, mechanism, forced, held, lines)
         else:
             found = _search_open(query, dict(forced or {}), held)
         if (modes.direction[passing] * modes.rate[passing] >= 0.0).all():
@@ -168,10 +174,9 @@ def _search_open(query: _Query, forced: dict[int, float], held: np.ndarray | Non
         return _follow(query, set(forced))
     found = _enumerate(query, forced, held)
     if found == Found.UNDECIDED:
-        query.reach.left = MOST_PASSES
+        query.left = MOST_PASSES
         _stick(modes, mechanism, forced)
         found = _follow(query, set(forced))
-        query.reach.left = 0
         return found if found == Found.SOLVED else Found.UNDECIDED
     if together and forced and found in (Found.NONE, Found.NOT_CONVERGED):
         # which way it breaks away was a first guess: a slow joint may rub along with the motion
@@ -204,30 +209,40 @@ def _enumerate(
     status = Found.NONE
     others = [c for c in mechanism.joints(modes.at_rest) if c not in forced]
     kinematics = Kinematics(query.problem, mechanism, modes.at_rest.copy())
-    levels = range(fewest, len(others) + 1)
-    if query.reach.slipping is not None:
-        levels = range(max(fewest, query.reach.slipping - len(forced)), len(others) + 1)[:1]
-    for level in levels:
-        consistent: list[Modes] = []
-        for ways in kinematics.ways(others, level, forced):
-            if query.reach.left <= 0:
-                return Found.UNDECIDED
-            _stick(modes, mechanism, {**forced, **ways})
-            solutions, obeying = _settle(query)
-            if solutions < 0:
-                status = Found.NOT_CONVERGED
-            if obeying > 1:
-                return Found.AMBIGUOUS
-            if obeying == 1 and not any(_same(modes, other) for other in consistent):
-                consistent.append(modes.copy())
-        if len(consistent) > 1 and held is not None:
-            stay = held & ~np.isin(np.arange(len(held)), list(forced))
-            consistent = [one for one in consistent if one.stuck[stay].all()] or consistent
-        if consistent:
-            modes.take(consistent[0])
-            query.settle()  # others were tried since
-            return Found.SOLVED if len(consistent) == 1 else Found.AMBIGUOUS
+    for level in range(fewest, len(others) + 1):
+        ways = [forced | more for more in kinematics.ways(others, level, forced)]
+        ways = [each for each in ways if query.may(each)]
+        for falls in range(min(query.lines.falls, level + len(forced)) + 1):
+            query.falls = falls
+            found, consistent = _try_all(query, ways)
+            status = found if found == Found.NOT_CONVERGED else status
+            if found in (Found.UNDECIDED, Found.AMBIGUOUS):
+                return found
+            if len(consistent) > 1 and held is not None:
+                stay = held & ~np.isin(np.arange(len(held)), list(forced))
+                consistent = [one for one in consistent if one.stuck[stay].all()] or consistent
+            if consistent:
+                modes.take(consistent[0])
+                query.settle()  # others were tried since
+                return Found.SOLVED if len(consistent) == 1 else Found.AMBIGUOUS
     return status
+
+
+def _try_all(query: _Query, every: list[dict[int, float]]) -> tuple[Found, list[Modes]]:
+    """Return the different solutions that obey, joints slipping in each of the ways given."""
+    modes, consistent, status = query.modes, list[Modes](), Found.NONE
+    for ways in every:
+        if query.left <= 0:
+            return Found.UNDECIDED, []
+        _stick(modes, query.mechanism, ways)
+        solutions, obeying = _settle(query)
+        if solutions < 0:
+            status = Found.NOT_CONVERGED
+        if obeying > 1:
+            return Found.AMBIGUOUS, []
+        if obeying == 1 and not any(_same(modes, other) for other in consistent):
+            consistent.append(modes.copy())
+    return status, consistent
 
 
 def _settle(query: _Query) -> tuple[int, int]:
@@ -294,7 +309,7 @@ def follow(
     problem: Problem,
     modes: Modes,
     mechanism: Mechanism,
-    settle: Callable[[], tuple[int, int]] | None = None,
+    lines: Lines | None = None,
 ) -> Found:
     """Find consistent modes from those given, by block pivoting with Murty's rule as a safeguard.
 
@@ -304,9 +319,9 @@ def follow(
     which changes with its friction: its direction is followed until it stays.
 
     Args:
-        problem, modes, mechanism, settle: see `search`; the modes given are where it starts.
+        problem, modes, mechanism, lines: see `search`; the modes given are where it starts.
     """
-    return _follow(_Query(problem, modes, mechanism, settle, every=False), set())
+    return _follow(_Query(problem, modes, mechanism, lines, every=False), set())
 
 
 def _follow(query: _Query, fixed: set[int]) -> Found:
@@ -314,7 +329,7 @@ def _follow(query: _Query, fixed: set[int]) -> Found:
     problem, modes, mechanism = query.problem, query.modes, query.mechanism
     all_at_once = _Patience(len(modes.stuck) + 1)
     for _ in range(_CHANGES + _FOR_EACH * len(modes.stuck)):
-        if query.reach.left <= 0:
+        if query.left <= 0:
             return Found.UNDECIDED
         solutions, obeying = query.solve()
         if solutions <= 0:
