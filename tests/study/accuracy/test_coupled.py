@@ -75,7 +75,7 @@ def test_newtons_passes_stay_few_and_the_fixed_points_do_not(drawer, capsys):
     from rich.console import Console
 
     nan, scene = float("nan"), jamming_drawer(0.3).scene
-    study = Accuracy(scene, "drawer", (), nan, (), {}, (), drawer, (), ())
+    study = Accuracy(scene, "drawer", (), nan, (), drawer, (), ())
     with capsys.disabled():
         console = Console(width=80, record=True)
         console.print()

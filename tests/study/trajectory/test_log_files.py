@@ -221,9 +221,16 @@ joints:
     with pytest.raises(TrajectoryError, match=r"there are: rec\.time, rec\.deg_1, rec\.deg_2"):
         pf.load_trajectory(tmp_path / "log.mat", arm())
     whole = (tmp_path / "log.mat").read_bytes()
-    for content in (whole[: len(whole) // 2], b"", b"MATLAB 7.3" + bytes(200)):
+    newer = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"  # the header of version 7.3
+    damaged, other = "cannot be read as a MATLAB file: ", "is of MATLAB's version 7.3; save it"
+    for content, message in (
+        (whole[: len(whole) // 2], damaged),
+        (b"", damaged),
+        (b"MATLAB 7.3" + bytes(200), damaged),
+        (newer + bytes(512), other),
+    ):
         (tmp_path / "log.mat").write_bytes(content)
-        with pytest.raises(TrajectoryError, match=r"log\.mat: is ") as caught:
+        with pytest.raises(TrajectoryError, match=rf"log\.mat: {message}") as caught:
             pf.load_trajectory(tmp_path / "log.mat", arm())
         assert "\n" not in str(caught.value)
 

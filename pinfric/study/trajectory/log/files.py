@@ -238,7 +238,7 @@ def open_matlab(path: Path) -> OpenedLog:
     try:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
-        raise TrajectoryError(f"{path}: MATLAB's version 7.3; save it with -v7") from None
+        raise TrajectoryError(f"{path}: is of MATLAB's version 7.3; save it with -v7") from None
     except Exception as problem:  # zlib's, struct's, NumPy's: whatever a cut file ends in
         reason = " ".join(str(problem).split())[:200] or type(problem).__name__
         raise TrajectoryError(f"{path}: cannot be read as a MATLAB file: {reason}") from None
