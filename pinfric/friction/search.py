@@ -13,7 +13,7 @@ A search ends after `MOST_PASSES` passes of its solves: what is not decided by t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class Reach:
         slipping: only modes are tried in which so many joints slip from rest; None: all.
     """
 
-    left: int = MOST_PASSES
+    left: int = field(default_factory=lambda: MOST_PASSES)
     slipping: int | None = None
 
 
