@@ -52,11 +52,19 @@ class Arm:
             self.forth[j], self.back[j] = gear.efficiency, gear.back_efficiency
             self.drag[j] = size**2 * gear.motor_viscous.coefficient if gear.motor_viscous else 0.0
             if gear.no_load_torque is not None:
-                rows = gear.no_load_torque.rows(None)[0][1][1], gear.no_load_torque.at_rest()[0]
+                term = gear.no_load_torque
+                rows = term.rows(None)[0][1].forward, term.at_rest().forward
                 self.no_load[:, j] = np.abs(size) * np.array(rows)
-        self.inertia = np.diag(pin.crba(self.model, self.data, pin.neutral(self.model))).max()
+        self.inertia = np.diag(self.mass_matrix(pin.neutral(self.model))).max()
         self.loses = (self.forth < 1.0) | (self.back < 1.0) | self.no_load.any(axis=0)
         self.dry = self.loses | self.mu.any(axis=0) | self.coulomb.any(axis=0)
+
+    def mass_matrix(self, q):
+        """M (n, n) by RNEA: Pinocchio's CRBA takes for granted that joints are depth first."""
+        still = np.zeros(self.model.nv)
+        h = pin.rnea(self.model, self.data, q, still, still).copy()
+        columns = [pin.rnea(self.model, self.data, q, still, a) - h for a in np.eye(len(h))]
+        return np.transpose(columns)
 
     def loads(self, q, v, a):
         """(n,) normal loads at accelerations, and the generalized efforts."""
@@ -76,8 +84,7 @@ class Arm:
     def accelerations(self, q, v, torque, stick_velocity=1e-6):
         """Every (number that slips from rest, a) that obeys the laws."""
         n, found = len(v), []
-        M = np.triu(pin.crba(self.model, self.data, q))
-        M = M + np.triu(M, 1).T
+        M = self.mass_matrix(q)
         h = pin.rnea(self.model, self.data, q, v, np.zeros(n)).copy()
         u = self.ratio * torque
         resting = np.flatnonzero(self.dry & (np.abs(v) <= stick_velocity))

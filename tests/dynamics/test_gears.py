@@ -271,10 +271,19 @@ def test_two_joints_of_which_either_may_break_away_are_ambiguous(ur10):
         solver.forward(q, v, motor_torque=torque)
 
 
-@pytest.mark.parametrize("kind", ["arms", "ur10"])
-def test_every_refusal_of_gears_that_do_not_lock_is_a_true_one(kind, ur10):
-    """A sample of what `gear_enumeration.py` does by the ten thousand."""
-    for seed in range(12 if kind == "arms" else 60):
+def many(kind, count):
+    return pytest.param(kind, count, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"), [("arms", 40), ("ur10", 60), many("arms", 2000), many("ur10", 5000)]
+)
+def test_every_refusal_of_gears_that_do_not_lock_is_a_true_one(kind, count, ur10):
+    """A sample of what `gear_enumeration.py` does by the ten thousand; answers are compared, too.
+
+    Where many joints rest the enumeration takes seconds: it then judges refusals only.
+    """
+    for seed in range(count):
         if kind == "arms":
             scene, arm, q, v, torque = random_arm(seed)
             solver = pf.Solver(scene)
@@ -283,6 +292,7 @@ def test_every_refusal_of_gears_that_do_not_lock_is_a_true_one(kind, ur10):
             q, v, torque = random_state(arm, np.random.default_rng(seed))
         a, error, true = judge(solver, arm, q, v, torque)
         assert true, (seed, error)
-        if a is not None and (len(v) <= 4 or seed < 3):
+        quick = len(v) <= 5 if kind == "arms" else seed < 12 and np.count_nonzero(v == 0.0) <= 3
+        if a is not None and quick:
             (expected,) = fewest(arm.accelerations(q, v, torque))
             np.testing.assert_allclose(a, expected, rtol=1e-7, atol=1e-9)
