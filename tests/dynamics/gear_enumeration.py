@@ -1,6 +1,7 @@
 """Is every refusal of forward dynamics with gears a true one? Random states, and an enumeration.
 
     python tests/dynamics/gear_enumeration.py arms 20000
+    python tests/dynamics/gear_enumeration.py locking 1000
     python tests/dynamics/gear_enumeration.py ur10 50000
 
 The judge knows nothing of pinfric's solvers: for every choice of stick and slip at rest, and of the
@@ -75,11 +76,22 @@ class Arm:
             load[j] = plain_normal_load(self.sites[int(j)], wrench, 0.0)
         return load, effort.copy()
 
-    def holds(self, u):
-        """(2, n) the efforts between which gears at rest hold, F_-(t) <= u <= F_+(t)."""
+    def holds(self, u, effort, limit, slack):
+        """(n,) bool: whether gears at rest hold an effort t that bearings leave them.
+
+        At rest F_-(t) <= u <= F_+(t), which are lines below and above the t axis. Where a gear
+        locks itself u = 0 is held by any t, so one of them counts, and it is farthest from zero
+        at an end of what bearings leave.
+        """
         low, high = u - self.no_load[1], u + self.no_load[1]
-        return np.array([np.where(low > 0.0, low * self.forth, low / self.back),
-                         np.where(high > 0.0, high / self.back, high * self.forth)])  # fmt: skip
+        least = np.where(low > 0.0, low * self.forth, low / self.back)
+        most = np.where(high > 0.0, high / self.back, high * self.forth)
+        held = (least - limit - slack <= effort) & (effort <= most + limit + slack)
+        ends = np.array([effort - limit, effort + limit])
+        forward = np.maximum(ends / self.forth, self.back * ends).max(axis=0) + self.no_load[1]
+        backward = np.minimum(ends / self.forth, self.back * ends).min(axis=0) - self.no_load[1]
+        locked = np.where(u >= 0.0, u <= forward + slack, u >= backward - slack)
+        return np.where(self.back < 0.0, locked, held)
 
     def accelerations(self, q, v, torque, stick_velocity=1e-6):
         """Every (number that slips from rest, a) that obeys the laws."""
@@ -130,8 +142,7 @@ class Arm:
         t = (push - self.rotor * a) / slope
         drives = np.where(slope > 1.0, 1.0, -1.0)
         rests = np.abs(v) <= 1e-6
-        limit, (least, most) = self.mu[1] * load + self.coulomb[1], self.holds(u)
-        held = (least - limit - slack <= effort) & (effort <= most + limit + slack)
+        held = self.holds(u, effort, self.mu[1] * load + self.coulomb[1], slack)
         return bool(
             not (self.loses & ~stuck & (drives * sign * t < -slack)).any()
             and not (rests & (sign * a * self.inertia < -slack)).any()
@@ -149,10 +160,13 @@ def fewest(found):
     return kept
 
 
-def judge(solver, arm, q, v, torque):
+def judge(solver, arm, q, v, torque, compare=False):
     """What forward dynamics says, whether that is so: (a or None, the error, true)."""
     try:
-        return solver.forward(q, v, motor_torque=torque).a.copy(), None, True
+        a = solver.forward(q, v, motor_torque=torque).a.copy()
+        answers = fewest(arm.accelerations(q, v, torque)) if compare else [a]
+        same = len(answers) == 1 and np.allclose(a, answers[0], rtol=1e-7, atol=1e-9)
+        return a, None, same
     except (AmbiguousAcceleration, NoConsistentAcceleration) as error:
         several = isinstance(error, AmbiguousAcceleration)
         answers = fewest(arm.accelerations(q, v, torque))
@@ -168,6 +182,21 @@ def random_arm(seed):
     h = pin.rnea(arm.model, arm.data, q, v, np.zeros(len(v)))
     scale = 0.3 * np.abs(h).max() + 1.0
     return scene, arm, q, v, (h + scale * rng.normal(size=len(v))) / arm.ratio
+
+
+def locking_arm(seed):
+    """An arm at rest, most of its gears self-locking, and torques.
+
+    Motors push with their loads as often as against them.
+    """
+    scene, rng = geared_arm(seed, locks=0.8)
+    arm = Arm(scene)
+    n = arm.model.nv
+    q, still = pin.integrate(arm.model, pin.neutral(arm.model), rng.normal(size=n)), np.zeros(n)
+    h = pin.rnea(arm.model, arm.data, q, still, still)
+    push = rng.choice([-1.0, -0.2, 0.2, 1.0], size=n) * h
+    push += 0.5 * (np.abs(h).max() + 1.0) * rng.normal(size=n)
+    return scene, arm, q, still, push / arm.ratio
 
 
 def random_state(arm, rng):
@@ -190,9 +219,11 @@ def study(kind, count, first=0):
         if kind == "ur10":
             q, v, torque = random_state(arm, np.random.default_rng(seed))
         else:
-            scene, arm, q, v, torque = random_arm(seed)
+            scene, arm, q, v, torque = (random_arm if kind == "arms" else locking_arm)(seed)
+            if kind == "locking" and len(q) > 6:
+                continue  # the enumeration takes minutes
             solver = pf.Solver(scene)
-        _, error, true = judge(solver, arm, q, v, torque)
+        _, error, true = judge(solver, arm, q, v, torque, compare=kind == "locking")
         refused += error is not None
         if not true:
             wrong.append((seed, str(error)))

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import geared_arm, random_states, random_tree
-from dynamics.gear_enumeration import Arm, fewest, judge, random_arm, random_state
+from dynamics.gear_enumeration import Arm, fewest, judge, locking_arm, random_arm, random_state
 
 import pinfric as pf
 from pinfric.errors import (
@@ -296,3 +296,15 @@ def test_every_refusal_of_gears_that_do_not_lock_is_a_true_one(kind, count, ur10
         if a is not None and quick:
             (expected,) = fewest(arm.accelerations(q, v, torque))
             np.testing.assert_allclose(a, expected, rtol=1e-7, atol=1e-9)
+
+
+def test_many_self_locking_gears_at_rest_move_as_an_enumeration_of_their_lines_says():
+    """A sample of `gear_enumeration.py locking`, of arms of which that takes little time."""
+    compared = 0
+    for seed in range(60):
+        scene, arm, q, v, torque = locking_arm(seed)
+        if len(q) <= 5:
+            _, error, true = judge(pf.Solver(scene), arm, q, v, torque, compare=True)
+            assert true, (seed, error)
+            compared += 1
+    assert compared > 15
