@@ -18,21 +18,21 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "Scene": "pinfric.model.scene",
     "load_scene": "pinfric.model.scene_file",
-    "inverse_dynamics": "pinfric.dynamics.inverse",
-    "InverseResult": "pinfric.dynamics.result",
-    "StickInterval": "pinfric.dynamics.result",
-    "joint_wrenches": "pinfric.dynamics.reactions",
-    "consistent_motion": "pinfric.dynamics.closure",
-    "forward_dynamics": "pinfric.dynamics.forward",
-    "Instant": "pinfric.dynamics.forward",
-    "Solver": "pinfric.dynamics.solver",
-    "InverseInstant": "pinfric.dynamics.solver",
+    "inverse_dynamics": "pinfric.dynamics.inverse.inverse",
+    "InverseResult": "pinfric.dynamics.inverse.result",
+    "StickInterval": "pinfric.dynamics.inverse.result",
+    "joint_wrenches": "pinfric.dynamics.problem.reactions",
+    "consistent_motion": "pinfric.dynamics.problem.closure",
+    "forward_dynamics": "pinfric.dynamics.forward.forward",
+    "Instant": "pinfric.dynamics.forward.forward",
+    "Solver": "pinfric.dynamics.forward.solver",
+    "InverseInstant": "pinfric.dynamics.forward.solver",
     "warm_up": "pinfric.study.warm_up",
-    "holds": "pinfric.dynamics.holds",
-    "StaticHold": "pinfric.dynamics.holds",
-    "simulate": "pinfric.dynamics.simulate",
-    "Motion": "pinfric.dynamics.motion",
-    "load_motion": "pinfric.dynamics.motion_file",
+    "holds": "pinfric.dynamics.forward.holds",
+    "StaticHold": "pinfric.dynamics.forward.holds",
+    "simulate": "pinfric.dynamics.simulation.simulate",
+    "Motion": "pinfric.dynamics.simulation.motion",
+    "load_motion": "pinfric.dynamics.simulation.motion_file",
     "run_scene": "pinfric.study.scene_run",
     "Trajectory": "pinfric.study.trajectory.trajectory",
     "load_trajectory": "pinfric.study.trajectory.trajectory",
@@ -65,20 +65,20 @@ _PUBLIC = {
 __all__ = [*_PUBLIC, "__version__"]
 
 if TYPE_CHECKING:  # the same names for type checkers, which do not run __getattr__
-    from pinfric.dynamics.closure import consistent_motion as consistent_motion
-    from pinfric.dynamics.forward import Instant as Instant
-    from pinfric.dynamics.forward import forward_dynamics as forward_dynamics
-    from pinfric.dynamics.holds import StaticHold as StaticHold
-    from pinfric.dynamics.holds import holds as holds
-    from pinfric.dynamics.inverse import inverse_dynamics as inverse_dynamics
-    from pinfric.dynamics.motion import Motion as Motion
-    from pinfric.dynamics.motion_file import load_motion as load_motion
-    from pinfric.dynamics.reactions import joint_wrenches as joint_wrenches
-    from pinfric.dynamics.result import InverseResult as InverseResult
-    from pinfric.dynamics.result import StickInterval as StickInterval
-    from pinfric.dynamics.simulate import simulate as simulate
-    from pinfric.dynamics.solver import InverseInstant as InverseInstant
-    from pinfric.dynamics.solver import Solver as Solver
+    from pinfric.dynamics.forward.forward import Instant as Instant
+    from pinfric.dynamics.forward.forward import forward_dynamics as forward_dynamics
+    from pinfric.dynamics.forward.holds import StaticHold as StaticHold
+    from pinfric.dynamics.forward.holds import holds as holds
+    from pinfric.dynamics.forward.solver import InverseInstant as InverseInstant
+    from pinfric.dynamics.forward.solver import Solver as Solver
+    from pinfric.dynamics.inverse.inverse import inverse_dynamics as inverse_dynamics
+    from pinfric.dynamics.inverse.result import InverseResult as InverseResult
+    from pinfric.dynamics.inverse.result import StickInterval as StickInterval
+    from pinfric.dynamics.problem.closure import consistent_motion as consistent_motion
+    from pinfric.dynamics.problem.reactions import joint_wrenches as joint_wrenches
+    from pinfric.dynamics.simulation.motion import Motion as Motion
+    from pinfric.dynamics.simulation.motion_file import load_motion as load_motion
+    from pinfric.dynamics.simulation.simulate import simulate as simulate
     from pinfric.errors import PinfricError as PinfricError
     from pinfric.errors import PinfricWarning as PinfricWarning
     from pinfric.errors import RetimeError as RetimeError

@@ -118,7 +118,7 @@ def inverse(
     efforts.png, summary.json and, of a log with efforts, measured.png.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
-    from pinfric.dynamics.inverse import inverse_dynamics
+    from pinfric.dynamics.inverse.inverse import inverse_dynamics
     from pinfric.show.figure.efforts import effort_figure
     from pinfric.show.figure.measured import measured_figure
     from pinfric.show.report.inverse import inverse_json, inverse_report
@@ -469,7 +469,7 @@ def replay(
     The page is one file that plays without a network. Where a log's own efforts miss the computed
     ones is marked; with --motors, which drive holds the motion back.
     """
-    from pinfric.dynamics.motion import Motion
+    from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.scene_file import load_scene
     from pinfric.show.replay.live import simulate_live
     from pinfric.show.replay.replay import motion_to_replay, replay_json, replay_lines

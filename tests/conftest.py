@@ -4,7 +4,7 @@ import pinfric  # noqa: F401  # isort: skip
 
 from xdist.scheduler import LoadScopeScheduling
 
-from pinfric.model import compiled, interpreted
+from pinfric.kernels import compiled, interpreted
 
 # What a command prints is compared word for word, be the kernels compiled already or not.
 compiled.say_compiling = lambda again="": None

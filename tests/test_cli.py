@@ -184,7 +184,7 @@ def test_defect_is_one_line_unless_a_traceback_is_asked_for(files, capsys, monke
     def broken(*_, **__):
         raise ZeroDivisionError("first line\nsecond line" + 999 * " long")
 
-    monkeypatch.setattr("pinfric.dynamics.inverse.inverse_dynamics", broken)
+    monkeypatch.setattr("pinfric.dynamics.inverse.inverse.inverse_dynamics", broken)
     assert run("inverse", "arm.yaml", "way.yaml") == cli.INTERNAL_ERROR == 70
     error = capsys.readouterr().err
     assert error.startswith("pinfric: internal error: ZeroDivisionError: first line second line")
@@ -279,7 +279,7 @@ def test_interrupt_exits_130_with_one_line(files, capsys, monkeypatch):
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pinfric.dynamics.inverse.inverse_dynamics", stopped)
+    monkeypatch.setattr("pinfric.dynamics.inverse.inverse.inverse_dynamics", stopped)
     assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == cli.INTERRUPTED == 130
     assert capsys.readouterr().err == "pinfric: error: interrupted\n"
     assert not (files / "out").exists()

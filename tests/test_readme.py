@@ -16,8 +16,8 @@ import yaml
 
 import pinfric as pf
 from pinfric import cli
-from pinfric.dynamics.result import InverseResult
-from pinfric.dynamics.states import States
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.problem.states import States
 
 ROOT = Path(__file__).parents[1]
 GUIDE = ROOT / "notebooks/guide"

@@ -13,7 +13,7 @@ import numpy as np
 
 from pinfric.friction.least_use import Rest, friction_and_limits, write_limit
 from pinfric.friction.minimax import least_violation
-from pinfric.model.compiled import at_once, kernel
+from pinfric.kernels.compiled import at_once, kernel
 
 #: Accuracy of the linear programs.
 _EXACT = 1e-12

@@ -11,7 +11,7 @@ import numpy as np
 from pinfric.friction.given_modes import MOST_SOLUTIONS, solve_given_modes
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
-from pinfric.model.compiled import inlined_kernel, kernel
+from pinfric.kernels.compiled import inlined_kernel, kernel
 
 #: How far beyond its law a sticking or slipping coordinate may be, relative to the terms: rounding.
 ROUNDING = 1e-11

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 
 #: Pivots below this many times the first one are zero.
 RANK = 1e-9

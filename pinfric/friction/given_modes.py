@@ -15,7 +15,7 @@ import numpy as np
 
 from pinfric.friction.dense import largest, solve_dense, spectral_radius_bound
 from pinfric.friction.problem import Problem
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 
 #: A residual below this many times the size of the terms it is the difference of is rounding.
 _RESIDUAL = 1e-15

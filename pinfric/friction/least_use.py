@@ -23,7 +23,7 @@ from pinfric.friction.balance import Balance, Shared
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Problem
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 
 #: Rounding of friction, relative to the terms that it balances; and of its unit, relative to the
 #: terms that rates are the sum of.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.friction.dense import solve_dense
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 
 #: After so many pivots the smallest index decides (Bland), which cannot cycle.
 _PIVOTS_BEFORE_BLAND, _MOST_PIVOTS = 60, 2000

@@ -27,7 +27,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails
 
 from pinfric.errors import choose_from
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, unlikely
 
 #: Rows that take one component of the wrench, z along the joint's axis.

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.compiled import inlined_kernel, kernel
+from pinfric.kernels.compiled import inlined_kernel, kernel
 from pinfric.model.friction_terms import ViscousFriction
 from pinfric.model.laws import power_of
 from pinfric.model.transmission import Transmission, driven_loss, driving_loss

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 
 
 class Actions(NamedTuple):

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.compiled import inlined_kernel, kernel
+from pinfric.kernels.compiled import inlined_kernel, kernel
 from pinfric.model.friction_terms import CONSTANT, LINEAR, STEEP, Row, Strength
 from pinfric.model.schema import Friction
 

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.errors import RobotError
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 from pinfric.model.kinematics import rotation
 
 #: Most joints that are opened: Pinocchio's `Data` holds arrays of nv^3 numbers, 55 MB for 20 opened

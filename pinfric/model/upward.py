@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from pinfric.dynamics.solver import Solver
+    from pinfric.dynamics.forward.solver import Solver
     from pinfric.model.scene import Scene
 
 #: The registered functions by their public names.

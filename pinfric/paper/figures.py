@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.result import runs
 from pinfric.paper.reproduction import Reproduction
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from pinfric.dynamics.closure import working_rates
-from pinfric.dynamics.motion import Motion
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.problem.closure import working_rates
+from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import StateError
 from pinfric.show.figure.efforts import effort_figure
 from pinfric.show.figure.measured import measured_figure

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.effects import MOTOR_SIDE, Effect, effects, uncoupled, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.random_states import random_states

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.dynamics.closure import consistent_motion, independent_joints
-from pinfric.dynamics.motion import INTERRUPTED, Motion
-from pinfric.dynamics.simulate import simulate
+from pinfric.dynamics.problem.closure import consistent_motion, independent_joints
+from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
+from pinfric.dynamics.simulation.simulate import simulate
 from pinfric.errors import ClosureError, SceneError, choose_from
 from pinfric.model.closure import closed_configurations, velocity_indices, velocity_names
 from pinfric.model.coordinates import motion_columns

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.result import InverseResult, runs
+from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.model.couples import reaches
 from pinfric.model.loops import OffJointDrive

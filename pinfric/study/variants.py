@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import InverseResult
-from pinfric.dynamics.states import MotionLike, attached_columns
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.problem.states import MotionLike, attached_columns
 from pinfric.model.effects import with_effects
 from pinfric.model.friction_terms import CoulombFriction, LoadFriction
 from pinfric.model.scene import Scene

@@ -7,13 +7,13 @@ from contextlib import suppress
 
 import numpy as np
 
-from pinfric.dynamics.holds import holds
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.simulate import METHODS, simulate
-from pinfric.dynamics.solver import Solver
-from pinfric.dynamics.workspace import closed_configuration
+from pinfric.dynamics.forward.holds import holds
+from pinfric.dynamics.forward.solver import Solver
+from pinfric.dynamics.forward.workspace import closed_configuration
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.simulation.simulate import METHODS, simulate
 from pinfric.errors import PinfricError
-from pinfric.model.compiled import compiling
+from pinfric.kernels.compiled import compiling
 from pinfric.model.scene import Scene, expect_scene
 
 #: What is simulated (s): methods compile the same for any time.

@@ -13,7 +13,7 @@ import pinfric as pf  # isort: skip - before Pinocchio loads: it sets how thread
 import numpy as np
 import pinocchio as pin
 
-from pinfric.model import interpreted
+from pinfric.kernels import interpreted
 from pinfric.model.robot import example_robot_data
 
 interpreted.PATIENCE = 0.0  # what is timed is compiled

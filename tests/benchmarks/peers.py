@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.dynamics.efforts import make_effort
-from pinfric.dynamics.result import StickInterval, runs
+from pinfric.dynamics.forward.efforts import make_effort
+from pinfric.dynamics.inverse.result import StickInterval, runs
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.model.schema import SineEffort, TableEffort

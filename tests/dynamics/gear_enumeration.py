@@ -23,7 +23,7 @@ if __name__ == "__main__":
 from builders import geared_arm
 
 import pinfric as pf
-from pinfric.dynamics.plain_laws import plain_normal_load
+from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.errors import AmbiguousAcceleration, NoConsistentAcceleration
 
 #: What rounding leaves of a sign or of a limit, of the forces and of the accelerations there.

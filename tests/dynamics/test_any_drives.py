@@ -7,9 +7,9 @@ from builders import random_friction, random_states, random_tree
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.closure import working_rates
-from pinfric.dynamics.effort_maps import EffortTables, share_work
-from pinfric.dynamics.layout import make_inverse_layout
+from pinfric.dynamics.inverse.effort_maps import EffortTables, share_work
+from pinfric.dynamics.problem.closure import working_rates
+from pinfric.dynamics.problem.layout import make_inverse_layout
 from pinfric.errors import SceneError, SimulationError, StateError, UndrivenMotionError
 
 CART, POLE, LENGTH = 2.0, 0.5, 0.6

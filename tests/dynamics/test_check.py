@@ -20,10 +20,11 @@ from cases import (
 from mechanisms import pin_friction
 
 import pinfric as pf
-from pinfric.dynamics import check_states, interval_ends, result
-from pinfric.dynamics.check_search import Loads, all_solutions
-from pinfric.dynamics.choices import LOWER, UPPER
-from pinfric.dynamics.outcome import Status
+from pinfric.dynamics.inverse import interval_ends, result
+from pinfric.dynamics.inverse.choices import LOWER, UPPER
+from pinfric.dynamics.inverse.outcome import Status
+from pinfric.dynamics.judge import states as check_states
+from pinfric.dynamics.judge.search import Loads, all_solutions
 
 EFFORTS = ("effort_lower", "effort_upper", "motor_torque_lower", "motor_torque_upper")
 

@@ -11,7 +11,7 @@ import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics.workspace import Workspace, workspace
+from pinfric.dynamics.forward.workspace import Workspace, workspace
 from pinfric.errors import (
     AmbiguousAcceleration,
     NoConsistentAcceleration,

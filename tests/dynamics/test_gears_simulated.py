@@ -14,7 +14,7 @@ from dynamics.test_gear_judges import DEMO, PUBLISHED
 from dynamics.test_gears import LOSSY, WORM, hoist
 
 import pinfric as pf
-from pinfric.dynamics import holds as holds_module
+from pinfric.dynamics.forward import holds as holds_module
 from pinfric.errors import SimulationError, StateError
 from pinfric.friction.holding import Verdict
 from pinfric.show.report.motion import motion_json

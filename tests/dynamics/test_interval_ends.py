@@ -13,10 +13,10 @@ from cases import Case, ball_tripod, four_bars_in_a_row, resting_four_bar, turni
 from mechanisms import add_link, bar, grounded_model, pin_friction, shifted, two_ball_loops
 
 import pinfric as pf
-from pinfric.dynamics import choices, interval_ends
-from pinfric.dynamics.interval_ends import MOST_PASSES, Solver
-from pinfric.dynamics.outcome import Status
-from pinfric.dynamics.solutions import one_sample
+from pinfric.dynamics.inverse import choices, interval_ends
+from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Solver
+from pinfric.dynamics.inverse.outcome import Status
+from pinfric.dynamics.inverse.solutions import one_sample
 
 # ---------------------------------------------------------------- without drives
 

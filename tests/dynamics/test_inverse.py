@@ -10,7 +10,7 @@ import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics import inverse_tree
+from pinfric.dynamics.inverse import tree as inverse_tree
 from pinfric.errors import SceneError, StateError
 
 

@@ -23,9 +23,9 @@ from dynamics.planar_newton_euler import PINS, FourBar, crank_torque
 from mechanisms import FOUR_BAR, LENGTHS, MASSES, four_bar, pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.interval_ends import Solver
-from pinfric.dynamics.outcome import Status
-from pinfric.dynamics.solutions import one_sample, reduced_problem
+from pinfric.dynamics.inverse.interval_ends import Solver
+from pinfric.dynamics.inverse.outcome import Status
+from pinfric.dynamics.inverse.solutions import one_sample, reduced_problem
 from pinfric.friction.given_modes import fixed_point, newton
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -378,7 +378,7 @@ def test_external_wrenches_and_payloads_act_in_loops():
 def test_open_chains_do_not_come_here(monkeypatch):
     from builders import block, plane_friction
 
-    import pinfric.dynamics.inverse as module
+    import pinfric.dynamics.inverse.inverse as module
 
     monkeypatch.setattr(module, "solve_linkage", None)
     scene = pf.Scene(model=block(), friction={"slide": plane_friction(0.5, 0.3)})

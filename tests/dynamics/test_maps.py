@@ -11,11 +11,11 @@ from builders import random_friction, random_states, random_tree
 from mechanisms import cut_slider_crank, four_bar
 
 import pinfric as pf
-from pinfric.dynamics import maps
-from pinfric.dynamics.closure import independent_joints
-from pinfric.dynamics.records import Supplier
-from pinfric.dynamics.workspace import Workspace
-from pinfric.model.interpreted import plain
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.problem import maps
+from pinfric.dynamics.problem.buffers import Supplier
+from pinfric.dynamics.problem.closure import independent_joints
+from pinfric.kernels.interpreted import plain
 
 
 def tree(seed, joints=7):

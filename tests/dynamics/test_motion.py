@@ -10,8 +10,8 @@ import pytest
 from builders import block, plane_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics.crossing import first_crossing
-from pinfric.dynamics.motion import Dense, mechanical_energy
+from pinfric.dynamics.simulation.crossing import first_crossing
+from pinfric.dynamics.simulation.motion import Dense, mechanical_energy
 from pinfric.errors import SimulationError, StateError
 
 G = 9.81
@@ -202,7 +202,7 @@ def test_ctrl_c_before_the_first_sample_goes_on(monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pinfric.dynamics.simulate.EventIntegration", interrupted)
+    monkeypatch.setattr("pinfric.dynamics.simulation.simulate.EventIntegration", interrupted)
     with pytest.raises(KeyboardInterrupt):
         pf.simulate(slope(), [0.0], [3.0], [1.0], 1.0)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pinfric as pf
-from pinfric.dynamics.motion import ARRAYS
+from pinfric.dynamics.simulation.motion import ARRAYS
 from pinfric.errors import SimulationError
 
 

@@ -10,7 +10,7 @@ import pytest
 from builders import block, plane_friction, random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics.simulate import _READ, METHODS, Numbers
+from pinfric.dynamics.simulation.simulate import _READ, METHODS, Numbers
 from pinfric.errors import AmbiguousAcceleration, NoConsistentAcceleration, SimulationError
 
 G = 9.81

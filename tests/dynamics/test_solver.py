@@ -17,7 +17,7 @@ from cases import ball_tripod, drawer_scene, jamming_drawer, resting_four_bar, t
 from mechanisms import crank_rates, cut_slider_crank, four_bar, pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.outcome import Status
+from pinfric.dynamics.inverse.outcome import Status
 from pinfric.errors import (
     AccelerationError,
     LoopMotionError,
@@ -371,7 +371,7 @@ sys.path[:0] = sys.argv[1:]
 import test_solver
 from numba.core.dispatcher import Dispatcher
 from pinfric.errors import PinfricError
-from pinfric.model.interpreted import CLOCK
+from pinfric.kernels.interpreted import CLOCK
 
 def compiled():
     kernels = {x for module in list(sys.modules.values()) for x in vars(module).values()

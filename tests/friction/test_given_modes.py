@@ -10,7 +10,7 @@ from builders import random_friction, random_tree
 from scipy.optimize import linprog, root
 
 import pinfric as pf
-from pinfric.dynamics.plain_laws import plain_normal_load
+from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.friction import dense, search
 from pinfric.friction import given_modes as coupling
 from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_friction, stick_limits
@@ -19,7 +19,7 @@ from pinfric.friction.problem import Problem, empty_problem
 from pinfric.friction.rest import Mechanism, solve
 from pinfric.friction.several import find_all
 from pinfric.friction.ways import Kinematics
-from pinfric.model import interpreted
+from pinfric.kernels import interpreted
 
 
 @pytest.fixture(autouse=True)

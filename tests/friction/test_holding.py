@@ -20,7 +20,7 @@ from mechanisms import (
 from scipy.optimize import linprog, minimize
 
 import pinfric as pf
-from pinfric.dynamics.workspace import Workspace
+from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.errors import StateError
 from pinfric.friction.balance import Balance
 from pinfric.friction.branching import bound_force

@@ -8,7 +8,7 @@ import pytest
 from builders import random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics.plain_laws import plain_normal_load
+from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.errors import RollMomentError
 
 MU = {"static": 0.3, "kinetic": 0.3}

@@ -11,7 +11,7 @@ from functools import cache
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from pinfric.dynamics.maps import finish
+from pinfric.dynamics.problem.maps import finish
 from pinfric.friction.consistency import site_friction
 
 #: Entry -> milliseconds of processor time that compiling it and all it calls may take, about:

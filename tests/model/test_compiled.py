@@ -14,12 +14,12 @@ from types import ModuleType
 import pytest
 
 from pinfric.errors import PinfricError, PinfricWarning
-from pinfric.model.compiled import _CheckedFile, at_once, check_numba
+from pinfric.kernels.compiled import _CheckedFile, at_once, check_numba
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
-from pinfric.model import interpreted
-from pinfric.model.compiled import kernel
+from pinfric.kernels import interpreted
+from pinfric.kernels.compiled import kernel
 
 interpreted.PATIENCE = 0.0
 
@@ -32,7 +32,7 @@ if __name__ == "__main__":
 """
 CONSTANTS = """
 from numba import njit
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 
 @{0}
 def chosen(k, twice, x):

@@ -14,10 +14,10 @@ import pinocchio as pin
 import pytest
 
 import pinfric as pf
-from pinfric.dynamics.solver import make_sample, rub
-from pinfric.dynamics.workspace import Workspace
-from pinfric.model import interpreted
-from pinfric.model.compiled import compiling, kernel
+from pinfric.dynamics.forward.solver import make_sample, rub
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.kernels import interpreted
+from pinfric.kernels.compiled import compiling, kernel
 
 ROOT = Path(__file__).parents[2]
 
@@ -73,11 +73,11 @@ def add_reciprocal(x, sums):
 def patient(monkeypatch):
     """A clock of its own that has all its patience, and kernels that nothing holds."""
     clock = interpreted._Clock()
-    for module in ("pinfric.model.compiled", "pinfric.model.interpreted"):
+    for module in ("pinfric.kernels.compiled", "pinfric.kernels.interpreted"):
         monkeypatch.setattr(f"{module}.CLOCK", clock)
     monkeypatch.setattr(interpreted, "PATIENCE", 20.0)
     kernels = {inner, sum_of_squares, power, tripled, triple_and_square, add_reciprocal}
-    monkeypatch.setattr("pinfric.model.compiled._MISSING", kernels)
+    monkeypatch.setattr("pinfric.kernels.compiled._MISSING", kernels)
     return clock
 
 
@@ -163,7 +163,7 @@ import sys
 import numpy as np
 import pinfric as pf
 import pinocchio as pin
-from pinfric.model import interpreted
+from pinfric.kernels import interpreted
 if sys.argv[1] == "compiled":
     interpreted.PATIENCE = 0.0
 for name in ("three_link", "drawer", "four_bar"):

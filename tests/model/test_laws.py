@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pinfric as pf
-from pinfric.dynamics.plain_laws import plain_friction
+from pinfric.dynamics.judge.plain_laws import plain_friction
 from pinfric.model.laws import friction_bounds, friction_law, law_table
 from pinfric.model.schema import Friction
 

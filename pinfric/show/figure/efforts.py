@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.dynamics.result import InverseResult, runs
+from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
 from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.inverse import log_lines

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.dynamics.result import InverseResult, runs
+from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.show.figure.efforts import brief_ticks, thinned
 from pinfric.show.figure.style import QUIET, style

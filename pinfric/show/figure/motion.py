@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinfric.dynamics.motion import Motion
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.result import runs
+from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.brief import counted
 from pinfric.model.coordinates import one_number
 from pinfric.show.figure.efforts import brief_ticks, thinned

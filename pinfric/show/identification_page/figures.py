@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import runs
 from pinfric.show.figure.efforts import thinned
 from pinfric.show.sizing_page.figures import axes_layout, curve, five_digits
 from pinfric.study.identify.identify import Identified

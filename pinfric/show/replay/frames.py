@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.closure import working_rates
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.motion import FINISHED, Motion
-from pinfric.dynamics.motor_torques import drive_stick_velocity, motor_torques
-from pinfric.dynamics.outcome import Status
-from pinfric.dynamics.reactions import state_wrenches
-from pinfric.dynamics.result import InverseResult, StickInterval, runs
-from pinfric.dynamics.states import States
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.outcome import Status
+from pinfric.dynamics.inverse.result import InverseResult, StickInterval, runs
+from pinfric.dynamics.problem.closure import working_rates
+from pinfric.dynamics.problem.motor_torques import drive_stick_velocity, motor_torques
+from pinfric.dynamics.problem.reactions import state_wrenches
+from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.simulation.motion import FINISHED, Motion
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import loop_state
 from pinfric.model.scene import Scene

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.efforts import EffortLike, make_effort
-from pinfric.dynamics.motion import Motion
-from pinfric.dynamics.simulate import simulate
+from pinfric.dynamics.forward.efforts import EffortLike, make_effort
+from pinfric.dynamics.simulation.motion import Motion
+from pinfric.dynamics.simulation.simulate import simulate
 from pinfric.errors import PinfricError, PinfricWarning, SceneError
 from pinfric.model.scene import Scene
 from pinfric.show.replay import markers

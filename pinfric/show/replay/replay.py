@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.motion import Motion, scene_digests
-from pinfric.dynamics.motion_file import load_motion
-from pinfric.dynamics.result import InverseResult, StickInterval
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult, StickInterval
+from pinfric.dynamics.simulation.motion import Motion, scene_digests
+from pinfric.dynamics.simulation.motion_file import load_motion
 from pinfric.errors import StateError, TrajectoryError
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene, expect_scene

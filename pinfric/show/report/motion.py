@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from pinfric.dynamics.motion import FINISHED, INTERRUPTED, Motion
+from pinfric.dynamics.simulation.motion import FINISHED, INTERRUPTED, Motion
 from pinfric.model.brief import counted
 from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.result import runs
 from pinfric.show.figure.efforts import thinned
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Conditions

@@ -17,12 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.choices import SLIDES
-from pinfric.dynamics.interval_ends import Solver
-from pinfric.dynamics.result import InverseResult
-from pinfric.dynamics.solutions import one_sample
+from pinfric.dynamics.inverse.choices import SLIDES
+from pinfric.dynamics.inverse.interval_ends import Solver
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.friction.dense import solve_dense
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 from pinfric.study.timing import interleaved
 
 #: Coefficients of friction as shares of those at which the mechanism jams.

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.motion import Motion
-from pinfric.dynamics.result import StickInterval
+from pinfric.dynamics.inverse.result import StickInterval
+from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.study.scene_run import run_whole

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pinfric.dynamics.motion import Motion
-from pinfric.dynamics.states import MotionLike
+from pinfric.dynamics.problem.states import MotionLike
+from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.scene import Scene
 from pinfric.study.accuracy.coupled import CoupledRun, coupled

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from pinfric.dynamics.motor_torques import drive_stick_velocity
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError
 from pinfric.study.trajectory.joint_columns import JointColumn
 from pinfric.study.trajectory.log.judged import measured_interval

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.states import MotionLike
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.problem.states import MotionLike
 from pinfric.errors import PinfricError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.effects import effects

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.model.couples import delivery
 from pinfric.model.friction_terms import LoadFriction
 from pinfric.model.scene import Scene

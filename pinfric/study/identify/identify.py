@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import IdentificationError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.couples import taking_part

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import runs
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import PART, Prepared
 from pinfric.study.identify.estimate import Estimate

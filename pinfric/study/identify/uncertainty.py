@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.dynamics.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.study.identify.columns import Prepared, bearings_only
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.inertias import with_parameters

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline, PPoly
 
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.result import runs
 from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.scene import Scene

@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.motor_torques import drive_stick_velocity
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
 from pinfric.errors import RetimeError
 from pinfric.model.couples import rate_rows
 from pinfric.model.drives import gear_table

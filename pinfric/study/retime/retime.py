@@ -13,8 +13,8 @@ from typing import Literal, get_args, get_type_hints
 
 import numpy as np
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import RetimeError
 from pinfric.model.brief import file_name, listed, screen
 from pinfric.model.couples import mixed

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.compiled import kernel, record
+from pinfric.kernels.compiled import kernel, record
 from pinfric.model.drives import Gears, gear_drag, gear_line
 from pinfric.model.laws import Laws, friction_at
 

@@ -19,7 +19,13 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import PPoly
 
-from pinfric.dynamics.reactions import Batch, batch_size, generalized_effort, reactions, slices
+from pinfric.dynamics.problem.reactions import (
+    Batch,
+    batch_size,
+    generalized_effort,
+    reactions,
+    slices,
+)
 from pinfric.model.couples import delivery, rate_rows
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin

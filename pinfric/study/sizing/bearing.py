@@ -16,8 +16,8 @@ from typing import Literal, NamedTuple, final
 import numpy as np
 from pydantic import model_validator
 
-from pinfric.dynamics.reactions import state_wrenches
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.problem.reactions import state_wrenches
 from pinfric.model.bearings import axes_along
 from pinfric.model.entry import Entry, NonNegative, Positive
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.holds import holds
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.forward.holds import holds
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricError
 from pinfric.study.sizing.catalog import Brake, Conditions
 from pinfric.study.sizing.criteria import Criterion, Status, compare

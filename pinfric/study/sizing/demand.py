@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from pinfric.dynamics.motor_torques import drive_stick_velocity
-from pinfric.dynamics.result import InverseResult
-from pinfric.dynamics.reversals import reversals
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
+from pinfric.dynamics.problem.reversals import reversals
 from pinfric.errors import StateError
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 from pinfric.model.coordinates import one_number
 from pinfric.model.scene import Scene
 from pinfric.study.sizing.bearing import BearingLoad, bearing_load, joint_loads

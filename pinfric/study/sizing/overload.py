@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 from pinfric.study.sizing.catalog import Conditions, Thermal
 from pinfric.study.sizing.duty import Schedule
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.result import runs
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import Criterion, compare
 from pinfric.study.sizing.demand import power_figures

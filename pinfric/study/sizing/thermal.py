@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.model.compiled import kernel
+from pinfric.kernels.compiled import kernel
 from pinfric.study.sizing.catalog import REFERENCE_TEMPERATURE, Thermal
 from pinfric.study.sizing.duty import Schedule, once
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import InverseResult
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricError
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene

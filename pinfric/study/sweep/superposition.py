@@ -21,11 +21,11 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.motor_torques import scene_gears
-from pinfric.dynamics.result import InverseResult
-from pinfric.dynamics.states import States, attached_columns
-from pinfric.dynamics.superposed import Basis, Cycle, Path, Varied, write_figures
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.inverse.superposed import Basis, Cycle, Path, Varied, write_figures
+from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.dynamics.problem.states import States, attached_columns
 from pinfric.errors import PinfricError
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene

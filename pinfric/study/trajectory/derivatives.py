@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.result import runs
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.result import runs
 from pinfric.errors import PinfricError, TrajectoryError, choose_from
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen

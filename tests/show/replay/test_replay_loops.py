@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 import pinfric as pf
-from pinfric.dynamics.motion import Motion
+from pinfric.dynamics.simulation.motion import Motion
 from pinfric.show.replay.frames import make_frames, site_rates
 
 ROBOTS = Path(__file__).parents[3] / "robots"

@@ -13,7 +13,7 @@ import pytest
 from builders import block, plane_friction
 
 import pinfric as pf
-from pinfric.dynamics.result import StickInterval
+from pinfric.dynamics.inverse.result import StickInterval
 from pinfric.errors import SceneError, SimulationError
 from pinfric.paper.reproduction import absolute_judge
 from pinfric.show.accuracy.figure import accuracy_figure

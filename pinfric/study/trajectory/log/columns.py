@@ -15,8 +15,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from pinfric.dynamics.motion import SITE_ARRAYS
-from pinfric.dynamics.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
+from pinfric.dynamics.inverse.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
+from pinfric.dynamics.simulation.motion import SITE_ARRAYS
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.entry import Entry, Number, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.dynamics.inverse import inverse_dynamics
-from pinfric.dynamics.result import InverseResult, runs
+from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.study.summary import ends_by_magnitude, rests, rms
 from pinfric.study.trajectory.joint_columns import joint_columns

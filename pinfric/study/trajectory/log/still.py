@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.dynamics.result import runs
+from pinfric.dynamics.inverse.result import runs
 
 FloatArray = NDArray[np.float64]
 

@@ -1,0 +1,193 @@
+"""Forward dynamics with friction at one instant: accelerations, stick or slip, reactions.
+
+    M a + h - J_ext^T f_ext = u + D phi,     phi_k opposes v_k and depends on the wrench w_k
+
+(paper eq. 3, 16, 17). `maps` writes accelerations, reactions and loads as functions of the friction
+alone, from Pinocchio's figures at the state; what is left is the small coupled problem of
+`friction/problem.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from pinfric.dynamics.forward.efforts import by_name
+from pinfric.dynamics.forward.workspace import Workspace, workspace
+from pinfric.dynamics.inverse.outcome import Status
+from pinfric.dynamics.problem.closure import check_closed
+from pinfric.dynamics.problem.reactions import AppliedWrench, applied_wrenches
+from pinfric.dynamics.problem.states import States
+from pinfric.errors import PinfricError, StateError
+from pinfric.model.arrays import real_numbers
+from pinfric.model.brief import counted, screen
+from pinfric.model.scene import Scene, expect_scene
+
+
+class Instant(NamedTuple):
+    """What efforts cause at one state (a tuple: a frozen dataclass takes 2 us longer to make).
+
+    Attributes:
+        a: (nv,) accelerations (rad/s^2, m/s^2); exactly 0 where a joint sticks.
+        modes: (ns,) -1, 0, 1: slips backward, sticks, slips forward; of a ball 0, 1.
+        friction: (ns,) of the parent on the child (of side a on side b), along the joint's positive
+            direction; of a ball minus its size.
+        multipliers: (nl,) what each loop's side a exerts on side b along the directions it closes,
+            loop after loop (N, N m); an open chain has none.
+        normal_load: (ns,) load c its friction acts on.
+        wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
+        contraction: below 1 the friction is the only one that fits these modes; NaN where joints
+            that can only move together rest and share it (`rest.py`).
+        status: `Status`.
+        iterations: passes of the coupled solve.
+        effort: (na,) what the drives deliver at the joints (N m or N): those given, or what gears
+            leave of the motors' torques.
+    """
+
+    a: np.ndarray
+    modes: np.ndarray
+    friction: np.ndarray
+    multipliers: np.ndarray
+    normal_load: np.ndarray
+    wrench: np.ndarray
+    contraction: float
+    status: Status
+    iterations: int
+    effort: np.ndarray
+
+    def __repr__(self) -> str:
+        def some(x: np.ndarray) -> str:
+            return np.array2string(x, precision=4, threshold=10, edgeitems=4, max_line_width=10**6)
+
+        title = f"{self.status.name.lower()}, {counted(self.iterations, 'pass', 'passes')}"
+        return screen("Instant", title, {
+            "a": some(self.a), "modes": some(self.modes), "friction": some(self.friction),
+            "normal_load": some(self.normal_load),
+            "multipliers": some(self.multipliers) if self.multipliers.size else "",
+            "wrench": f"{self.wrench.shape} array", "contraction": f"{self.contraction:.4g}",
+        })  # fmt: skip
+
+
+def forward_dynamics(
+    scene: Scene,
+    q: np.ndarray,
+    v: np.ndarray,
+    effort: np.ndarray | Mapping[str, float] | None = None,
+    external: Mapping[str, np.ndarray] | None = None,
+    *,
+    motor_torque: np.ndarray | Mapping[str, float] | None = None,
+    attached: Iterable[str] | None = None,
+) -> Instant:
+    """Return the accelerations, the modes and the friction that efforts cause at one state.
+
+    a = M^-1 (u - h + J_ext^T f_ext + D phi) with phi by the laws of friction (paper eq. 3, 20,
+    21). A site at or below its stick velocity sticks wherever that is consistent. The solve starts
+    from this thread's last solution for the scene, so the last digits depend on what was asked
+    before: by some 1e-14 of the largest acceleration.
+
+    Args:
+        scene: the robot with its friction and drives.
+        q, v: (nq,), (nv,) in rad, m and per second.
+        effort: (na,) what the drives deliver at the joints (N m or N), in the order of
+            `scene.actuator_names`, which need not be that of the list of actuators; or a mapping
+            drive name -> number, in which those left out give 0.
+        external: frame name -> (6,) wrench on it, in its axes at its origin (N, N m).
+        motor_torque: as `effort` and in its place, at the motors' shafts (N m); gears lose a part
+            of it and rotors need a part to accelerate (`model/transmission.py`).
+        attached: names of the payloads carried; None takes those attached by default.
+
+    Raises:
+        SceneError: a motor's torque of a drive without transmission.
+        GearJam: a self-locking gear moves that has too light a rotor.
+        StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite; a
+            loop that is open or that the velocities violate (`LoopMotionError`), a toggle
+            (`ToggleError`).
+        NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
+        UndecidedAcceleration: the search reached its bound (`friction/search.py`).
+        RollMomentError: a guide without width is loaded by a moment about its axis.
+    """
+    expect_scene(scene, "forward_dynamics")
+    given = one_of("forward_dynamics", effort, motor_torque)
+    ws = workspace(scene, attached, motors=effort is None)
+    solve_state(ws, q, v, given, applied_wrenches(scene, external, 1) if external else None)
+    return instant(ws)
+
+
+def solve_state(
+    ws: Workspace, q: np.ndarray, v: np.ndarray, effort: np.ndarray,
+    applied: list[AppliedWrench] | None = None,
+) -> None:  # fmt: skip
+    """Check and solve one state in a workspace; see `forward_dynamics`.
+
+    Raises:
+        See `forward_dynamics`.
+    """
+    q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
+    effort = drive_vector(ws, effort)
+    if not ws.must_obey:
+        ws.solve(q, v, effort, applied)
+    elif not _solved_as_given(ws, q, v, effort, applied):
+        states = States.of(ws.scene, q, v, np.zeros(ws.nv))
+        q, v = states.q[0], states.v[0]
+        if ws.scene.loops:  # what an integrator hands to an effort function obeys them roughly
+            check_closed(ws.scene, q, v, slack=1e3)
+        ws.solve(q, v, effort, applied)
+    ws.check_roll_moments(ws.wrench)
+
+
+def _solved_as_given(
+    ws: Workspace, q: np.ndarray, v: np.ndarray, effort: np.ndarray,
+    applied: list[AppliedWrench] | None,
+) -> bool:  # fmt: skip
+    """Solve a state; False where it is not closed, or not normalized, to the last digits."""
+    try:
+        ws.solve(q, v, effort, applied)
+    except PinfricError:  # what is wrong with the state is said first
+        ws.check_finite(q, v, effort)
+        return False
+    return ws.is_exact(q)
+
+
+def solution(ws: Workspace) -> Instant:
+    """Return the workspace's solution as views, which its next solve overwrites."""
+    contraction, passes = ws.modes.figures.tolist()
+    return Instant(ws.a, ws.site_modes, ws.phi, ws.multipliers, ws.load, ws.wrench, contraction,
+                   Status.CONVERGED, int(passes), ws.effort)  # fmt: skip
+
+
+def instant(ws: Workspace) -> Instant:
+    """Return the workspace's solution with arrays of its own."""
+    contraction, passes = ws.modes.figures.tolist()
+    multipliers = ws.multipliers.copy() if ws.closed else ws.multipliers
+    return Instant(
+        ws.a.copy(), ws.site_modes.copy(), ws.phi.copy(), multipliers, ws.load.copy(),
+        ws.wrench.copy(), contraction, Status.CONVERGED, int(passes), ws.effort.copy(),
+    )  # fmt: skip
+
+
+def one_of(where: str, effort: Any, motor_torque: Any) -> np.ndarray:
+    """Return what drives are given, or raise `StateError`: efforts or torques of motors."""
+    if (effort is None) == (motor_torque is None):
+        both = "both" if effort is not None else "neither"
+        raise StateError(f"{where}: found {both} of effort and motor_torque; give one of them")
+    return cast("np.ndarray", motor_torque if effort is None else effort)
+
+
+def drive_vector(ws: Workspace, given: Any) -> np.ndarray:
+    """Return (na,) of the drives: efforts, or r T_m (N m or N at the joint) where motors drive."""
+    if type(given) is not np.ndarray and isinstance(given, Mapping):
+        given = by_name(ws.scene.actuator_names, given, ws.given)
+    array = vector(ws.given, given, ws.na, "na")
+    return array * ws.tables.gears.ratio if ws.given == "motor_torque" else array
+
+
+def vector(name: str, given: Any, size: int, symbol: str) -> np.ndarray:
+    """Return a (size,) C-ordered float array, or raise `StateError` naming it."""
+    if type(given) is np.ndarray and given.dtype == np.float64 and given.shape == (size,):
+        return np.ascontiguousarray(given)
+    array = np.atleast_1d(real_numbers(name, given))
+    if array.shape != (size,):
+        raise StateError(f"{name}: shape {np.shape(given)}; should be ({size},), {symbol} = {size}")
+    return array

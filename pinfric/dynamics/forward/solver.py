@@ -1,0 +1,317 @@
+"""One state at a time for loops of one's own: everything prepared, results in the same memory.
+
+    u = M a + h - D phi     (paper eq. 16, 17; at rest eq. 21, 22),     a = M^-1 (u - h + D phi)
+
+In an open chain with joint drives Pinocchio's RNEA leaves the wrenches of all joints in its `Data`;
+one call of a kernel makes loads, friction and efforts of them, by the kernels of batches. Where
+reactions and friction couple, inverse dynamics is that of batches, on one sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pinfric.dynamics.forward.forward import Instant, one_of, solution, solve_state, vector
+from pinfric.dynamics.forward.workspace import Workspace, closed_configuration
+from pinfric.dynamics.inverse.linkage import solve_linkage
+from pinfric.dynamics.inverse.outcome import Status
+from pinfric.dynamics.inverse.tree import check_finite, solve_tree
+from pinfric.dynamics.inverse.undriven import check_shares
+from pinfric.dynamics.problem.maps import is_normalized
+from pinfric.dynamics.problem.motion_kernels import effort_bounds
+from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.dynamics.problem.states import States, unit_parts
+from pinfric.errors import PinfricError
+from pinfric.kernels.compiled import compile_for, compiling, kernel, record
+from pinfric.model.bearings import Contacts, normal_loads
+from pinfric.model.drives import Gears, write_motor_torques
+from pinfric.model.laws import Laws, friction_bounds
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
+from pinfric.model.scene import Scene, expect_scene
+
+
+class InverseInstant(NamedTuple):
+    """The efforts that a motion takes at one state; see `InverseResult` for what each figure means.
+
+    Attributes:
+        effort_lower, effort_upper: (na,) N m or N at the joints; equal where everything slides.
+        effort_frictionless: (na,) the same without friction.
+        motor_torque_lower, motor_torque_upper: (na,) at the motors' shafts; without gears the
+            efforts.
+        sticking: (ns,) bool.
+        normal_load: (ns,) load c its friction acts on.
+        friction_lower, friction_upper: (ns,) of the parent on the child.
+        wrench: (ns, 6) parent on child, in the child's joint frame, linear first.
+        status: `Status`; only where reactions and friction couple others than `CONVERGED`.
+    """
+
+    effort_lower: np.ndarray
+    effort_upper: np.ndarray
+    effort_frictionless: np.ndarray
+    motor_torque_lower: np.ndarray
+    motor_torque_upper: np.ndarray
+    sticking: np.ndarray
+    normal_load: np.ndarray
+    friction_lower: np.ndarray
+    friction_upper: np.ndarray
+    wrench: np.ndarray
+    status: Status
+
+
+class Sample(NamedTuple):
+    """One sample of an open chain: its state, what its scene says, and what is found.
+
+    Attributes:
+        q, v, a: (nq,), (1, nv), (1, nv).
+        unit_q, unit_count: (nu,) see `maps.Tables`.
+        force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `maps.Supply`.
+        joint, place: (ns,) row of each site's joint, and of the site itself.
+        velocity_index, ratio: (ns,) of each site.
+        displacement_q, displacement_ratio, displacement_shift: (ns,), see `Layout`.
+        contacts, laws, gears: of the scene.
+        geared: (1,) bool, whether a drive has a gear.
+        velocity, displacement: (1, ns). still, turns: (1, ns), (1, na), False: no reversals.
+        effort_lower ... wrench: (1, ...), see `InverseInstant`.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    unit_q: np.ndarray
+    unit_count: np.ndarray
+    force: np.ndarray
+    h: np.ndarray
+    joint: np.ndarray
+    place: np.ndarray
+    velocity_index: np.ndarray
+    ratio: np.ndarray
+    displacement_q: np.ndarray
+    displacement_ratio: np.ndarray
+    displacement_shift: np.ndarray
+    contacts: Contacts
+    laws: Laws
+    gears: Gears
+    geared: np.ndarray
+    velocity: np.ndarray
+    displacement: np.ndarray
+    still: np.ndarray
+    turns: np.ndarray
+    effort_lower: np.ndarray
+    effort_upper: np.ndarray
+    effort_frictionless: np.ndarray
+    motor_torque_lower: np.ndarray
+    motor_torque_upper: np.ndarray
+    sticking: np.ndarray
+    normal_load: np.ndarray
+    friction_lower: np.ndarray
+    friction_upper: np.ndarray
+    wrench: np.ndarray
+
+
+box_sample = record(Sample)
+
+
+@kernel
+def is_usual(x: Sample) -> bool:
+    """Return whether q, v, a are numbers of a machine, and q is on its manifold."""
+    for i in range(x.q.size):
+        if not abs(x.q[i]) <= LARGEST_OF_A_MOTION:
+            return False
+    for i in range(x.v.size):
+        if not (abs(x.v[0, i]) <= LARGEST_OF_A_MOTION and abs(x.a[0, i]) <= LARGEST_OF_A_MOTION):
+            return False
+    return is_normalized(x.unit_q, x.unit_count, x.q)
+
+
+@kernel
+def rub(x: Sample) -> bool:
+    """Write loads, friction, efforts and motor torques of the motion that RNEA was asked for last.
+
+    Returns:
+        False where the state is not as it should be (`is_usual`), or an effort overflows.
+    """
+    for s in range(x.joint.size):
+        x.velocity[0, s] = x.v[0, x.velocity_index[s]] * x.ratio[s]
+        x.displacement[0, s] = (
+            x.displacement_ratio[s] * x.q[x.displacement_q[s]] + x.displacement_shift[s]
+        )
+        for e in range(6):
+            x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
+    for i in range(x.h.size):
+        x.effort_frictionless[0, i] = x.h[i]
+    normal_loads(x.wrench, x.place, x.contacts, x.displacement, x.normal_load)
+    friction_bounds(
+        x.velocity, x.normal_load, x.laws, x.still, x.friction_lower, x.friction_upper, x.sticking
+    )
+    lower, upper = x.effort_lower, x.effort_upper
+    motor_lower, motor_upper = x.motor_torque_lower, x.motor_torque_upper
+    effort_bounds(x.effort_frictionless, x.friction_lower, x.friction_upper, x.velocity_index,
+                  x.ratio, lower, upper)  # fmt: skip
+    if x.geared[0]:
+        write_motor_torques(x.gears, lower, upper, x.v, x.a, x.turns, motor_lower, motor_upper)
+    finite = True
+    for d in range(lower.size):
+        finite &= abs(lower[0, d] + upper[0, d]) < np.inf
+        finite &= abs(motor_lower[0, d] + motor_upper[0, d]) < np.inf
+    return finite and is_usual(x)
+
+
+def make_sample(ws: Workspace) -> Sample:
+    """Make the buffers of one sample of an open chain, on the Pinocchio data of a workspace."""
+    scene, layout, supply, tables = ws.scene, ws.tables, ws.supplier.supply, ws.scene.site_tables
+    ns, na = len(scene.sites), len(scene.drives)
+    unit_q, unit_count = unit_parts(scene.model)
+    effort, motor, friction = np.zeros((3, 1, na)), np.zeros((2, 1, na)), np.zeros((3, 1, ns))
+    geared = any(drive.transmission for drive in scene.drives)
+    return Sample(
+        q=np.zeros(ws.nq), v=np.zeros((1, ws.nv)), a=np.zeros((1, ws.nv)),
+        unit_q=unit_q, unit_count=unit_count,
+        force=supply.force, h=supply.h, joint=layout.joint, place=np.arange(ns),
+        velocity_index=tables.velocity_index, ratio=tables.ratio,
+        displacement_q=layout.displacement_q, displacement_ratio=layout.displacement_ratio,
+        displacement_shift=layout.displacement_shift, contacts=tables.contacts, laws=layout.laws,
+        gears=scene_gears(scene), geared=np.array([geared]),
+        velocity=np.zeros((1, ns)), displacement=np.zeros((1, ns)),
+        still=np.zeros((1, ns), dtype=bool), turns=np.zeros((1, na), dtype=bool),
+        effort_lower=effort[0], effort_upper=effort[1], effort_frictionless=effort[2],
+        motor_torque_lower=motor[0] if geared else effort[0],
+        motor_torque_upper=motor[1] if geared else effort[1],
+        sticking=np.zeros((1, ns), dtype=bool), normal_load=friction[0],
+        friction_lower=friction[1], friction_upper=friction[2], wrench=np.zeros((1, ns, 6)),
+    )  # fmt: skip
+
+
+class Solver:
+    """Inverse and forward dynamics of one scene, one state at a time, for one thread.
+
+    For controllers, optimizers and integrators. Everything that does not depend on the state is
+    prepared when the solver is made, and all kernels are compiled, so that no call waits for the
+    compiler. With an empty cache that takes a minute or two, and a line on stderr says so. The
+    arrays of a result belong to the solver, and its next call overwrites them: copy what is to
+    stay. The
+    solver has a scene of its own: what is done to `scene.model` later does not reach it.
+
+    Attributes:
+        scene: the scene, unchanged since.
+
+    Args:
+        scene: the robot with its friction and drives.
+        attached: names of the payloads carried; None takes those attached by default.
+
+    Raises:
+        SceneError: there is no such payload.
+    """
+
+    def __init__(self, scene: Scene, attached: Iterable[str] | None = None) -> None:
+        expect_scene(scene, "Solver")
+        self.scene = scene.with_()
+        self._carried = None if attached is None else tuple(attached)
+        self._motors: Workspace | None = None
+        self._at_once = self.scene.one_drive_each
+        with compiling():
+            self._ws = Workspace(self.scene, self._carried)
+            if self._at_once:
+                self._sample = x = make_sample(self._ws)
+                self._q, self._v, self._a = x.q, x.v[0], x.a[0]
+                self._argument = box_sample(x)
+                found = {name: getattr(x, name)[0] for name in InverseInstant._fields[:-1]}
+                self._found = InverseInstant(**found, status=Status.CONVERGED)
+            self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Compile what the solver's methods call."""
+        Workspace(self.scene, self._carried).rehearse()
+        if self._at_once:
+            compile_for(rub, self._argument)
+            return
+        q, a = closed_configuration(self.scene), np.zeros(self._ws.nv)
+        for speed in (0.0, 1.0):
+            with suppress(PinfricError):  # a motion that its loops or drives do not allow
+                self._inverse_of_batch(q, a + speed, a)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Solver, (self.scene, self._carried)  # another process makes buffers of its own
+
+    def inverse(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
+        """Return the efforts that a motion takes, with friction: intervals where joints stick.
+
+        u = M a + h - D phi (paper eq. 16, 17; at rest eq. 21, 22); as `inverse_dynamics` of one
+        state without times.
+
+        Args:
+            q, v, a: (nq,), (nv,), (nv,) in rad, m and per second.
+
+        Returns:
+            Views that the next call overwrites; efforts are NaN where `status` says why.
+
+        Raises:
+            StateError: not real numbers, a wrong shape, a value not finite.
+            RollMomentError: a guide without width is loaded by a moment about its axis.
+            LoopMotionError: a loop is open, or the motion violates it.
+            SceneError, UndrivenMotionError: drives are not one per freedom, see `inverse_dynamics`.
+        """
+        if not self._at_once:
+            return self._inverse_of_batch(q, v, a)
+        self._q[:] = vector("q", q, self._q.size, "nq")
+        self._v[:] = vector("v", v, self._v.size, "nv")
+        self._a[:] = vector("a", a, self._a.size, "nv")
+        self._ws.supplier.balance(self._q, self._v, self._a)
+        while not rub(self._argument):
+            self._mend()
+            self._ws.supplier.balance(self._q, self._v, self._a)
+        self._ws.check_roll_moments(self._found.wrench)
+        return self._found
+
+    def _inverse_of_batch(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
+        attached = None
+        if self._carried is not None:
+            attached = np.array([[name in self._carried for name in self.scene.payloads]])
+        states = States.of(self.scene, q, v, a, None, attached)
+        check_shares(self.scene)
+        solve = solve_tree if self.scene.linkage is None else solve_linkage
+        found = solve(self.scene, states, [], slice(0, 1), 1)
+        if found.wrench is None:  # nothing looks at reactions
+            self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
+            wrench = self._ws.supplier.supply.force[1 + self._ws.tables.joint]
+            found = replace(found, wrench=wrench[None])
+        figures = {name: getattr(found, name)[0] for name in InverseInstant._fields}
+        return InverseInstant(**figures | {"status": Status(found.status[0])})
+
+    def forward(
+        self, q: np.ndarray, v: np.ndarray, effort: np.ndarray | Mapping[str, float] | None = None,
+        *, motor_torque: np.ndarray | Mapping[str, float] | None = None,
+    ) -> Instant:  # fmt: skip
+        """Return the accelerations, the modes and the friction that efforts cause.
+
+        a = M^-1 (u - h + D phi) (paper eq. 3, 20, 21); as `forward_dynamics`.
+
+        Args:
+            q, v: (nq,), (nv,) in rad, m and per second.
+            effort: (na,) what the drives deliver at the joints (N m or N), in the order of
+                `scene.actuator_names`, or a mapping drive name -> number.
+            motor_torque: as `effort` and in its place, at the motors' shafts (N m).
+
+        Returns:
+            Views that the next call overwrites.
+
+        Raises:
+            See `forward_dynamics`.
+        """
+        ws, given = self._ws, one_of("Solver.forward", effort, motor_torque)
+        if effort is None:
+            self._motors = ws = self._motors or Workspace(self.scene, self._carried, motors=True)
+        solve_state(ws, q, v, given)
+        return solution(ws)
+
+    def _mend(self) -> None:
+        """Bring q to its manifold, or say what is wrong with the state, or with what it causes."""
+        x, q = self._sample, States.of(self.scene, self._q, self._v, self._a).q[0]
+        if np.array_equal(q, self._q):
+            check_finite(self.scene, (x.effort_lower, x.effort_upper), 0)
+            check_finite(self.scene, (x.motor_torque_lower, x.motor_torque_upper), 0)
+        self._q[:] = q

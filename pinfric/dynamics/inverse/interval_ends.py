@@ -1,0 +1,401 @@
+"""Friction, efforts and their ends where reactions depend on friction.
+
+Everything is affine in the friction but its law (`effort_maps.Maps`), so that each sample is a
+small coupled problem (`given_modes`). What sticks, or reverses beside a sample, has a choice of
+frictions: the ends of efforts lie where each is at one of its limits. A *candidate* is a sample
+with one such choice; the kernel solves lists of them. Up to `ENUMERATED` choices of a sample all
+are candidates; beyond, sites are flipped one by one while that helps. A ball's limit is a sphere:
+its friction is turned until it points where the effort grows fastest. A sample that jams is left
+there, and one whose candidates took `MOST_PASSES` together is `NOT_CONVERGED`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from pinfric.dynamics.inverse.choices import (
+    LOWER,
+    NONE,
+    SLIDES,
+    UPPER,
+    Candidates,
+    friction_laws,
+    solve_list,
+)
+from pinfric.dynamics.inverse.effort_maps import Maps
+from pinfric.dynamics.inverse.outcome import Status
+from pinfric.dynamics.problem.layout import Layout
+from pinfric.friction.given_modes import MOST_SOLUTIONS
+from pinfric.friction.problem import empty_problem
+
+#: Choices of one sample that are all looked at: 2^8.
+ENUMERATED = 256
+#: Passes of Newton's method for one sample, all its candidates together: about a second.
+MOST_PASSES = 100_000
+#: Statuses without efforts: nothing more is looked for.
+_FAILED = (Status.JAMMED, Status.NOT_CONVERGED, Status.SINGULAR)
+#: Candidates per call of the kernel.
+_AT_ONCE = 1 << 14
+#: Turns of a ball's friction until it stays, and what counts as staying.
+_TURNS, _STAYS = 60, 1e-12
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is known of each of n samples.
+
+    Attributes:
+        lower, upper: (n, na) efforts.
+        phi: (n, ne) friction while what sticks has none: the state that wrenches are given for.
+        load: (n, ns) in that state.
+        friction_lower, friction_upper: (n, ns) over all candidates.
+        status: (n,) int8. iterations: (n,) int32. contraction: (n,), the largest.
+        exact: (n,) bool: the ends are certain, not the best of a search.
+        ends: (n, na, 2, ne) friction at each end of each effort.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    phi: np.ndarray
+    load: np.ndarray
+    friction_lower: np.ndarray
+    friction_upper: np.ndarray
+    status: np.ndarray
+    iterations: np.ndarray
+    contraction: np.ndarray
+    exact: np.ndarray
+    ends: np.ndarray
+
+    @classmethod
+    def of(cls, layout: Layout, n: int) -> Answer:
+        """Make the arrays for n samples, nothing known."""
+        na, ns, ne = len(layout.drive_v), len(layout.joint), len(layout.entry_v)
+        nan, inf = np.nan, np.inf
+        return cls(
+            np.full((n, na), inf), np.full((n, na), -inf), np.full((n, ne), nan),
+            np.full((n, ns), nan), np.full((n, ns), inf), np.full((n, ns), -inf),
+            np.zeros(n, dtype=np.int8), np.zeros(n, dtype=np.int32), np.zeros(n),
+            np.ones(n, dtype=bool), np.full((n, na, 2, ne), nan),
+        )  # fmt: skip
+
+
+class Solver:
+    """Solves the samples of one batch; see the module's text.
+
+    Args:
+        layout, maps: see `effort_maps`.
+        velocity, at_rest: see `friction_laws`.
+    """
+
+    def __init__(
+        self, layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray
+    ) -> None:
+        self.layout, self.maps = layout, maps
+        self.law = friction_laws(layout, maps, velocity, at_rest)
+        ns = len(layout.joint)
+        self._rows = np.flatnonzero(layout.varies[layout.contact_site])
+        sites = layout.contact_site[self._rows]
+        self.base = empty_problem(np.arange(ns), np.ones(ns), sites, np.zeros(ns))
+        self._balls = np.flatnonzero(layout.entry_count == 3)
+
+    def solve(self) -> Answer:
+        """Solve every sample."""
+        n = len(self.maps.singular)
+        answer = Answer.of(self.layout, n)
+        answer.status[self.maps.singular] = Status.SINGULAR
+        good = np.flatnonzero(~self.maps.singular)
+        if len(good):
+            self._reference(answer, good)
+        open_ = good[(self.law.choices[good] > 1).any(axis=1)]
+        if len(open_):
+            self._find_ends(answer, open_)
+        ambiguous = answer.status == Status.AMBIGUOUS
+        failed = ~ambiguous & (answer.status != Status.CONVERGED)
+        for array in (answer.lower, answer.upper, answer.friction_lower, answer.friction_upper,
+                      answer.phi, answer.load, answer.ends):  # fmt: skip
+            array[failed] = np.nan
+        answer.exact[failed | ambiguous] = False
+        return answer
+
+    def candidates(
+        self, sample: np.ndarray, code: np.ndarray, direction: np.ndarray | None = None
+    ) -> Candidates:
+        """Solve the given samples with the given codes (m, ns); directions (m, ne) of the law."""
+        m, ns = code.shape
+        direction = self.law.direction[sample] if direction is None else direction
+        x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
+        out = Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
+        if ns > 0:  # else nothing rubs, and that is the solution
+            solve_list(
+                self.maps.contact, self._rows, self.layout.entry_site, self.base, self.law, out
+            )
+        return out
+
+    def _phi(self, c: Candidates, solution: int) -> np.ndarray:
+        """(m, ne) friction coordinates of one of the solutions."""
+        return np.asarray(c.x[:, solution][:, self.layout.entry_site] * c.direction)
+
+    def _reference(self, answer: Answer, good: np.ndarray) -> None:
+        """Solve the state that wrenches are given for, and all of a sample that only slides."""
+        layout = self.layout
+        c = self.candidates(good, self.law.code[good])
+        self._note(answer, c)
+        some = c.found > 0
+        phi = self._phi(c, 0)
+        answer.phi[good[some]] = phi[some]
+        forces = self.maps.contact[good, :, 0] + np.einsum(
+            "mtke,mk->mte", self.maps.contact[good][:, :, 1:], phi
+        )
+        norms = np.sqrt(np.einsum("mte,mte->mt", forces, forces))
+        load = np.zeros((len(good), len(layout.joint))) + layout.constant
+        for t, s in enumerate(layout.contact_site):
+            load[:, s] += norms[:, t]
+        answer.load[good[some]] = load[some]
+        slides = (self.law.choices[good] == 1).all(axis=1)
+        self._widen(answer, c._replace(found=np.where(slides, c.found, 0)), np.arange(0), -1, 0)
+
+    def _note(self, answer: Answer, c: Candidates) -> None:
+        """Let the outcomes of candidates worsen their samples' statuses."""
+        several = c.sample[c.found > 1]
+        several = several[answer.status[several] == Status.CONVERGED]
+        answer.status[several] = Status.AMBIGUOUS
+        answer.status[c.sample[c.found < 0]] = Status.NOT_CONVERGED
+        answer.status[c.sample[c.found == 0]] = Status.JAMMED
+        np.add.at(answer.iterations, c.sample, c.figures[:, 1].astype(np.int32))
+        np.maximum.at(answer.contraction, c.sample, c.figures[:, 0])
+
+    def _widen(
+        self, answer: Answer, c: Candidates, free: np.ndarray, drive: int, side: int
+    ) -> np.ndarray:
+        """Let solutions widen the ends of their samples; see `_evaluate`."""
+        sign, columns = (1.0 if side else -1.0), self.layout.first_entry[free]
+        value = np.full(len(c.sample), -sign * np.inf)
+        for solution in range(int(c.found.max(initial=0))):
+            has = np.flatnonzero(c.found > solution)
+            sample, phi = c.sample[has], self._phi(c, solution)[has]
+            least, most = self._free_limits(sample, free)
+            maps = self.maps.effort[sample]
+            for up, ends in enumerate((answer.lower, answer.upper)):
+                chosen = np.repeat(phi[:, None], maps.shape[1], axis=1)  # (m, na, ne)
+                grows = (maps[:, :, 1 + columns] > 0) == bool(up)
+                chosen[:, :, columns] = np.where(grows, most[:, None], least[:, None])
+                effort = maps[:, :, 0] + np.einsum("mdk,mdk->md", maps[:, :, 1:], chosen)
+                self._take(answer, sample, effort, chosen, ends, up)
+                if drive >= 0 and up == side:
+                    value[has] = sign * np.maximum(sign * value[has], sign * effort[:, drive])
+            self._widen_friction(answer, sample, c.x[has, solution])
+            answer.friction_lower[np.ix_(sample, free)] = least
+            answer.friction_upper[np.ix_(sample, free)] = most
+        return value
+
+    def _take(
+        self, answer: Answer, sample: np.ndarray, effort: np.ndarray, phi: np.ndarray,
+        ends: np.ndarray, side: int,
+    ) -> None:  # fmt: skip
+        """Let efforts (m, na) of one side be new ends where they reach beyond the present."""
+        sign = 1.0 if side else -1.0
+        for drive in range(effort.shape[1]):
+            order = np.argsort(sign * effort[:, drive], kind="stable")  # the best comes last
+            best = order[sign * effort[order, drive] > sign * ends[sample[order], drive]]
+            ends[sample[best], drive] = effort[best, drive]
+            answer.ends[sample[best], drive, side] = phi[best, drive]
+
+    def _widen_friction(self, answer: Answer, sample: np.ndarray, x: np.ndarray) -> None:
+        low = x.copy()
+        sticking = self.law.choices[sample] > 1
+        for s in self._balls:  # any direction of the sphere
+            low[:, s] = np.where(sticking[:, s], -np.abs(x[:, s]), x[:, s])
+        np.minimum.at(answer.friction_lower, sample, low)
+        np.maximum.at(answer.friction_upper, sample, x)
+
+    def _find_ends(self, answer: Answer, open_: np.ndarray) -> None:
+        """Find the ends of efforts where something sticks or reverses, samples alike together."""
+        free = self._free()
+        patterns, group = np.unique(self.law.choices[open_], axis=0, return_inverse=True)
+        for p, pattern in enumerate(patterns):
+            samples = open_[group.ravel() == p]
+            choosing = np.flatnonzero((pattern > 1) & ~free)
+            free_here = np.flatnonzero((pattern > 1) & free)
+            balls = np.intersect1d(choosing, self._balls)
+            others = np.setdiff1d(choosing, balls)
+            count = int(np.prod(pattern[others].astype(float)))
+            if count > ENUMERATED:
+                self._flip(answer, samples, pattern, others, free_here, balls)
+                answer.exact[samples] = False
+                continue
+            every = list(product(*(_options(pattern[s]) for s in others)))
+            combinations = np.array(every, dtype=np.int64).reshape(count, len(others))
+            for part in _slices(len(samples), max(1, _AT_ONCE // len(combinations))):
+                sample = np.repeat(samples[part], len(combinations))
+                code = self.law.code[sample]
+                code[:, free_here] = NONE
+                code[:, others] = np.tile(combinations, (len(samples[part]), 1))
+                if len(balls):
+                    for drive, side in np.ndindex(answer.lower.shape[1], 2):
+                        self._evaluate(answer, sample, code, free_here, balls, drive, side)
+                else:
+                    self._evaluate(answer, sample, code, free_here, balls, -1, 0)
+            answer.exact[samples] &= not len(balls)
+
+    def _free(self) -> np.ndarray:
+        """(ns,) sites whose friction changes no load, their own included: each end picks theirs."""
+        layout = self.layout
+        moved = np.abs(self.maps.contact[:, self._rows, 1:][~self.maps.singular]).max(
+            axis=(0, 1, 3), initial=0.0
+        )
+        changes = np.zeros(len(layout.joint), dtype=bool)
+        np.logical_or.at(changes, self.layout.entry_site, moved > 0)
+        return np.asarray(~changes & ~layout.varies & (layout.entry_count == 1))
+
+    def _free_limits(self, sample: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(m, number of free sites) least and greatest friction where loads are fixed."""
+        law, load = self.law, self.law.constant[sample][:, free]
+
+        def friction(code: int) -> np.ndarray:
+            way, mu, dry = (
+                array[code][sample][:, free] for array in (law.way, law.mu, law.coulomb)
+            )
+            return np.asarray(-way * (mu * load + dry))
+
+        least, most, slides = friction(LOWER), friction(UPPER), friction(SLIDES)
+        reverses = law.choices[sample][:, free] == 3
+        return (np.where(reverses, np.minimum(least, slides), least),
+                np.where(reverses, np.maximum(most, slides), most))  # fmt: skip
+
+    def _evaluate(
+        self, answer: Answer, sample: np.ndarray, code: np.ndarray, free: np.ndarray,
+        balls: np.ndarray, drive: int, side: int,
+    ) -> np.ndarray:  # fmt: skip
+        """Solve candidates, let them widen the ends, and return one effort (m,) of each.
+
+        Args:
+            answer: widened.
+            sample, code: (m,), (m, ns).
+            free: sites that each end picks the friction of.
+            balls: sites whose direction is turned towards one end: `drive`, `side` (0 lower).
+        """
+        value = np.full(len(sample), -np.inf if side else np.inf)
+        here = np.flatnonzero(self._goes_on(answer, sample))
+        if not len(here):
+            return value
+        code = code[here]
+        code[:, balls] = UPPER
+        c = self.candidates(sample[here], code)
+        if len(balls):
+            self._turn(answer, c, balls, drive, side)
+        self._note(answer, c)
+        value[here] = self._widen(answer, c, free, drive, side)
+        return value
+
+    def _goes_on(self, answer: Answer, sample: np.ndarray) -> np.ndarray:
+        """(m,) whether a sample may have ends yet, and came not to its bound."""
+        failed = np.isin(answer.status[sample], _FAILED)
+        over = answer.iterations[sample] > MOST_PASSES
+        answer.status[sample[over & ~failed]] = Status.NOT_CONVERGED
+        return np.asarray(~(failed | over))
+
+    def _turn(
+        self, answer: Answer, c: Candidates, balls: np.ndarray, drive: int, side: int
+    ) -> None:
+        """Turn the balls' friction of each candidate until it stays, or its sample is at its bound.
+
+        Args:
+            answer: what was spent before.
+            c: overwritten; of passes, the sum over all turns.
+            balls, drive, side: see `_evaluate`.
+        """
+        turning = np.arange(len(c.sample))
+        for _ in range(_TURNS):
+            if not len(turning):
+                return
+            before = Candidates(*(array[turning] for array in c))
+            direction = self._turned(before, balls, drive, side)
+            turned = self.candidates(before.sample, before.code, direction)
+            turned.figures[:, 1] += before.figures[:, 1]
+            for array, part in zip(c, turned, strict=True):
+                array[turning] = part
+            passes = np.bincount(c.sample, c.figures[:, 1], len(answer.iterations))
+            within = (answer.iterations + passes)[before.sample] <= MOST_PASSES
+            turn = np.abs(direction - before.direction).max(axis=1, initial=0.0)
+            c.found[turning[(turn >= _STAYS) & ~within]] = -1
+            turning = turning[(turn >= _STAYS) & within]
+
+    def _turned(self, c: Candidates, balls: np.ndarray, drive: int, side: int) -> np.ndarray:
+        """(m, ne) directions in which the balls' friction moves one effort most.
+
+        With x = gain load(phi) and phi = D x, a small change delta of phi changes the effort by
+        g delta, g = U + U D (I - L D)^-1 L: at the extreme every ball's friction points along g.
+        """
+        layout, (m, ne) = self.layout, c.direction.shape
+        ns = len(layout.joint)
+        L = np.zeros((m, ns, ne))
+        phi = self._phi(c, 0)
+        for t in self._rows:
+            s = layout.contact_site[t]
+            slope = self.maps.contact[c.sample, t, 1:]
+            force = self.maps.contact[c.sample, t, 0] + np.einsum("mke,mk->me", slope, phi)
+            size = np.maximum(np.linalg.norm(force, axis=1), 1e-300)
+            here = c.code[:, s], c.sample, s
+            gain = -self.law.way[here] * self.law.mu[here] / size
+            L[:, s] += gain[:, None] * np.einsum("mke,me->mk", slope, force)
+        D = np.zeros((m, ne, ns))
+        D[:, np.arange(ne), self.layout.entry_site] = c.direction
+        U = self.maps.effort[c.sample, drive, 1:]
+        g = U.copy()
+        inner = np.eye(ns) - L @ D
+        usable = np.abs(np.linalg.det(inner)) > 1e-12
+        right = np.einsum("mks,mk->ms", D[usable], U[usable])[:, :, None]
+        through = np.linalg.solve(inner[usable].transpose(0, 2, 1), right)
+        g[usable] += np.einsum("ms,msk->mk", through[:, :, 0], L[usable])
+        g *= 1.0 if side else -1.0
+        direction = c.direction.copy()
+        for s in balls:
+            part = slice(layout.first_entry[s], layout.first_entry[s] + 3)
+            size = np.linalg.norm(g[:, part], axis=1, keepdims=True)
+            direction[:, part] = np.where(size > 0, g[:, part] / np.maximum(size, 1e-300),
+                                          direction[:, part])  # fmt: skip
+        return direction
+
+    def _flip(
+        self, answer: Answer, samples: np.ndarray, pattern: np.ndarray, choosing: np.ndarray,
+        free: np.ndarray, balls: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Search each end by changing one site's friction at a time, while that helps."""
+        columns = self.layout.first_entry[choosing]
+        flips = np.array([(s, option) for s in choosing for option in _options(pattern[s])])
+        for drive, side in np.ndindex(answer.lower.shape[1], 2):
+            sign = 1.0 if side else -1.0
+            code = self.law.code[samples]
+            code[:, free] = NONE
+            # from where it would be if no load depended on friction
+            grows = sign * self.maps.effort[samples, drive][:, 1 + columns] > 0
+            code[:, choosing] = np.where(grows, UPPER, LOWER)
+            best = self._evaluate(answer, samples, code, free, balls, drive, side)
+            active = np.arange(len(samples))
+            while len(active := active[self._goes_on(answer, samples[active])]):
+                trials = np.repeat(code[active][:, None], len(flips), axis=1)
+                trials[:, np.arange(len(flips)), flips[:, 0]] = flips[:, 1]
+                shape = trials.shape[:2]
+                value = self._evaluate(
+                    answer, np.repeat(samples[active], len(flips)),
+                    trials.reshape(-1, trials.shape[2]), free, balls, drive, side,
+                ).reshape(shape)  # fmt: skip
+                top = np.argmax(sign * value, axis=1)
+                value = value[np.arange(len(active)), top]
+                better = sign * (value - best[active]) > 1e-12 * np.abs(best[active])
+                code[active[better]] = trials[better, top[better]]
+                best[active[better]] = value[better]
+                active = active[better]
+
+
+def _options(choices: int) -> tuple[int, ...]:
+    return (LOWER, UPPER, SLIDES)[: int(choices)]
+
+
+def _slices(total: int, size: int) -> Iterator[slice]:
+    for start in range(0, total, size):
+        yield slice(start, min(start + size, total))

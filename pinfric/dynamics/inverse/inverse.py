@@ -1,0 +1,107 @@
+"""Inverse dynamics with friction: the efforts that a motion takes, as intervals where joints stick.
+
+    M a + h - J_ext^T f_ext = S u + J_c^T lambda + D phi,     phi_k opposes v_k   (paper eq. 16, 17)
+
+Open chains whose drives sit on their joints are solved in `inverse_tree`; with loops, cylinders or
+forces, reactions depend on friction: `inverse_linkage`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from typing import Any, overload
+
+import numpy as np
+
+from pinfric.dynamics.inverse.linkage import solve_linkage
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.inverse.tree import solve_tree
+from pinfric.dynamics.inverse.undriven import check_shares
+from pinfric.dynamics.problem.reactions import applied_wrenches, slices
+from pinfric.dynamics.problem.states import MotionLike, States, attached_columns
+from pinfric.errors import StateError
+from pinfric.model.arrays import whole_number
+from pinfric.model.scene import Scene, expect_scene
+
+
+@overload
+def inverse_dynamics(
+    scene: Scene, q: np.ndarray | MotionLike, v: np.ndarray | None = ...,
+    a: np.ndarray | None = ..., external: Mapping[str, np.ndarray] | None = ..., *,
+    t: np.ndarray | None = ..., attached: np.ndarray | None = ..., threads: int | None = ...,
+    chunks: None = ...,
+) -> InverseResult: ...  # fmt: skip
+@overload
+def inverse_dynamics(
+    scene: Scene, q: np.ndarray | MotionLike, v: np.ndarray | None = ...,
+    a: np.ndarray | None = ..., external: Mapping[str, np.ndarray] | None = ..., *,
+    t: np.ndarray | None = ..., attached: np.ndarray | None = ..., threads: int | None = ...,
+    chunks: int,
+) -> Iterator[InverseResult]: ...  # fmt: skip
+def inverse_dynamics(
+    scene: Scene,
+    q: np.ndarray | MotionLike,
+    v: np.ndarray | None = None,
+    a: np.ndarray | None = None,
+    external: Mapping[str, np.ndarray] | None = None,
+    *,
+    t: np.ndarray | None = None,
+    attached: np.ndarray | None = None,
+    threads: int | None = None,
+    chunks: int | None = None,
+) -> InverseResult | Iterator[InverseResult]:
+    """Return the drives' efforts along a motion, with friction: intervals where joints stick.
+
+    u = M a + h - J_ext^T f_ext - D phi (paper eq. 16, 17; at rest eq. 21, 22). With times, a joint
+    that reverses between two samples passes through rest: the sample nearest to the reversal
+    carries the interval of standstill too. Without times the samples are states of their own, in
+    no order: what stands beside a sample says nothing of it.
+
+    Args:
+        scene: the robot with its friction and drives.
+        q, v, a: (T, nq), (T, nv), (T, nv) in rad, m and per second; or, in place of q alone, a
+            motion that has t, q, v, a (and `attached`).
+        external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m).
+        t: (T,) times in s, which make the samples one motion: for reversals, stick intervals and
+            time-weighted figures. None: states without order.
+        attached: (T, np) which payloads are carried; columns as `scene.payloads`.
+        threads: of Pinocchio; None chooses by the number of samples. A process that was forked
+            after its parent had used several gets one, because OpenMP would end it otherwise.
+        chunks: return an iterator of results of this many samples each, for motions whose result
+            would not fit in memory; a time at rest that goes on into the next result is a stick
+            interval of both.
+
+    Raises:
+        StateError: not real numbers, a wrong shape, a value not finite, times not increasing.
+        RollMomentError: a guide without width is loaded by a moment about its axis.
+        LoopMotionError: a loop is open, or the motion violates it.
+        SceneError: drives share the work, and nothing says how.
+        UndrivenMotionError: a joint without drive would need one.
+    """
+    states = _states(scene, q, v, a, t, attached)
+    applied = applied_wrenches(scene, external, len(states.q))
+    check_shares(scene)
+    solve = solve_tree if scene.linkage is None else solve_linkage
+    if chunks is None:
+        return solve(scene, states, applied, slice(0, len(states.q)), threads)
+    parts = slices(0, len(states.q), whole_number("chunks", chunks))
+    return (solve(scene, states, applied, part, threads) for part in parts)
+
+
+def _states(scene: Scene, q: Any, v: Any, a: Any, t: Any, attached: Any) -> States:
+    """The samples that `inverse_dynamics` is given: arrays, or one motion."""
+    expect_scene(scene, "inverse_dynamics")
+    if isinstance(q, str | os.PathLike) and v is None and a is None:
+        name = str(q)
+        raise StateError(f"inverse_dynamics: the motion is a file's name, {name!r}; give "
+                         f"pf.load_trajectory({name!r}, scene)")  # fmt: skip
+    if not isinstance(q, np.ndarray) and hasattr(q, "q"):
+        if not (v is None and a is None and t is None):
+            raise StateError("inverse_dynamics: a motion brings its own v, a and t; leave them out")
+        motion = q
+        q, v, a, t = motion.q, motion.v, motion.a, motion.t
+        attached = attached_columns(scene, motion) if attached is None else attached
+    if v is None or a is None:
+        raise StateError("inverse_dynamics needs q, v and a, or one motion that has all of them")
+    return States.of(scene, q, v, a, t, attached)

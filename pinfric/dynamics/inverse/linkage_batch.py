@@ -1,0 +1,97 @@
+"""A batch of samples of a linkage as functions of its friction: what `interval_ends` solves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics.inverse.effort_maps import EffortTables, Maps, map_friction
+from pinfric.dynamics.problem.closure import PairRates
+from pinfric.dynamics.problem.layout import Layout
+from pinfric.dynamics.problem.reactions import (
+    AppliedWrench,
+    Batch,
+    generalized_effort,
+    reactions,
+    relieve,
+)
+from pinfric.dynamics.problem.states import States
+from pinfric.model.closure import action_maps, tree_tables
+from pinfric.model.kinematics import place_links
+from pinfric.model.loops import Linkage
+from pinfric.model.twin import Twin
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A batch as `interval_ends` takes it: maps, and what wrenches follow from.
+
+    Attributes:
+        maps: `effort_maps.Maps`.
+        wrench: (n, nj, 6) of the tree without multipliers.
+        X: (n, nj + pairs, 6, nx), `kinematics.act_on_joints`.
+    """
+
+    maps: Maps
+    wrench: np.ndarray
+    X: np.ndarray
+
+
+def friction_maps(
+    layout: Layout,
+    linkage: Linkage,
+    twin: Twin,
+    states: States,
+    applied: list[AppliedWrench],
+    part: slice,
+    batch: Batch,
+    threads: int,
+) -> Samples:
+    """Return everything of a batch as affine functions of the friction (`effort_maps`).
+
+    Args:
+        layout, linkage: of the scene.
+        twin: with the payloads of this batch.
+        states, applied: of all samples.
+        part: the samples of this batch.
+        batch: buffers of as many samples.
+        threads: of Pinocchio.
+    """
+    q, a, n = states.q[part], states.a[part], part.stop - part.start
+    reactions(twin, q, states.v[part], a, batch, threads)
+    relieve(twin, applied, part, batch)
+    tau = np.empty((n, twin.nv))
+    generalized_effort(twin, batch.wrench, a, tau)
+    p, R = np.empty((n, twin.n_joints, 3)), np.empty((n, twin.n_joints, 3, 3))
+    place_links(batch.q, *tree_tables(twin), p, R)
+    X, J = action_maps(twin, linkage, p, R)
+    maps = Maps.of(layout, n)
+    moved = np.zeros((0, 0))
+    tree = layout.joint < layout.n_tree
+    if layout.contact_map_moved.any():
+        moved = np.zeros((n, len(layout.joint)))
+        moved[:, tree] = twin.displacements(layout.joint[tree], q)
+    map_friction(EffortTables.of(layout), batch.wrench, tau, X, J, moved, maps)
+    return Samples(maps, batch.wrench, X)
+
+
+def friction_velocities(layout: Layout, v: np.ndarray, rates: PairRates) -> np.ndarray:
+    """Return the relative velocity (n, ne) along each friction coordinate (rad/s or m/s)."""
+    out = layout.entry_ratio * v[:, layout.entry_v]
+    loop = layout.entry_action >= 0
+    out[:, loop] = rates.rate[:, layout.entry_action[loop]]
+    return np.ascontiguousarray(out)
+
+
+def loop_wrenches(linkage: Linkage, X: np.ndarray, solved: np.ndarray) -> np.ndarray:
+    """Return the multipliers (n, number of loops, 6) as wrenches of a on b in frame b.
+
+    Args:
+        linkage: with the loops.
+        X: (n, nj + number of pairs, 6, nx), `kinematics.act_on_joints`.
+        solved: (n, ny) efforts off the joints and multipliers.
+    """
+    first, rows = X.shape[1] - len(linkage.pair_kind), linkage.lambdas
+    loops = X[:, first : first + len(linkage.loops), :, rows]
+    return np.einsum("nlkc,nc->nlk", loops, solved[:, rows])

@@ -1,0 +1,175 @@
+"""All states of friction at one sample: several where it is ambiguous, none where it jams."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.dynamics.inverse.choices import LOWER, SLIDES
+from pinfric.dynamics.inverse.effort_maps import EffortTables, write_wrenches
+from pinfric.dynamics.inverse.interval_ends import Solver
+from pinfric.dynamics.inverse.linkage_batch import (
+    Samples,
+    friction_maps,
+    friction_velocities,
+    loop_wrenches,
+)
+from pinfric.dynamics.inverse.outcome import Solution
+from pinfric.dynamics.problem.closure import pair_rates
+from pinfric.dynamics.problem.layout import Layout, make_inverse_layout, make_layout
+from pinfric.dynamics.problem.reactions import Batch
+from pinfric.friction.dense import spectral_radius_bound
+from pinfric.friction.given_modes import Reduced, contraction_matrix, newton, reduce_problem
+from pinfric.model.loops import Linkage
+
+if TYPE_CHECKING:
+    from pinfric.dynamics.inverse.result import InverseResult
+
+#: Starts of the wide search; how far apart solutions are at a site, relative to its friction; what
+#: rounding of the largest friction leaves in the smallest.
+_STARTS, _DISTINCT, _ROUNDING = 200, 1e-6, 1e-12
+#: What `given_modes.newton` must reach to count as a solution (it stops at rounding).
+_RESIDUAL = 1e-12
+
+
+def find_solutions(result: InverseResult, sample: int) -> tuple[Solution, ...]:
+    """Return the states of friction that obey the laws at one sample (`result.solutions`)."""
+    if result.scene.linkage is None:
+        return (_of_open_chain(result, sample),)
+    layout, linkage, samples, velocity = one_sample(result, sample)
+    solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
+    if samples.maps.singular[0]:
+        return ()
+    if (solver.law.choices > 1).any():
+        ends = solver.solve().ends
+        found = ends.reshape(-1, ends.shape[-1])
+        found = found[~np.isnan(found).any(axis=1)]
+    else:
+        found = _search(solver)
+    na = len(result.scene.drives)
+    return tuple(_solution(layout, linkage, samples, phi, na) for phi in _distinct(found))
+
+
+def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Samples, np.ndarray]:
+    """Return what the solver had of one sample: layout, linkage, maps, velocities (1, ne)."""
+    scene, states = result.scene, result.states
+    linkage = scene.linkage
+    assert linkage is not None
+    layout = make_inverse_layout(scene)
+    part = slice(sample, sample + 1)
+    carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
+    twin = scene.twin(carried)
+    batch = Batch.of(twin, 1)
+    samples = friction_maps(layout, linkage, twin, states, list(result.external), part, batch, 1)
+    rates = pair_rates(scene, states, part, part)
+    return layout, linkage, samples, friction_velocities(layout, states.v[part], rates)
+
+
+def reduced_problem(solver: Solver) -> Reduced:
+    """Return what `given_modes` solves for a solver's only sample."""
+    law = solver.law
+    code = np.where(law.choices > 1, LOWER, law.code)  # what sticks is at a limit
+    solver.candidates(np.zeros(1, dtype=np.int64), code)
+    way = law.way[code[0], 0, np.arange(code.shape[1])]
+    reduced: Reduced = reduce_problem(solver.base, np.zeros(len(way), dtype=bool), way)[1]
+    return reduced
+
+
+def find_jamming_site(result: InverseResult, sample: int) -> str | None:
+    """Return the site whose load grows most with friction (`result.jamming_site`)."""
+    if result.scene.linkage is None or not result.site_names:
+        return None
+    layout, _, samples, velocity = one_sample(result, sample)
+    if samples.maps.singular[0]:
+        return None
+    solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
+    reduced = reduced_problem(solver)
+    nz = reduced.contact.shape[1] - 1
+    A, vector = np.empty((nz, nz)), np.empty(nz)
+    contraction_matrix(reduced, A)
+    if spectral_radius_bound(A, vector) == 0.0:
+        return None
+    return result.site_names[int(np.flatnonzero(reduced.unknown == np.argmax(vector))[0])]
+
+
+def _search(solver: Solver) -> np.ndarray:
+    """Newton from many starts on every scale; (number found, ne) friction coordinates."""
+    layout, law = solver.layout, solver.law
+    reduced = reduced_problem(solver)
+    unknown, X, _, _, gain, contact = reduced
+    nz = contact.shape[1] - 1
+    rng = np.random.default_rng(0)
+    scale = float(np.abs(contact[:, 0]).max(initial=0.0)) * float(np.abs(gain).max(initial=0.0))
+    way = np.ones(nz)
+    for s in np.flatnonzero(unknown >= 0):
+        way[unknown[s]] = -law.way[SLIDES, 0, s]
+    found = []
+    for start in range(_STARTS if nz else 1):
+        z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)
+        error = newton(reduced, z, False)[0] if nz else 0.0
+        if error <= _RESIDUAL:
+            found.append(X[:, 0] + X[:, 1:] @ z)
+    x = np.array(found).reshape(len(found), len(layout.first_entry))
+    return np.asarray(x[:, layout.entry_site] * law.direction[0])
+
+
+def _distinct(found: np.ndarray) -> list[np.ndarray]:
+    """Those that differ at a site by more than rounding: each site by its own friction's scale.
+
+    By the largest friction of all, a small pin's two limits beside a large one's would be one.
+    """
+    kept: list[np.ndarray] = []
+    for phi in found:
+        floor = _ROUNDING * float(np.abs(phi).max(initial=0.0))
+        if all(
+            (np.abs(phi - other) > _DISTINCT * np.maximum(np.abs(phi), np.abs(other)) + floor).any()
+            for other in kept
+        ):
+            kept.append(phi)
+    return kept
+
+
+def _solution(
+    layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarray, na: int
+) -> Solution:
+    maps, ns = samples.maps, len(layout.joint)
+    wrench, solved = np.empty((1, ns, 6)), np.empty((1, layout.solved))
+    tables = EffortTables.of(layout)
+    write_wrenches(tables, samples.wrench, samples.X, maps.y, phi[None], wrench, solved)
+    one = np.concatenate([[1.0], phi])
+    load = layout.constant.copy()
+    forces = np.linalg.norm(np.einsum("tke,k->te", maps.contact[0], one), axis=1)
+    np.add.at(load, layout.contact_site, forces)
+    friction = phi[layout.first_entry].copy()
+    for s in np.flatnonzero(layout.entry_count == 3):
+        first = layout.first_entry[s]
+        friction[s] = -np.linalg.norm(phi[first : first + 3])
+    return Solution(
+        effort=maps.effort[0, :na] @ one,
+        friction=friction,
+        friction_coordinates=phi.copy(),
+        normal_load=load,
+        wrench=wrench[0],
+        multipliers=loop_wrenches(linkage, samples.X, solved)[0],
+    )
+
+
+def _of_open_chain(result: InverseResult, sample: int) -> Solution:
+    """The one solution where everything slides; where something sticks, the one in which it has
+    no friction."""
+    friction = np.where(
+        result.friction_lower[sample] == result.friction_upper[sample],
+        result.friction_lower[sample], 0.0,
+    )  # fmt: skip
+    sites, layout = result.scene.site_tables, make_layout(result.scene)
+    total = np.zeros(result.scene.model.nv)
+    np.add.at(total, sites.velocity_index, sites.ratio * friction)
+    taken = layout.part * total[layout.drive_v]
+    if layout.delivery.size:
+        taken = layout.delivery @ taken
+    effort = result.effort_frictionless[sample] - taken
+    ns = len(friction)
+    wrench = np.full((ns, 6), np.nan) if result.wrench is None else result.wrench[sample]
+    return Solution(effort, friction, friction, result.normal_load[sample], wrench,
+                    np.zeros((0, 6)))  # fmt: skip

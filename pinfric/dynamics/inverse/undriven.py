@@ -1,0 +1,103 @@
+"""Scenes whose drives are not one per freedom: what inverse dynamics can say of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.problem.states import States
+from pinfric.errors import SceneError, UndrivenMotionError
+from pinfric.model.closure import velocity_names
+from pinfric.model.scene import Scene
+from pinfric.model.twin import PRISMATIC
+
+#: What is this small beside the terms that it is the sum of is none: angles have six digits.
+_OBEYS = 1e-5
+
+
+def check_shares(scene: Scene) -> None:
+    """Refuse drives of which nothing says how they share the work.
+
+    Raises:
+        SceneError: redundant drives without `share`.
+    """
+    mobility, drives = scene.mobility, scene.drives
+    if all(drives[d].share for d in mobility.redundant):
+        return
+    names = ", ".join(drives[d].name for d in mobility.redundant)
+    count = len(mobility.redundant) - len(drives) + mobility.freedoms - len(mobility.undriven)
+    raise SceneError(
+        f"{scene.source}: actuators: {mobility.counts(len(drives))}: how they share the work does "
+        f"not follow from the motion; give each of them a `share`, or name {count} of {names}"
+    )
+
+
+def check_undriven(
+    scene: Scene, states: States, whole: slice, lower: np.ndarray, upper: np.ndarray
+) -> None:
+    """Refuse a motion that takes an effort where no drive is.
+
+    Args:
+        scene: with its undriven velocities.
+        states: of all samples.
+        whole: the T samples that were solved.
+        lower, upper: (T, number undriven) what the motion takes there, over all that friction
+            can do; NaN where there is no solution.
+
+    Raises:
+        UndrivenMotionError: 0 is not between them, by more than rounding.
+    """
+    undriven = list(scene.mobility.undriven)
+    if not undriven or not len(lower):
+        return
+    missing = np.nan_to_num(np.fmax(np.fmax(lower, -upper), 0.0))
+    size = np.maximum(_terms(scene, states.part(whole)), _weights(scene)[undriven])
+    sample, place = np.unravel_index(np.argmax(missing / np.maximum(size, 1e-300)), missing.shape)
+    if missing[sample, place] > _OBEYS * size[place]:
+        raise UndrivenMotionError(
+            velocity_names(scene.model)[undriven[place]], whole.start + int(sample),
+            float(missing[sample, place]), scene.mobility.counts(len(scene.drives)),
+        )  # fmt: skip
+
+
+def _terms(scene: Scene, states: States) -> float:
+    """The largest |h| + |M a| of a motion (N m or N)."""
+    pool = scene.twin().plain_pool(1)
+    bias, whole = np.empty_like(states.v), np.empty_like(states.v)
+    pin.rneaInParallel(1, pool, states.q.T, states.v.T, np.zeros_like(states.a).T, bias.T)
+    pin.rneaInParallel(1, pool, states.q.T, states.v.T, states.a.T, whole.T)
+    return float((np.abs(bias) + np.abs(whole - bias)).max(initial=0.0))
+
+
+def _weights(scene: Scene) -> np.ndarray:
+    """(nv,) most that the weight of what a joint carries can take of it (N m or N)."""
+    model, out = scene.model, np.zeros(scene.model.nv)
+    data, g = model.createData(), float(np.linalg.norm(model.gravity.linear))
+    pin.crba(model, data, pin.neutral(model))
+    for kind, joint, carried in zip(
+        scene.twin().kind, list(model.joints)[1:], list(data.Ycrb)[1:], strict=True
+    ):
+        lever = 1.0 if kind == PRISMATIC else float(np.linalg.norm(carried.lever))
+        out[joint.idx_v : joint.idx_v + joint.nv] = carried.mass * g * lever
+    return out
+
+
+def narrow_friction(scene: Scene, effort: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+    """Narrow the friction (T, ns) of undriven joints of an open chain to what balances them.
+
+    sum of ratio phi over a joint's sites = effort: each has what the others leave.
+
+    Args:
+        scene: an open chain.
+        effort: (T, nv) without friction.
+        lower, upper: (T, ns), overwritten.
+    """
+    sites = scene.site_tables
+    for v in scene.mobility.undriven:
+        on = np.flatnonzero(sites.velocity_index == v)
+        ends = np.sort([sites.ratio[on] * lower[:, on], sites.ratio[on] * upper[:, on]], axis=0)
+        least, most = ends.sum(axis=2, keepdims=True)
+        needed = effort[:, v, None]
+        narrowed = np.clip([needed - (most - ends[1]), needed - (least - ends[0])], *ends)
+        narrowed = np.sort(narrowed / sites.ratio[on], axis=0)
+        lower[:, on], upper[:, on] = narrowed

@@ -1,0 +1,1 @@
+"""Recomputes results without the solver."""

@@ -1,0 +1,163 @@
+"""The solver's judge: equilibrium and friction laws recomputed in another way, sample by sample.
+
+Nothing here calls the twin or a compiled kernel: wrenches come from `data.f` of Pinocchio's RNEA
+with external forces, loads and friction from `plain_laws`. Scenes with loops, cylinders or forces
+are judged in `check_linkage`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.inverse.outcome import Status
+from pinfric.dynamics.judge.linkage import Verdict, judge_linkage
+from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_friction, plain_normal_load
+
+if TYPE_CHECKING:
+    from pinfric.dynamics.inverse.result import InverseResult
+
+
+@dataclass(frozen=True)
+class Check:
+    """Largest residuals over all samples, and what the judge finds beside them.
+
+    Attributes:
+        equilibrium: |M a + h - J^T f_ext - u - D phi| at both ends of every interval (N m or N).
+        friction_law: |phi - law(v, c)| at both ends (N m or N).
+        wrench: |w - data.f| (N or N m); 0 where no wrench was needed.
+        ends: how far the intervals' ends are from those that the judge finds (N m or N).
+        wrong_status: number of samples whose `Status` the judge contradicts: jammed although a
+            state of friction obeys the laws, converged although none does, or several do.
+        undecided: number of samples where the judge's own search is not complete. It confirms
+            what it found, and cannot say that there is nothing else.
+        scale: largest effort in the result, to compare the residuals with.
+        sample: the sample of the largest of these residuals, or the first of a wrong status.
+    """
+
+    equilibrium: float
+    friction_law: float
+    wrench: float
+    ends: float
+    wrong_status: int
+    undecided: int
+    scale: float
+    sample: int
+
+    def passed(self, relative: float = 1e-9) -> bool:
+        """Say whether every residual is below `relative` times the scale and every status right."""
+        worst = np.max([self.equilibrium, self.friction_law, self.wrench, self.ends])
+        return bool(worst <= relative * max(self.scale, 1e-300)) and not self.wrong_status
+
+
+def check_result(result: InverseResult) -> Check:
+    """Recompute the residuals of a result (see `Check`)."""
+    states, scene = result.states, result.scene
+    every = (result.effort_lower, result.effort_upper, result.effort_frictionless)
+    scale = max(float(np.abs(np.nan_to_num(efforts)).max(initial=0)) for efforts in every)
+    verdicts: list[Verdict] = []
+    for start, stop, carried in states.phases(scene):
+        model = scene.loaded_model(carried)
+        data = model.createData()
+        for i in range(start, stop):
+            judge = _judge_tree if scene.linkage is None else judge_linkage
+            verdicts.append(judge(result, model, data, i))
+    residuals = np.array([verdict[:4] for verdict in verdicts]).reshape(-1, 4)
+    wrong = np.array([verdict.wrong_status for verdict in verdicts], dtype=bool)
+    each = np.where(wrong, np.inf, np.nan_to_num(residuals, nan=np.inf).max(axis=1, initial=0.0))
+    equilibrium, friction_law, wrench, ends = residuals.max(axis=0, initial=0.0).tolist()
+    return Check(
+        equilibrium,
+        friction_law,
+        wrench,
+        ends,
+        wrong_status=int(wrong.sum()),
+        undecided=sum(verdict.undecided for verdict in verdicts),
+        scale=max([scale, *(verdict.scale for verdict in verdicts)]),
+        sample=int(np.argmax(each)) if len(each) else 0,
+    )
+
+
+def _plain_rnea(
+    model: pin.Model, data: pin.Data, result: InverseResult, i: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(nv,) tau_id and (nj, 6) joint wrenches of one sample, by the ordinary RNEA."""
+    forces = pin.StdVec_Force()
+    forces.extend([pin.Force.Zero() for _ in range(model.njoints)])
+    for applied in result.external:
+        forces[applied.joint + 1] += pin.Force(applied.wrench[i])
+    s = result.states
+    total = pin.rnea(model, data, s.q[i], s.v[i], s.a[i], forces)
+    return total, np.array([f.vector for f in data.f][1:]).reshape(-1, 6)
+
+
+def _judge_tree(result: InverseResult, model: pin.Model, data: pin.Data, i: int) -> Verdict:
+    """Judge one sample of an open chain: every end is a closed form of its site's limits."""
+    total, wrenches = _plain_rnea(model, data, result, i)
+    scene, states = result.scene, result.states
+    D, law, wrench = np.zeros((len(total), len(scene.sites))), 0.0, 0.0
+    low, high = np.zeros((2, len(scene.sites)))
+    for s, site in enumerate(scene.sites):
+        D[site.velocity_index, s] = site.ratio
+        w = wrenches[site.joint]
+        if result.wrench is not None:
+            wrench = float(np.max([wrench, np.abs(result.wrench[i, s] - w).max()]))
+        load = plain_normal_load(site, w, plain_displacement(scene, site, states.q[i]))
+        v = site.ratio * states.v[i, site.velocity_index]
+        low[s], high[s] = plain_friction(site, v, load, bool(result.reversal[i, s]))
+        law = float(np.max([law, abs(result.normal_load[i, s] - load)]))
+    most, fewest = _ends(D, low, high)
+    undriven = list(scene.mobility.undriven)
+    beyond = float(np.maximum(total - most, fewest - total)[undriven].max(initial=0.0))
+    low, high = _left_by_others(D, total, low, high, undriven)
+    law = float(np.max([law, *np.abs(result.friction_lower[i] - low),
+                        *np.abs(result.friction_upper[i] - high)]))  # fmt: skip
+    drives = _drive_matrix(result, len(total))
+    u, (taken, left) = drives @ total, _ends(drives @ D, low, high)
+    ends = np.concatenate([u - taken - result.effort_lower[i], u - left - result.effort_upper[i]])
+    frictionless = np.abs(u - result.effort_frictionless[i]).max(initial=0)
+    return Verdict(
+        equilibrium=float(np.max([frictionless, beyond])),
+        friction_law=law,
+        wrench=wrench,
+        ends=float(np.abs(ends).max(initial=0)),
+        scale=float(np.abs(wrenches).max(initial=0)),
+        wrong_status=bool(result.status[i] != Status.CONVERGED),  # there is always one state
+    )
+
+
+def _left_by_others(
+    D: np.ndarray, total: np.ndarray, low: np.ndarray, high: np.ndarray, undriven: list[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Narrow the range of friction where it alone balances a joint: D phi = total there.
+
+    Each site has what the others on that joint leave.
+    """
+    low, high = low.copy(), high.copy()
+    for v in undriven:
+        on = np.flatnonzero(D[v])
+        ends = np.sort(D[v, on] * np.array([low[on], high[on]]), axis=0)
+        for n, s in enumerate(on):
+            others = np.delete(ends, n, axis=1).sum(axis=1)
+            own = np.clip(total[v] - others[::-1], *ends[:, n]) / D[v, s]
+            low[s], high[s] = own.min(), own.max()
+    return low, high
+
+
+def _ends(D: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Greatest and least D phi over phi from low to high, by the sign of each entry."""
+    return (np.where(D >= 0, D * high, D * low).sum(axis=1),
+            np.where(D >= 0, D * low, D * high).sum(axis=1))  # fmt: skip
+
+
+def _drive_matrix(result: InverseResult, nv: int) -> np.ndarray:
+    """(na, nv) that gives drives' efforts: of all u with S^T u = tau the least u^2 / share."""
+    drives = result.scene.drives
+    S, root = np.zeros((len(drives), nv)), np.sqrt([drive.share or 1.0 for drive in drives])
+    for d, drive in enumerate(drives):
+        S[d, drive.velocity_index] = 1.0
+        S[d, [v for v, _ in drive.couples]] = [factor for _, factor in drive.couples]
+    return np.asarray(root[:, None] * np.linalg.pinv((root[:, None] * S).T))

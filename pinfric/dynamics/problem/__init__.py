@@ -1,0 +1,1 @@
+"""Writes the friction problem of a state: plan, reactions, affine maps, gears."""

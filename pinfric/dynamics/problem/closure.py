@@ -1,0 +1,283 @@
+"""Motions of scenes with loops: are they consistent, and what the independent joints determine.
+
+    Phi(q) = 0,   J_c v = 0,   J_c a + Jdot_c v = 0;      v = [v_d; v_i],  v_d = -J_d^-1 J_i v_i
+
+(paper eq. 2, 5, 6). The independent joints are the user's, or the paper's choice by full pivoting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.problem.states import States
+from pinfric.errors import ClosureError, LoopMotionError, SceneError, StateError
+from pinfric.model.arrays import real_numbers
+from pinfric.model.closure import (
+    NEARLY_CLOSED,
+    RANK,
+    LoopState,
+    action_maps,
+    close,
+    closure_jacobian,
+    full_pivot,
+    loop_state,
+    velocity_indices,
+    velocity_names,
+)
+from pinfric.model.couples import drive_rates
+from pinfric.model.loops import CYLINDER, Linkage
+from pinfric.model.scene import Scene, expect_scene
+
+#: Velocities and accelerations may violate a loop by this part of the terms that should cancel.
+_MOTION = 1e-6
+#: Samples per batch.
+_BATCH = 512
+
+
+@dataclass(frozen=True)
+class PairRates:
+    """Velocities of what is not a joint of the tree, samples first.
+
+    Attributes:
+        rate, rate_derivative: (n, nx) of b relative to a along every action of the linkage.
+    """
+
+    rate: np.ndarray
+    rate_derivative: np.ndarray
+
+
+def pair_rates(scene: Scene, states: States, part: slice, checked: slice) -> PairRates:
+    """Return the rates along all actions, and refuse motions that loops or cylinders cannot do.
+
+    Args:
+        scene: with a linkage.
+        states: all samples.
+        part: the samples wanted.
+        checked: those of them that are checked.
+
+    Raises:
+        LoopMotionError: a loop is open, or its velocities or accelerations violate it.
+        StateError: the ends of a cylinder coincide.
+    """
+    linkage, twin = scene.linkage, scene.twin()
+    assert linkage is not None
+    n, nx = part.stop - part.start, len(linkage.column_pair)
+    out = PairRates(np.empty((n, nx)), np.empty((n, nx)))
+    for start in range(part.start, part.stop, _BATCH):
+        here = slice(start, min(start + _BATCH, part.stop))
+        state = loop_state(twin, linkage, states.q[here], states.v[here], states.a[here])
+        _check(linkage, state, here, checked)
+        there = slice(here.start - part.start, here.stop - part.start)
+        out.rate[there], out.rate_derivative[there] = state.rate, state.rate_derivative
+    return out
+
+
+def _check(
+    linkage: Linkage, state: LoopState, here: slice, checked: slice, slack: float = 1.0
+) -> None:
+    samples = np.arange(here.start, here.stop)
+    inside = np.logical_and(samples >= checked.start, samples < checked.stop)
+    for drive in linkage.drives:
+        if linkage.pair_kind[linkage.column_pair[drive.column]] == CYLINDER:
+            short = (state.gap[:, drive.column] <= 1e-9 * linkage.size) & inside
+            if short.any():
+                sample = here.start + int(np.argmax(short))
+                raise StateError(f"cylinder {drive.name!r}: its ends coincide at sample {sample}: "
+                                 "it has no direction there")  # fmt: skip
+    for row, loop in enumerate(linkage.loops):
+        tilted = np.logical_and(state.tilt[:, row] > slack * NEARLY_CLOSED, inside)
+        if loop.kind == "planar_pin" and tilted.any():
+            sample = int(np.argmax(tilted))
+            raise StateError(
+                f"loop {loop.name!r}: the axes of its sides differ by "
+                f"{state.tilt[sample, row]:.3g} "
+                f"rad at sample {here.start + sample}: a planar_pin closes planar mechanisms; take "
+                "spherical or revolute"
+            )
+    rows, pairs = linkage.lambdas, linkage.column_pair[linkage.lambdas]
+    turning = linkage.turning
+    allowed = slack * np.where(turning, NEARLY_CLOSED, NEARLY_CLOSED * linkage.size)
+    figures = (
+        ("is open", np.abs(state.gap[:, rows]), allowed, ("m", "rad")),
+        ("is violated by the velocities", np.abs(state.rate[:, rows]),
+         slack * _MOTION * state.scale[:, pairs, 0] + 1e-12, ("m/s", "rad/s")),
+        ("is violated by the accelerations", np.abs(state.rate_derivative[:, rows]),
+         _MOTION * state.scale[:, pairs, 1] + 1e-9, ("m/s^2", "rad/s^2")),
+    )  # fmt: skip
+    for what, amount, most, units in figures:
+        beyond = np.logical_and(amount > most, inside[:, None])
+        if beyond.any():
+            sample = int(np.argmax(np.any(beyond, axis=1)))
+            row = int(np.argmax(np.where(beyond, amount, -1.0)[sample]))
+            raise LoopMotionError(
+                linkage.name_of_row(row), here.start + sample, what,
+                float(amount[sample, row]), units[int(turning[row])],
+            )  # fmt: skip
+
+
+def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the velocities that efforts and friction work on.
+
+    Args:
+        scene: with or without loops.
+        q, v: (T, nq), (T, nv).
+
+    Returns:
+        (T, na) of each drive, along a cylinder its lengthening (rad/s or m/s); (T, ns) of each
+        site, of a ball its angular speed.
+    """
+    tables = scene.site_tables
+    sites = v[:, tables.velocity_index] * tables.ratio
+    if scene.linkage is None:
+        return drive_rates(scene.drives, v, v[:, :0]), sites
+    linkage = scene.linkage
+    rate = loop_state(scene.twin(), linkage, q, v, np.zeros_like(v)).rate
+    drives = drive_rates(scene.drives, v, rate)
+    for s, site in enumerate(scene.sites):
+        if site.pair >= 0:
+            first = linkage.friction_column[site.pair]
+            parts = rate[:, first : first + (3 if site.ball else 1)]
+            sites[:, s] = np.linalg.norm(parts, axis=1) if site.ball else parts[:, 0]
+    return drives, sites
+
+
+def check_closed(scene: Scene, q: np.ndarray, v: np.ndarray, slack: float = 1.0) -> None:
+    """Refuse a state (nq,), (nv,) that the loops do not allow, `slack` times the usual tolerance.
+
+    Raises:
+        LoopMotionError: a loop is open, or violated by the velocities; says by how much.
+    """
+    assert scene.linkage is not None
+    state = loop_state(scene.twin(), scene.linkage, q[None], v[None], np.zeros((1, len(v))))
+    state.rate_derivative[:] = 0.0  # accelerations are not given
+    _check(scene.linkage, state, slice(0, 1), slice(0, 1), slack)
+
+
+def independent_joints(scene: Scene, q: np.ndarray) -> tuple[str, ...]:
+    """Return joints whose velocities are independent at q, by full pivoting (paper eq. 5).
+
+    Args:
+        scene: with loops.
+        q: (nq,) closed.
+    """
+    assert scene.linkage is not None
+    J = closure_jacobian(scene.twin(), scene.linkage, np.array(q, dtype=float)[None])[0]
+    rank, order = full_pivot(J, min(1.0, scene.linkage.size))
+    names = velocity_names(scene.model)
+    return tuple(names[v] for v in sorted(order[rank:]))
+
+
+def consistent_motion(
+    scene: Scene,
+    q: np.ndarray,
+    independent: Sequence[str],
+    rates: np.ndarray,
+    accelerations: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the velocities and accelerations of all joints from those of the independent ones.
+
+    v_d = -J_d^-1 J_i v_i,  a_d = -J_d^-1 (J_i a_i + Jdot_c v)      (paper eq. 6)
+
+    Args:
+        scene: with loops.
+        q: (T, nq) closed.
+        independent: names of ni joints.
+        rates, accelerations: (T, ni) rad/s or m/s, and per second, in the order of the names.
+
+    Returns:
+        v, a: (T, nv).
+
+    Raises:
+        SceneError: a name that is not there. StateError: not real numbers.
+        ClosureError: they leave a motion open, or contradict a loop; says at which sample.
+    """
+    expect_scene(scene, "consistent_motion")
+    linkage, twin = scene.linkage, scene.twin()
+    assert linkage is not None
+    given = _in_order(scene, independent)
+    q = np.atleast_2d(real_numbers("q", q))
+    rates = real_numbers("rates", rates)
+    accelerations = real_numbers("accelerations", accelerations)
+    v, a = np.zeros((len(q), twin.nv)), np.zeros((len(q), twin.nv))
+    v[:, given], a[:, given] = rates, accelerations
+    rest = np.setdiff1d(np.arange(twin.nv), given)
+    for start in range(0, len(q), _BATCH):
+        part = slice(start, start + _BATCH)
+        zero = np.zeros_like(v[part])
+        state = loop_state(twin, linkage, q[part], zero, zero)
+        J = action_maps(twin, linkage, state.p, state.R)[1][:, linkage.lambdas]
+        inverse = _inverse(J[:, :, rest], start, linkage)
+        v[part, rest] = -_times(inverse, _times(J[:, :, given], v[part][:, given]))
+        moving = loop_state(twin, linkage, q[part], v[part], a[part])
+        a[part, rest] -= _times(inverse, moving.rate_derivative[:, linkage.lambdas])
+    return v, a
+
+
+def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    return np.einsum("tij,tj->ti", matrices, vectors)
+
+
+def _inverse(J: np.ndarray, first: int, linkage: Linkage) -> np.ndarray:
+    """(n, nd, nc) inverse of the dependent columns on the range they have; their rank is full."""
+    left, size, right = np.linalg.svd(J, full_matrices=False)
+    least = RANK * np.maximum(size[:, 0], min(1.0, linkage.size)) if size.size else np.zeros(0)
+    lost = J.shape[2] > size.shape[1] or size[:, -1] <= least
+    if np.any(lost):
+        sample = first + (0 if lost is True else int(np.argmax(lost)))
+        raise ClosureError(
+            linkage.loops[0].name, sample, 0.0,
+            "the independent joints do not determine how the others move there (a toggle, or too "
+            "few of them)",
+        )  # fmt: skip
+    return np.einsum("tki,tk,tjk->tij", right, 1.0 / size, left)
+
+
+def _in_order(scene: Scene, joints: Sequence[str]) -> list[int]:
+    """The velocity index of each joint named; each has one."""
+    where = f"{scene.source}: independent joints"
+    indices = []
+    for name in joints:
+        index = velocity_indices(scene.model, [name], where)
+        if len(index) != 1:
+            raise SceneError(f"{where}: {name!r} has {len(index)} degrees of freedom; name others")
+        indices.append(int(index[0]))
+    return indices
+
+
+def complete_configurations(
+    scene: Scene, q_guess: np.ndarray, independent: Sequence[str], q: np.ndarray
+) -> np.ndarray:
+    """Return closed configurations (T, nq) in which the independent joints are as given.
+
+    One after the other, each from the one before: a trajectory stays in one assembly.
+
+    Args:
+        scene: with loops.
+        q_guess: (nq,) near the first one.
+        independent: names of joints.
+        q: (T, nq); only the entries of the independent joints matter.
+
+    Raises:
+        ClosureError: some sample cannot close; says which and how far apart the frames stay.
+    """
+    linkage, twin, model = scene.linkage, scene.twin(), scene.model
+    assert linkage is not None
+    held = np.zeros(twin.nv, dtype=bool)
+    held[_in_order(scene, independent)] = True
+    entries = np.zeros(model.nq, dtype=bool)
+    for name in independent:
+        joint = model.joints[model.getJointId(name)]
+        entries[joint.idx_q : joint.idx_q + joint.nq] = True
+    out = np.empty_like(q)
+    guess, step = np.array(q_guess, dtype=float), np.zeros(twin.nv)
+    for i in range(len(q)):
+        start = guess if i == 0 else pin.integrate(model, guess, step)
+        start[entries] = q[i, entries]
+        out[i] = close(twin, linkage, start, held, i)
+        step = pin.difference(model, guess, out[i]) if i > 0 else step
+        guess = out[i].copy()
+    return out

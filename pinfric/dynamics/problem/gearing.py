@@ -1,0 +1,272 @@
+"""Gears in the friction problem: where a motor's torque is given, what of it reaches the joint.
+
+What arrives, u = r T_m - drag - I s'', I = r^2 J_rotor, s' = S v the drive's rate, goes through the
+gear along one of its lines (`drives.gear_line`), u = slope t + offset. So t is affine in a:
+
+    t = (r T_m - drag - offset - I (S a + dS/dt v)) / slope
+
+which for slope > 0 is an armature I/slope and an effort, and else (self-locking, the load drives)
+a row of its own. At rest a gear transmits every t with lower(t) <= u <= upper(t): beside the line
+that is used, static limits on the coordinate that it drives. Which line is right shows in the
+solution; where one is not, it is changed and the solve repeated (Newton's method).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.problem.machine import Machine, Tables, Work
+from pinfric.friction.consistency import site_limits
+from pinfric.friction.dense import affine
+from pinfric.kernels.compiled import kernel
+from pinfric.model.drives import Gears, gear_drag, gear_line, gear_range, gear_slips
+
+#: An effort beyond its line by this part of the terms it is the sum of is rounding.
+_ROUNDING = 1e-12
+#: So many times all forces no friction can be: a gear does not slip where it cannot.
+_NEVER = 1e9
+#: So many times all forces is a load on the outermost line of a gear.
+MUCH = 1e6
+#: Passes in which all gears change their lines, and after which none was found.
+FEW_PASSES, MOST_PASSES = 6, 100
+
+
+@kernel
+def write_lines(t: Tables, w: Work, v: np.ndarray, given: np.ndarray, step: float) -> None:
+    """Write the line that each gear follows, and what it holds at rest.
+
+    Around `w.delivered`, in the direction `w.gear_way`; 0 is a gear without losses, which is also
+    taken where a line that falls would have to hold what may be at rest.
+
+    Args:
+        t, w: `w.slope`, `offset`, `reflected`, `line` and laws of the gears' entries are written.
+        v: (nv,).
+        given: (na,) u = r T_m (N m or N at the joint).
+        step: 0, or a time step (s), at whose end viscous friction acts.
+    """
+    layout = t.layout
+    gears = layout.gears
+    for d in range(gears.ratio.size):
+        c, e, rate, bend = layout.gear_coordinate[d], layout.gear_entry[d], 0.0, 0.0
+        for i in range(v.size):
+            rate += w.S[d, i] * v[i]
+        if layout.drive_action[d] >= 0:
+            bend = w.rate_derivative[0, layout.drive_action[d]]
+        drag = gear_drag(gears, d, rate)
+        inertia = gears.ratio[d] * gears.ratio[d] * gears.rotor_inertia[d]
+        if step > 0.0 and rate != 0.0:
+            inertia += step * max(0.5 * gears.power[d], 1.0) * drag / rate  # as `_add_drag` does
+        way, spent = w.gear_way[d], drag + inertia * bend
+        w.reflected[d], w.slope[d], w.offset[d] = inertia, 1.0, spent
+        w.line[d, 0], w.line[d, 1] = -np.inf, np.inf
+        if way != 0.0:
+            sign, share = (1.0 if way > 0.0 else -1.0), abs(way)
+            slope, offset, w.line[d, 0], w.line[d, 1] = gear_line(
+                gears, d, sign, abs(rate), False, w.delivered[d]
+            )
+            if slope <= 0.0 and (w.modes.stuck[c] or w.modes.at_rest[c]):
+                way = 0.0
+                if not w.modes.stuck[c]:  # no solution: other lines are not tried in turn for ever
+                    w.line[d, 0], w.line[d, 1] = -np.inf, np.inf
+            else:
+                w.slope[d] = 1.0 + share * (slope - 1.0)
+                w.offset[d] += share * offset
+        if c >= 0 and not (w.modes.stuck[c] or w.modes.at_rest[c]):
+            w.problem.coulomb_slip[e, 0] = w.problem.coulomb_slip[e, 1] = 0.0
+        elif c >= 0:
+            at_rest = given[d] - spent
+            if step > 0.0:
+                at_rest += inertia * rate / step
+            _write_limits(gears, w, d, e, way, at_rest, at_rest + spent)
+
+
+@kernel
+def _write_limits(
+    gears: Gears, w: Work, d: int, e: int, way: float, arriving: float, given: float
+) -> None:
+    """Write the law of a gear's entry: between which t it holds, where a line is used already.
+
+    Args:
+        gears, w, d, e: the gear and its entry.
+        way: the direction of the line in use, 0 for the one without losses.
+        arriving: what arrives while it rests.
+        given: the same, with what `w.offset` takes off.
+    """
+    p, never = w.problem, _NEVER * (w.push_size[0] + abs(arriving) + 1e-300)
+    w.arriving[d] = arriving
+    w.held[d, 0], w.held[d, 1] = held(gears, d, arriving, True, w.delivered[d])
+    least, greatest = held(gears, d, arriving, False, w.delivered[d])
+    on_line = (given - w.offset[d]) / w.slope[d] if w.slope[d] > 0.0 else 0.0
+    if way == 0.0:  # what the gear holds without friction of its own, as near as it can
+        on_line = min(max(on_line, w.held[d, 0]), w.held[d, 1])
+        w.offset[d] = given - on_line
+    p.coulomb_stick[e, 0] = on_line - w.held[d, 0]
+    p.coulomb_stick[e, 1] = w.held[d, 1] - on_line
+    forward = on_line - least if least > -np.inf else never
+    backward = greatest - on_line if greatest < np.inf else never
+    wedged = (least == -np.inf and arriving >= 0.0) or (greatest == np.inf and arriving <= 0.0)
+    if wedged or (way == 0.0 and w.gear_way[d] != 0.0):
+        forward = backward = never  # from here it slips along a line that falls only
+    p.coulomb_slip[e, 0] = 0.0 if way > 0.0 else forward
+    p.coulomb_slip[e, 1] = 0.0 if way < 0.0 else backward
+
+
+@kernel
+def held(gears: Gears, d: int, arriving: float, static: bool, near: float) -> tuple[float, float]:
+    """Return the efforts between which a gear at rest holds: those around one, or nearest to it.
+
+    Where load and motor push the same way, a self-locking gear slips only between two efforts.
+
+    Args:
+        gears, d, static: see `drives.gear_slips`.
+        arriving, near: N m or N at the joint.
+    """
+    least, greatest = -np.inf, np.inf
+    for direction in (1.0, -1.0):
+        low, high = gear_slips(gears, d, direction, static, arriving)
+        if low >= high:
+            continue
+        if near - low < high - near:
+            greatest = min(greatest, low)
+        else:
+            least = max(least, high)
+    return least, greatest
+
+
+@kernel
+def add_armature(t: Tables, w: Work) -> int:
+    """Add what rotors are to M, along lines that rise; return how many gears follow others."""
+    M, S, locking = w.M, w.S, 0
+    for d in range(t.layout.gears.ratio.size):
+        if w.slope[d] <= 0.0:
+            locking += 1
+            continue
+        armature = w.reflected[d] / w.slope[d]
+        for j in range(M.shape[0]):
+            if armature * S[d, j] != 0.0:
+                for k in range(M.shape[0]):
+                    M[j, k] += armature * S[d, j] * S[d, k]
+    return locking
+
+
+@kernel
+def write_delivered(w: Work, given: np.ndarray) -> None:
+    """Write the efforts that drives deliver as maps of friction, along lines that rise."""
+    S, a_map, out = w.S, w.a_map, w.delivered_map
+    for d in range(given.size):
+        if w.slope[d] <= 0.0:
+            continue
+        for n in range(out.shape[1]):
+            out[d, n] = 0.0
+        out[d, 0] = (given[d] - w.offset[d]) / w.slope[d]
+        armature = w.reflected[d] / w.slope[d]
+        if armature > 0.0:
+            for i in range(S.shape[1]):
+                if S[d, i] != 0.0:
+                    for n in range(out.shape[1]):
+                        out[d, n] -= armature * S[d, i] * a_map[i, n]
+
+
+@kernel
+def guess_delivered(t: Tables, w: Work, given: np.ndarray, a: np.ndarray) -> int:
+    """Write what gears that move deliver at a (nv, 1); return how many leave their lines."""
+    layout, wrong = t.layout, 0
+    for d in range(layout.gear_coordinate.size):
+        c = layout.gear_coordinate[d]
+        if c < 0 or w.modes.stuck[c]:
+            continue
+        arriving = given[d] - w.offset[d]
+        for i in range(a.size):
+            arriving -= w.reflected[d] * w.S[d, i] * a[i, 0]
+        w.delivered[d] = arriving / w.slope[d]
+        wrong += not w.line[d, 0] <= w.delivered[d] <= w.line[d, 1]
+    return wrong
+
+
+@kernel
+def face_gears(t: Tables, w: Work) -> None:
+    """Let each gear follow the lines of its coordinate's mode."""
+    for d in range(t.layout.gear_coordinate.size):
+        c = t.layout.gear_coordinate[d]
+        if c >= 0:
+            w.gear_way[d] = 0.0 if w.modes.stuck[c] else w.modes.direction[c]
+
+
+@kernel
+def refit(machine: Machine, cautious: bool) -> int:
+    """Compare the lines with the solution; where one does not fit, choose another.
+
+    Args:
+        machine: `work.delivered` and `gear_way` are written.
+        cautious: change the first that does not fit only, which ends for certain (Murty's rule).
+
+    Returns:
+        How many do not fit.
+    """
+    w, layout, wrong = machine.work, machine.tables.layout, 0
+    x = w.modes.friction
+    for d in range(layout.gear_coordinate.size):
+        c = layout.gear_coordinate[d]
+        if c < 0:
+            continue
+        total = terms = w.delivered_map[d, 0]
+        terms = abs(terms) + abs(w.offset[d])
+        for k in range(x.size):
+            total += w.delivered_map[d, 1 + k] * x[k]
+            terms += abs(w.delivered_map[d, 1 + k] * x[k])
+        way = w.gear_way[d]
+        if w.modes.stuck[c]:
+            total += x[c]
+            least, greatest = held(layout.gears, d, w.arriving[d], True, total)
+            nearest = least == w.held[d, 0] and greatest == w.held[d, 1]
+            chosen = abs(w.delivered[d]) >= MUCH * w.push_size[0]  # the side is to be tried
+            fits = nearest or (chosen and w.modes.verdict[c] == 0)
+        else:
+            way = w.modes.direction[c]
+            beyond = max(w.line[d, 0] - total, total - w.line[d, 1])
+            fits = way == w.gear_way[d] and beyond <= _ROUNDING * terms
+        if not fits:
+            wrong += 1
+        if fits or wrong == 1 or not cautious:
+            w.gear_way[d], w.delivered[d] = way, total
+    return wrong
+
+
+@kernel
+def gear_margins(machine: Machine, d: int) -> tuple[float, float]:
+    """Return how far the torque that arrives at a gear at rest is above lower(t), below upper(t).
+
+    Each is the largest over all efforts t that the friction beside the gear leaves; below 0 the
+    gear slips backward or forward. Both are finite and continuous, also where a self-locking gear
+    begins to hold any effort.
+
+    Args:
+        machine: solved, what the gear drives sticks.
+        d: the gear.
+    """
+    t, w = machine.tables, machine.work
+    gears, c, x = t.layout.gears, t.layout.gear_coordinate[d], w.modes.friction
+    needed = w.delivered_map[d, 0] + x[c]
+    for k in range(x.size):
+        needed += w.delivered_map[d, 1 + k] * x[k]
+    least = greatest = 0.0
+    for e in range(w.problem.coordinate.size):
+        if w.problem.coordinate[e] == c and e != t.layout.gear_entry[d]:
+            ends = site_limits(w.problem, w.modes.load, e)
+            least, greatest = least + ends[0], greatest + ends[1]
+    if not greatest - least < np.inf:  # another gear holds it, whatever the load
+        return np.inf, np.inf
+    low, high = needed - greatest, needed - least
+    lower, _ = gear_range(gears, d, -1.0, 0.0, True, low, high)
+    _, upper = gear_range(gears, d, 1.0, 0.0, True, low, high)
+    return w.arriving[d] - lower, upper - w.arriving[d]
+
+
+@kernel
+def write_efforts(t: Tables, w: Work) -> None:
+    """Write what each drive delivers in the solution; a gear at rest has its share of friction."""
+    affine(w.delivered_map, w.modes.friction, w.effort)
+    for d in range(t.layout.gear_entry.size):
+        e, c = t.layout.gear_entry[d], t.layout.gear_coordinate[d]
+        if e >= 0 and w.modes.stuck[c]:
+            w.effort[d] += w.entry_phi[e]

@@ -1,0 +1,228 @@
+"""Joint reactions of many samples at once, from one RNEA batch on the wrench twin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.problem.threaded import embed_in_parts, team, threads_for
+from pinfric.errors import RollMomentError, SceneError, StateError, choose_from
+from pinfric.model.arrays import real_numbers
+from pinfric.model.closure import tree_tables
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
+from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.twin import Twin, embed, project, transmit
+
+#: Samples per batch and thread: the twin's arrays of one batch stay in the second-level cache.
+CHUNK = 512
+#: The same where several threads wait for each other: fewer and longer batches.
+_SHARED_CHUNK = 1024
+
+
+@dataclass(frozen=True)
+class AppliedWrench:
+    """A wrench on the robot from outside.
+
+    Attributes:
+        joint: row of the joint whose child link it acts on; -1 is the ground.
+        wrench: (T, 6), force and moment on the link, in that joint's frame, linear first.
+    """
+
+    joint: int
+    wrench: np.ndarray
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Buffers of one batch: the twin's states and the wrenches of all joints."""
+
+    q: np.ndarray  # (n, 7 nj)
+    v: np.ndarray  # (n, 6 nj)
+    a: np.ndarray  # (n, 6 nj)
+    wrench: np.ndarray  # (n, nj, 6)
+
+    @classmethod
+    def of(cls, twin: Twin, n: int) -> Batch:
+        """Make buffers for `n` samples."""
+        nj = twin.n_joints
+        shapes = (n, 7 * nj), (n, 6 * nj), (n, 6 * nj), (n, nj, 6)
+        return cls(*(np.empty(shape) for shape in shapes))
+
+    def first(self, n: int) -> Batch:
+        """Return the buffers of the first `n` samples."""
+        return Batch(self.q[:n], self.v[:n], self.a[:n], self.wrench[:n])
+
+
+def joint_wrenches(
+    scene: Scene,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    external: Mapping[str, np.ndarray] | None = None,
+    *,
+    threads: int | None = None,
+) -> np.ndarray:
+    """Return the wrench every joint transmits, parent on child, as Pinocchio's `data.f`.
+
+    w = RNEA_twin(q, E v, E a) - sum of X f_ext (the multipliers of paper eq. 17).
+
+    Args:
+        scene: the robot, with the payloads attached by default.
+        q, v, a: (T, nq), (T, nv), (T, nv).
+        external: frame name -> (T, 6) or (6,) wrench on it, in its axes at its origin (N, N m).
+        threads: of Pinocchio; None chooses by the number of samples.
+
+    Returns:
+        (T, nj, 6), N and N m, in each joint's child frame, linear first.
+    """
+    expect_scene(scene, "joint_wrenches")
+    states = States.of(scene, q, v, a)
+    return state_wrenches(scene, states, applied_wrenches(scene, external, len(states.q)), threads)
+
+
+def state_wrenches(
+    scene: Scene, states: States, applied: Sequence[AppliedWrench] = (), threads: int | None = None
+) -> np.ndarray:
+    """Return (T, nj, 6) the wrench every joint transmits, with the payloads each state carries.
+
+    Args: see `joint_wrenches`; states: `States.of`.
+    """
+    threads = threads_for(len(states.q), threads)
+    out = np.empty((len(states.q), scene.twin().n_joints, 6))
+    for start, stop, carried in states.phases(scene):
+        twin = scene.twin(carried)
+        batch = Batch.of(twin, min(stop - start, batch_size(threads)))
+        for part in slices(start, stop, batch_size(threads)):
+            now = batch.first(part.stop - part.start)
+            now = Batch(now.q, now.v, now.a, out[part])
+            reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
+            relieve(twin, applied, part, now)
+    return out
+
+
+def reactions(
+    twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray, batch: Batch, threads: int
+) -> None:
+    """Write w = RNEA_twin(q, E v, E a) of one batch into `batch.wrench` (paper eq. 17).
+
+    A robot too large to open is asked sample by sample: the wrenches are then Pinocchio's `data.f`.
+    """
+    embedding = q, v, a, twin.embedding, batch.q, batch.v, batch.a
+    if threads == 1:
+        embed(*embedding)
+    else:
+        with team(threads) as parts:
+            embed_in_parts(parts, *embedding)
+    flat = batch.wrench.reshape(len(q), -1)
+    if twin.opened is None:
+        data, forces = twin.joint_forces()
+        for i in range(len(q)):
+            pin.rnea(twin.model, data, q[i], v[i], a[i])
+            np.concatenate(forces, out=flat[i])
+        return
+    # transposes of C-ordered arrays are the Fortran-ordered columns Pinocchio takes, uncopied
+    pin.rneaInParallel(threads, twin.pool(threads), batch.q.T, batch.v.T, batch.a.T, flat.T)
+
+
+def relieve(twin: Twin, applied: Sequence[AppliedWrench], part: slice, batch: Batch) -> None:
+    """Subtract what acts from outside from the joints that carry it."""
+    for wrench in applied:
+        transmit(wrench.wrench[part], wrench.joint, *tree_tables(twin), batch.q, batch.wrench)
+
+
+def generalized_effort(twin: Twin, wrench: np.ndarray, a: np.ndarray, effort: np.ndarray) -> None:
+    """Write tau_id = E^T w + armature a, the total effort (n, nv) that the motion takes."""
+    project(wrench, twin.embedding, effort)
+    if twin.armature.any():
+        effort += twin.armature * a
+
+
+def applied_wrenches(
+    scene: Scene, external: Mapping[str, np.ndarray] | None, samples: int
+) -> list[AppliedWrench]:
+    """Check `external` and move each wrench from its frame to its joint's frame.
+
+    Raises:
+        SceneError: there is no such frame; StateError: a wrong shape or a value not finite.
+    """
+    applied = []
+    if not isinstance(external, Mapping | None):
+        raise StateError(f"external: should be a mapping of frames to wrenches on them, found "
+                         f"{type(external).__name__}")  # fmt: skip
+    for name, given in (external or {}).items():
+        wrench = real_numbers(f"external[{name!r}]", given)
+        if wrench.shape not in ((6,), (samples, 6)):
+            raise StateError(
+                f"external[{name!r}]: shape {wrench.shape}; should be (6,) or ({samples}, 6), "
+                "force then moment on the frame, in its axes"
+            )
+        if impossible(wrench).any():
+            raise StateError(f"external[{name!r}]: holds NaN, Inf or more than "
+                             f"{LARGEST_OF_A_MOTION:g}")  # fmt: skip
+        frame = _frame(scene, name)
+        in_joint = wrench @ frame.placement.toDualActionMatrix().T
+        in_joint = np.ascontiguousarray(np.broadcast_to(in_joint, (samples, 6)))
+        applied.append(AppliedWrench(frame.parentJoint - 1, in_joint))
+    return applied
+
+
+def _frame(scene: Scene, name: str) -> pin.Frame:
+    """The frame of that name: a link's before others, for URDFs give joints the same names."""
+    model = scene.model
+    found = [frame for frame in model.frames if frame.name == name]
+    bodies = [frame for frame in found if frame.type == pin.FrameType.BODY]
+    if bodies or found:
+        return (bodies or found)[0]
+    if model.existJointName(name):  # a model made in Python need not have frames
+        return pin.Frame(name, model.getJointId(name), pin.SE3.Identity(), pin.FrameType.JOINT)
+    names = [frame.name for frame in model.frames] + list(model.names)[1:]
+    raise SceneError(f"external: there is no frame {name!r}; {choose_from(name, names)}")
+
+
+def constant_payloads(
+    scene: Scene, states: States, whole: slice, size: int
+) -> Iterator[tuple[slice, Twin]]:
+    """Cut `whole` into batches of constant payload, with the twin that carries it."""
+    for start, stop, carried in states.phases(scene):
+        for part in slices(max(start, whole.start), min(stop, whole.stop), size):
+            yield part, scene.twin(carried)
+
+
+def check_roll_moments(scene: Scene, wrench: np.ndarray, first: int) -> None:
+    """Refuse a moment about the axis that a bearing cannot carry (beyond rounding).
+
+    Args:
+        scene: with the bearings.
+        wrench: (n, ns, 6) of the sites, N and N m.
+        first: number of the first of these samples, for the message.
+
+    Raises:
+        RollMomentError: a guide without width is loaded so.
+    """
+    for s, site in enumerate(scene.sites):
+        bearing = site.friction.bearing
+        lever = None if bearing is None else bearing.roll_lever()
+        if lever is None:
+            continue
+        force, moment = wrench[:, s, :3], wrench[:, s, 3:]
+        roll = moment @ site.axis
+        scale = np.linalg.norm(moment, axis=1) + lever * np.linalg.norm(force, axis=1)
+        beyond = np.abs(roll) > 1e-9 * scale
+        if beyond.any():
+            sample = int(np.argmax(beyond))
+            raise RollMomentError(site.name, first + sample, float(roll[sample]))
+
+
+def batch_size(threads: int) -> int:
+    """Return the samples of a batch: what stays in each thread's cache."""
+    return CHUNK if threads == 1 else _SHARED_CHUNK * threads
+
+
+def slices(start: int, stop: int, size: int) -> Iterator[slice]:
+    """Cut [start, stop) into slices of at most `size`."""
+    for begin in range(start, stop, size):
+        yield slice(begin, min(begin + size, stop))

@@ -1,0 +1,31 @@
+"""Where velocities pass through zero between two samples of a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.problem.motion_kernels import mark_reversals
+from pinfric.dynamics.problem.threaded import reversals_in_parts, team
+
+
+def reversals(velocity: np.ndarray, stick_velocity: np.ndarray, threads: int = 1) -> np.ndarray:
+    """Return at which samples a velocity changes sign beside them.
+
+    Of the two samples around a sign change the slower one is marked (the earlier if equal); where
+    one of them sticks already, its interval covers the passage and nothing is marked.
+
+    Args:
+        velocity: (T, ns), rad/s or m/s.
+        stick_velocity: (ns,), rad/s or m/s.
+        threads: each takes a part of the samples.
+
+    Returns:
+        (T, ns) bool.
+    """
+    marked = np.zeros(velocity.shape, dtype=bool)
+    if threads == 1:
+        mark_reversals(velocity, stick_velocity, marked)
+    else:
+        with team(threads) as parts:
+            reversals_in_parts(parts, velocity, stick_velocity, marked)
+    return marked

@@ -1,0 +1,154 @@
+"""Kernels of inverse dynamics on several threads: each thread takes a part of the samples.
+
+Pinocchio's batch holds Python's lock, so threads of Python could not share a motion. numba's loops
+run in the same OpenMP as Pinocchio's and find its threads waiting. Each sample is computed as on
+one thread: results are the same to the last bit.
+
+OpenMP's threads do not survive a fork: a child that asks for several is ended by it, or waits for
+ever. So a process that was forked after its parent had used several works on one.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numba
+import numpy as np
+
+from pinfric.dynamics.problem.motion_kernels import effort_bounds, mark_reversals
+from pinfric.kernels.compiled import parallel_kernel
+from pinfric.model.arrays import whole_number
+from pinfric.model.bearings import Contacts, normal_loads
+from pinfric.model.laws import Laws, friction_bounds
+from pinfric.model.twin import Embedding, embed, project
+
+#: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
+_FEW = 4096
+
+
+class _Threads:
+    """Which process OpenMP's threads belong to.
+
+    Attributes:
+        owner: the process that started them; None: there are none yet.
+    """
+
+    owner: int | None = None
+
+    def allowed(self, wanted: int) -> int:
+        """Return how many of the wanted threads this process may use."""
+        if wanted > 1 and self.owner is None:
+            self.owner = os.getpid()
+        return wanted if self.owner in (None, os.getpid()) else 1
+
+
+_THREADS = _Threads()
+
+
+def threads_for(samples: int, threads: int | None) -> int:
+    """Choose Pinocchio's threads: one for small batches, all cores but one for large ones.
+
+    One in a process that was forked after its parent had used several.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    cores = cores or 1
+    if threads is None:
+        return _THREADS.allowed(1 if samples < _FEW else max(1, cores - 1))
+    return _THREADS.allowed(min(whole_number("threads", threads), cores))
+
+
+@contextmanager
+def team(threads: int) -> Iterator[int]:
+    """Let numba's loops run on so many threads, at most as many as it has; yield their number."""
+    before = numba.get_num_threads()
+    threads = min(threads, int(numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+    numba.set_num_threads(threads)
+    try:
+        yield threads
+    finally:
+        numba.set_num_threads(before)
+
+
+@parallel_kernel
+def embed_in_parts(
+    parts: int,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    joints: Embedding,
+    q_twin: np.ndarray,
+    v_twin: np.ndarray,
+    a_twin: np.ndarray,
+) -> None:
+    """`twin.embed`, a part of the samples on each thread."""
+    n = q.shape[0]
+    for part in numba.prange(parts):
+        i, j = part * n // parts, (part + 1) * n // parts
+        embed(q[i:j], v[i:j], a[i:j], joints, q_twin[i:j], v_twin[i:j], a_twin[i:j])
+
+
+@parallel_kernel
+def friction_in_parts(
+    parts: int,
+    wrench: np.ndarray,
+    joints: Embedding,
+    effort: np.ndarray,
+    joint: np.ndarray,
+    contacts: Contacts,
+    displacement: np.ndarray,
+    load: np.ndarray,
+    velocity: np.ndarray,
+    laws: Laws,
+    sides: tuple[np.ndarray, ...],
+) -> None:
+    """`twin.project`, `bearings.normal_loads`, `laws.friction_bounds` one after the other.
+
+    `sides` are the last arguments of the third.
+    """
+    at_rest, lower, upper, sticking = sides
+    n = wrench.shape[0]
+    for part in numba.prange(parts):
+        i, j = part * n // parts, (part + 1) * n // parts
+        moved = displacement[i:j] if displacement.shape[0] == n else displacement
+        project(wrench[i:j], joints, effort[i:j])
+        normal_loads(wrench[i:j], joint, contacts, moved, load[i:j])
+        friction_bounds(
+            velocity[i:j], load[i:j], laws, at_rest[i:j], lower[i:j], upper[i:j], sticking[i:j]
+        )
+
+
+@parallel_kernel
+def efforts_in_parts(
+    parts: int,
+    frictionless: np.ndarray,
+    friction_lower: np.ndarray,
+    friction_upper: np.ndarray,
+    velocity_index: np.ndarray,
+    ratio: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> None:
+    """`motion_kernels.effort_bounds`, a part of the samples on each thread."""
+    n = frictionless.shape[0]
+    for part in numba.prange(parts):
+        i, j = part * n // parts, (part + 1) * n // parts
+        effort_bounds(
+            frictionless[i:j], friction_lower[i:j], friction_upper[i:j], velocity_index, ratio,
+            lower[i:j], upper[i:j],
+        )  # fmt: skip
+
+
+@parallel_kernel
+def reversals_in_parts(
+    parts: int, velocity: np.ndarray, stick_velocity: np.ndarray, marked: np.ndarray
+) -> None:
+    """`motion_kernels.mark_reversals`; each part sees the first sample of the next one.
+
+    Two threads may mark the same sample: both write True.
+    """
+    n = velocity.shape[0]
+    for part in numba.prange(parts):
+        i, j = part * n // parts, min((part + 1) * n // parts + 1, n)
+        mark_reversals(velocity[i:j], stick_velocity, marked[i:j])

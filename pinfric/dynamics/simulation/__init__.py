@@ -1,0 +1,1 @@
+"""Motions in time: integrators, events, what they record."""

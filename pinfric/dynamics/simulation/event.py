@@ -1,0 +1,308 @@
+"""Simulation with located events: the reference among the three methods.
+
+Within a phase nothing changes its mode, the motion is smooth and SciPy's Dormand-Prince 8(5,3)
+integrates it. Guards are watched on its polynomials: the velocity of what slips, the distance of
+friction from its static limits where something sticks. At a located instant the modes are searched
+anew, a guard that was just handled does not fire again, and the integration starts afresh.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.simulation.crossing import first_crossing
+from pinfric.dynamics.simulation.integration import Integration, begin
+from pinfric.dynamics.simulation.recorder import Recorder, along
+from pinfric.dynamics.simulation.system import Settings, System, finite
+from pinfric.errors import AccelerationError, SimulationError
+from pinfric.friction.modes import Found
+
+#: Least number of looks at the guards within a step, both ends included.
+_LOOKS = 6
+#: Instants closer than this, relative to the time, are one.
+_SAME_TIME = 1e-12
+#: So many events within `_CROWDED` of the whole time are an accumulation.
+_MANY, _CROWDED = 60, 1e-9
+#: Beyond a limit by this part of its width is no rounding any more.
+_CLEARLY = 1e-9
+#: Shortest step (s, relative to the time) at which an inconsistent right-hand side is believed.
+_SHORTEST = 1e-12
+
+
+class EventIntegration(Integration):
+    """One simulation with located events.
+
+    Attributes:
+        t, y: present time (s) and state (2 nv,).
+        forward: (nc,) direction in which each coordinate's speed is watched: that of its slip.
+        allowance: (nc,) how far a guard that was just handled may stay below zero.
+        changed: (nc,) when (s) each coordinate changed its mode last.
+        recent: times (s) of all changes.
+    """
+
+    def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
+        super().__init__(system, settings, record)
+        self.nc = len(self.ws.tables.dry)
+        self.t, self.y = 0.0, np.zeros(0)
+        self.forward = np.zeros(self.nc)
+        self.allowance = np.zeros(self.nc)
+        self.changed = np.full(self.nc, -np.inf)
+        self.recent: list[float] = []
+
+    def run(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Integrate from t = 0; the record holds what happens.
+
+        Args:
+            q, v: (nq,), (nv,) at the start; coordinates at rest are set to exactly 0 velocity.
+        """
+        self.y = self.start(*begin(self.system, self.record, q, v))
+        self._allow()
+        first_step: float | None = None
+        for end in self.ends():
+            if self.t > 0.0 and self.record.rows[-1][0] == self.t:
+                self._sample_now()  # what holds after the breakpoint
+            while self.t < end:
+                first_step = self._smooth(end, first_step)
+        self._sample_now()
+
+    def _sample_now(self) -> None:
+        q, v = self.state(self.y)
+        self.system.solve_given_modes(self.t, q, v)
+        self.record.sample(self.t, q, v)
+
+    def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return a (nv,) in the present modes."""
+        if self.ws.locked and not v.any():
+            return np.zeros(self.ws.nv)
+        return self.system.solve_given_modes(t, q, v)
+
+    def _smooth(self, end: float, first_step: float | None) -> float | None:
+        """Integrate until the modes change, the chart must move or `end`; return the next step."""
+        from scipy.integrate import DOP853
+
+        if first_step is not None:
+            first_step = min(first_step, end - self.t)
+        with finite(self.t):
+            solver = DOP853(self.rhs, self.t, self.y, end, rtol=self.settings.rtol,
+                            atol=self.settings.atol, max_step=self.settings.max_step,
+                            first_step=first_step)  # fmt: skip
+        longest = self.settings.max_step
+        while solver.status == "running":
+            self._step(solver)
+            polynomial = solver.dense_output()
+            found = self._first_event(solver.t_old, solver.t, polynomial)
+            stop = solver.t if found is None else found[0]
+            self._keep_step(solver.t_old, stop, polynomial)
+            if found is not None:
+                self.t = stop
+                self.y = solver.y.copy() if stop == solver.t else polynomial(stop)
+                self._change_modes(found[1])
+                return None
+            self.t, self.y = solver.t, solver.y.copy()
+            self.allowance[self._guards_at_end >= 0.0] = 0.0
+            if self.linked:  # what the integration leaves open is closed: no drift
+                self.y = self.obeying(self.y)
+                solver.y, solver.f = self.y.copy(), self.rhs(solver.t, self.y)
+                self._watch()
+            solver.max_step = min(longest, 2.0 * solver.max_step)
+            if self.chart.is_far(self.y[: self.ws.nv]):
+                self.chart, self.y[: self.ws.nv] = self.chart.moved(self.y[: self.ws.nv])
+                break
+        return float(solver.h_abs)  # what the next step would be
+
+    def _step(self, solver: object) -> None:
+        """Take one step; where stages reach inconsistent states, a shorter one."""
+        from scipy.integrate import DOP853
+
+        assert isinstance(solver, DOP853)
+        while True:
+            try:
+                with finite(solver.t):
+                    message = solver.step()
+            except AccelerationError:
+                shorter = 0.1 * min(solver.h_abs, solver.max_step)
+                if shorter < _SHORTEST * max(1.0, abs(self.t)):
+                    raise
+                solver.h_abs = solver.max_step = shorter
+                continue
+            if solver.status == "failed":
+                raise SimulationError(
+                    f"at t = {solver.t:.9g} s the integration fails: {message}; a discontinuous "
+                    "effort needs `breakpoints`, too small tolerances cannot be met"
+                )
+            return
+
+    def _keep_step(self, start: float, end: float, polynomial: object) -> None:
+        """Record the step's polynomial, the samples due in it and joints that leave their range."""
+        assert callable(polynomial)
+        record, nv = self.record, self.ws.nv
+        if end > start:
+            if not record.step_t:
+                record.step_t.append(start)
+            record.step_t.append(end)
+            record.steps.append((polynomial, self.chart, self.ws.standing))
+        for t in record.due(start, end):
+            q, v = self.state(polynomial(t))
+            if self.linked and not (self.ws.locked and not v.any()):
+                q, v = self.ws.obey(q, v)
+            self.system.solve_given_modes(t, q, v)
+            record.sample(t, q, v)
+        record.watch_limits(start, end, along(self.chart, polynomial, nv))
+        record.progress(end)
+
+    # ------------------------------------------------------------ guards
+
+    def _guards(self, t: float, y: np.ndarray) -> np.ndarray:
+        """Guards (nc,) at one time: positive while the modes hold; NaN without dry friction.
+
+        Slipping: speed in its direction. Sticking: distance of friction from its limits.
+        """
+        modes, dry = self.ws.modes, self.ws.tables.dry
+        guards = np.full(self.nc, np.nan)
+        slips = dry & ~modes.stuck
+        guards[slips] = self._advance(y)[slips]
+        if modes.stuck.any():
+            self.system.solve_given_modes(t, *self.state(y))
+            guards[modes.stuck] = self.ws.guards[modes.stuck]
+        return guards
+
+    def _advance(self, y: np.ndarray) -> np.ndarray:
+        """(nc,) speed in the direction that is watched; of a ball, for its three coordinates."""
+        ahead = self.forward * self.ws.rates(*self.state(y))
+        return self.ws.summed(ahead)
+
+    def _watch(self) -> None:
+        """Watch every coordinate's speed in the direction in which it slips now."""
+        self.forward = self.ws.facing(self.ws.rates(*self.state(self.y)))
+
+    def _slack(self) -> np.ndarray:
+        """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
+        speeds = np.abs(self.y[self.ws.nv :]).max(initial=0.0)
+        return np.where(self.ws.modes.stuck, self.ws.friction_rounding(), 1e-15 * speeds)
+
+    def _allow(self) -> None:
+        """After a change of modes: what is below zero now was handled, and does not fire again."""
+        self._watch()
+        guards = self._guards(self.t, self.y)
+        self.allowance = np.where(guards < -0.5 * self._slack(), -2.0 * guards, 0.0)
+
+    def _first_event(
+        self, start: float, end: float, polynomial: object
+    ) -> tuple[float, np.ndarray] | None:
+        """First time in a step at which guards fire, and which do."""
+        assert callable(polynomial)
+        self._guards_at_end = np.zeros(0)
+        if not self.ws.tables.dry.any():
+            self._guards_at_end = np.zeros(self.nc)
+            return None
+        times = np.linspace(start, end, max(_LOOKS, 1 + int((end - start) / self.settings.look)))
+        states = polynomial(times)
+        values = np.array([self._guards(t, states[:, i]) for i, t in enumerate(times)])
+        self._guards_at_end = values[-1]
+        values, slack = values + self.allowance, self._slack()
+        fired = np.full(self.nc, np.inf)
+        for c in np.flatnonzero(self.ws.tables.dry).tolist():
+
+            def guard(t: float, c: int = c) -> float:
+                return float(self._guard(c, t, polynomial(t)) + self.allowance[c])
+
+            found = first_crossing(guard, times, values[:, c], float(slack[c]))
+            fired[c] = np.inf if found is None else found
+        time = float(fired.min())
+        if np.isinf(time):
+            return None
+        together = np.flatnonzero(fired <= time + _SAME_TIME * max(1.0, abs(time)))
+        return time, together
+
+    def _guard(self, c: int, t: float, y: np.ndarray) -> float:
+        """One guard at one time."""
+        if not self.ws.modes.stuck[c]:
+            return float(self._advance(y)[c])
+        self.system.solve_given_modes(t, *self.state(y))
+        return float(self.ws.guards[c])
+
+    # ------------------------------------------------------------ changes of modes
+
+    def _change_modes(self, fired: np.ndarray) -> None:
+        """Search the modes at the present instant after the guards of coordinates `fired` have."""
+        ws, modes = self.ws, self.ws.modes
+        before = modes.copy()
+        stopped = self._stop([int(c) for c in fired if not modes.stuck[c]])
+        fired = np.union1d(fired[modes.stuck[fired]], stopped).astype(int)
+        if not fired.size:  # a ball that turned on: nothing changes its mode
+            self._watch()
+            return
+        q, v = self.state(self.y)
+        forced: dict[int, float] = {}
+        if len(stopped) < len(fired):
+            self.system.solve_given_modes(self.t, q, v)
+            way = ws.way_out()
+            broken = ws.breaking_with(fired[modes.stuck[fired]])
+            forced = {int(c): float(way[c]) for c in broken}
+        modes.at_rest[:] = modes.stuck
+        modes.at_rest[stopped] = True
+        self.system.assemble(self.t, q, v)
+        found = Found.NONE
+        again = [int(c) for c in fired if self.changed[c] == self.t]
+        if again:  # a slip that would not start, a stick that would not hold: rounding decides
+            modes.at_rest[again] = False
+            modes.stuck[again], modes.direction[again] = True, 0.0
+            found = ws.search(held=before.stuck)
+        elif forced:
+            found = ws.search(forced, before.stuck)
+        if found != Found.SOLVED:
+            modes.take(before)
+            modes.at_rest[:] = modes.stuck
+            modes.at_rest[stopped] = True
+            found = ws.search(held=before.stuck)
+        if found != Found.SOLVED:
+            raise ws.failure(found, q, v, self.system.u).at(self.t)
+        ws.finish()
+        self.changed[(modes.stuck != before.stuck) | (modes.direction != before.direction)] = self.t
+        turned = np.isin(np.arange(self.nc), stopped) & (modes.direction != before.direction)
+        self.record.changes(self.t, before, turned)
+        if self.linked:
+            self.y = self.obeying(self.y)
+            q, v = self.state(self.y)
+            self.ws.stand(q)
+        self.record.sample(self.t, q, v)
+        self._allow()
+        held = fired[before.stuck[fired] & modes.stuck[fired]]
+        if len(held) == len(fired):  # at its limit, to rounding: asked again where clearly beyond
+            self.allowance[held] += _CLEARLY * ws.limit_width[held]
+        self._watch_accumulation()
+
+    def _stop(self, slow: list[int]) -> list[int]:
+        """Stop coordinates whose speed has come to zero, and return all that come to rest.
+
+        In a mechanism others stop along, or none does, where a joint passes its dead centre.
+        """
+        if self.linked:
+            self.y = self.obeying(self.y)
+        if not slow:
+            return []
+        q, v = self.state(self.y)
+        stopped = self.ws.modes.stuck.copy()  # what stands stays so
+        stopped[slow] = True
+        v, stopped = self.ws.stop(q, v, stopped)
+        self.y[self.ws.nv :] = v
+        return [int(c) for c in np.flatnonzero(stopped & ~self.ws.modes.stuck)]
+
+    def _watch_accumulation(self) -> None:
+        """Stop where events come ever closer together, or there are too many of them."""
+        self.recent.append(self.t)
+        if len(self.recent) > self.settings.max_events:
+            raise SimulationError(
+                f"more than {self.settings.max_events} changes between stick and slip until "
+                f"t = {self.t:.9g} s; is that wanted? then raise `max_events`"
+            )
+        if len(self.recent) < _MANY:
+            return
+        if self.recent[-1] - self.recent[-_MANY] > _CROWDED * self.settings.t_end:
+            return
+        names = sorted({event.name for event in self.record.events[-_MANY:]})
+        raise SimulationError(
+            f"{_MANY} changes between stick and slip within "
+            f"{self.recent[-1] - self.recent[-_MANY]:.3g} s at t = {self.t:.12g} s, at joint "
+            f"{', '.join(names)}: they accumulate; method 'timestepping' passes such a point"
+        )

@@ -1,0 +1,73 @@
+"""What the integrators share: the state they integrate, where it begins, where pieces of it end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pinfric.dynamics.simulation.recorder import Recorder
+from pinfric.dynamics.simulation.system import Chart, Settings, System, difference
+
+
+def begin(
+    system: System, record: Recorder, q: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Record t = 0; return the state with exactly 0 where a coordinate is slow: it stands there."""
+    ws = system.ws
+    speed = ws.speeds(ws.rates(q, v))
+    v = ws.stop(q, v, ws.tables.dry & (speed <= ws.tables.stick_velocity))[0]
+    system.solve(0.0, q, v)
+    record.phase(0.0)
+    record.sample(0.0, q, v)
+    return ws.stand(q), v
+
+
+class Integration:
+    """One simulation by an integrator of SciPy's: y = [xi; v] (2 nv,), d(xi, v)/dt = `rhs`.
+
+    Attributes:
+        system, settings, record: of this simulation.
+        ws: the system's workspace.
+        linked: whether loops close.
+        chart: what the coordinates xi count from.
+    """
+
+    def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
+        self.system, self.settings, self.record = system, settings, record
+        self.ws = system.ws
+        self.linked = system.ws.scene.linkage is not None
+        self.chart: Chart
+
+    def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the accelerations (nv,) of a state."""
+        raise NotImplementedError
+
+    def start(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return y of the first state, in a chart around it."""
+        self.chart = Chart.at(self.ws.scene.loaded_model(), q)
+        return np.concatenate([self.chart.coordinates(q), v])
+
+    def ends(self) -> Iterator[float]:
+        """Yield the ends (s) of the pieces that have no breakpoint inside, each as it begins."""
+        for piece in self.system.pieces(self.settings.t_end):
+            self.system.within(*piece)
+            yield piece[1]
+
+    def state(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return q (nq,), v (nv,)."""
+        nv = self.ws.nv
+        return self.chart.configuration(np.ascontiguousarray(y[:nv])), np.ascontiguousarray(y[nv:])
+
+    def obeying(self, y: np.ndarray) -> np.ndarray:
+        """Return the state nearest to y in which loops are closed and what sticks is at rest."""
+        nv = self.ws.nv
+        before, v = self.state(y)
+        q, v = self.ws.obey(before, v)
+        moved = self.chart.rate(y[:nv], difference(self.chart.model, before, q))
+        return np.concatenate([y[:nv] + moved, v])
+
+    def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
+        """Return d(xi, v)/dt (2 nv,)."""
+        q, v = self.state(y)
+        return np.concatenate([self.chart.rate(y[: self.ws.nv], v), self.solve(t, q, v)])

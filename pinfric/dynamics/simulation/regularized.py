@@ -1,0 +1,80 @@
+"""Simulation with regularized friction, as others do it: for comparison.
+
+    x = -tanh(v / velocity) (mu(v) c + coulomb(v)) - drag
+
+Smooth, so one stiff solver (SciPy's Radau) runs through; but nothing ever sticks: a load that
+static friction would hold creeps at v = velocity artanh(load / limit), and the limit is the sliding
+one, since at rest there is no friction at all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.simulation.integration import Integration
+from pinfric.dynamics.simulation.recorder import Recorder, along
+from pinfric.dynamics.simulation.system import Settings, System, finite
+from pinfric.errors import SimulationError
+
+
+class RegularizedIntegration(Integration):
+    """One simulation with smoothed friction."""
+
+    def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
+        super().__init__(system, settings, record)
+        self.ws.turns_balls = False  # their directions are smooth, too
+
+    def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return a (nv,) with smoothed friction; modes are 0 below the regularization velocity."""
+        ws, velocity = self.ws, self.settings.regularization_velocity
+        rates = ws.rates(q, v)
+        speed = ws.speeds(rates)
+        part = np.divide(rates, speed, out=np.zeros_like(rates), where=speed > 0.0)
+        ws.modes.stuck[:] = False
+        ws.modes.direction[:] = np.where(ws.tables.dry, np.tanh(speed / velocity), 1.0) * part
+        a = self.system.solve_given_modes(t, q, v)
+        slow = speed <= velocity
+        ws.site_modes[slow[ws.tables.coordinate] & ws.tables.dry[ws.tables.coordinate]] = 0
+        return a
+
+    def run(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Integrate from t = 0; the record holds what happens."""
+        settings, nv = self.settings, self.ws.nv
+        y, t = self.start(q, v), 0.0
+        self._sample(0.0, y)
+        for end in self.ends():
+            while t < end:
+                t, y = self._smooth(t, y, end)
+                if self.chart.is_far(y[:nv]):
+                    self.chart, y[:nv] = self.chart.moved(y[:nv])
+        self._sample(settings.t_end, y)
+
+    def _smooth(self, t: float, y: np.ndarray, end: float) -> tuple[float, np.ndarray]:
+        """Integrate until `end` or until the chart must move."""
+        from scipy.integrate import Radau
+
+        s, nv, chart = self.settings, self.ws.nv, self.chart
+        with finite(t):
+            solver = Radau(self.rhs, t, y, end, rtol=s.rtol, atol=s.atol, max_step=s.max_step)
+        while solver.status == "running":
+            with finite(solver.t):
+                message = solver.step()
+            if solver.status == "failed":
+                raise SimulationError(f"at t = {solver.t:.9g} s the integration fails: {message}")
+            polynomial = solver.dense_output()
+            for time in self.record.due(solver.t_old, solver.t):
+                self._sample(time, polynomial(time))
+            self.record.watch_limits(solver.t_old, solver.t, along(chart, polynomial, nv))
+            self.record.progress(solver.t)
+            if self.linked:  # what the integration leaves open is closed: no drift
+                solver.y = self.obeying(solver.y)
+                solver.f = self.rhs(solver.t, solver.y)
+            if chart.is_far(solver.y[:nv]):
+                break
+        return float(solver.t), solver.y.copy()
+
+    def _sample(self, t: float, y: np.ndarray) -> None:
+        q, v = self.state(self.obeying(y) if self.linked else y)
+        self.solve(t, q, v)
+        self.record.phase(t)
+        self.record.sample(t, q, v)

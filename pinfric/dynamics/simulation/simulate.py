@@ -1,0 +1,288 @@
+"""Forward dynamics in time: one function, three methods."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+
+from pinfric.dynamics.forward.efforts import Effort, EffortLike, make_effort
+from pinfric.dynamics.forward.forward import vector
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.problem.closure import check_closed
+from pinfric.dynamics.problem.reactions import applied_wrenches
+from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.simulation.event import EventIntegration
+from pinfric.dynamics.simulation.motion import FAILED, FINISHED, INTERRUPTED, Motion
+from pinfric.dynamics.simulation.recorder import Recorder
+from pinfric.dynamics.simulation.regularized import RegularizedIntegration
+from pinfric.dynamics.simulation.system import Settings, System
+from pinfric.dynamics.simulation.timestepping import step_through
+from pinfric.errors import AccelerationError, SimulationError, StateError
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
+from pinfric.model.scene import Scene, expect_scene
+
+#: A run that takes longer than this (s) shows its progress, where somebody watches.
+_PATIENCE = 2.0
+#: The finest relative tolerance that an integrator can keep: a hundred times rounding.
+_FINEST = 100 * np.finfo(float).eps
+#: More steps would take days and more memory than there is.
+_MOST_STEPS = 1e9
+#: The same for the longest step of an integrator: each has six right-hand sides.
+_MOST_SHORT_STEPS = 1e7
+
+METHODS = ("event", "timestepping", "regularized")
+#: Which of the `Numbers` each method reads.
+_READ = {
+    "event": ("rtol", "atol", "sample_step", "max_step", "max_events"),
+    "timestepping": ("dt", "sample_step"),
+    "regularized": ("rtol", "atol", "sample_step", "max_step", "regularization_velocity"),
+}
+
+
+class Numbers(TypedDict, total=False):
+    """The numbers that `simulate` takes by name; one that the method does not read is an error.
+
+    Attributes:
+        rtol, atol: tolerances of `event` and `regularized` (rad, m, and per second); 1e-8, 1e-10.
+        dt: step of `timestepping` (s); 1e-3.
+        sample_step: of all: time between samples (s); None gives 1001 of them. `event` adds one at
+            every event; `timestepping` takes the nearest step.
+        max_step: longest step of `event` and `regularized` (s); None gives t_end / 4, t_end / 50
+            for an effort function: a change that lasts less than a sixth of it may go unnoticed.
+        regularization_velocity: of `regularized` (rad/s or m/s); 1e-3.
+        max_events: of `event`; more are an error; 100 000.
+    """
+
+    rtol: float
+    atol: float
+    dt: float
+    sample_step: float | None
+    max_step: float | None
+    regularization_velocity: float
+    max_events: int
+
+
+def simulate(
+    scene: Scene,
+    q0: np.ndarray,
+    v0: np.ndarray,
+    effort: EffortLike = None,
+    t_end: float | None = None,
+    method: str = "event",
+    *,
+    motor_torque: EffortLike = None,
+    breakpoints: Sequence[float] | None = None,
+    external: Mapping[str, np.ndarray] | None = None,
+    attached: Iterable[str] | None = None,
+    progress: bool | Callable[[float], None] | None = None,
+    **numbers: Unpack[Numbers],
+) -> Motion:
+    """Return the motion that efforts cause from a state at t = 0, with stick and slip.
+
+    M a + h = u + D phi in time (paper eq. 16, 20, 21). `event`: the modes change at located
+    instants, the reference. `timestepping`: Moreau and Jean's scheme, fixed steps, friction
+    impulses implicit, first order, exact standstill. `regularized`: mu(v) smoothed by
+    tanh(v / velocity), a stiff solver; creeps where the others stand still, and knows no static
+    friction.
+
+    Args:
+        scene: the robot with its friction and drives.
+        q0, v0: (nq,), (nv,) at t = 0; a joint at or below its stick velocity starts at rest.
+        effort: a function (t, q, v) -> (na,), constants (na,), (times, values), a mapping by drive
+            to numbers or functions, or None for the scene's own; see `efforts.make_effort`. Arrays
+            are in the order of `scene.actuator_names`, not of the list of actuators.
+        t_end: s; None: the scene's own.
+        method: `event`, `timestepping` or `regularized`.
+        motor_torque: in place of `effort`, at the motors' shafts (N m), see `forward_dynamics`.
+        breakpoints: times (s) at which an effort function jumps or bends; tables know theirs.
+        external: frame name -> (6,) constant wrench on it, in its axes at its origin (N, N m).
+        attached: names of the payloads carried; None takes those attached by default.
+        progress: function of t, called at every step; True shows a bar, False never; None shows
+            one on a terminal where the run takes longer than two seconds.
+        numbers: rtol, atol, dt, sample_step, max_step, regularization_velocity, max_events; see
+            `Numbers`.
+
+    Raises:
+        SimulationError: an argument that cannot be, an effort function that raises, an integration
+            that cannot go on. StateError: q0, v0 of a wrong shape or not finite.
+        AccelerationError: none, several, undecided or a jam, with time and state. Until then there
+            is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
+            (before the first sample the interrupt goes on).
+    """
+    settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
+    made = make_effort(scene, effort, breakpoints, motor_torque)
+    if numbers.get("max_step") is None:
+        settings = replace(settings, max_step=_longest_step(made, method, settings.t_end),
+                           look=settings.t_end / 250)  # fmt: skip
+    applied = applied_wrenches(scene, external, 1)
+    carried = None if attached is None else tuple(attached)
+    system = System(Workspace(scene, carried, made.given == "motor_torque"), made, applied)
+    record = Recorder(scene, system, method, settings.sample_step, carried)
+    with _Progress(progress, settings.t_end) as record.progress:
+        return _run(method, system, settings, record, q, v)
+
+
+def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> Settings:
+    """Return the settings; refuse an unknown number, and one that the method would ignore."""
+    if unknown := numbers.keys() - Numbers.__annotations__.keys():
+        raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
+    settings = _settings(method, _end(scene, t_end), **numbers)
+    for name, value in numbers.items():
+        if value is not None and name not in _READ[method]:
+            readers = " and ".join(m for m, names in _READ.items() if name in names)
+            raise SimulationError(f"{name} = {value!r}: is for {readers}; {method} takes "
+                                  f"{', '.join(_READ[method])}")  # fmt: skip
+    return settings
+
+
+def _end(scene: Scene, t_end: float | None) -> float:
+    expect_scene(scene, "simulate")
+    if t_end is not None:
+        return t_end
+    if scene.simulation is None:
+        raise SimulationError(f"{scene.source}: has no `simulation` section; give t_end (s)")
+    return scene.simulation.t_end
+
+
+def _longest_step(effort: Effort, method: str, t_end: float) -> float:
+    """Longest step (s): short enough to see what efforts do, as far as that is known."""
+    step = t_end / 50 if effort.finest is None else min(t_end / 4, effort.finest)
+    _check_steps(method, "efforts that change within", step, t_end)
+    return step
+
+
+def _check_steps(method: str, what: str, step: float | None, t_end: float) -> None:
+    """Refuse a longest step so short that the run would not end."""
+    if method != "timestepping" and step is not None and t_end / step > _MOST_SHORT_STEPS:
+        raise SimulationError(
+            f"t_end = {t_end:g} s with {what} {step:g} s: {t_end / step:.3g} steps; {method} takes "
+            f"at most {_MOST_SHORT_STEPS:g}; shorten t_end, or give the mean of a fast effort"
+        )
+
+
+def _run(
+    method: str, system: System, settings: Settings, record: Recorder, q: np.ndarray, v: np.ndarray
+) -> Motion:
+    """Integrate; what is recorded until the user or a problem ends that is not lost."""
+    try:
+        if method == "event":
+            EventIntegration(system, settings, record).run(q, v)
+        elif method == "timestepping":
+            step_through(system, settings, record, q, v)
+        else:
+            RegularizedIntegration(system, settings, record).run(q, v)
+    except KeyboardInterrupt:
+        if not record.rows:  # before the first sample
+            raise
+        return record.motion(INTERRUPTED, "stopped by the user")
+    except (AccelerationError, SimulationError) as problem:
+        if record.rows:
+            problem.motion = record.motion(FAILED, str(problem))
+        raise
+    return record.motion(FINISHED, f"reached t_end = {settings.t_end:g} s")
+
+
+def _settings(
+    method: str,
+    t_end: float,
+    *,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    dt: float = 1e-3,
+    sample_step: float | None = None,
+    max_step: float | None = None,
+    regularization_velocity: float = 1e-3,
+    max_events: int = 100_000,
+) -> Settings:
+    """Check the numbers, and fill in what depends on the others."""
+    if method not in METHODS:
+        raise SimulationError(f"method {method!r}: there are {', '.join(METHODS)}")
+    named = {
+        "t_end": t_end, "rtol": rtol, "atol": atol, "dt": dt,
+        "regularization_velocity": regularization_velocity,
+        "sample_step": sample_step, "max_step": max_step, "max_events": max_events,
+    }  # fmt: skip
+    for name, value in named.items():
+        if value is None:
+            continue
+        good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        if not good or not np.isfinite(value) or value <= 0:
+            raise SimulationError(f"{name} = {value!r}: should be a positive number")
+        if name in ("t_end", "dt", "sample_step", "max_step") and value < SMALLEST:
+            raise SimulationError(f"{name} = {value:g} s: should be at least {SMALLEST:g} s")
+    if max_events != int(max_events):
+        raise SimulationError(f"max_events = {max_events!r}: should be a whole number")
+    if not _FINEST <= rtol <= 1 or atol > 1:
+        raise SimulationError(f"rtol = {rtol:g}, atol = {atol:g}: should be at most 1, rtol at "
+                              f"least {_FINEST:g} (rounding)")  # fmt: skip
+    steps = {"sample_step": sample_step, "dt": dt if method == "timestepping" else None}
+    for name, step in steps.items():
+        if step is not None and t_end / step > _MOST_STEPS:
+            raise SimulationError(f"t_end = {t_end:g} s at {name} = {step:g} s: {t_end / step:.3g} "
+                                  f"steps; at most {_MOST_STEPS:g} are possible")  # fmt: skip
+    _check_steps(method, "max_step =", max_step, t_end)
+    if t_end > LONGEST_TIME:
+        raise SimulationError(f"t_end = {t_end:g} s: should be at most {LONGEST_TIME:g} s")
+    t_end = float(t_end)
+    return Settings(
+        t_end=t_end,
+        rtol=float(rtol),
+        atol=float(atol),
+        dt=float(dt),
+        max_step=t_end if max_step is None else float(max_step),
+        look=t_end,
+        sample_step=t_end / 1000 if sample_step is None else float(sample_step),
+        regularization_velocity=float(regularization_velocity),
+        max_events=int(max_events),
+    )
+
+
+def _start(scene: Scene, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
+    q, v = vector("q0", q0, scene.model.nq, "nq"), vector("v0", v0, scene.model.nv, "nv")
+    for name, array in (("q0", q), ("v0", v)):
+        if (wrong := impossible(array)).any():
+            i = int(np.argmax(wrong))
+            raise StateError(f"{name}: column {i} is {array[i]}; should be finite and at most "
+                             f"{LARGEST_OF_A_MOTION:g}")  # fmt: skip
+    states = States.of(scene, q, v, np.zeros(scene.model.nv))
+    q, v = states.q[0], states.v[0]
+    if scene.linkage is not None:
+        check_closed(scene, q, v)
+    return q, v
+
+
+class _Progress:
+    """Calls the user's function, or shows a bar once a run takes long."""
+
+    def __init__(self, wanted: bool | Callable[[float], None] | None, t_end: float) -> None:
+        self.wanted, self.t_end = wanted, t_end
+        self.bar: Any = None
+        self.start = time.monotonic()
+
+    def __enter__(self) -> Callable[[float], None]:
+        if callable(self.wanted):
+            return self.wanted
+        if self.wanted is False or (self.wanted is None and not sys.stderr.isatty()):
+            return lambda t: None
+        return self._show
+
+    def _show(self, t: float) -> None:
+        if self.bar is None:
+            if self.wanted is None and time.monotonic() - self.start < _PATIENCE:
+                return
+            from rich.console import Console
+            from rich.progress import Progress
+
+            self.bar = Progress(console=Console(stderr=True), transient=True)
+            self.bar.start()
+            self.task = self.bar.add_task("simulating", total=self.t_end)
+        self.bar.update(self.task, completed=t)
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.stop()

@@ -1,0 +1,233 @@
+"""What every integrator needs of a scene: coordinates to integrate in, efforts, accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.forward.efforts import Effort, by_name
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.problem.reactions import AppliedWrench
+from pinfric.errors import AccelerationError, PinfricError, SimulationError, StateError
+from pinfric.model.arrays import real_numbers
+
+#: Joints described around a base configuration, and how many of their last numbers are rotations.
+_LOCAL = {"JointModelPlanar": 1, "JointModelSpherical": 3, "JointModelFreeFlyer": 3}
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """Numbers xi (nv,) for configurations: q = base integrated by xi.
+
+    Angles and lengths count from zero and never wrap; planar, spherical and floating joints are
+    described by the exponential around `base`, which moves along before it degenerates.
+
+    Attributes:
+        model: the robot.
+        base: (nq,) neutral but for the joints that are described around it.
+        local: (n,) indices of xi that are rotations around `base`.
+        plain: True where q is xi itself.
+    """
+
+    model: pin.Model
+    base: np.ndarray
+    local: np.ndarray
+    plain: bool
+
+    @classmethod
+    def at(cls, model: pin.Model, q: np.ndarray) -> Chart:
+        """Return a chart in which q can be described."""
+        base = pin.neutral(model)
+        local: list[int] = []
+        for joint in model.joints[1:]:
+            if joint.shortname() in _LOCAL:
+                part = slice(joint.idx_q, joint.idx_q + joint.nq)
+                base[part] = q[part]
+                last = joint.idx_v + joint.nv
+                local += range(last - _LOCAL[joint.shortname()], last)
+        return cls(model, base, np.array(local, dtype=int), model.nq == model.nv)
+
+    def configuration(self, xi: np.ndarray) -> np.ndarray:
+        """Return q (nq,) on its manifold."""
+        return xi if self.plain else np.asarray(pin.integrate(self.model, self.base, xi))
+
+    def coordinates(self, q: np.ndarray) -> np.ndarray:
+        """Return xi (nv,) of q."""
+        return q.copy() if self.plain else np.asarray(pin.difference(self.model, self.base, q))
+
+    def rate(self, xi: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return d xi / dt (nv,) at velocity v."""
+        if not self.local.size:
+            return v
+        J = pin.dIntegrate(self.model, self.base, xi)[1]
+        return np.asarray(np.linalg.solve(J, v))
+
+    def is_far(self, xi: np.ndarray) -> bool:
+        """Whether a rotation is so far from `base` that it is time to move it."""
+        return bool(self.local.size) and bool(np.abs(xi[self.local]).max() > 1.0)
+
+    def moved(self, xi: np.ndarray) -> tuple[Chart, np.ndarray]:
+        """Return a chart around the present configuration, and xi in it; angles keep turns."""
+        chart = Chart.at(self.model, self.configuration(xi))
+        fresh = xi.copy()
+        for joint in self.model.joints[1:]:
+            if joint.shortname() in _LOCAL:
+                fresh[joint.idx_v : joint.idx_v + joint.nv] = 0.0
+        return chart, fresh
+
+
+def difference(model: pin.Model, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the velocity (nv,) that leads from one configuration (nq,) to another in unit time."""
+    if model.nq == model.nv:
+        return np.asarray(end - start)
+    out = np.asarray(pin.difference(model, start, end))
+    for joint in model.joints[1:]:
+        if joint.nq == 2:  # continuous: Pinocchio's loses angles below 1e-8
+            (c, s), (d, e) = start[joint.idx_q :][:2], end[joint.idx_q :][:2]
+            out[joint.idx_v] = np.arctan2(c * e - s * d, c * d + s * e)
+    return out
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a simulation is run; see `simulate`. `look`: longest time between looks at guards (s)."""
+
+    t_end: float
+    rtol: float
+    atol: float
+    dt: float
+    max_step: float
+    look: float
+    sample_step: float
+    regularization_velocity: float
+    max_events: int
+
+
+class System:
+    """A scene with its efforts: the right-hand side of every integrator.
+
+    Attributes:
+        ws: buffers of its own: an effort function may call `forward_dynamics` in between.
+        evaluations: right-hand sides computed.
+        u: (na,) efforts at the last one; torques of motors times their ratios, where they drive.
+    """
+
+    def __init__(self, ws: Workspace, effort: Effort, applied: list[AppliedWrench]) -> None:
+        self.ws, self.effort, self.applied = ws, effort, applied
+        self.evaluations = 0
+        self.u = np.zeros(ws.na)
+        self._window = -np.inf, np.inf
+
+    def within(self, start: float, end: float, jumps: bool) -> None:
+        """Keep the times at which efforts are asked inside (start, end), where a breakpoint is.
+
+        At a breakpoint itself a function gives one of its two values, and which one is its own
+        affair.
+
+        Args:
+            start, end: s.
+            jumps: whether `end` is a breakpoint.
+        """
+        margin = 1e-12 * max(1.0, end)
+        self._window = start + margin if start > 0.0 else 0.0, end - margin if jumps else np.inf
+
+    def pieces(self, last: float) -> list[tuple[float, float, bool]]:
+        """Return start, end (s) of the pieces up to `last` that have no breakpoint inside.
+
+        The third says whether a breakpoint ends it, as `within` asks.
+        """
+        breaks = self.effort.breakpoints
+        ends = [*breaks[(breaks > 0.0) & (breaks < last)].tolist(), last]
+        starts = [0.0, *ends[:-1]]
+        return [(start, end, bool(end in breaks))
+                for start, end in zip(starts, ends, strict=True)]  # fmt: skip
+
+    def efforts(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return what drives are given (na,) at one state, see `u`.
+
+        Raises:
+            SimulationError: the function raises, or returns something else than (na,) numbers.
+        """
+        try:
+            given = self.effort.function(min(max(t, self._window[0]), self._window[1]), q, v)
+        except PinfricError:
+            raise
+        except Exception as problem:
+            raise SimulationError(
+                f"{self.ws.given}: the function raised {type(problem).__name__} at t = {t:.9g} s: "
+                f"{problem}"
+            ) from problem
+        try:
+            if isinstance(given, Mapping):
+                given = by_name(self.ws.scene.actuator_names, given, self.ws.given)
+            u = np.atleast_1d(real_numbers(self.ws.given, given))
+        except StateError as problem:
+            raise SimulationError(
+                f"{self.ws.given}: the function returned no numbers at t = {t:.9g} s: {problem}"
+            ) from None
+        if u.shape != (self.ws.na,):
+            raise SimulationError(
+                f"{self.ws.given}: the function returned shape {u.shape} at t = {t:.9g} s; should "
+                f"be ({self.ws.na},)"
+            )
+        self.u = u * self.ws.tables.gears.ratio if self.ws.given == "motor_torque" else u
+        return self.u
+
+    def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
+        """Find modes, friction and accelerations in `ws`, modes by the velocities."""
+        self.evaluations += 1
+        u = self.efforts(t, q, v)
+        try:
+            self.ws.solve(q, v, u, self.applied)
+        except PinfricError as problem:
+            raise timed(problem, t) from None
+
+    def solve_given_modes(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return a (nv,), a view, in the modes that `ws` holds."""
+        self.evaluations += 1
+        u = self.efforts(t, q, v)
+        try:
+            self.ws.solve_given_modes(q, v, u, self.applied)
+        except PinfricError as problem:
+            raise timed(problem, t) from None
+        return self.ws.a
+
+    def assemble(self, t: float, q: np.ndarray, v: np.ndarray, step: float = 0.0) -> None:
+        """Write the coupled problem in `ws`, unsolved."""
+        self.evaluations += 1
+        u = self.efforts(t, q, v)
+        try:
+            self.ws.assemble(q, v, u, self.applied, step)
+        except PinfricError as problem:
+            raise timed(problem, t) from None
+
+
+def timed(problem: PinfricError, t: float) -> PinfricError:
+    """Return the error with the time (s) at which a simulation came upon it."""
+    if isinstance(problem, AccelerationError):
+        return problem if problem.time is not None else problem.at(t)
+    if isinstance(problem, SimulationError):
+        return problem
+    return SimulationError(f"at t = {t:.9g} s: {problem}")
+
+
+@contextmanager
+def finite(t: float) -> Iterator[None]:
+    """Say what overflows within SciPy's integrator at a time (s) in one line.
+
+    Raises:
+        SimulationError: SciPy found what is no number; right-hand sides refuse their own.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield
+    except ValueError as problem:
+        if "infs or NaNs" not in str(problem):  # SciPy's word for it; others are defects
+            raise
+        raise SimulationError(
+            f"at t = {t:.9g} s the integration fails: values are too large ({problem})"
+        ) from None

@@ -1,0 +1,111 @@
+"""Simulation by time stepping: fixed steps, friction as implicit impulses.
+
+Moreau's midpoint scheme (Moreau 1988; Jean 1999):
+
+    q_m = q + dt/2 v,    v' = v + dt a_free(q_m, v) + dt a_slope x,    q' = q_m + dt/2 v'
+
+with x by the laws of friction at the *end* of the step: a coordinate sticks if x within the static
+limits brings it to v' = 0 exactly, else it slips against x. That is the problem of an instant with
+the next velocity in place of the acceleration, so there is nothing to locate, no step is too long
+for friction to be stable, and what stands still does so exactly. First order. Drag acts at the end
+of the step, too (`maps._add_drag`); efforts are taken at its middle: those that depend on q want a
+step below 2 / omega of the oscillation that they cause.
+
+A step also ends at exactly zero where it passes a turning point and friction could take what was
+left of the velocity. Whether that is a stop is a question to the instant, not to the step: it is
+one where static friction holds what stands there; else the motion turns round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from pinfric.dynamics.forward.workspace import Workspace
+from pinfric.dynamics.simulation.integration import begin
+from pinfric.dynamics.simulation.recorder import Recorder
+from pinfric.dynamics.simulation.system import Settings, System
+from pinfric.friction.modes import Found, Modes
+
+
+def step_through(
+    system: System, settings: Settings, record: Recorder, q: np.ndarray, v: np.ndarray
+) -> None:
+    """Step from t = 0 to the end; the record holds what happens.
+
+    Args:
+        system, settings, record: of this simulation; `dt` is shortened to divide `t_end`.
+        q, v: (nq,), (nv,) at the start.
+
+    Raises:
+        NoConsistentAcceleration: a step has no solution (friction so large that it jams).
+    """
+    ws, model = system.ws, system.ws.scene.loaded_model()
+    steps = max(1, int(np.ceil(settings.t_end / settings.dt - 1e-9)))
+    dt = settings.t_end / steps
+    stride = max(1, round(settings.sample_step / dt))
+    q, v = begin(system, record, q, v)
+    before = ws.modes.copy()
+    for k in range(steps):
+        t, start = k * dt, q
+        end = (k + 1) * dt if k + 1 < steps else settings.t_end
+        middle = pin.integrate(model, q, 0.5 * dt * v)
+        system.assemble(t + 0.5 * dt, middle, v, dt)
+        rates = ws.rates(middle, v)
+        found = _solve_step(ws, rates, before)
+        if found != Found.SOLVED:
+            raise ws.failure(found, middle, v, system.u).at(t)
+        stopped = bool((ws.modes.stuck & ~before.stuck).any())
+        ws.finish()
+        v = v + dt * ws.accelerations()
+        v = ws.obey(middle, v)[1]
+        q = pin.integrate(model, middle, 0.5 * dt * v)
+        # v obeys the loops at the middle; made to obey them here it would lack half their impulse
+        q, at_end = ws.obey(q, v)
+        if stopped:
+            _hold_or_turn(system, end, q, at_end, before)
+        ws.stand(q)
+        turned = (ws.modes.direction * before.direction < 0.0) & ~ws.tables.ball
+        # what came to rest did so at the step's end, what left at its start
+        record.changes(end if stopped else t, before, turned)
+        before = ws.modes.copy()
+        record.watch_limits(t, end, _between(model, t, dt, start, q))
+        if (k + 1) % stride == 0 or k + 1 == steps:
+            system.solve_given_modes(end, q, at_end)
+            record.sample(end, q, at_end)
+        record.progress(end)
+
+
+def _between(
+    model: pin.Model, t: float, dt: float, start: np.ndarray, end: np.ndarray
+) -> Callable[[float], np.ndarray]:
+    """Time -> configuration within a step."""
+    return lambda time: np.asarray(pin.interpolate(model, start, end, (time - t) / dt))
+
+
+def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes) -> Found:
+    """Find the modes at the end of a step, from those before it."""
+    modes, dry = ws.modes, ws.tables.dry
+    modes.at_rest[:] = dry
+    modes.stuck[:] = before.stuck
+    # where there is no dry friction there is no mode: the direction only says which way it moves
+    modes.direction[:] = np.where(dry, before.direction, np.sign(rates))
+    return ws.search_step()
+
+
+def _hold_or_turn(system: System, t: float, q: np.ndarray, v: np.ndarray, before: Modes) -> None:
+    """Let what a step brought to rest stick on only where static friction holds it there.
+
+    Args:
+        t, q, v: the step's end.
+        before: the modes before the step.
+    """
+    ws = system.ws
+    stopped = ws.modes.copy()
+    ws.modes.at_rest[:] = ws.modes.stuck
+    system.assemble(t, q, v)
+    if ws.search(held=before.stuck) != Found.SOLVED:
+        ws.modes.take(stopped)  # the next step decides
+    ws.finish()

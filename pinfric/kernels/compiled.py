@@ -1,0 +1,331 @@
+"""The one decorator of every kernel that runs once per sample."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import re
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, Generic, TypeVar, cast
+
+import numba
+from numba import typeof
+from numba.core import types
+from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
+from numba.core.dispatcher import Dispatcher
+from numba.core.types import unliteral
+from numba.experimental import structref
+
+from pinfric.errors import PinfricError, PinfricWarning
+from pinfric.kernels.interpreted import CLOCK, interpreted, is_small
+
+_DIGEST_SIZE = 16
+Fields = TypeVar("Fields", bound=tuple[Any, ...])
+
+
+#: The versions of numba that the tests have run with, from the first to below the second.
+_TESTED = (0, 61), (0, 69)
+#: What this module replaces or calls in numba although numba's documentation does not promise it.
+_INNER = {
+    Dispatcher: ("_compile_for_args", "compile", "get_call_template"),
+    FunctionCache: ("load_overload", "save_overload"),
+    IndexDataCacheFile: ("_dump", "_load_index", "_load_data"),
+    structref.StructRefProxy: ("_type",),
+}
+
+
+def check_numba(version: str) -> None:
+    """Warn at import of a version of numba that was not tested; refuse one that cannot work.
+
+    Raises:
+        PinfricError: something is missing that this module uses.
+    """
+    first, last = (".".join(map(str, end)) for end in _TESTED)
+    what = f"numba {version}: pinfric is tested with numba>={first},<{last}"
+    missing = [f"{kind.__name__}.{name}" for kind, names in _INNER.items() for name in names
+               if not hasattr(kind, name)]  # fmt: skip
+    if missing:
+        raise PinfricError(
+            f"{what}; this version has no {', '.join(missing)}; install a tested one"
+        )
+    found = tuple(int(part) for part in re.findall(r"\d+", version)[:2])
+    if not _TESTED[0] <= found < _TESTED[1]:
+        text = f"{what}; install a tested one if kernels fail to compile or to load"
+        warnings.warn(text, PinfricWarning, stacklevel=2)
+
+
+check_numba(numba.__version__)
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a per-sample kernel with numba, cached on disk where a folder is writable.
+
+    With few numbers it is interpreted until compiling pays (`interpreted`). Never `fastmath`: it
+    makes `isnan` false and reorders sums, and a norm at zero load must stay 0.
+    """
+    return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
+
+
+def at_once(made: Any, *arguments: Any) -> Any:
+    """Call a kernel compiled, which with few numbers it need not be: it may run for long."""
+    compile_for(made, *arguments)
+    return made(*arguments)
+
+
+def compile_for(made: Any, *arguments: Any) -> None:
+    """Compile a kernel for arguments like these, without a call."""
+    made.compile(tuple(typeof(argument) for argument in arguments))
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Compile kernels at their first call while this is active, however few numbers they get."""
+    CLOCK.hurried += 1
+    try:
+        yield
+    finally:
+        CLOCK.hurried -= 1
+
+
+def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a small kernel as `kernel` does, its body into the kernels that call it.
+
+    A call with a tuple of arrays costs more than what it computes.
+    """
+    options = {"nogil": True, "error_model": "numpy", "inline": "always"}
+    return _compiled(function, options, waits=True)
+
+
+def parallel_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel as `kernel` does, its `prange` loops for several threads."""
+    options = {"nogil": True, "error_model": "numpy", "parallel": True}
+    return _compiled(function, options, waits=False)
+
+
+def _compiled(
+    function: Callable[..., Any], options: dict[str, Any], *, waits: bool
+) -> Callable[..., Any]:
+    made: Callable[..., Any] = numba.njit(**options)(function)
+    try:
+        cached: Any = _CheckedCache(function)
+        CLOCK.keep_in(cached.cache_path)
+    except RuntimeError:  # numba finds no folder to cache in (a read-only installation)
+        cached = _NoCache()
+    vars(made)["_cache"] = cached
+    call_template = made.get_call_template  # type: ignore[attr-defined]
+
+    def template_of_types(args: Any, kws: Any) -> Any:
+        """What another kernel calls, compiled for types: numba compiles for each constant anew."""
+        named = {name: unliteral(one) for name, one in kws.items()}
+        return call_template([unliteral(one) for one in args], named)
+
+    vars(made)["get_call_template"] = template_of_types
+    if waits:
+        compiled_for = made._compile_for_args  # type: ignore[attr-defined]
+
+        def first_call(*arguments: Any) -> Any:
+            """What is to be called with arguments of types that nothing is compiled for."""
+            if is_small(arguments) and not is_ready(made, arguments):
+                return interpreted(made, compiled_for)
+            return compiled_for(*arguments)
+
+        vars(made)["_compile_for_args"] = first_call
+    return made
+
+
+def is_ready(made: Any, arguments: tuple[Any, ...]) -> bool:
+    """Whether a kernel need not be interpreted: it is compiled, or kept, or patience is over."""
+    if CLOCK.is_over():
+        return True
+    if made.overloads or made not in _MISSING:
+        types_ = tuple(typeof(argument) for argument in arguments)
+        if types_ in made.overloads:
+            return True
+        if made not in _MISSING and made._cache.is_kept(types_, made.targetctx):
+            return True
+        _MISSING.add(made)
+    return False
+
+
+#: Kernels that numba's cache does not hold; it is not asked again.
+_MISSING: set[Any] = set()
+
+
+@cache
+def say_compiling(again: str = "once") -> None:
+    """Say on stderr, once a process, why nothing seems to happen; never where all is cached."""
+    print(
+        f"pinfric: compiling kernels for this machine, {again}: seconds, or a minute",
+        file=sys.stderr, flush=True,
+    )  # fmt: skip
+
+
+class _NoCache(NullCache):
+    """Where nothing can be kept."""
+
+    def is_kept(self, sig: Any, target_context: Any) -> bool:
+        """Find nothing."""
+        return False
+
+    def load_overload(self, sig: Any, target_context: Any) -> None:
+        """Find nothing: numba compiles next."""
+        say_compiling("in every run (no folder to keep them in is writable; set NUMBA_CACHE_DIR)")
+
+
+def record(fields: type) -> Callable[[Any], Any]:
+    """Return what makes one argument of kernels of a NamedTuple of the given class.
+
+    To hand a tuple over from Python costs 0.1 us for each array in it, a record 0.5 us in all. A
+    kernel reads both alike, so that interpreted it takes the NamedTuple itself.
+    """
+    module, name = sys.modules[fields.__module__], fields.__name__
+
+    class Struct(types.StructRef):
+        def preprocess_fields(self, given: Any) -> Any:
+            return tuple((key, types.unliteral(kind)) for key, kind in given)
+
+    Struct.__name__ = Struct.__qualname__ = f"{name}Struct"  # where pickle, and so the cache,
+    Struct.__module__ = fields.__module__  # finds it
+    setattr(module, Struct.__name__, structref.register(Struct))
+    proxy: Any = type(f"{name}Record", (structref.StructRefProxy,), {
+        "__slots__": (), "__module__": fields.__module__,
+        "_numba_type_": vars(structref.StructRefProxy)["_type"],  # no property: 0.1 us less
+    })  # fmt: skip
+    setattr(module, proxy.__name__, proxy)
+    structref.define_constructor(proxy, Struct, vars(fields)["_fields"])
+    structref.define_boxing(Struct, proxy)
+
+    def box(values: Any) -> Any:
+        return proxy(*values)
+
+    return _compiled(box, {"nogil": True}, waits=False)
+
+
+class KernelArgument(Generic[Fields]):
+    """An argument that stays: a NamedTuple while kernels are interpreted, then its record.
+
+    Args:
+        given: the NamedTuple.
+        box: makes the record of it (see `record`).
+        ready: whether to make it at once.
+    """
+
+    def __init__(self, given: Fields, box: Callable[[Fields], Any], ready: bool) -> None:
+        self._given, self._box = given, box
+        self._boxed = box(given) if ready else None
+
+    @property
+    def now(self) -> Fields:
+        """What to hand over to a kernel now."""
+        if self._boxed is None:
+            if not CLOCK.is_over():
+                return self._given
+            self._boxed = self._box(self._given)
+        return cast("Fields", self._boxed)
+
+
+class _CheckedCache(FunctionCache):
+    """Numba's cache, its files with digests: a damaged one is compiled anew, never run.
+
+    Numba unpickles what it finds: a truncated file ends in an EOFError, and a flipped bit in the
+    machine code is executed. And it notices edits of a kernel's own file only: here the kernels it
+    calls, and the constants beside them, count as well.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        try:
+            place = self._cache_path, f"{self._impl.filename_base}.checked"
+        except AttributeError as problem:
+            raise PinfricError(
+                f"numba {numba.__version__}: {problem}; install an older one"
+            ) from None
+        self._cache_file = _CheckedFile(*place, _source_stamp(function))
+
+    def is_kept(self, sig: Any, target_context: Any) -> bool:
+        """Whether machine code for arguments of these types is here."""
+        return super().load_overload(sig, target_context) is not None
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what was kept; where that is None, numba compiles next."""
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            say_compiling()
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what was compiled, where there is room: a full disk stops no computation."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+
+def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
+    """What a kernel's machine code is made of: its file, those of its callees, their constants."""
+    here = function.__globals__
+    reached = {here["__name__"]: here}
+    for names in (queue := [here]):  # grows while it is walked
+        for callee in list(names.values()):
+            if isinstance(callee, Dispatcher):
+                there = callee.py_func.__globals__
+                if there["__name__"] not in reached:
+                    reached[there["__name__"]] = there
+                    queue.append(there)
+    stamp: list[Any] = []
+    for name in sorted(reached):
+        names = reached[name]
+        file = Path(names["__file__"]).stat()
+        constants = [(key, value) for key, value in sorted(names.items())
+                     if isinstance(value, int | float) and not key.startswith("__")]  # fmt: skip
+        stamp.append((name, file.st_mtime, file.st_size, constants))
+    return tuple(stamp)
+
+
+class _CheckedFile(IndexDataCacheFile):
+    """An index and the files it names, each with a digest behind its pickle."""
+
+    def _dump(self, content: Any) -> bytes:
+        body: bytes = super()._dump(content)
+        return body + _digest(body)
+
+    def _load_index(self) -> dict[Any, Any]:
+        version = pickle.dumps(self._version, protocol=-1)  # begins every index, see numba
+        found = self._intact(self._index_path, len(version))
+        if found is None:
+            return {}
+        stamp, overloads = found
+        return dict(overloads) if stamp == self._source_stamp else {}
+
+    def _load_data(self, name: str) -> Any:
+        return self._intact(os.path.join(self._cache_path, name), 0)
+
+    def _intact(self, path: str, start: int) -> Any:
+        """What stands in a file from byte `start` on; None of one that is damaged, which goes.
+
+        None, too, of one by another version of pinfric, from which it names a class gone since.
+        """
+        try:
+            content = Path(path).read_bytes()
+        except OSError:  # not there yet, or another process has just removed it
+            return None
+        body, digest = content[start:-_DIGEST_SIZE], content[-_DIGEST_SIZE:]
+        if _digest(body) == digest:
+            with suppress(AttributeError, ImportError):
+                return pickle.loads(body)
+            return None
+        warnings.warn(
+            f"{path}: a compiled kernel in numba's cache is damaged; it is compiled anew",
+            PinfricWarning, stacklevel=2,
+        )  # fmt: skip
+        with suppress(OSError):
+            os.unlink(path)
+        return None
+
+
+def _digest(body: bytes) -> bytes:
+    return hashlib.blake2b(body, digest_size=_DIGEST_SIZE).digest()
