@@ -10,8 +10,19 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "pinfric"
-LAYERS = ["errors", "model", "friction", "dynamics", "study", "show", "paper", "terminal", "cli",
-          "__main__"]  # fmt: skip
+LAYERS = [
+    "errors",
+    "kernels",
+    "model",
+    "friction",
+    "dynamics",
+    "study",
+    "show",
+    "paper",
+    "terminal",
+    "cli",
+    "__main__",
+]
 #: The files of `paper/` that are its formulation; the others set it beside ours.
 JUDGE = ("bodies", "equations", "inverse", "forward", "simulate", "examples")
 MODULES = sorted(PACKAGE.rglob("*.py"))

@@ -56,10 +56,20 @@ def prove(rest: Rest, z: np.ndarray, use: float, margin: float, most_nodes: int)
     rows, nf = 4 * n + 2 * len(rest.owner), len(rest.owner)
     above, below = np.empty(n), np.empty(n)
     friction_and_limits(rest, z, np.empty(n), above, below)
-    scale = np.where(above < np.inf, np.where(below < np.inf, np.maximum(above, below), above),
-                     np.where(below < np.inf, below, 1.0))  # fmt: skip
-    program = Program(np.empty((rows, dz)), np.empty(rows), np.empty(rows),
-                      np.empty((nf, dz + 1)), scale, use * (1.0 - margin), use)  # fmt: skip
+    scale = np.where(
+        above < np.inf,
+        np.where(below < np.inf, np.maximum(above, below), above),
+        np.where(below < np.inf, below, 1.0),
+    )
+    program = Program(
+        np.empty((rows, dz)),
+        np.empty(rows),
+        np.empty(rows),
+        np.empty((nf, dz + 1)),
+        scale,
+        use * (1.0 - margin),
+        use,
+    )
     outcome = branch(rest, program, z, min(_FEW_NODES, most_nodes))
     if outcome < 0 and most_nodes > _FEW_NODES:
         outcome = at_once(branch, rest, program, z, most_nodes)

@@ -45,8 +45,10 @@ def site_limits(problem: Problem, load: np.ndarray, s: int) -> tuple[float, floa
     """Return the least and the most that a site at rest may add to its coordinate's friction."""
     size, grip = abs(problem.ratio[s]), problem.mu_stick[s] * load[s]
     forward, backward = (0, 1) if problem.ratio[s] > 0.0 else (1, 0)
-    return (-size * (grip + problem.coulomb_stick[s, forward]),
-            size * (grip + problem.coulomb_stick[s, backward]))  # fmt: skip
+    return (
+        -size * (grip + problem.coulomb_stick[s, forward]),
+        size * (grip + problem.coulomb_stick[s, backward]),
+    )
 
 
 @kernel

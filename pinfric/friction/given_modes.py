@@ -230,8 +230,11 @@ def residual_slope(reduced: Reduced, z: np.ndarray, J: np.ndarray) -> None:
         px, py, pz, norm, _ = _force(contact, t, z)
         if norm > 0.0:
             for j in range(z.size):
-                along = (px * contact[t, 1 + j, 0] + py * contact[t, 1 + j, 1]
-                         + pz * contact[t, 1 + j, 2])  # fmt: skip
+                along = (
+                    px * contact[t, 1 + j, 0]
+                    + py * contact[t, 1 + j, 1]
+                    + pz * contact[t, 1 + j, 2]
+                )
                 J[place[t], j] -= gain[t] * along / norm
 
 

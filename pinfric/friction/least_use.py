@@ -103,9 +103,14 @@ class Limits(NamedTuple):
         owner = site[problem.contact_site]
         limited = np.isfinite(np.minimum(above, below))[owner]
         counts = (weight > 0.0) & (owner >= 0) & limited
-        return cls(above, below, owner[counts].astype(np.int64), weight[counts],
-                   problem.contact_free[counts],
-                   problem.contact_slope[counts][:, members].transpose(0, 2, 1))  # fmt: skip
+        return cls(
+            above,
+            below,
+            owner[counts].astype(np.int64),
+            weight[counts],
+            problem.contact_free[counts],
+            problem.contact_slope[counts][:, members].transpose(0, 2, 1),
+        )
 
     def at(self, x: np.ndarray) -> np.ndarray:
         """Return the larger of both limits (n,) at x (n,), or the one that is finite."""
@@ -161,8 +166,12 @@ def make_rest(
         high=np.empty((len(size), axes.shape[1])),
     )
     parts = axes @ around
-    return (_boxed(rest, narrow, free, parts), _boxed(rest, wide, free, parts),
-            axes.shape[1] == 2, certain)  # fmt: skip
+    return (
+        _boxed(rest, narrow, free, parts),
+        _boxed(rest, wide, free, parts),
+        axes.shape[1] == 2,
+        certain,
+    )
 
 
 def _axes(force: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -276,9 +285,15 @@ def friction_and_limits(
 
 @kernel
 def write_limit(
-    rest: Rest, x: np.ndarray, r: int, use: float, limit: float,
-    G: np.ndarray, h: np.ndarray, s: np.ndarray,
-) -> None:  # fmt: skip
+    rest: Rest,
+    x: np.ndarray,
+    r: int,
+    use: float,
+    limit: float,
+    G: np.ndarray,
+    h: np.ndarray,
+    s: np.ndarray,
+) -> None:
     """Write the rows |x_k| - use limit <= m and |x_k| - box_k <= m of a linear program, one way.
 
     Args:

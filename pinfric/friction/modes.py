@@ -49,9 +49,15 @@ class Modes(NamedTuple):
         friction = np.zeros(nc)
         friction[:1] = np.nan
         return cls(
-            np.zeros(nc, dtype=bool), np.zeros(nc), np.zeros(nc, dtype=bool), friction,
-            np.zeros(ns), np.zeros(nc), np.zeros(nc, dtype=np.int64), np.zeros(2),
-        )  # fmt: skip
+            np.zeros(nc, dtype=bool),
+            np.zeros(nc),
+            np.zeros(nc, dtype=bool),
+            friction,
+            np.zeros(ns),
+            np.zeros(nc),
+            np.zeros(nc, dtype=np.int64),
+            np.zeros(2),
+        )
 
     def copy(self) -> Modes:
         """Return modes with arrays of their own."""

@@ -86,9 +86,13 @@ def joint_sizes(x: np.ndarray, block: np.ndarray) -> np.ndarray:
 
 
 def share_one(
-    A: np.ndarray, b: np.ndarray, limit: np.ndarray, slope: np.ndarray, used: float,
+    A: np.ndarray,
+    b: np.ndarray,
+    limit: np.ndarray,
+    slope: np.ndarray,
+    used: float,
     block: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """`share` for one freedom, where limits depend on the friction: least max |x_k| / limit_k(x).
 
     x = t limit_k z_k / |z_k|,   z = A^T w + t slope^T |z|         (conditions of a least t)

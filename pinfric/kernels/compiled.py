@@ -48,8 +48,12 @@ def check_numba(version: str) -> None:
     """
     first, last = (".".join(map(str, end)) for end in _TESTED)
     what = f"numba {version}: pinfric is tested with numba>={first},<{last}"
-    missing = [f"{kind.__name__}.{name}" for kind, names in _INNER.items() for name in names
-               if not hasattr(kind, name)]  # fmt: skip
+    missing = [
+        f"{kind.__name__}.{name}"
+        for kind, names in _INNER.items()
+        for name in names
+        if not hasattr(kind, name)
+    ]
     if missing:
         raise PinfricError(
             f"{what}; this version has no {', '.join(missing)}; install a tested one"
@@ -162,8 +166,9 @@ def say_compiling(again: str = "once") -> None:
     """Say on stderr, once a process, why nothing seems to happen; never where all is cached."""
     print(
         f"pinfric: compiling kernels for this machine, {again}: seconds, or a minute",
-        file=sys.stderr, flush=True,
-    )  # fmt: skip
+        file=sys.stderr,
+        flush=True,
+    )
 
 
 class _NoCache(NullCache):
@@ -193,10 +198,15 @@ def record(fields: type) -> Callable[[Any], Any]:
     Struct.__name__ = Struct.__qualname__ = f"{name}Struct"  # where pickle, and so the cache,
     Struct.__module__ = fields.__module__  # finds it
     setattr(module, Struct.__name__, structref.register(Struct))
-    proxy: Any = type(f"{name}Record", (structref.StructRefProxy,), {
-        "__slots__": (), "__module__": fields.__module__,
-        "_numba_type_": vars(structref.StructRefProxy)["_type"],  # no property: 0.1 us less
-    })  # fmt: skip
+    proxy: Any = type(
+        f"{name}Record",
+        (structref.StructRefProxy,),
+        {
+            "__slots__": (),
+            "__module__": fields.__module__,
+            "_numba_type_": vars(structref.StructRefProxy)["_type"],  # no property: 0.1 us less
+        },
+    )
     setattr(module, proxy.__name__, proxy)
     structref.define_constructor(proxy, Struct, vars(fields)["_fields"])
     structref.define_boxing(Struct, proxy)
@@ -280,8 +290,11 @@ def _source_stamp(function: Callable[..., Any]) -> tuple[Any, ...]:
     for name in sorted(reached):
         names = reached[name]
         file = Path(names["__file__"]).stat()
-        constants = [(key, value) for key, value in sorted(names.items())
-                     if isinstance(value, int | float) and not key.startswith("__")]  # fmt: skip
+        constants = [
+            (key, value)
+            for key, value in sorted(names.items())
+            if isinstance(value, int | float) and not key.startswith("__")
+        ]
         stamp.append((name, file.st_mtime, file.st_size, constants))
     return tuple(stamp)
 
@@ -320,8 +333,9 @@ class _CheckedFile(IndexDataCacheFile):
             return None
         warnings.warn(
             f"{path}: a compiled kernel in numba's cache is damaged; it is compiled anew",
-            PinfricWarning, stacklevel=2,
-        )  # fmt: skip
+            PinfricWarning,
+            stacklevel=2,
+        )
         with suppress(OSError):
             os.unlink(path)
         return None

@@ -132,9 +132,12 @@ def plain(kernel: Any) -> FunctionType:
     if kernel not in _PLAIN:
         function = kernel.py_func
         _PLAIN[kernel] = FunctionType(
-            function.__code__, _plain_names(function.__globals__), function.__name__,
-            function.__defaults__, function.__closure__,
-        )  # fmt: skip
+            function.__code__,
+            _plain_names(function.__globals__),
+            function.__name__,
+            function.__defaults__,
+            function.__closure__,
+        )
     return _PLAIN[kernel]
 
 

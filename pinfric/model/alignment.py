@@ -66,8 +66,10 @@ def align_axes(
         SceneError: a loop on a link that is not there, or with an axis of length zero.
     """
     where = [f"{source}: loops.{loop.name}" for loop in loops]
-    ends = [[loop_frame(model, loop, side, place) for side in ("a", "b")]
-            for loop, place in zip(loops, where, strict=True)]  # fmt: skip
+    ends = [
+        [loop_frame(model, loop, side, place) for side in ("a", "b")]
+        for loop, place in zip(loops, where, strict=True)
+    ]
     paths = [carriers(model, a) ^ carriers(model, b) for (a, _), (b, _) in ends]
     carried = _Links(tolerance.angle, paths, [loop.name for loop in loops])
     model = model.copy()
@@ -134,8 +136,12 @@ class _Links:
             across, along = float(np.linalg.norm(np.cross(axis, e))), abs(float(axis @ e))
             off, relation = (across, "parallel") if across < along else (along, "perpendicular")
             if self._tolerance < off < _SUSPICIOUS:
-                self._doubt(of, off, f"the axes of {other} and {name}, on one link, are {off:.3g} "
-                                     f"rad from {relation}")  # fmt: skip
+                self._doubt(
+                    of,
+                    off,
+                    f"the axes of {other} and {name}, on one link, are {off:.3g} "
+                    f"rad from {relation}",
+                )
         aligned = _nearest_aligned(axis, [e for _, e in there], self._tolerance)
         there.append((name, aligned))
         off = float(np.linalg.norm(np.cross(axis, aligned)))

@@ -10,8 +10,14 @@ from pinfric.errors import PinfricError, StateError
 
 _FLOAT = np.dtype(float)
 #: What NumPy's kinds of arrays hold that are no real numbers; others are objects.
-_OTHERS = {"b": "true and false", "c": "complex numbers", "U": "text", "S": "text", "M": "dates",
-           "m": "durations"}  # fmt: skip
+_OTHERS = {
+    "b": "true and false",
+    "c": "complex numbers",
+    "U": "text",
+    "S": "text",
+    "M": "dates",
+    "m": "durations",
+}
 
 
 def real_numbers(name: str, given: Any, error: type[PinfricError] = StateError) -> np.ndarray:

@@ -114,8 +114,10 @@ class Bearing(Entry):
         if joint in self.fits:
             return ""
         fitting = [kind for kind, cls in KINDS.items() if joint in cls.fits]
-        return (f": a {self.kind} does not fit a {joint}; take {' or '.join(fitting)} "
-                f"(a {self.kind} fits a {' or '.join(self.fits)})")  # fmt: skip
+        return (
+            f": a {self.kind} does not fit a {joint}; take {' or '.join(fitting)} "
+            f"(a {self.kind} fits a {' or '.join(self.fits)})"
+        )
 
     def roll_lever(self) -> float | None:
         """Return the length (m) that a moment about the axis is compared with; None: it is carried.
@@ -144,11 +146,20 @@ class Bearing(Entry):
             return _class_of(given).model_validate(given)
         kind, keys = given.get("kind"), cls.model_fields
         if foreign := sorted(given.keys() - keys, key=str):
-            raise ValidationError.from_exception_data("Bearing", [
-                InitErrorDetails(type="value_error", loc=(key,), input=given[key], ctx={
-                    "error": f"a {kind} has no `{key}`; {choose_from(key, list(keys)[1:])}"})
-                for key in foreign
-            ])  # fmt: skip
+            raise ValidationError.from_exception_data(
+                "Bearing",
+                [
+                    InitErrorDetails(
+                        type="value_error",
+                        loc=(key,),
+                        input=given[key],
+                        ctx={
+                            "error": f"a {kind} has no `{key}`; {choose_from(key, list(keys)[1:])}"
+                        },
+                    )
+                    for key in foreign
+                ],
+            )
         for key, field in keys.items():
             if field.is_required() and key not in given:
                 raise ValueError(f"a {kind} needs `{key}`")
@@ -212,8 +223,10 @@ class Pin(Bearing):
     def misfit(self, joint: str) -> str:
         """See `Bearing.misfit`."""
         if joint == "planar_pin loop" and self.length is not None:
-            return (".length: a planar_pin carries no moment that a length would matter for; "
-                    "leave it out")  # fmt: skip
+            return (
+                ".length: a planar_pin carries no moment that a length would matter for; "
+                "leave it out"
+            )
         return super().misfit(joint)
 
     def without_bending(self) -> Pin:
@@ -284,8 +297,13 @@ class Linear(Bearing):
         offset (m): of the bearing's middle along the axis from the joint's origin, e.g. 0.0
     """
 
-    fits = ("turning joint", "prismatic joint", "revolute loop", "planar_pin loop",
-            "prismatic loop")  # fmt: skip
+    fits = (
+        "turning joint",
+        "prismatic joint",
+        "revolute loop",
+        "planar_pin loop",
+        "prismatic loop",
+    )
     rolling = True
 
     kind: Literal["linear"]
@@ -310,8 +328,10 @@ class Linear(Bearing):
     def misfit(self, joint: str) -> str:
         """See `Bearing.misfit`."""
         if joint == "prismatic joint" and self.axial:
-            return (".axial: along a prismatic joint the drive carries the force, not the bearing; "
-                    "leave `axial` out")  # fmt: skip
+            return (
+                ".axial: along a prismatic joint the drive carries the force, not the bearing; "
+                "leave `axial` out"
+            )
         if joint == "prismatic loop" and self.axial:
             return ".axial: a prismatic loop transmits no force along its axis; leave it out"
         return super().misfit(joint)

@@ -25,9 +25,13 @@ def screen(kind: str, title: str, facts: Mapping[str, str]) -> str:
     lines = textwrap.wrap(f"{kind} {title}", _WIDTH, max_lines=_LINES, placeholder=" …")
     for name, text in shown.items():
         lines += textwrap.wrap(
-            text, _WIDTH, max_lines=_LINES, placeholder=" …",
-            initial_indent=f"  {name:<{width}}  ", subsequent_indent=" " * (width + 4),
-        )  # fmt: skip
+            text,
+            _WIDTH,
+            max_lines=_LINES,
+            placeholder=" …",
+            initial_indent=f"  {name:<{width}}  ",
+            subsequent_indent=" " * (width + 4),
+        )
     return "\n".join(lines)
 
 
@@ -71,15 +75,22 @@ def scene_screen(scene: Scene) -> str:
     def among(names: Sequence[str]) -> str:
         return "at every joint" if tuple(names) == joints else listed(names)
 
-    return screen("Scene", title, {
-        "joints": listed(joints),
-        "friction": among(scene.site_names) or "none",
-        "drives": among(scene.actuator_names) + ", in the model's order" * reordered
-                  + f"; {geared} with a transmission" * bool(geared),
-        "undriven": listed(none),
-        "payloads": listed(list(scene.payloads),
-                           [f"{payload.mass:.4g} kg" for payload in scene.payloads.values()]),
-        "loops": listed([loop.name for loop in scene.loops]),
-        "gravity": ", ".join(f"{x:.4g}" for x in model.gravity.linear) + " m/s^2",
-        "stick": f"{scene.stick_velocity:g} rad/s or m/s",
-    })  # fmt: skip
+    return screen(
+        "Scene",
+        title,
+        {
+            "joints": listed(joints),
+            "friction": among(scene.site_names) or "none",
+            "drives": among(scene.actuator_names)
+            + ", in the model's order" * reordered
+            + f"; {geared} with a transmission" * bool(geared),
+            "undriven": listed(none),
+            "payloads": listed(
+                list(scene.payloads),
+                [f"{payload.mass:.4g} kg" for payload in scene.payloads.values()],
+            ),
+            "loops": listed([loop.name for loop in scene.loops]),
+            "gravity": ", ".join(f"{x:.4g}" for x in model.gravity.linear) + " m/s^2",
+            "stick": f"{scene.stick_velocity:g} rad/s or m/s",
+        },
+    )

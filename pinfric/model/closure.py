@@ -76,8 +76,9 @@ def embedded(twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[n
 
 def actions_of(twin: Twin, linkage: Linkage) -> Actions:
     """Return what the kernels of loops read."""
-    return Actions(*(getattr(linkage if name in vars(linkage) else twin, name)
-                     for name in Actions._fields))  # fmt: skip
+    return Actions(
+        *(getattr(linkage if name in vars(linkage) else twin, name) for name in Actions._fields)
+    )
 
 
 def loop_state(
@@ -95,8 +96,9 @@ def loop_state(
     return _related(twin, linkage, p, R, velocity, acceleration)
 
 
-def _related(twin: Twin, linkage: Linkage, p: np.ndarray, R: np.ndarray, *rates: np.ndarray
-) -> LoopState:  # fmt: skip
+def _related(
+    twin: Twin, linkage: Linkage, p: np.ndarray, R: np.ndarray, *rates: np.ndarray
+) -> LoopState:
     """How pairs relate where links are at p, R and have these velocities and accelerations."""
     n, nx, pairs = len(p), len(linkage.column_pair), len(linkage.pair_kind)
     gap, rate, derivative = (np.empty((n, nx)) for _ in range(3))
@@ -242,9 +244,13 @@ def velocity_indices(model: pin.Model, joints: Sequence[str], where: str) -> np.
 
 
 def closed_configurations(
-    twin: Twin, linkage: Linkage, start: np.ndarray, source: str, doubts: Mapping[str, str],
+    twin: Twin,
+    linkage: Linkage,
+    start: np.ndarray,
+    source: str,
+    doubts: Mapping[str, str],
     wanted: int = 3,
-) -> list[np.ndarray]:  # fmt: skip
+) -> list[np.ndarray]:
     """Return some closed configurations: the one at the start, and others so that none is special.
 
     Args:

@@ -79,8 +79,10 @@ def reaches(drives: Sequence[Drive], nv: int) -> np.ndarray:
 def mixed(drives: Sequence[Drive], nv: int) -> np.ndarray:
     """Return which drives (na,) feel other friction than that of their own joints, or not alone."""
     felt = reaches(drives, nv)
-    return np.array([bool(drive.couples) or felt[:, drive.velocity_index].sum() > 1
-                     for drive in drives], dtype=bool)  # fmt: skip
+    return np.array(
+        [bool(drive.couples) or felt[:, drive.velocity_index].sum() > 1 for drive in drives],
+        dtype=bool,
+    )
 
 
 def deliver_interval(

@@ -130,8 +130,10 @@ def _no_load(gear: Transmission) -> np.ndarray:
 def loses(gears: Gears) -> np.ndarray:
     """Return which gears (na,) lose what they carry, or have a no-load torque."""
     lines = zip(gears.first[:, 0], gears.last[:, 1], strict=True)
-    loss = np.array([gears.slope[first:last].any() or gears.loss[first:last].any()
-                     for first, last in lines], dtype=bool)  # fmt: skip
+    loss = np.array(
+        [gears.slope[first:last].any() or gears.loss[first:last].any() for first, last in lines],
+        dtype=bool,
+    )
     return np.asarray(loss | (gears.no_load_static > 0.0).any(axis=1))
 
 

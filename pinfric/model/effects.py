@@ -106,8 +106,9 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
     ideal = not geared and any(a.transmission is not None for a in scene.actuators or ())
     found.append(
         Effect("transmission", False, "actuators.<name>.transmission have ratios only, no losses")
-        if ideal else _effect("transmission", "actuators.{}.transmission", geared)
-    )  # fmt: skip
+        if ideal
+        else _effect("transmission", "actuators.{}.transmission", geared)
+    )
     lossy = [a.joint or "?" for a in scene.actuators or () if _unloaded(a) != a]
     found.append(_effect("gear", "actuators.{}.transmission.efficiency", lossy))
     found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
@@ -190,8 +191,10 @@ def _unloaded(actuator: Actuator) -> Actuator:
 def _lossless(actuator: Actuator) -> Actuator:
     """The ratio stays: without it motor torques could not be compared."""
     gear = actuator.transmission
-    if gear is None or (_unloaded(actuator) == actuator and not (
-            gear.no_load_torque or gear.motor_viscous or gear.rotor_inertia)):  # fmt: skip
+    if gear is None or (
+        _unloaded(actuator) == actuator
+        and not (gear.no_load_torque or gear.motor_viscous or gear.rotor_inertia)
+    ):
         return actuator
     return actuator.model_copy(update={"transmission": Transmission(ratio=gear.ratio)})
 

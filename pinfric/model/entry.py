@@ -205,9 +205,14 @@ def _problem(entry: type[BaseModel], problem: Any) -> str:
 
 def _is_union_tag(part: int | str) -> bool:
     return isinstance(part, str) and part in {
-        "SineEffort", "TableEffort", "CoulombFriction", "DirectedCoulombFriction",
-        "constrained-float", "finite-float", "function-before[strict_number(), finite-float]",
-    }  # fmt: skip
+        "SineEffort",
+        "TableEffort",
+        "CoulombFriction",
+        "DirectedCoulombFriction",
+        "constrained-float",
+        "finite-float",
+        "function-before[strict_number(), finite-float]",
+    }
 
 
 def _fields_at(entry: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:

@@ -204,8 +204,8 @@ def act_on_joints(
             cylinder's force on b is along z.
         J: (n, nx, nv), overwritten: rows of the Jacobian, tau = J^T x.
     """
-    column_pair, unit, pair_kind = actions.column_pair, actions.unit, actions.pair_kind
     frame_joint, frame_p, frame_R = actions.frame_joint, actions.frame_p, actions.frame_R
+    column_pair, unit, pair_kind = actions.column_pair, actions.unit, actions.pair_kind
     nj, push, Rb = actions.v_index.size, np.empty((column_pair.size, 9)), np.empty((3, 3))
     at, force, moment = np.empty(3), np.empty(3), np.empty(3)
     X[:] = 0.0
@@ -236,8 +236,18 @@ def act_on_joints(
                         X[i, nj + pair, 3 + k, c] += Rb[r, k] * moment[r]
             for k in range(3):
                 push[c, k], push[c, 3 + k], push[c, 6 + k] = at[k], force[k], moment[k]
-        _spread(actions.support, push, p[i], R[i], actions.v_index, actions.ratio, actions.axis,
-                actions.components, X[i], J[i])  # fmt: skip
+        _spread(
+            actions.support,
+            push,
+            p[i],
+            R[i],
+            actions.v_index,
+            actions.ratio,
+            actions.axis,
+            actions.components,
+            X[i],
+            J[i],
+        )
 
 
 @kernel
@@ -334,7 +344,6 @@ def relate_pairs(
     frames, motion, slip = np.empty((10, 3)), np.empty((2, 4, 3)), np.empty((4, 3))
     ka, kb, Ra, Rb = frames[2], frames[3], frames[4:7], frames[7:]
     r, theta, x, y, three = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    frame_joint, frame_p, frame_R = actions.frame_joint, actions.frame_p, actions.frame_R
     column_pair, unit, pair_kind = actions.column_pair, actions.unit, actions.pair_kind
     for i in range(p.shape[0]):
         done = -1
@@ -342,9 +351,8 @@ def relate_pairs(
             pair, kind = column_pair[c], pair_kind[column_pair[c]]
             if pair != done:
                 done = pair
-                _slip(frame_joint[pair], frame_p[pair], frame_R[pair], actions.pair_axis[pair],
-                      p[i], R[i], velocity[i], acceleration[i],
-                      frames, motion, slip, scale[i, pair])  # fmt: skip
+                links = p[i], R[i], velocity[i], acceleration[i]
+                _slip(actions, pair, links, frames, motion, slip, scale[i, pair])
                 along = 0.0
                 for k in range(3):
                     r[k] = frames[1, k] - frames[0, k]
@@ -370,14 +378,9 @@ def relate_pairs(
 
 @kernel
 def _slip(
-    joint: np.ndarray,
-    local_p: np.ndarray,
-    local_R: np.ndarray,
-    axis: np.ndarray,
-    p: np.ndarray,
-    R: np.ndarray,
-    velocity: np.ndarray,
-    acceleration: np.ndarray,
+    actions: Actions,
+    pair: int,
+    links: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     frames: np.ndarray,
     motion: np.ndarray,
     slip: np.ndarray,
@@ -385,14 +388,22 @@ def _slip(
 ) -> None:
     """Write how the frames of a pair move, and b relative to what of a is at the same place.
 
+    With r from a to b and dots for derivatives in the world,
+
+        s = r' - omega_a x r,       in frame b  r'' - omega_a' x r - omega_a x r' - omega_b x s
+        w = omega_b - omega_a,      in frame b  w' - omega_b x w
+
     Args:
-        joint, local_p, local_R, axis: of the pair in `Linkage`.
-        p, R, velocity, acceleration: (nj, ...) of the links.
+        actions, pair: which pair of frames.
+        links: p (nj, 3), R (nj, 3, 3), velocity (nj, 6), acceleration (nj, 6) of the links.
         frames: (10, 3), overwritten: where a and b are, their axes, their rotations.
         motion: (2, 4, 3), overwritten: of a and of b v, its derivative, omega, its derivative.
-        slip: (4, 3), overwritten: velocity and its derivative in frame b, angular velocity and its.
+        slip: (4, 3), overwritten: s, its derivative in frame b, w, its derivative in frame b.
         scale: (2,), overwritten: size of the terms of a rate and of its derivative.
     """
+    p, R, velocity, acceleration = links
+    joint, axis = actions.frame_joint[pair], actions.pair_axis[pair]
+    local_p, local_R = actions.frame_p[pair], actions.frame_R[pair]
     scale[0] = scale[1] = 0.0
     for side in range(2):
         turn = frames[4 + 3 * side : 7 + 3 * side]
@@ -407,6 +418,7 @@ def _slip(
     for row in range(4):
         for k in range(3):
             slip[row, k] = motion[1, row, k] - motion[0, row, k]
+    # r = (x, y, z), omega_a = w, omega_b = b, omega_a' = e, r' = u, s
     x, y = frames[1, 0] - frames[0, 0], frames[1, 1] - frames[0, 1]
     z = frames[1, 2] - frames[0, 2]
     wx, wy, wz = motion[0, 2, 0], motion[0, 2, 1], motion[0, 2, 2]

@@ -119,9 +119,13 @@ def law_table(laws: Sequence[FrictionLaw]) -> Laws:
     ends = np.cumsum([0, *(len(law.rows) for law in laws)], dtype=np.int64)
     static, kinetic, shapes, strengths = (
         np.array(list(numbers), dtype=float).reshape(-1, 3)
-        for numbers in ((law.static for law in laws), (law.kinetic for law in laws),
-                        (shape for shape, _ in rows), (strength for _, strength in rows))
-    )  # fmt: skip
+        for numbers in (
+            (law.static for law in laws),
+            (law.kinetic for law in laws),
+            (shape for shape, _ in rows),
+            (strength for _, strength in rows),
+        )
+    )
     return Laws(
         mu_static=static[:, 0].copy(),
         mu_kinetic=kinetic[:, 0].copy(),
@@ -243,8 +247,11 @@ def friction_bounds(
             drag = laws.viscous[s] * v + np.copysign(moving.drag_mu * c + one_way, v)
             if sticks:
                 # a site without dry friction has nothing to stick by
-                dry = (laws.mu_static[s] > 0.0 or laws.coulomb_static[s, 0] > 0.0
-                       or laws.coulomb_static[s, 1] > 0.0)  # fmt: skip
+                dry = (
+                    laws.mu_static[s] > 0.0
+                    or laws.coulomb_static[s, 0] > 0.0
+                    or laws.coulomb_static[s, 1] > 0.0
+                )
                 lower[i, s] = -limit_forward - (max(drag, 0.0) if dry else drag)
                 upper[i, s] = limit_backward - (min(drag, 0.0) if dry else drag)
                 continue

@@ -199,9 +199,13 @@ def no_linkage(model: pin.Model) -> Linkage:
 
 
 def _friction_columns(
-    loops: Sequence[Loop], drives: Sequence[OffJointDrive], friction: Mapping[str, Friction],
-    pairs: list[dict[str, Any]], columns: list[tuple[int, np.ndarray]], source: str,
-) -> np.ndarray:  # fmt: skip
+    loops: Sequence[Loop],
+    drives: Sequence[OffJointDrive],
+    friction: Mapping[str, Friction],
+    pairs: list[dict[str, Any]],
+    columns: list[tuple[int, np.ndarray]],
+    source: str,
+) -> np.ndarray:
     """(np,) first friction column of each pair or -1; those of loops' joints are added."""
     found = np.full(len(pairs), -1, dtype=np.int64)
     for drive in drives:
@@ -213,8 +217,11 @@ def _friction_columns(
         if loop.name in friction:
             check_loop_friction(loop, friction[loop.name], f"{source}: friction.{loop.name}")
             found[row] = len(columns)
-            free = (np.eye(6)[3:] if loop.kind == "spherical"
-                    else [_free_direction(loop.kind, pairs[row]["axis"])])  # fmt: skip
+            free = (
+                np.eye(6)[3:]
+                if loop.kind == "spherical"
+                else [_free_direction(loop.kind, pairs[row]["axis"])]
+            )
             columns += [(row, unit) for unit in free]
     return found
 
@@ -241,8 +248,11 @@ def stand_still(
         pair = linkage.column_pair[column]
         a, b = (place[joint + 1] for joint in linkage.frame_joint[pair].tolist())
         if kind[pair] == CYLINDER:
-            gap[column] = before.rest_gap[column] if pair in known else np.linalg.norm(
-                b * p[pair, 1] - a * p[pair, 0])  # fmt: skip
+            gap[column] = (
+                before.rest_gap[column]
+                if pair in known
+                else np.linalg.norm(b * p[pair, 1] - a * p[pair, 0])
+            )
             continue
         kind[pair], rotation[pair] = LOOP, _ALL
         if pair in known:
@@ -250,14 +260,24 @@ def stand_still(
             continue
         frame = a.actInv(b * pin.SE3(R[pair, 1], p[pair, 1]))
         p[pair, 0], R[pair, 0] = frame.translation, frame.rotation
-    return replace(linkage, pair_kind=kind, rotation=rotation, frame_p=p, frame_R=R,
-                   rest_gap=gap, standing=columns)  # fmt: skip
+    return replace(
+        linkage,
+        pair_kind=kind,
+        rotation=rotation,
+        frame_p=p,
+        frame_R=R,
+        rest_gap=gap,
+        standing=columns,
+    )
 
 
 def _drives(
-    model: pin.Model, loops: Sequence[Loop], actuators: Sequence[Actuator],
-    pairs: list[dict[str, Any]], source: str,
-) -> tuple[list[OffJointDrive], list[tuple[int, np.ndarray]]]:  # fmt: skip
+    model: pin.Model,
+    loops: Sequence[Loop],
+    actuators: Sequence[Actuator],
+    pairs: list[dict[str, Any]],
+    source: str,
+) -> tuple[list[OffJointDrive], list[tuple[int, np.ndarray]]]:
     """The drives off the joints and their columns; cylinders and forces are added to the pairs."""
     columns: list[tuple[int, np.ndarray]] = []
     drives: list[OffJointDrive] = []
@@ -269,11 +289,15 @@ def _drives(
                 continue
             row = loop_rows[actuator.joint]
             if actuator.couples:
-                raise SceneError(f"{where}: couples: loop {actuator.joint!r} closes here; only "
-                                 "drives on joints of the tree can be coupled")  # fmt: skip
+                raise SceneError(
+                    f"{where}: couples: loop {actuator.joint!r} closes here; only "
+                    "drives on joints of the tree can be coupled"
+                )
             if loops[row].kind not in _ONE_WAY:
-                raise SceneError(f"{where}: loop {actuator.joint!r} is {loops[row].kind}: it has "
-                                 "no single axis to drive")  # fmt: skip
+                raise SceneError(
+                    f"{where}: loop {actuator.joint!r} is {loops[row].kind}: it has "
+                    "no single axis to drive"
+                )
             columns.append((row, _free_direction(loops[row].kind, pairs[row]["axis"])))
             kind = "N" if slides(loops[row]) else "N m"
         elif actuator.cylinder is not None:
@@ -285,8 +309,16 @@ def _drives(
             kind = "N"
             pairs.append(_force_pair(model, actuator.force, where))
             columns.append((len(pairs) - 1, np.concatenate([pairs[-1]["axis"], np.zeros(3)])))
-        drives.append(OffJointDrive(actuator.drive_name, -1, actuator.transmission, actuator.share,
-                                    column=len(drives), unit=kind))  # fmt: skip
+        drives.append(
+            OffJointDrive(
+                actuator.drive_name,
+                -1,
+                actuator.transmission,
+                actuator.share,
+                column=len(drives),
+                unit=kind,
+            )
+        )
     return drives, columns
 
 
@@ -299,9 +331,11 @@ def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
     if loop.kind == "fixed":
         raise SceneError(f"{where}: a fixed loop does not move: it has no friction")
     if loop.kind in ("cylindrical", "universal"):
-        raise SceneError(f"{where}: a {loop.kind} loop moves in two ways at once, which one "
-                         "friction cannot describe: make it a link without mass between two "
-                         "joints, each with its own")  # fmt: skip
+        raise SceneError(
+            f"{where}: a {loop.kind} loop moves in two ways at once, which one "
+            "friction cannot describe: make it a link without mass between two "
+            "joints, each with its own"
+        )
     check_bearing(friction, f"{loop.kind} loop", where)
     for term in friction.terms if loop.kind == "spherical" else ():
         if term.directed:
@@ -338,8 +372,9 @@ def _check_names(model: pin.Model, loops: Sequence[Loop], source: str) -> None:
     taken = set(tuple(model.names)[1:])
     for loop in loops:
         if loop.name in taken:
-            raise SceneError(f"{source}: loops: the name {loop.name!r} is taken by a joint or "
-                             "another loop")  # fmt: skip
+            raise SceneError(
+                f"{source}: loops: the name {loop.name!r} is taken by a joint or another loop"
+            )
         taken.add(loop.name)
 
 
@@ -433,8 +468,11 @@ def _closed_directions(kind: str, axis: np.ndarray) -> list[np.ndarray]:
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     choice = {
-        _NONE: [], _ACROSS: [first, np.cross(axis, first)], _ALL: list(np.eye(3)), _NORMAL: [axis],
-    }  # fmt: skip
+        _NONE: [],
+        _ACROSS: [first, np.cross(axis, first)],
+        _ALL: list(np.eye(3)),
+        _NORMAL: [axis],
+    }
     forces, moments, _ = _KINDS[kind]
     return [np.concatenate([e, np.zeros(3)]) for e in choice[forces]] + [
         np.concatenate([np.zeros(3), e]) for e in choice[moments]
@@ -462,7 +500,8 @@ def carriers(model: pin.Model, joint: int) -> set[int]:
 
 
 def _size(model: pin.Model, pairs: list[dict[str, Any]]) -> float:
-    lengths = [np.linalg.norm(model.jointPlacements[j].translation)
-               for j in range(1, model.njoints)]  # fmt: skip
+    lengths = [
+        np.linalg.norm(model.jointPlacements[j].translation) for j in range(1, model.njoints)
+    ]
     lengths += [np.linalg.norm(p) for pair in pairs for p in pair["p"]]
     return float(max(lengths, default=0.0)) or 1.0

@@ -52,9 +52,13 @@ def mobility_of_tree(nv: int, drives: Sequence[Drive]) -> Mobility:
 
 
 def mobility_of_linkage(
-    twin: Twin, linkage: Linkage, drives: Sequence[Drive], start: np.ndarray, source: str,
+    twin: Twin,
+    linkage: Linkage,
+    drives: Sequence[Drive],
+    start: np.ndarray,
+    source: str,
     doubts: Mapping[str, str],
-) -> Mobility:  # fmt: skip
+) -> Mobility:
     """Find what the drives of a scene with loops, cylinders or forces move.
 
     Args:
@@ -76,14 +80,20 @@ def mobility_of_linkage(
         zero = np.zeros((1, twin.nv))
         state = loop_state(twin, linkage, q[None], zero, zero)
         for row, loop in enumerate(linkage.loops):
-            if loop.kind == "planar_pin" and loop.name in doubts and (
-                state.tilt[0, row] > NEARLY_CLOSED
-            ):  # fmt: skip
-                raise SceneError(f"{source}: loops.{loop.name}: the axes of its sides differ by "
-                                 f"{state.tilt[0, row]:.3g} rad; {doubts[loop.name]}")  # fmt: skip
+            if (
+                loop.kind == "planar_pin"
+                and loop.name in doubts
+                and (state.tilt[0, row] > NEARLY_CLOSED)
+            ):
+                raise SceneError(
+                    f"{source}: loops.{loop.name}: the axes of its sides differ by "
+                    f"{state.tilt[0, row]:.3g} rad; {doubts[loop.name]}"
+                )
         J = action_maps(twin, linkage, state.p, state.R)[1][0]
-        S = [J[drive.column] if drive.velocity_index < 0
-             else np.eye(twin.nv)[drive.velocity_index] for drive in drives]  # fmt: skip
+        S = [
+            J[drive.column] if drive.velocity_index < 0 else np.eye(twin.nv)[drive.velocity_index]
+            for drive in drives
+        ]
         closed = J[linkage.lambdas]
         rows = np.concatenate([closed, np.array(S).reshape(-1, twin.nv)])
         rank_closed, (rank, order) = full_pivot(closed, scale)[0], full_pivot(rows, scale)
@@ -92,6 +102,7 @@ def mobility_of_linkage(
             best, undriven = rank, sorted(order[rank:])
             several = len(S) > rank - rank_closed
             without = [np.delete(rows, len(closed) + d, axis=0) for d in range(len(S) * several)]
-            redundant = [d for d, others in enumerate(without)
-                         if full_pivot(others, scale)[0] == rank]  # fmt: skip
+            redundant = [
+                d for d, others in enumerate(without) if full_pivot(others, scale)[0] == rank
+            ]
     return Mobility(freedoms, tuple(undriven), tuple(redundant))

@@ -46,9 +46,11 @@ class Robot:
     @property
     def gears(self) -> dict[str, float]:
         """Joint of the model -> its reduction, where that is a gear: not 1, not 0, finite."""
-        return {name: ratio for name, ratio in self.reductions.items()
-                if name in self.model.names and math.isfinite(ratio)
-                and abs(ratio) not in (0.0, 1.0)}  # fmt: skip
+        return {
+            name: ratio
+            for name, ratio in self.reductions.items()
+            if name in self.model.names and math.isfinite(ratio) and abs(ratio) not in (0.0, 1.0)
+        }
 
 
 def example_robot_data() -> Path:
@@ -119,8 +121,9 @@ def _build(
     movable = [j.name for j in document.joints if j.type != "fixed"]
     for name in locked:
         if name not in movable:
-            raise RobotError(f"robot.locked: {urdf} has no joint {name!r}; "
-                             f"{choose_from(name, movable)}")  # fmt: skip
+            raise RobotError(
+                f"robot.locked: {urdf} has no joint {name!r}; {choose_from(name, movable)}"
+            )
     followers = {j.name: j.mimic for j in document.joints if j.mimic is not None}
     positions = with_followers(locked, followers)
     # Pinocchio cannot reduce a model around a mimic joint: without one left, leave mimicry out.
@@ -170,8 +173,11 @@ def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
     value, vector = least(worst)
     if value < -_ROUNDING:
         column = int(np.abs(vector).argmax())
-        joint = next(n for n, j in zip(model.names, model.joints, strict=True)
-                     if j.idx_v <= column < j.idx_v + j.nv)  # fmt: skip
+        joint = next(
+            n
+            for n, j in zip(model.names, model.joints, strict=True)
+            if j.idx_v <= column < j.idx_v + j.nv
+        )
         raise RobotError(
             f"{urdf}: what joint {joint!r} moves has a negative kinetic energy at "
             f"q = {np.array2string(worst, precision=3, separator=', ', max_line_width=10_000)}; "
@@ -185,8 +191,10 @@ def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.nd
     Around the best one, ever smaller changes are tried.
     """
     rng, neutral = np.random.default_rng(0), pin.neutral(model)
-    lower, upper = np.maximum(model.lowerPositionLimit, -1e3), np.minimum(
-        model.upperPositionLimit, 1e3)  # fmt: skip
+    lower, upper = (
+        np.maximum(model.lowerPositionLimit, -1e3),
+        np.minimum(model.upperPositionLimit, 1e3),
+    )
     single = [j.idx_q for j in model.joints if j.nq == 1]
 
     def pose(start: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -313,8 +321,17 @@ def link_frame(model: pin.Model, link: str) -> int:
 
 
 #: What of a model people change, in the order it is named; the rest is its structure.
-_CHANGEABLE = ("gravity", "inertias", "jointPlacements", "armature", "lowerPositionLimit",
-               "upperPositionLimit", "velocityLimit", "effortLimit", "frames")  # fmt: skip
+_CHANGEABLE = (
+    "gravity",
+    "inertias",
+    "jointPlacements",
+    "armature",
+    "lowerPositionLimit",
+    "upperPositionLimit",
+    "velocityLimit",
+    "effortLimit",
+    "frames",
+)
 
 
 def changed_parts(model: pin.Model, other: pin.Model) -> list[str]:

@@ -193,11 +193,14 @@ class Scene:
     def _mobility(self, doubts: Mapping[str, str]) -> Mobility:
         if self.linkage is None:
             return mobility_of_tree(self.model.nv, self.drives)
-        found = mobility_of_linkage(self.twin(), self.linkage, self.drives,
-                                    self.start_configuration, self.source, doubts)  # fmt: skip
+        found = mobility_of_linkage(
+            self.twin(), self.linkage, self.drives, self.start_configuration, self.source, doubts
+        )
         for d in set(taking_part(self.drives)).intersection(found.redundant):
-            raise SceneError(f"{self.source}: actuators: {self.drives[d].name!r} is coupled, and "
-                             f"redundant: {found.counts(len(self.drives))}")  # fmt: skip
+            raise SceneError(
+                f"{self.source}: actuators: {self.drives[d].name!r} is coupled, and "
+                f"redundant: {found.counts(len(self.drives))}"
+            )
         return found
 
     def _align(self) -> dict[str, str]:
@@ -210,9 +213,11 @@ class Scene:
         object.__setattr__(self, "loops", loops)
         said = []
         if turned := aligned.turned:
-            said.append(f"{cut(', '.join(turned), 200)} turned by up to {max(turned.values()):.2g} "
-                        "rad: axes on one link are now parallel or perpendicular "
-                        "(loop_tolerance.angle)")  # fmt: skip
+            said.append(
+                f"{cut(', '.join(turned), 200)} turned by up to {max(turned.values()):.2g} "
+                "rad: axes on one link are now parallel or perpendicular "
+                "(loop_tolerance.angle)"
+            )
         if shift > 1e-9 * linkage.size:
             said.append(f"frames b shifted by up to {shift:.2g} m (loop_tolerance.length)")
         if said:
@@ -319,13 +324,22 @@ class Scene:
                     f"{choose_from(name, (*names, *loops, *cylinders))}"
                 )
         return (
-            *(self._site(name, row, twin) for row, name in enumerate(names)
-              if name in self.friction),
-            *(self._loop_site(row, loop) for row, loop in enumerate(self.loops)
-              if loop.name in self.friction),
-            *(self._cylinder_site(name, row) for name, row in cylinders.items()
-              if name in self.friction),
-        )  # fmt: skip
+            *(
+                self._site(name, row, twin)
+                for row, name in enumerate(names)
+                if name in self.friction
+            ),
+            *(
+                self._loop_site(row, loop)
+                for row, loop in enumerate(self.loops)
+                if loop.name in self.friction
+            ),
+            *(
+                self._cylinder_site(name, row)
+                for name, row in cylinders.items()
+                if name in self.friction
+            ),
+        )
 
     @cached_property
     def linkage(self) -> Linkage | None:
@@ -366,8 +380,9 @@ class Scene:
         held[velocity_indices(self.model, independent or (), where)] = True
         q = np.array(real_numbers("q_guess", q_guess))
         if q.shape != (self.model.nq,):
-            raise SceneError(f"{self.source}: close: q_guess has shape {q.shape}; should be "
-                             f"({self.model.nq},)")  # fmt: skip
+            raise SceneError(
+                f"{self.source}: close: q_guess has shape {q.shape}; should be ({self.model.nq},)"
+            )
         return q if self.linkage is None else close(self.twin(), self.linkage, q, held)
 
     @cached_property
@@ -399,11 +414,15 @@ class Scene:
         for actuator in self.actuators:
             name = actuator.drive_name
             if name in listed:
-                raise SceneError(f"{self.source}: actuators: {name!r} stands twice; several drives "
-                                 "on one joint need a `name` each")  # fmt: skip
+                raise SceneError(
+                    f"{self.source}: actuators: {name!r} stands twice; several drives "
+                    "on one joint need a `name` each"
+                )
             if name != actuator.joint and name in moving:
-                raise SceneError(f"{self.source}: actuators: the name {name!r} is taken by a joint "
-                                 "or a loop that this drive does not move")  # fmt: skip
+                raise SceneError(
+                    f"{self.source}: actuators: the name {name!r} is taken by a joint "
+                    "or a loop that this drive does not move"
+                )
             listed[name] = off_joint.get(name) or self._drive(actuator)
         found = list(listed.values())
         check_couples(found, velocity_names(self.model), self.source)
@@ -551,10 +570,17 @@ class Scene:
     def _drive(self, actuator: Actuator) -> Drive:
         name = actuator.joint
         assert name is not None  # those off the joints are in the linkage
-        couples = tuple((self._velocity(other, f"{actuator.drive_name}.couples"), factor)
-                        for other, factor in actuator.couples.items())  # fmt: skip
-        return Drive(actuator.drive_name, self._velocity(name, ""), actuator.transmission,
-                     actuator.share, couples)  # fmt: skip
+        couples = tuple(
+            (self._velocity(other, f"{actuator.drive_name}.couples"), factor)
+            for other, factor in actuator.couples.items()
+        )
+        return Drive(
+            actuator.drive_name,
+            self._velocity(name, ""),
+            actuator.transmission,
+            actuator.share,
+            couples,
+        )
 
     def _velocity(self, name: str, where: str) -> int:
         """The column of v of what an actuator names."""

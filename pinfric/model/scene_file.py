@@ -71,8 +71,7 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
             return folder / candidate
     there = sorted(p.name for p in folder.iterdir() if p.name[p.name.find(".") :] in suffixes)
     what = f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
-    raise error(f"{what}, and no bundled one of that name; "
-                f"{choose_from(path.name, there)}")  # fmt: skip
+    raise error(f"{what}, and no bundled one of that name; {choose_from(path.name, there)}")
 
 
 def _read(entries: SceneFile, file: Path) -> Robot:

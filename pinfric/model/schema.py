@@ -259,8 +259,9 @@ class Loop(Entry):
         if (self.axis_b is not None) != (self.kind == "universal"):
             raise ValueError(
                 "a universal loop needs `axis_b`, the second axis, in frame b (`axis` is in a)"
-                if self.axis_b is None else f"a {self.kind} loop has one axis: leave `axis_b` out"
-            )  # fmt: skip
+                if self.axis_b is None
+                else f"a {self.kind} loop has one axis: leave `axis_b` out"
+            )
         return self
 
 

@@ -100,11 +100,16 @@ class MakersEfficiency(Entry):
     def _complete(self) -> MakersEfficiency:
         curve = "over_speed" if self.over_speed else "over_load" if self.over_load else None
         if (self.rated is None) == (curve is None):
-            raise ValueError(f"`rated` and `{curve}` both say it: leave one out" if curve else
-                             "needs `rated`, `over_load` or `over_speed`")  # fmt: skip
+            raise ValueError(
+                f"`rated` and `{curve}` both say it: leave one out"
+                if curve
+                else "needs `rated`, `over_load` or `over_speed`"
+            )
         if self.load is None and (self.rated is not None or self.over_speed):
-            raise ValueError(f"`{'over_speed' if self.over_speed else 'rated'}` needs `load`, the "
-                             "torque at the output (N m, N) at which it holds")  # fmt: skip
+            raise ValueError(
+                f"`{'over_speed' if self.over_speed else 'rated'}` needs `load`, the "
+                "torque at the output (N m, N) at which it holds"
+            )
         if self.over_load and self.over_speed and "speed" not in self.model_fields_set:
             raise ValueError("`over_load` beside `over_speed` needs `speed`, at which it holds")
         for key in {"exponent", "temperature"} & self.model_fields_set:
@@ -189,10 +194,15 @@ class Transmission(Entry):
         not_vanishing(abs(self.ratio))
         driving_loss(self)  # refuses efficiencies that cannot be
         if self.efficiency != 1 and self.back_efficiency is None:
-            equal = ("take `same_loss`" if isinstance(self.efficiency, MakersEfficiency) else
-                     f"give 2 - 1/efficiency = {2 - 1 / self.efficiency:.3g}")  # fmt: skip
-            raise ValueError("`efficiency` below 1 needs `back_efficiency`, which catalogues rarely"
-                             f" print; equal losses both ways {equal}")  # fmt: skip
+            equal = (
+                "take `same_loss`"
+                if isinstance(self.efficiency, MakersEfficiency)
+                else f"give 2 - 1/efficiency = {2 - 1 / self.efficiency:.3g}"
+            )
+            raise ValueError(
+                "`efficiency` below 1 needs `back_efficiency`, which catalogues rarely"
+                f" print; equal losses both ways {equal}"
+            )
         _check_back_driving(self)
         return self
 
@@ -200,12 +210,15 @@ class Transmission(Entry):
         """Ask about a ratio or a rotor that no drive has, and a line that misses its figures."""
         driving = driving_loss(self)
         if driving.error > _APART:
-            yield (f"efficiency.over_speed: the fit misses the maker's efficiencies by "
-                   f"{driving.error:.2g} ({USUALLY} {_APART:g}); try another `exponent` than "
-                   f"{driving.exponent:.3g}")  # fmt: skip
+            yield (
+                f"efficiency.over_speed: the fit misses the maker's efficiencies by "
+                f"{driving.error:.2g} ({USUALLY} {_APART:g}); try another `exponent` than "
+                f"{driving.exponent:.3g}"
+            )
         if abs(self.ratio) != 1.0:  # without a gear it is a joint's, of any size
-            yield from unlikely("rotor_inertia", self.rotor_inertia, 0.1, "kg m^2",
-                                "kg cm^2 entered?")  # fmt: skip
+            yield from unlikely(
+                "rotor_inertia", self.rotor_inertia, 0.1, "kg m^2", "kg cm^2 entered?"
+            )
         yield from unlikely("ratio", abs(self.ratio), 1000.0, "")
 
 
@@ -257,9 +270,10 @@ def driving_loss(gear: Transmission) -> LoadLoss:
     points = given.over_load
     loads = [0.0, *(load for load, _ in points)]
     losses = [0.0, *(_load_part(gear, eta, load, given.speed) for load, eta in points)]
-    slopes = [(after - before) / (end - start)
-              for (start, end), (before, after) in zip(pairwise(loads), pairwise(losses),
-                                                       strict=True)]  # fmt: skip
+    slopes = [
+        (after - before) / (end - start)
+        for (start, end), (before, after) in zip(pairwise(loads), pairwise(losses), strict=True)
+    ]
     slopes.append(losses[-1] / loads[-1] if points else 1.0)
     if not given.over_speed:
         return _rising(LoadLoss(tuple(loads), tuple(losses), tuple(slopes)))
@@ -267,8 +281,9 @@ def driving_loss(gear: Transmission) -> LoadLoss:
     there = float(np.interp(given.load, loads, losses)) if points else given.load
     if points and given.load > loads[-1]:
         there = given.load * slopes[-1]
-    return _rising(LoadLoss(tuple(loads), tuple(losses), tuple(slopes),
-                            *_over_speed(gear, given, there)))  # fmt: skip
+    return _rising(
+        LoadLoss(tuple(loads), tuple(losses), tuple(slopes), *_over_speed(gear, given, there))
+    )
 
 
 def driven_loss(gear: Transmission) -> LoadLoss:
@@ -348,17 +363,22 @@ def _check_meeting(gear: Transmission, given: MakersEfficiency, there: float, g:
     no_load = _no_load(gear, given.speed)
     by_load, by_speed = (given.load / (given.load + part + no_load) for part in (there, g * there))
     if abs(by_load - by_speed) > _APART:
-        raise ValueError(f"at load {given.load:g} and speed {given.speed:g} `over_load` gives "
-                         f"{by_load:.3g}, `over_speed` {by_speed:.3g}: one of them holds "
-                         "elsewhere")  # fmt: skip
+        raise ValueError(
+            f"at load {given.load:g} and speed {given.speed:g} `over_load` gives "
+            f"{by_load:.3g}, `over_speed` {by_speed:.3g}: one of them holds "
+            "elsewhere"
+        )
 
 
 def _rising(loss: LoadLoss) -> LoadLoss:
     """Refuse a loss by which the motor's torque falls while the load grows."""
     for start, slope in zip(loss.loads, loss.slopes, strict=True):
         if 1.0 + loss.constant * slope <= 1e-9 or (slope < 0.0 < loss.rise):
-            why = ("the loss falls while the load grows, at speed without end" if loss.rise else
-                   "the motor's torque falls while the load grows")  # fmt: skip
+            why = (
+                "the loss falls while the load grows, at speed without end"
+                if loss.rise
+                else "the motor's torque falls while the load grows"
+            )
             raise ValueError(f"`over_load`: from {start:g} on {why}; smooth the curve")
     return loss
 
@@ -380,5 +400,7 @@ def _check_back_driving(gear: Transmission) -> None:
         return  # of what starts it nothing is said there
     static = term.at_rest().forward
     if abs(static - back.starting_torque) > 0.01 * static:
-        raise ValueError(f"`no_load_torque.static` {static:g} and `back_efficiency.starting_torque`"
-                         f" {back.starting_torque:g} are the same torque: they differ")  # fmt: skip
+        raise ValueError(
+            f"`no_load_torque.static` {static:g} and `back_efficiency.starting_torque`"
+            f" {back.starting_torque:g} are the same torque: they differ"
+        )

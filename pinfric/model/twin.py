@@ -93,8 +93,9 @@ class Twin:
 
     def displacements(self, joint: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Return positions (n, len(joint)) along the joints' axes (rad or m)."""
-        return np.asarray(self.ratio[joint] * q.take(self.q_index[joint], axis=1)
-                          + self.shift[joint])  # fmt: skip
+        return np.asarray(
+            self.ratio[joint] * q.take(self.q_index[joint], axis=1) + self.shift[joint]
+        )
 
     def pool(self, threads: int) -> pin.ModelPool:
         """Return Pinocchio's pool of `threads` copies of the opened model's data."""
@@ -162,9 +163,11 @@ def _open(model: pin.Model) -> pin.Model:
     opened.gravity = model.gravity
     for index in range(1, model.njoints):
         added = opened.addJoint(
-            model.parents[index], pin.JointModelFreeFlyer(),
-            model.jointPlacements[index], model.names[index],
-        )  # fmt: skip
+            model.parents[index],
+            pin.JointModelFreeFlyer(),
+            model.jointPlacements[index],
+            model.names[index],
+        )
         opened.appendBodyToJoint(added, model.inertias[index], pin.SE3.Identity())
     return opened
 
@@ -221,9 +224,14 @@ def _leader(model: pin.Model, follower: int) -> int:
 
 @kernel
 def embed(
-    q: np.ndarray, v: np.ndarray, a: np.ndarray, joints: Embedding,
-    q_twin: np.ndarray, v_twin: np.ndarray, a_twin: np.ndarray,
-) -> None:  # fmt: skip
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    joints: Embedding,
+    q_twin: np.ndarray,
+    v_twin: np.ndarray,
+    a_twin: np.ndarray,
+) -> None:
     """Write the twin's configuration, velocity E v and acceleration E a of each sample.
 
     Args:
@@ -239,8 +247,16 @@ def embed(
             k, iq, iv = kind[j], joints.q_index[j], joints.v_index[j]
             p, s = 7 * j, 6 * j
             if k > CONTINUOUS:
-                _embed_many(k, q[i, iq:], v[i, iv:], a[i, iv:], joints.components[j],
-                            q_twin[i, p:], v_twin[i, s:], a_twin[i, s:])  # fmt: skip
+                _embed_many(
+                    k,
+                    q[i, iq:],
+                    v[i, iv:],
+                    a[i, iv:],
+                    joints.components[j],
+                    q_twin[i, p:],
+                    v_twin[i, s:],
+                    a_twin[i, s:],
+                )
                 continue
             rate, acceleration = ratio[j] * v[i, iv], ratio[j] * a[i, iv]
             for c in range(6):
@@ -264,9 +280,15 @@ def embed(
 
 @kernel
 def _embed_many(
-    kind: int, q: np.ndarray, v: np.ndarray, a: np.ndarray, components: np.ndarray,
-    q_twin: np.ndarray, v_twin: np.ndarray, a_twin: np.ndarray,
-) -> None:  # fmt: skip
+    kind: int,
+    q: np.ndarray,
+    v: np.ndarray,
+    a: np.ndarray,
+    components: np.ndarray,
+    q_twin: np.ndarray,
+    v_twin: np.ndarray,
+    a_twin: np.ndarray,
+) -> None:
     """`embed` of one joint of many degrees; arrays begin with its numbers."""
     for c in range(6):
         q_twin[c] = v_twin[c] = a_twin[c] = 0.0

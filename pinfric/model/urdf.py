@@ -63,9 +63,11 @@ def reductions(root: ElementTree.Element) -> dict[str, float]:
     """
     found: dict[str, float] = {}
     for transmission in root.findall("transmission"):
-        texts = [*transmission.findall("joint/mechanicalReduction"),
-                 *transmission.findall("actuator/mechanicalReduction"),
-                 *transmission.findall("mechanicalReduction")]  # fmt: skip
+        texts = [
+            *transmission.findall("joint/mechanicalReduction"),
+            *transmission.findall("actuator/mechanicalReduction"),
+            *transmission.findall("mechanicalReduction"),
+        ]
         values = [_number((element.text or "").strip()) for element in texts]
         for joint in transmission.findall("joint"):
             if values and values[-1] is not None and joint.get("name"):
@@ -263,8 +265,11 @@ def _release_followers(root: ElementTree.Element, urdf: Path) -> None:
 def implausible_links(document: Document) -> dict[str, str]:
     """Return link -> why no rigid body has its mass and inertia; links that never move left out."""
     still = still_links(document)
-    bodies = {link.name: mass_and_inertia(link) for link in document.links
-              if link.inertial is not None and link.name not in still}  # fmt: skip
+    bodies = {
+        link.name: mass_and_inertia(link)
+        for link in document.links
+        if link.inertial is not None and link.name not in still
+    }
     return {name: why for name, body in bodies.items() if (why := implausible_body(*body))}
 
 

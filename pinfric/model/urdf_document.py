@@ -159,10 +159,11 @@ def _shape(shape: ElementTree.Element, link: str) -> Shape:
     except KeyError as missing:
         raise ValueError(f"{where} has a <{body.tag}> without {missing.args[0]}") from None
     return Shape(
-        placement, size,
+        placement,
+        size,
         body.get("filename", "") if body.tag == "mesh" else None,
         _vector(body, "scale", 1.0),
-    )  # fmt: skip
+    )
 
 
 def _size(body: ElementTree.Element) -> np.ndarray | None:
@@ -187,18 +188,27 @@ def _joint(joint: ElementTree.Element) -> Joint:
         child=found["child"].attrib["link"],
         offset=_vector(found["origin"], "xyz", 0.0) if "origin" in found else np.zeros(3),
         axis=_vector(found["axis"], "xyz", 0.0) if "axis" in found else np.array([1.0, 0.0, 0.0]),
-        limit=None if limit is None else Limit(
-            _number(limit, "lower"), _number(limit, "upper"),
-            _number(limit, "effort"), _number(limit, "velocity"),
+        limit=None
+        if limit is None
+        else Limit(
+            _number(limit, "lower"),
+            _number(limit, "upper"),
+            _number(limit, "effort"),
+            _number(limit, "velocity"),
         ),
-        dynamics=None if dynamics is None else UrdfDynamics(
+        dynamics=None
+        if dynamics is None
+        else UrdfDynamics(
             _number(dynamics, "friction") or 0.0, _number(dynamics, "damping") or 0.0
         ),
-        mimic=None if mimic is None else Mimic(
+        mimic=None
+        if mimic is None
+        else Mimic(
             mimic.attrib["joint"],
-            float(mimic.get("multiplier", 1.0)), float(mimic.get("offset", 0.0)),
+            float(mimic.get("multiplier", 1.0)),
+            float(mimic.get("offset", 0.0)),
         ),
-    )  # fmt: skip
+    )
 
 
 def _vector(element: ElementTree.Element, key: str, default: float) -> np.ndarray:

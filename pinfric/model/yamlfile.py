@@ -102,9 +102,12 @@ def _load(text: str) -> Any:
         size = _expanded_size(node, sizes)
         if size > _MOST_REPEATS * len(sizes):
             raise yaml.constructor.ConstructorError(
-                None, None, f"its aliases (*name) make {size:.2g} entries of {len(sizes)}: nothing "
-                "that is meant; write out what they repeat", node.start_mark,
-            )  # fmt: skip
+                None,
+                None,
+                f"its aliases (*name) make {size:.2g} entries of {len(sizes)}: nothing "
+                "that is meant; write out what they repeat",
+                node.start_mark,
+            )
         return loader.construct_document(node)
     finally:
         loader.dispose()

@@ -44,9 +44,11 @@ EffortLike = Effort | EffortFunction | Mapping[str, Any] | Sequence[Any] | np.nd
 
 
 def make_effort(
-    scene: Scene, effort: EffortLike, breakpoints: Sequence[float] | None = None,
+    scene: Scene,
+    effort: EffortLike,
+    breakpoints: Sequence[float] | None = None,
     motor_torque: EffortLike = None,
-) -> Effort:  # fmt: skip
+) -> Effort:
     """Return what `simulate` was given as one function.
 
     Args:
@@ -190,8 +192,10 @@ def _table(where: str, times: Any, values: Any, width: int) -> Effort:
     """Linear interpolation over time, constant beyond the ends; it bends at its rows."""
     t, u = _numbers(f"{where}: times", times), _numbers(f"{where}: values", values)
     if u.shape != (len(t), width) or len(t) == 0:
-        raise SimulationError(f"{where}: values of shape {u.shape}; should be ({len(t)}, {width}): "
-                              "one row per time, one column per drive")  # fmt: skip
+        raise SimulationError(
+            f"{where}: values of shape {u.shape}; should be ({len(t)}, {width}): "
+            "one row per time, one column per drive"
+        )
     if (np.diff(t) <= 0).any():
         i = int(np.argmax(np.diff(t) <= 0)) + 1
         raise SimulationError(f"{where}: times do not increase at row {i} ({t[i]:g} s)")

@@ -62,12 +62,19 @@ class Instant(NamedTuple):
             return np.array2string(x, precision=4, threshold=10, edgeitems=4, max_line_width=10**6)
 
         title = f"{self.status.name.lower()}, {counted(self.iterations, 'pass', 'passes')}"
-        return screen("Instant", title, {
-            "a": some(self.a), "modes": some(self.modes), "friction": some(self.friction),
-            "normal_load": some(self.normal_load),
-            "multipliers": some(self.multipliers) if self.multipliers.size else "",
-            "wrench": f"{self.wrench.shape} array", "contraction": f"{self.contraction:.4g}",
-        })  # fmt: skip
+        return screen(
+            "Instant",
+            title,
+            {
+                "a": some(self.a),
+                "modes": some(self.modes),
+                "friction": some(self.friction),
+                "normal_load": some(self.normal_load),
+                "multipliers": some(self.multipliers) if self.multipliers.size else "",
+                "wrench": f"{self.wrench.shape} array",
+                "contraction": f"{self.contraction:.4g}",
+            },
+        )
 
 
 def forward_dynamics(
@@ -116,9 +123,12 @@ def forward_dynamics(
 
 
 def solve_state(
-    ws: Workspace, q: np.ndarray, v: np.ndarray, effort: np.ndarray,
+    ws: Workspace,
+    q: np.ndarray,
+    v: np.ndarray,
+    effort: np.ndarray,
     applied: list[AppliedWrench] | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Check and solve one state in a workspace; see `forward_dynamics`.
 
     Raises:
@@ -138,9 +148,12 @@ def solve_state(
 
 
 def _solved_as_given(
-    ws: Workspace, q: np.ndarray, v: np.ndarray, effort: np.ndarray,
+    ws: Workspace,
+    q: np.ndarray,
+    v: np.ndarray,
+    effort: np.ndarray,
     applied: list[AppliedWrench] | None,
-) -> bool:  # fmt: skip
+) -> bool:
     """Solve a state; False where it is not closed, or not normalized, to the last digits."""
     try:
         ws.solve(q, v, effort, applied)
@@ -153,8 +166,18 @@ def _solved_as_given(
 def solution(ws: Workspace) -> Instant:
     """Return the workspace's solution as views, which its next solve overwrites."""
     contraction, passes = ws.modes.figures.tolist()
-    return Instant(ws.a, ws.site_modes, ws.phi, ws.multipliers, ws.load, ws.wrench, contraction,
-                   Status.CONVERGED, int(passes), ws.effort)  # fmt: skip
+    return Instant(
+        ws.a,
+        ws.site_modes,
+        ws.phi,
+        ws.multipliers,
+        ws.load,
+        ws.wrench,
+        contraction,
+        Status.CONVERGED,
+        int(passes),
+        ws.effort,
+    )
 
 
 def instant(ws: Workspace) -> Instant:
@@ -162,9 +185,17 @@ def instant(ws: Workspace) -> Instant:
     contraction, passes = ws.modes.figures.tolist()
     multipliers = ws.multipliers.copy() if ws.closed else ws.multipliers
     return Instant(
-        ws.a.copy(), ws.site_modes.copy(), ws.phi.copy(), multipliers, ws.load.copy(),
-        ws.wrench.copy(), contraction, Status.CONVERGED, int(passes), ws.effort.copy(),
-    )  # fmt: skip
+        ws.a.copy(),
+        ws.site_modes.copy(),
+        ws.phi.copy(),
+        multipliers,
+        ws.load.copy(),
+        ws.wrench.copy(),
+        contraction,
+        Status.CONVERGED,
+        int(passes),
+        ws.effort.copy(),
+    )
 
 
 def one_of(where: str, effort: Any, motor_torque: Any) -> np.ndarray:

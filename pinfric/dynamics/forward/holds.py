@@ -130,8 +130,11 @@ def _decide_all(
         if verdicts[-1].held:
             return verdicts[-1]
         shown = shown and every and verdicts[-1].held is False
-    return replace(verdicts[0], held=False if shown else None,
-                   proved=shown and all(verdict.proved for verdict in verdicts))  # fmt: skip
+    return replace(
+        verdicts[0],
+        held=False if shown else None,
+        proved=shown and all(verdict.proved for verdict in verdicts),
+    )
 
 
 def _decide(
@@ -213,7 +216,9 @@ def _moving(ws: Workspace) -> tuple[str, ...]:
     model = ws.scene.model
     joints = list(zip(model.names, model.joints, strict=True))[1:]  # the first is the ground
     return tuple(
-        name for name, joint in joints
-        if any(c not in rubs and abs(a[c]) > scale
-               for c in range(joint.idx_v, joint.idx_v + joint.nv))
-    )  # fmt: skip
+        name
+        for name, joint in joints
+        if any(
+            c not in rubs and abs(a[c]) > scale for c in range(joint.idx_v, joint.idx_v + joint.nv)
+        )
+    )

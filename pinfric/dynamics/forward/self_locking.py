@@ -63,8 +63,13 @@ class LockingGears:
             see `rest.solve`: of the first choice of gears that obeys, else of the last.
         """
         m, rests, found = self._modes, self._modes.at_rest.copy(), (0, 0)
-        able = [d for d, c in self._at_rest() if not m.stuck[c] and self._may_wedge(d)
-                and m.direction[c] * self._work.arriving[d] > 0.0]  # fmt: skip
+        able = [
+            d
+            for d, c in self._at_rest()
+            if not m.stuck[c]
+            and self._may_wedge(d)
+            and m.direction[c] * self._work.arriving[d] > 0.0
+        ]
         for falling in combinations(able, falls):
             self._choose_lines(delivered, falling)
             found = solve()

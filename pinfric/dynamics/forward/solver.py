@@ -150,8 +150,15 @@ def rub(x: Sample) -> bool:
     )
     lower, upper = x.effort_lower, x.effort_upper
     motor_lower, motor_upper = x.motor_torque_lower, x.motor_torque_upper
-    effort_bounds(x.effort_frictionless, x.friction_lower, x.friction_upper, x.velocity_index,
-                  x.ratio, lower, upper)  # fmt: skip
+    effort_bounds(
+        x.effort_frictionless,
+        x.friction_lower,
+        x.friction_upper,
+        x.velocity_index,
+        x.ratio,
+        lower,
+        upper,
+    )
     if x.geared[0]:
         write_motor_torques(x.gears, lower, upper, x.v, x.a, x.turns, motor_lower, motor_upper)
     finite = True
@@ -169,21 +176,39 @@ def make_sample(ws: Workspace) -> Sample:
     effort, motor, friction = np.zeros((3, 1, na)), np.zeros((2, 1, na)), np.zeros((3, 1, ns))
     geared = any(drive.transmission for drive in scene.drives)
     return Sample(
-        q=np.zeros(ws.nq), v=np.zeros((1, ws.nv)), a=np.zeros((1, ws.nv)),
-        unit_q=unit_q, unit_count=unit_count,
-        force=supply.force, h=supply.h, joint=layout.joint, place=np.arange(ns),
-        velocity_index=tables.velocity_index, ratio=tables.ratio,
-        displacement_q=layout.displacement_q, displacement_ratio=layout.displacement_ratio,
-        displacement_shift=layout.displacement_shift, contacts=tables.contacts, laws=layout.laws,
-        gears=scene_gears(scene), geared=np.array([geared]),
-        velocity=np.zeros((1, ns)), displacement=np.zeros((1, ns)),
-        still=np.zeros((1, ns), dtype=bool), turns=np.zeros((1, na), dtype=bool),
-        effort_lower=effort[0], effort_upper=effort[1], effort_frictionless=effort[2],
+        q=np.zeros(ws.nq),
+        v=np.zeros((1, ws.nv)),
+        a=np.zeros((1, ws.nv)),
+        unit_q=unit_q,
+        unit_count=unit_count,
+        force=supply.force,
+        h=supply.h,
+        joint=layout.joint,
+        place=np.arange(ns),
+        velocity_index=tables.velocity_index,
+        ratio=tables.ratio,
+        displacement_q=layout.displacement_q,
+        displacement_ratio=layout.displacement_ratio,
+        displacement_shift=layout.displacement_shift,
+        contacts=tables.contacts,
+        laws=layout.laws,
+        gears=scene_gears(scene),
+        geared=np.array([geared]),
+        velocity=np.zeros((1, ns)),
+        displacement=np.zeros((1, ns)),
+        still=np.zeros((1, ns), dtype=bool),
+        turns=np.zeros((1, na), dtype=bool),
+        effort_lower=effort[0],
+        effort_upper=effort[1],
+        effort_frictionless=effort[2],
         motor_torque_lower=motor[0] if geared else effort[0],
         motor_torque_upper=motor[1] if geared else effort[1],
-        sticking=np.zeros((1, ns), dtype=bool), normal_load=friction[0],
-        friction_lower=friction[1], friction_upper=friction[2], wrench=np.zeros((1, ns, 6)),
-    )  # fmt: skip
+        sticking=np.zeros((1, ns), dtype=bool),
+        normal_load=friction[0],
+        friction_lower=friction[1],
+        friction_upper=friction[2],
+        wrench=np.zeros((1, ns, 6)),
+    )
 
 
 class Solver:
@@ -283,9 +308,13 @@ class Solver:
         return InverseInstant(**figures | {"status": Status(found.status[0])})
 
     def forward(
-        self, q: np.ndarray, v: np.ndarray, effort: np.ndarray | Mapping[str, float] | None = None,
-        *, motor_torque: np.ndarray | Mapping[str, float] | None = None,
-    ) -> Instant:  # fmt: skip
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        effort: np.ndarray | Mapping[str, float] | None = None,
+        *,
+        motor_torque: np.ndarray | Mapping[str, float] | None = None,
+    ) -> Instant:
         """Return the accelerations, the modes and the friction that efforts cause.
 
         a = M^-1 (u - h + D phi) (paper eq. 3, 20, 21); as `forward_dynamics`.

@@ -147,8 +147,12 @@ class Workspace:
             self.closed, w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry))
         )
         self.a, self.effort, self.phi, self.load, self.wrench = (
-            w.a, w.effort, w.phi, w.load, w.wrench
-        )  # fmt: skip
+            w.a,
+            w.effort,
+            w.phi,
+            w.load,
+            w.wrench,
+        )
         self._geared = bool((t.gear_coordinate >= 0).any())
         self._locking = LockingGears(t, w, self.modes)
         self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
@@ -246,8 +250,9 @@ class Workspace:
         assert self.linkage is not None
         assert self.standing is not None
         action = self.tables.coordinate_action[coordinates]
-        linkage = stand_still(self.linkage, self.standing.linkage, action[action >= 0],
-                              self.supplier.data.oMi)  # fmt: skip
+        linkage = stand_still(
+            self.linkage, self.standing.linkage, action[action >= 0], self.supplier.data.oMi
+        )
         self.standing = Standing(coordinates.copy(), linkage)
 
     def _close(self, q: np.ndarray) -> np.ndarray:
@@ -504,8 +509,11 @@ class Workspace:
     def _lines(self, delivered: np.ndarray) -> Lines:
         """What gears do while modes are sought; first they hold around loads (na,)."""
         gears = self._locking
-        return Lines(lambda falls: gears.settle(self._settle, delivered, falls),
-                     gears.may_slip(), len(gears.gears))  # fmt: skip
+        return Lines(
+            lambda falls: gears.settle(self._settle, delivered, falls),
+            gears.may_slip(),
+            len(gears.gears),
+        )
 
     def _settle(self) -> tuple[int, int]:
         """Solve the modes as they are, every gear on the line that fits; see `rest.solve`."""
@@ -699,8 +707,9 @@ class Workspace:
             raise StateError("forward dynamics overflows at this state: values are too large")
         if outcome == TOGGLE:
             assert self.linkage is not None
-            raise ToggleError(self.linkage.loops[0].name, int(self.work.freedoms[0]),
-                              self.tables.freedoms)  # fmt: skip
+            raise ToggleError(
+                self.linkage.loops[0].name, int(self.work.freedoms[0]), self.tables.freedoms
+            )
         raise SceneError(
             f"{self.scene.source}: the mass matrix is not positive definite at this state: a joint "
             "moves no mass; give its link an inertia, or lock it"
@@ -721,8 +730,10 @@ class Workspace:
         if found == Found.AMBIGUOUS:
             finding = AmbiguousAcceleration
             if not contraction >= 1.0:
-                reason = ("static friction is above kinetic, so one set of joints may break away "
-                          "and the others hold, or another set of as many")  # fmt: skip
+                reason = (
+                    "static friction is above kinetic, so one set of joints may break away "
+                    "and the others hold, or another set of as many"
+                )
         elif found == Found.NOT_CONVERGED:
             reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
         elif found == Found.UNDECIDED:
@@ -764,9 +775,11 @@ class Workspace:
         if found is None:
             return None
         d, eigenvalue, enough = found
-        reason = (f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {eigenvalue:.3g}: no acceleration "
-                  f"obeys the gear's law, or several do; a rotor inertia above {enough:.6g} kg m^2 "
-                  "would do, or a gear that does not lock")  # fmt: skip
+        reason = (
+            f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {eigenvalue:.3g}: no acceleration "
+            f"obeys the gear's law, or several do; a rotor inertia above {enough:.6g} kg m^2 "
+            "would do, or a gear that does not lock"
+        )
         state = q.copy(), v.copy(), self._as_given(effort)
         return GearJam(*state, self.scene.drives[d].name, reason, given=self.given)
 

@@ -100,20 +100,24 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
         code=np.where(sticks & dry, NONE, SLIDES),
         direction=direction,
         way=np.array([slip, still + 1.0, still - 1.0, still]),
-        mu=np.array([
-            moving.mu + moving.drag_mu,
-            laws.mu_static + np.where(ball | ahead, creeping_mu, 0.0),
-            laws.mu_static + np.where(ball | ~ahead, creeping_mu, 0.0),
-            still,
-        ]),
-        coulomb=np.array([
-            np.where(ahead, moving.forward, moving.backward) + drag,
-            against + laws.coulomb_static[:, 0],
-            along + laws.coulomb_static[:, 1],
-            still,
-        ]),
+        mu=np.array(
+            [
+                moving.mu + moving.drag_mu,
+                laws.mu_static + np.where(ball | ahead, creeping_mu, 0.0),
+                laws.mu_static + np.where(ball | ~ahead, creeping_mu, 0.0),
+                still,
+            ]
+        ),
+        coulomb=np.array(
+            [
+                np.where(ahead, moving.forward, moving.backward) + drag,
+                against + laws.coulomb_static[:, 0],
+                along + laws.coulomb_static[:, 1],
+                still,
+            ]
+        ),
         constant=constant,
-    )  # fmt: skip
+    )
 
 
 @kernel

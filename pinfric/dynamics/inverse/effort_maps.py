@@ -168,9 +168,13 @@ def _balance(
 
 @kernel
 def share_work(
-    t: EffortTables, total_effort: np.ndarray, J: np.ndarray, free: np.ndarray, y: np.ndarray,
+    t: EffortTables,
+    total_effort: np.ndarray,
+    J: np.ndarray,
+    free: np.ndarray,
+    y: np.ndarray,
     left: np.ndarray,
-) -> bool:  # fmt: skip
+) -> bool:
     """Add to y what is free of it so that the sum of cost u^2 over the drives is least.
 
     Args:

@@ -76,11 +76,18 @@ class Answer:
         na, ns, ne = len(layout.drive_v), len(layout.joint), len(layout.entry_v)
         nan, inf = np.nan, np.inf
         return cls(
-            np.full((n, na), inf), np.full((n, na), -inf), np.full((n, ne), nan),
-            np.full((n, ns), nan), np.full((n, ns), inf), np.full((n, ns), -inf),
-            np.zeros(n, dtype=np.int8), np.zeros(n, dtype=np.int32), np.zeros(n),
-            np.ones(n, dtype=bool), np.full((n, na, 2, ne), nan),
-        )  # fmt: skip
+            np.full((n, na), inf),
+            np.full((n, na), -inf),
+            np.full((n, ne), nan),
+            np.full((n, ns), nan),
+            np.full((n, ns), inf),
+            np.full((n, ns), -inf),
+            np.zeros(n, dtype=np.int8),
+            np.zeros(n, dtype=np.int32),
+            np.zeros(n),
+            np.ones(n, dtype=bool),
+            np.full((n, na, 2, ne), nan),
+        )
 
 
 class Solver:
@@ -115,8 +122,15 @@ class Solver:
             self._find_ends(answer, open_)
         ambiguous = answer.status == Status.AMBIGUOUS
         failed = ~ambiguous & (answer.status != Status.CONVERGED)
-        for array in (answer.lower, answer.upper, answer.friction_lower, answer.friction_upper,
-                      answer.phi, answer.load, answer.ends):  # fmt: skip
+        for array in (
+            answer.lower,
+            answer.upper,
+            answer.friction_lower,
+            answer.friction_upper,
+            answer.phi,
+            answer.load,
+            answer.ends,
+        ):
             array[failed] = np.nan
         answer.exact[failed | ambiguous] = False
         return answer
@@ -193,9 +207,14 @@ class Solver:
         return value
 
     def _take(
-        self, answer: Answer, sample: np.ndarray, effort: np.ndarray, phi: np.ndarray,
-        ends: np.ndarray, side: int,
-    ) -> None:  # fmt: skip
+        self,
+        answer: Answer,
+        sample: np.ndarray,
+        effort: np.ndarray,
+        phi: np.ndarray,
+        ends: np.ndarray,
+        side: int,
+    ) -> None:
         """Let efforts (m, na) of one side be new ends where they reach beyond the present."""
         sign = 1.0 if side else -1.0
         for drive in range(effort.shape[1]):
@@ -263,13 +282,21 @@ class Solver:
 
         least, most, slides = friction(LOWER), friction(UPPER), friction(SLIDES)
         reverses = law.choices[sample][:, free] == 3
-        return (np.where(reverses, np.minimum(least, slides), least),
-                np.where(reverses, np.maximum(most, slides), most))  # fmt: skip
+        return (
+            np.where(reverses, np.minimum(least, slides), least),
+            np.where(reverses, np.maximum(most, slides), most),
+        )
 
     def _evaluate(
-        self, answer: Answer, sample: np.ndarray, code: np.ndarray, free: np.ndarray,
-        balls: np.ndarray, drive: int, side: int,
-    ) -> np.ndarray:  # fmt: skip
+        self,
+        answer: Answer,
+        sample: np.ndarray,
+        code: np.ndarray,
+        free: np.ndarray,
+        balls: np.ndarray,
+        drive: int,
+        side: int,
+    ) -> np.ndarray:
         """Solve candidates, let them widen the ends, and return one effort (m,) of each.
 
         Args:
@@ -356,14 +383,20 @@ class Solver:
         for s in balls:
             part = slice(layout.first_entry[s], layout.first_entry[s] + 3)
             size = np.linalg.norm(g[:, part], axis=1, keepdims=True)
-            direction[:, part] = np.where(size > 0, g[:, part] / np.maximum(size, 1e-300),
-                                          direction[:, part])  # fmt: skip
+            direction[:, part] = np.where(
+                size > 0, g[:, part] / np.maximum(size, 1e-300), direction[:, part]
+            )
         return direction
 
     def _flip(
-        self, answer: Answer, samples: np.ndarray, pattern: np.ndarray, choosing: np.ndarray,
-        free: np.ndarray, balls: np.ndarray,
-    ) -> None:  # fmt: skip
+        self,
+        answer: Answer,
+        samples: np.ndarray,
+        pattern: np.ndarray,
+        choosing: np.ndarray,
+        free: np.ndarray,
+        balls: np.ndarray,
+    ) -> None:
         """Search each end by changing one site's friction at a time, while that helps."""
         columns = self.layout.first_entry[choosing]
         flips = np.array([(s, option) for s in choosing for option in _options(pattern[s])])
@@ -381,9 +414,14 @@ class Solver:
                 trials[:, np.arange(len(flips)), flips[:, 0]] = flips[:, 1]
                 shape = trials.shape[:2]
                 value = self._evaluate(
-                    answer, np.repeat(samples[active], len(flips)),
-                    trials.reshape(-1, trials.shape[2]), free, balls, drive, side,
-                ).reshape(shape)  # fmt: skip
+                    answer,
+                    np.repeat(samples[active], len(flips)),
+                    trials.reshape(-1, trials.shape[2]),
+                    free,
+                    balls,
+                    drive,
+                    side,
+                ).reshape(shape)
                 top = np.argmax(sign * value, axis=1)
                 value = value[np.arange(len(active)), top]
                 better = sign * (value - best[active]) > 1e-12 * np.abs(best[active])

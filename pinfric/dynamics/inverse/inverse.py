@@ -27,18 +27,30 @@ from pinfric.model.scene import Scene, expect_scene
 
 @overload
 def inverse_dynamics(
-    scene: Scene, q: np.ndarray | MotionLike, v: np.ndarray | None = ...,
-    a: np.ndarray | None = ..., external: Mapping[str, np.ndarray] | None = ..., *,
-    t: np.ndarray | None = ..., attached: np.ndarray | None = ..., threads: int | None = ...,
+    scene: Scene,
+    q: np.ndarray | MotionLike,
+    v: np.ndarray | None = ...,
+    a: np.ndarray | None = ...,
+    external: Mapping[str, np.ndarray] | None = ...,
+    *,
+    t: np.ndarray | None = ...,
+    attached: np.ndarray | None = ...,
+    threads: int | None = ...,
     chunks: None = ...,
-) -> InverseResult: ...  # fmt: skip
+) -> InverseResult: ...
 @overload
 def inverse_dynamics(
-    scene: Scene, q: np.ndarray | MotionLike, v: np.ndarray | None = ...,
-    a: np.ndarray | None = ..., external: Mapping[str, np.ndarray] | None = ..., *,
-    t: np.ndarray | None = ..., attached: np.ndarray | None = ..., threads: int | None = ...,
+    scene: Scene,
+    q: np.ndarray | MotionLike,
+    v: np.ndarray | None = ...,
+    a: np.ndarray | None = ...,
+    external: Mapping[str, np.ndarray] | None = ...,
+    *,
+    t: np.ndarray | None = ...,
+    attached: np.ndarray | None = ...,
+    threads: int | None = ...,
     chunks: int,
-) -> Iterator[InverseResult]: ...  # fmt: skip
+) -> Iterator[InverseResult]: ...
 def inverse_dynamics(
     scene: Scene,
     q: np.ndarray | MotionLike,
@@ -94,8 +106,10 @@ def _states(scene: Scene, q: Any, v: Any, a: Any, t: Any, attached: Any) -> Stat
     expect_scene(scene, "inverse_dynamics")
     if isinstance(q, str | os.PathLike) and v is None and a is None:
         name = str(q)
-        raise StateError(f"inverse_dynamics: the motion is a file's name, {name!r}; give "
-                         f"pf.load_trajectory({name!r}, scene)")  # fmt: skip
+        raise StateError(
+            f"inverse_dynamics: the motion is a file's name, {name!r}; give "
+            f"pf.load_trajectory({name!r}, scene)"
+        )
     if not isinstance(q, np.ndarray) and hasattr(q, "q"):
         if not (v is None and a is None and t is None):
             raise StateError("inverse_dynamics: a motion brings its own v, a and t; leave them out")

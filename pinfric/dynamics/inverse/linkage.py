@@ -36,8 +36,17 @@ from pinfric.model.couples import drive_rates
 from pinfric.model.scene import Scene
 
 #: What of each batch's answer stays.
-_KEPT = ("lower", "upper", "load", "friction_lower", "friction_upper", "status", "iterations",
-         "contraction", "exact")  # fmt: skip
+_KEPT = (
+    "lower",
+    "upper",
+    "load",
+    "friction_lower",
+    "friction_upper",
+    "status",
+    "iterations",
+    "contraction",
+    "exact",
+)
 
 
 def solve_linkage(
@@ -94,9 +103,15 @@ def solve_linkage(
 
 
 def _solve_batches(
-    scene: Scene, layout: Layout, states: States, applied: list[AppliedWrench], whole: slice,
-    velocity: np.ndarray, reversal: np.ndarray, threads: int | None,
-) -> tuple[Answer, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    scene: Scene,
+    layout: Layout,
+    states: States,
+    applied: list[AppliedWrench],
+    whole: slice,
+    velocity: np.ndarray,
+    reversal: np.ndarray,
+    threads: int | None,
+) -> tuple[Answer, np.ndarray, np.ndarray, np.ndarray]:
     """Return answer, efforts without friction, wrenches (T, ns, 6) and multipliers of one slice.
 
     Args:
@@ -146,8 +161,11 @@ def _warn_of_bound(scene: Scene, answer: Answer, first: int) -> None:
 
 def site_speeds(layout: Layout, velocity: np.ndarray) -> np.ndarray:
     """Return the speed (n, ns) of each site; a ball's is the length of its angular velocity."""
-    squares = np.add.reduceat(velocity**2, layout.first_entry, axis=1) if len(layout.joint) else (
-        np.zeros((len(velocity), 0)))  # fmt: skip
+    squares = (
+        np.add.reduceat(velocity**2, layout.first_entry, axis=1)
+        if len(layout.joint)
+        else (np.zeros((len(velocity), 0)))
+    )
     return np.asarray(np.sqrt(squares))
 
 
@@ -181,5 +199,7 @@ def actuator_rates(
     scene: Scene, states: States, rates: PairRates, around: slice
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (n, na) velocity and acceleration of what each drive moves, of `around`."""
-    return (drive_rates(scene.drives, states.v[around], rates.rate),
-            drive_rates(scene.drives, states.a[around], rates.rate_derivative))  # fmt: skip
+    return (
+        drive_rates(scene.drives, states.v[around], rates.rate),
+        drive_rates(scene.drives, states.a[around], rates.rate_derivative),
+    )

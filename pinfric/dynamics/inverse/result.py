@@ -23,8 +23,13 @@ if TYPE_CHECKING:
 
 
 #: Columns `<actuator>.<quantity>` and `<site>.<quantity>` of a result's table.
-ACTUATOR_QUANTITIES = ("effort_lower", "effort_upper", "effort_frictionless",
-                       "motor_torque_lower", "motor_torque_upper")  # fmt: skip
+ACTUATOR_QUANTITIES = (
+    "effort_lower",
+    "effort_upper",
+    "effort_frictionless",
+    "motor_torque_lower",
+    "motor_torque_upper",
+)
 SITE_QUANTITIES = ("sticking", "reversal", "normal_load", "friction_lower", "friction_upper")
 
 
@@ -114,13 +119,17 @@ class InverseResult(Shown):
         worst = np.fmax(np.abs(self.effort_lower), np.abs(self.effort_upper))
         peaks = [f"{x:.3g}" for x in np.fmax.reduce(worst, axis=0, initial=0.0)]
         ended = [(status.name.lower(), int((self.status == status).sum())) for status in Status]
-        return screen("InverseResult", f"of {file_name(self.scene.source)}: {samples}{span}", {
-            "drives": listed(self.actuator_names),
-            "peaks": f"{listed(self.actuator_names, peaks)} (N m or N)" if peaks else "",
-            "friction": friction if sticks else "none",
-            "status": ", ".join(f"{count} {name}" for name, count in ended if count),
-            "more": ".summary() .plot() .to_dataframe() .stick_intervals() .check()",
-        })  # fmt: skip
+        return screen(
+            "InverseResult",
+            f"of {file_name(self.scene.source)}: {samples}{span}",
+            {
+                "drives": listed(self.actuator_names),
+                "peaks": f"{listed(self.actuator_names, peaks)} (N m or N)" if peaks else "",
+                "friction": friction if sticks else "none",
+                "status": ", ".join(f"{count} {name}" for name, count in ended if count),
+                "more": ".summary() .plot() .to_dataframe() .stick_intervals() .check()",
+            },
+        )
 
     @property
     def critical_mu(self) -> np.ndarray:
@@ -215,8 +224,10 @@ class InverseResult(Shown):
         columns: dict[str, np.ndarray] = {} if self.t is None else {"t": self.t}
         columns |= motion_columns(self.scene.model, states.q, states.v, states.a)
         if states.attached is not None:
-            columns |= {f"payload.{name}": states.attached[:, p].astype(np.int8)
-                        for p, name in enumerate(self.scene.payloads)}  # fmt: skip
+            columns |= {
+                f"payload.{name}": states.attached[:, p].astype(np.int8)
+                for p, name in enumerate(self.scene.payloads)
+            }
         for quantity in ACTUATOR_QUANTITIES:
             for i, name in enumerate(self.actuator_names):
                 columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, i]

@@ -160,8 +160,9 @@ def _of_open_chain(result: InverseResult, sample: int) -> Solution:
     no friction."""
     friction = np.where(
         result.friction_lower[sample] == result.friction_upper[sample],
-        result.friction_lower[sample], 0.0,
-    )  # fmt: skip
+        result.friction_lower[sample],
+        0.0,
+    )
     sites, layout = result.scene.site_tables, make_layout(result.scene)
     total = np.zeros(result.scene.model.nv)
     np.add.at(total, sites.velocity_index, sites.ratio * friction)
@@ -171,5 +172,6 @@ def _of_open_chain(result: InverseResult, sample: int) -> Solution:
     effort = result.effort_frictionless[sample] - taken
     ns = len(friction)
     wrench = np.full((ns, 6), np.nan) if result.wrench is None else result.wrench[sample]
-    return Solution(effort, friction, friction, result.normal_load[sample], wrench,
-                    np.zeros((0, 6)))  # fmt: skip
+    return Solution(
+        effort, friction, friction, result.normal_load[sample], wrench, np.zeros((0, 6))
+    )

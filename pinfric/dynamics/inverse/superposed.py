@@ -121,9 +121,15 @@ class Cycle(NamedTuple):
 
 @kernel
 def write_figures(
-    effort: np.ndarray, wrench: np.ndarray, path: Path, varied: Varied, now: Cycle,
-    figures: np.ndarray, start: int, stop: int,
-) -> None:  # fmt: skip
+    effort: np.ndarray,
+    wrench: np.ndarray,
+    path: Path,
+    varied: Varied,
+    now: Cycle,
+    figures: np.ndarray,
+    start: int,
+    stop: int,
+) -> None:
     """Write what each cycle takes of each drive: figures of the worst end of its efforts.
 
     Args:
@@ -137,17 +143,36 @@ def write_figures(
         _move(path, varied.speed[c], now)
         _superpose(effort, varied.coefficient[c], 0, now.effort_frictionless.reshape(-1))
         _write_loads(wrench, path, varied.coefficient[c], now)
-        friction_bounds(now.site_velocity, now.normal_load, _laws_of(varied.laws, c), now.reversal,
-                        now.friction_lower, now.friction_upper, now.sticking)  # fmt: skip
+        friction_bounds(
+            now.site_velocity,
+            now.normal_load,
+            _laws_of(varied.laws, c),
+            now.reversal,
+            now.friction_lower,
+            now.friction_upper,
+            now.sticking,
+        )
         efforts = now.effort_lower, now.effort_upper
-        effort_bounds(now.effort_frictionless, now.friction_lower, now.friction_upper,
-                      path.velocity_index, path.ratio, *efforts)  # fmt: skip
+        effort_bounds(
+            now.effort_frictionless,
+            now.friction_lower,
+            now.friction_upper,
+            path.velocity_index,
+            path.ratio,
+            *efforts,
+        )
         _reduce(path.weight, *efforts, figures[c], 0)
         torques = efforts
         if path.geared:
             torques = now.motor_torque_lower, now.motor_torque_upper
-            write_motor_torques(_gears_of(varied.gears, c), *efforts, now.velocity,
-                                now.acceleration, now.turns, *torques)  # fmt: skip
+            write_motor_torques(
+                _gears_of(varied.gears, c),
+                *efforts,
+                now.velocity,
+                now.acceleration,
+                now.turns,
+                *torques,
+            )
         _reduce(path.weight, *torques, figures[c], 2)
         for d in range(figures.shape[1]):
             figures[c, d, 4] = np.abs(now.velocity[:, d]).max()
@@ -188,8 +213,13 @@ def _write_loads(wrench: np.ndarray, path: Path, coefficient: np.ndarray, now: C
         here = now.wrench[: stop - start]
         if wrench.shape[1] > 0:
             _superpose(wrench, coefficient, start * width, here.reshape(-1))
-        normal_loads(here, path.joint, path.contacts, path.displacement[start:stop],
-                     now.normal_load[start:stop])  # fmt: skip
+        normal_loads(
+            here,
+            path.joint,
+            path.contacts,
+            path.displacement[start:stop],
+            now.normal_load[start:stop],
+        )
 
 
 @kernel
@@ -211,10 +241,20 @@ def _laws_of(laws: Laws, c: int) -> Laws:
     """Return the laws of one cycle."""
     row = c % laws.viscous.shape[0]
     return Laws(
-        laws.mu_static[row], laws.mu_kinetic[row], laws.coulomb_static[row],
-        laws.coulomb_kinetic[row], laws.viscous[row], laws.stick_velocity, laws.row_start,
-        laws.row_end, laws.mu[row], laws.coulomb[row], laws.power, laws.velocity, laws.exponent,
-    )  # fmt: skip
+        laws.mu_static[row],
+        laws.mu_kinetic[row],
+        laws.coulomb_static[row],
+        laws.coulomb_kinetic[row],
+        laws.viscous[row],
+        laws.stick_velocity,
+        laws.row_start,
+        laws.row_end,
+        laws.mu[row],
+        laws.coulomb[row],
+        laws.power,
+        laws.velocity,
+        laws.exponent,
+    )
 
 
 @inlined_kernel
@@ -222,7 +262,19 @@ def _gears_of(gears: Gears, c: int) -> Gears:
     """Return the gears of one cycle."""
     row = c % gears.viscous.shape[0]
     return Gears(
-        gears.ratio, gears.rotor_inertia[row], gears.viscous[row], gears.power,
-        gears.stick_velocity, gears.no_load[row], gears.no_load_static[row], gears.constant,
-        gears.rise, gears.exponent, gears.first, gears.last, gears.load, gears.loss, gears.slope,
-    )  # fmt: skip
+        gears.ratio,
+        gears.rotor_inertia[row],
+        gears.viscous[row],
+        gears.power,
+        gears.stick_velocity,
+        gears.no_load[row],
+        gears.no_load_static[row],
+        gears.constant,
+        gears.rise,
+        gears.exponent,
+        gears.first,
+        gears.last,
+        gears.load,
+        gears.loss,
+        gears.slope,
+    )

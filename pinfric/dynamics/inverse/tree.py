@@ -34,7 +34,7 @@ from pinfric.dynamics.problem.threaded import efforts_in_parts, friction_in_part
 from pinfric.errors import StateError
 from pinfric.model.bearings import normal_loads
 from pinfric.model.couples import deliver_interval, drive_rates
-from pinfric.model.laws import friction_bounds
+from pinfric.model.laws import Laws, friction_bounds
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
 
@@ -68,6 +68,11 @@ class _Answer(NamedTuple):
         """Return the samples of one slice."""
         return _Answer(*(array[here] for array in self))
 
+    def rubbing(self, velocity: np.ndarray, laws: Laws, reversal: np.ndarray) -> tuple[Any, ...]:
+        """Return the arguments of `friction_bounds`."""
+        friction = self.friction_lower, self.friction_upper, self.sticking
+        return velocity, self.normal_load, laws, reversal, *friction
+
 
 def solve_tree(
     scene: Scene, states: States, applied: list[AppliedWrench], whole: slice, threads: int | None
@@ -85,8 +90,7 @@ def solve_tree(
     for part, twin in constant_payloads(scene, states, whole, batch_size(threads)):
         here = slice(part.start - whole.start, part.stop - whole.start)
         now = answer.part(here)
-        rubbing = (velocity[here], now.normal_load, sites.laws, reversal[here], now.friction_lower,
-                   now.friction_upper, now.sticking)  # fmt: skip
+        rubbing = now.rubbing(velocity[here], sites.laws, reversal[here])
         if reacting:
             _react(scene, twin, states, applied, part, batch, now, rubbing, threads)
         else:
@@ -97,7 +101,7 @@ def solve_tree(
     if reacting:
         check_roll_moments(scene, answer.wrench, whole.start)
     _bound_efforts(scene, answer, threads)
-    own, around = states.part(whole), states.around(whole)
+    around = states.around(whole)
     v, a = states.v[around], states.a[around]
     if not scene.one_drive_each:
         answer = _on_drives(scene, states, whole, answer)
@@ -109,7 +113,7 @@ def solve_tree(
         check_finite(scene, torques, whole.start)
     return InverseResult(
         scene=scene,
-        states=own,
+        states=states.part(whole),
         external=tuple(AppliedWrench(w.joint, w.wrench[whole]) for w in applied),
         **answer._asdict() | ({} if reacting else {"wrench": None}),
         motor_torque_lower=torques[0],
@@ -146,9 +150,16 @@ def _needs_wrenches(scene: Scene, applied: list[AppliedWrench]) -> bool:
 
 
 def _react(
-    scene: Scene, twin: Twin, states: States, applied: list[AppliedWrench], part: slice,
-    batch: Batch, answer: _Answer, rubbing: tuple[Any, ...], threads: int,
-) -> None:  # fmt: skip
+    scene: Scene,
+    twin: Twin,
+    states: States,
+    applied: list[AppliedWrench],
+    part: slice,
+    batch: Batch,
+    answer: _Answer,
+    rubbing: tuple[Any, ...],
+    threads: int,
+) -> None:
     """Write wrenches, efforts without friction, loads and friction of one batch.
 
     Args:
@@ -176,9 +187,14 @@ def _react(
 
 
 def _rub(
-    twin: Twin, wrench: np.ndarray, a: np.ndarray, effort: np.ndarray, bearing: tuple[Any, ...],
-    rubbing: tuple[Any, ...], threads: int,
-) -> None:  # fmt: skip
+    twin: Twin,
+    wrench: np.ndarray,
+    a: np.ndarray,
+    effort: np.ndarray,
+    bearing: tuple[Any, ...],
+    rubbing: tuple[Any, ...],
+    threads: int,
+) -> None:
     """Write a batch's efforts without friction, loads and friction from its wrenches.
 
     Args:
@@ -194,8 +210,9 @@ def _rub(
         return
     velocity, load, laws, *sides = rubbing
     with team(threads) as parts:
-        friction_in_parts(parts, wrench, twin.embedding, effort, *bearing, load, velocity, laws,
-                          tuple(sides))  # fmt: skip
+        friction_in_parts(
+            parts, wrench, twin.embedding, effort, *bearing, load, velocity, laws, tuple(sides)
+        )
     if twin.armature.any():
         effort += twin.armature * a
 

@@ -55,9 +55,11 @@ def check_undriven(
     sample, place = np.unravel_index(np.argmax(missing / np.maximum(size, 1e-300)), missing.shape)
     if missing[sample, place] > _OBEYS * size[place]:
         raise UndrivenMotionError(
-            velocity_names(scene.model)[undriven[place]], whole.start + int(sample),
-            float(missing[sample, place]), scene.mobility.counts(len(scene.drives)),
-        )  # fmt: skip
+            velocity_names(scene.model)[undriven[place]],
+            whole.start + int(sample),
+            float(missing[sample, place]),
+            scene.mobility.counts(len(scene.drives)),
+        )
 
 
 def _terms(scene: Scene, states: States) -> float:

@@ -90,8 +90,9 @@ def balance(sample: Sample) -> Balance:
     before = given + sum(m @ x for m, (_, x) in zip(own, acting, strict=True))
     pairs = sum((_loop_maps(sample, c) @ x for c, x in acting), np.zeros((len(scene.loops), 6, 1)))
     of_y = _joint_maps(sample, multipliers), _loop_maps(sample, multipliers)
-    y = _share(scene.redundancy_length, before, pairs, of_y, y[len(undriven) :],
-               loose[len(undriven) :])  # fmt: skip
+    y = _share(
+        scene.redundancy_length, before, pairs, of_y, y[len(undriven) :], loose[len(undriven) :]
+    )
     site_wrench = _site_wrenches(sample, before + of_y[0] @ y, of_y[1] @ y, effort)
     contact, owner, constant = _contacts(sample, site_wrench)
     sizes = np.linalg.svd(reduced, compute_uv=False) if reduced.size else np.ones(1)
@@ -101,11 +102,17 @@ def balance(sample: Sample) -> Balance:
         regular = float(sizes[: len(free)].min(initial=np.inf) / max(sizes[0], lever))
     counts = [3 if site.ball else 1 for site in scene.sites]
     return Balance(
-        effort, of_y[1] @ y, site_wrench, contact, owner, constant,
-        np.repeat(np.arange(len(counts)), counts), float(np.abs(missed).max(initial=0.0)),
+        effort,
+        of_y[1] @ y,
+        site_wrench,
+        contact,
+        owner,
+        constant,
+        np.repeat(np.arange(len(counts)), counts),
+        float(np.abs(missed).max(initial=0.0)),
         min(regular, float(size[:rank].min(initial=1.0) / max(size.max(initial=1.0), 1e-300))),
         float(np.abs(wrenches).max(initial=0.0)),
-    )  # fmt: skip
+    )
 
 
 def _frictions(sample: Sample) -> _Columns:
@@ -188,9 +195,13 @@ def _loop_maps(sample: Sample, columns: _Columns) -> np.ndarray:
 
 
 def _share(
-    length: float, joints: np.ndarray, loops: np.ndarray, maps: tuple[np.ndarray, np.ndarray],
-    y: np.ndarray, loose: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+    length: float,
+    joints: np.ndarray,
+    loops: np.ndarray,
+    maps: tuple[np.ndarray, np.ndarray],
+    y: np.ndarray,
+    loose: np.ndarray,
+) -> np.ndarray:
     """Return the multipliers of least sum |F|^2 + |M/l|^2 over all joints, the loops' too.
 
     Args:
@@ -203,8 +214,12 @@ def _share(
         return y
     weight = np.repeat([1.0, 1.0 / length], 3)[:, None]
     change = np.vstack([(weight * (m @ loose)).reshape(-1, loose.shape[1]) for m in maps])
-    now = np.vstack([(weight * (given + m @ y)).reshape(-1, y.shape[1])
-                     for given, m in zip((joints, loops), maps, strict=True)])  # fmt: skip
+    now = np.vstack(
+        [
+            (weight * (given + m @ y)).reshape(-1, y.shape[1])
+            for given, m in zip((joints, loops), maps, strict=True)
+        ]
+    )
     return np.asarray(y - loose @ np.linalg.lstsq(change, now, rcond=_RANK)[0])
 
 

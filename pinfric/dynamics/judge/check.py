@@ -113,8 +113,11 @@ def _judge_tree(result: InverseResult, model: pin.Model, data: pin.Data, i: int)
     undriven = list(scene.mobility.undriven)
     beyond = float(np.maximum(total - most, fewest - total)[undriven].max(initial=0.0))
     low, high = _left_by_others(D, total, low, high, undriven)
-    law = float(np.max([law, *np.abs(result.friction_lower[i] - low),
-                        *np.abs(result.friction_upper[i] - high)]))  # fmt: skip
+    law = float(
+        np.max(
+            [law, *np.abs(result.friction_lower[i] - low), *np.abs(result.friction_upper[i] - high)]
+        )
+    )
     drives = _drive_matrix(result, len(total))
     u, (taken, left) = drives @ total, _ends(drives @ D, low, high)
     ends = np.concatenate([u - taken - result.effort_lower[i], u - left - result.effort_upper[i]])
@@ -149,8 +152,10 @@ def _left_by_others(
 
 def _ends(D: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Greatest and least D phi over phi from low to high, by the sign of each entry."""
-    return (np.where(D >= 0, D * high, D * low).sum(axis=1),
-            np.where(D >= 0, D * low, D * high).sum(axis=1))  # fmt: skip
+    return (
+        np.where(D >= 0, D * high, D * low).sum(axis=1),
+        np.where(D >= 0, D * low, D * high).sum(axis=1),
+    )
 
 
 def _drive_matrix(result: InverseResult, nv: int) -> np.ndarray:

@@ -26,8 +26,16 @@ if TYPE_CHECKING:
 #: A status "singular" is wrong if no singular value that counts is as small as this.
 _REGULAR = 1e-6
 #: What must be numbers where there is an answer.
-_ARRAYS = ("effort_lower", "effort_upper", "effort_frictionless", "normal_load", "friction_lower",
-           "friction_upper", "wrench", "multipliers")  # fmt: skip
+_ARRAYS = (
+    "effort_lower",
+    "effort_upper",
+    "effort_frictionless",
+    "normal_load",
+    "friction_lower",
+    "friction_upper",
+    "wrench",
+    "multipliers",
+)
 
 
 class Verdict(NamedTuple):
@@ -77,15 +85,18 @@ def judge_linkage(result: InverseResult, model: pin.Model, data: pin.Data, i: in
         law = max(law, _reference(sample, maps, states)) if chooses else law
     else:
         solutions, law = (_reported(sample),), 0.0
-        apart = max(_apart(result.effort_lower[i], result.effort_upper[i]),
-                    _apart(result.friction_lower[i], result.friction_upper[i]))  # fmt: skip
+        apart = max(
+            _apart(result.effort_lower[i], result.effort_upper[i]),
+            _apart(result.friction_lower[i], result.friction_upper[i]),
+        )
     rows = [_residuals(sample, one) for one in solutions]
     worst = np.array([*rows, np.zeros(3)]).max(axis=0)
     frictionless = _apart(result.effort_frictionless[i], maps.effort[:, 0])
     equilibrium = float(np.max([worst[0], maps.missed, frictionless]))
     scale = max([maps.scale, *(float(np.abs(one.effort).max(initial=0.0)) for one in solutions)])
-    return Verdict(equilibrium, float(np.max([worst[1], law])), float(worst[2]), apart, scale,
-                   wrong, undecided)  # fmt: skip
+    return Verdict(
+        equilibrium, float(np.max([worst[1], law])), float(worst[2]), apart, scale, wrong, undecided
+    )
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
@@ -113,8 +124,10 @@ def _ends(
         apart = float(np.fmax.reduce(inside, initial=attained))
     if not states.certain or spheres or not result.interval_exact[i]:
         return apart, 0.0
-    return apart, max(_apart(result.friction_lower[i], states.friction_lower),
-                      _apart(result.friction_upper[i], states.friction_upper))  # fmt: skip
+    return apart, max(
+        _apart(result.friction_lower[i], states.friction_lower),
+        _apart(result.friction_upper[i], states.friction_upper),
+    )
 
 
 def _reference(sample: Sample, maps: Balance, states: States) -> float:
@@ -127,10 +140,14 @@ def _reference(sample: Sample, maps: Balance, states: States) -> float:
         one = np.concatenate([[1.0], phi])
         size = np.linalg.norm(maps.contact @ one, axis=1)
         load = maps.constant + np.bincount(maps.owner, size, len(maps.constant))
-        nearest = min(nearest, max(
-            _apart(result.normal_load[i], load), _apart(result.wrench[i], maps.wrench @ one),
-            _apart(result.multipliers[i], maps.multipliers @ one),
-        ))  # fmt: skip
+        nearest = min(
+            nearest,
+            max(
+                _apart(result.normal_load[i], load),
+                _apart(result.wrench[i], maps.wrench @ one),
+                _apart(result.multipliers[i], maps.multipliers @ one),
+            ),
+        )
     return nearest
 
 
@@ -144,8 +161,14 @@ def _reported(sample: Sample) -> Solution:
         velocity = sample.velocity(site)
         speed = float(np.linalg.norm(velocity))
         parts.append(size * velocity / speed if site.ball else np.array([size]))
-    return Solution(result.effort_lower[i], result.friction_lower[i], np.concatenate(parts),
-                    result.normal_load[i], result.wrench[i], result.multipliers[i])  # fmt: skip
+    return Solution(
+        result.effort_lower[i],
+        result.friction_lower[i],
+        np.concatenate(parts),
+        result.normal_load[i],
+        result.wrench[i],
+        result.multipliers[i],
+    )
 
 
 def _split(scene: Scene, phi: np.ndarray) -> list[np.ndarray]:
@@ -165,8 +188,9 @@ def _residuals(sample: Sample, end: Solution) -> np.ndarray:
     if not sample.result.interval_exact[sample.i]:  # ends of whatever balances what is undriven
         left[list(scene.mobility.undriven)] = 0.0
     law = wrench_error = 0.0
-    for k, (site, phi) in enumerate(zip(scene.sites, _split(scene, end.friction_coordinates),
-                                        strict=True)):  # fmt: skip
+    for k, (site, phi) in enumerate(
+        zip(scene.sites, _split(scene, end.friction_coordinates), strict=True)
+    ):
         if site.pair >= 0:
             w = pair_friction(site, phi)
             if not pairs[site.name].along_line:
@@ -184,8 +208,10 @@ def _residuals(sample: Sample, end: Solution) -> np.ndarray:
 def _acting(sample: Sample, end: Solution) -> list[tuple[Pair, np.ndarray]]:
     """Everything that acts between pairs in one solution, world axes, at the pair's place."""
     scene, pairs = sample.scene, sample.pairs
-    acting = [(pairs[loop.name], pairs[loop.name].in_world(end.multipliers[row]))
-              for row, loop in enumerate(scene.loops)]  # fmt: skip
+    acting = [
+        (pairs[loop.name], pairs[loop.name].in_world(end.multipliers[row]))
+        for row, loop in enumerate(scene.loops)
+    ]
     for drive, effort in zip(scene.drives, end.effort, strict=True):
         if drive.velocity_index < 0:
             acting.append((pairs[drive.name], effort * pairs[drive.name].direction))

@@ -105,8 +105,9 @@ class Sample:
         total = np.zeros(self.model.nv)
         for joint, sign in ((pair.b, 1.0), (pair.a, -1.0)):
             if joint:
-                J = pin.getJointJacobian(self.model, self.data, joint,
-                                         pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)  # fmt: skip
+                J = pin.getJointJacobian(
+                    self.model, self.data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+                )
                 arm = pair.at - self.data.oMi[joint].translation
                 moment = wrench[3:] + np.cross(arm, wrench[:3])
                 total += sign * (J[:3].T @ wrench[:3] + J[3:].T @ moment)
@@ -126,8 +127,9 @@ class Sample:
             return np.array([site.ratio * v[site.velocity_index]])
         units = np.eye(3) if site.ball else np.ones((1, 1))
         wrenches = [self.friction_in_world(site, unit) for unit in units]
-        return np.array([self.generalized(self.pairs[site.name], wrench) @ v
-                         for wrench in wrenches])  # fmt: skip
+        return np.array(
+            [self.generalized(self.pairs[site.name], wrench) @ v for wrench in wrenches]
+        )
 
 
 def pair_friction(site: Site, phi: np.ndarray) -> np.ndarray:

@@ -105,8 +105,12 @@ def _seal(
 
 
 _LOADS: dict[str, Callable[..., _Forces]] = {
-    "pin": _pin, "guide": _guide, "linear": _linear, "ball": _ball, "seal": _seal,
-}  # fmt: skip
+    "pin": _pin,
+    "guide": _guide,
+    "linear": _linear,
+    "ball": _ball,
+    "seal": _seal,
+}
 
 
 def plain_friction(
@@ -163,11 +167,15 @@ def _added(
     for term in friction.terms:
         if term.key in Friction.model_fields:
             continue
-        parts = [(1.0, term.at_rest())] if speed is None else [
-            (_power(speed, power) * np.exp(-((speed / velocity) ** exponent)), strength)
-            for (power, velocity, exponent), strength in term.rows(friction.stribeck)
-            if (power > 0.0) == drags
-        ]  # fmt: skip
+        parts = (
+            [(1.0, term.at_rest())]
+            if speed is None
+            else [
+                (_power(speed, power) * np.exp(-((speed / velocity) ** exponent)), strength)
+                for (power, velocity, exponent), strength in term.rows(friction.stribeck)
+                if (power > 0.0) == drags
+            ]
+        )
         for factor, (mu, forward, backward) in parts:
             total += factor * (mu * load + (forward if direction > 0 else backward))
     return float(total)

@@ -201,8 +201,9 @@ class Enumeration:
     def _lever(self, s: int, entries: np.ndarray) -> np.ndarray:
         """(na,) effort per unit friction of a leaf; a ball's along what helps most."""
         U = self.balance.effort[:, 1 + entries]
-        return np.asarray(np.linalg.norm(U, axis=1) if self.laws[s].sphere else
-                          U @ self.laws[s].direction)  # fmt: skip
+        return np.asarray(
+            np.linalg.norm(U, axis=1) if self.laws[s].sphere else U @ self.laws[s].direction
+        )
 
     def _range(self, phi: np.ndarray, load: np.ndarray) -> None:
         """Let solutions widen the range of each site's friction; a ball's is along its slip."""
@@ -245,8 +246,9 @@ class Enumeration:
         unknown = np.flatnonzero((lines[:, :, 1] != 0.0).any(axis=0) & varies)
         fixed = b.constant + own @ np.linalg.norm(contact[:, :, 0], axis=1)
         fixed[varies] = 0.0  # what these load has no part in what is known
-        known = lines[:, :, 0] + np.where(np.isin(np.arange(self.ns), unknown), 0.0,
-                                          lines[:, :, 1] * fixed)  # fmt: skip
+        known = lines[:, :, 0] + np.where(
+            np.isin(np.arange(self.ns), unknown), 0.0, lines[:, :, 1] * fixed
+        )
         given = directions * known[:, at]
         gain = directions * lines[:, at, 1]
         rows = np.isin(b.owner, unknown)
@@ -307,8 +309,11 @@ class Enumeration:
         """Point every sticking ball's friction along g (m, ne); directions are overwritten."""
         for s in self.balls:
             entries = np.flatnonzero(self.balance.entry_site == s)
-            sticks = codes[:, self.choosing.index(s)] == 0 if s in self.choosing else (
-                np.ones(len(codes), dtype=bool))  # fmt: skip
+            sticks = (
+                codes[:, self.choosing.index(s)] == 0
+                if s in self.choosing
+                else (np.ones(len(codes), dtype=bool))
+            )
             size = np.linalg.norm(g[:, entries], axis=1)
             rows = np.flatnonzero(sticks & (size > 0.0))
             directions[np.ix_(rows, entries)] = g[np.ix_(rows, entries)] / size[rows, None]

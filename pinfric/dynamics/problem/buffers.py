@@ -98,8 +98,9 @@ class Supplier:
         # of the same layout as the view would have: other types are other kernels
         wider = np.zeros((len(arrays), 2 * first.size))
         out = wider[:, : first.size] if first.size != 6 else np.zeros((len(arrays), 6))
-        out = np.lib.stride_tricks.as_strided(out, (len(arrays), *first.shape),
-                                              (out.strides[0], *first.strides))  # fmt: skip
+        out = np.lib.stride_tricks.as_strided(
+            out, (len(arrays), *first.shape), (out.strides[0], *first.strides)
+        )
         self._copies.append((out, arrays))
         return out
 
@@ -150,8 +151,12 @@ def make_tables(twin: Twin, linkage: Linkage | None, layout: Layout) -> Tables:
     rows = np.union1d(np.arange(layout.sharing) if closed else [], layout.joint).astype(np.int64)
     row_of = np.full(nj + len(actions.pair_kind), -1, dtype=np.int64)
     row_of[rows] = np.arange(len(rows))
-    chosen = [(e, i) for e, s in enumerate(layout.entry_site)
-              for i in np.flatnonzero(layout.contact_site == s) if layout.rubs[s]]  # fmt: skip
+    chosen = [
+        (e, i)
+        for e, s in enumerate(layout.entry_site)
+        for i in np.flatnonzero(layout.contact_site == s)
+        if layout.rubs[s]
+    ]
     entry = np.array([e for e, _ in chosen], dtype=np.int64)
     contact = np.array([i for _, i in chosen], dtype=np.int64)
     kinds = [] if linkage is None else [loop.kind for loop in linkage.loops]
@@ -202,43 +207,92 @@ def _freedoms(twin: Twin) -> dict[str, np.ndarray]:
 
 def make_work(twin: Twin, layout: Layout, tables: Tables) -> Work:
     """Make the buffers of a scene."""
-    nv, nj, ns = twin.nv, twin.n_joints, len(layout.joint)
+    nc, na = len(layout.coordinate_v), len(layout.drive_v)
     geared = layout.gear_coordinate[layout.gear_coordinate >= 0]
-    ne = len(layout.entry_site) + len(geared)
-    nc, na, nl = len(layout.coordinate_v), len(layout.drive_v), tables.multipliers
-    nx, rows, kind = (
-        len(tables.actions.column_pair),
-        len(tables.wrench_row),
-        tables.actions.pair_kind,
-    )
-    pairs = len(kind)
     problem = empty_problem(
         np.concatenate([layout.entry_coordinate, geared]),
-        np.concatenate([layout.entry_ratio, np.ones(len(geared))]), tables.contact_site,
+        np.concatenate([layout.entry_ratio, np.ones(len(geared))]),
+        tables.contact_site,
         np.concatenate([layout.constant[layout.entry_site], np.zeros(len(geared))]),
-    )  # fmt: skip
+    )
+    ne = len(problem.coordinate)
+    shapes = _shapes_of_motion(twin, tables) | _shapes_of_solution(twin, layout, tables, ne)
     return Work(
-        R=np.empty((1, nj, 3, 3)), p=np.empty((1, nj, 3)), velocity=np.empty((1, nj, 6)),
-        acceleration=np.empty((1, nj, 6)), motion=np.empty((len(tables.freedom_v), 6)),
-        momentum=np.empty((len(tables.freedom_v), 6)), X=np.empty((1, nj + pairs, 6, nx)),
-        J=np.empty((1, nx, nv)), gap=np.empty((1, nx)), rate=np.empty((1, nx)),
-        rate_derivative=np.empty((1, nx)), tilt=np.empty((1, pairs)), terms=np.empty((1, pairs, 2)),
-        D=layout.coordinate_row.copy(), S=layout.drive_row.copy(), Z=np.eye(nv),
-        M=np.empty((nv, nv)), factor=np.zeros((nv, nc)),
-        a_map=np.zeros((nv, 1 + nc)), multiplier_map=np.zeros((nl, 1 + nc)),
-        wrench_map=np.zeros((rows, 6, 1 + nc)), coordinate_rate=np.zeros(nc), drag=np.zeros(nc),
-        damping=np.zeros(nc),
+        **{name: np.zeros(shape) for name, shape in shapes.items()},
+        D=layout.coordinate_row.copy(),
+        S=layout.drive_row.copy(),
+        Z=np.eye(twin.nv),
         idle=np.zeros(nc, dtype=bool),
-        given=np.zeros(nv), size=np.zeros(nv), push=np.zeros(nv), a_closure=np.zeros(nv),
-        lower=np.zeros((nv, nv)), right=np.zeros((nv, 1 + nc)), below=np.zeros((nj, 1 + nc, 6)),
-        above=np.zeros((nj, 1 + nc, 6)), row=np.zeros(6),
         freedoms=np.zeros(1, dtype=np.int64),
-        modes=Modes.of(nc, ne), least=np.zeros(nc), most=np.zeros(nc), a=np.zeros(nv),
-        effort=np.zeros(na), phi=np.zeros(ns), load=np.zeros(ns), wrench=np.zeros((ns, 6)),
-        multiplier=np.zeros(nl),
-        entry_phi=np.zeros(ne), site_modes=np.zeros(ns, dtype=np.int8),
-        gear_way=np.zeros(na), delivered=np.zeros(na), delivered_map=np.zeros((na, 1 + nc)),
-        slope=np.ones(na), offset=np.zeros(na), reflected=np.zeros(na), line=np.zeros((na, 2)),
-        held=np.zeros((na, 2)), arriving=np.zeros(na), locking=np.zeros(1, dtype=np.int64),
-        push_size=np.zeros(1), problem=problem,
-    )  # fmt: skip
+        modes=Modes.of(nc, ne),
+        site_modes=np.zeros(len(layout.joint), dtype=np.int8),
+        slope=np.ones(na),
+        locking=np.zeros(1, dtype=np.int64),
+        problem=problem,
+    )
+
+
+def _shapes_of_motion(twin: Twin, tables: Tables) -> dict[str, tuple[int, ...]]:
+    """Shapes of what a state of motion fills: poses, velocities, what actions do."""
+    nv, nj, nx = twin.nv, twin.n_joints, len(tables.actions.column_pair)
+    pairs, nf = len(tables.actions.pair_kind), len(tables.freedom_v)
+    return {
+        "R": (1, nj, 3, 3),
+        "p": (1, nj, 3),
+        "velocity": (1, nj, 6),
+        "acceleration": (1, nj, 6),
+        "motion": (nf, 6),
+        "momentum": (nf, 6),
+        "X": (1, nj + pairs, 6, nx),
+        "J": (1, nx, nv),
+        "gap": (1, nx),
+        "rate": (1, nx),
+        "rate_derivative": (1, nx),
+        "tilt": (1, pairs),
+        "terms": (1, pairs, 2),
+    }
+
+
+def _shapes_of_solution(
+    twin: Twin, layout: Layout, tables: Tables, ne: int
+) -> dict[str, tuple[int, ...]]:
+    """Shapes of the affine maps of friction and of the solution, with ne laws of friction."""
+    nv, nj, ns, nl = twin.nv, twin.n_joints, len(layout.joint), tables.multipliers
+    nc, na, rows = len(layout.coordinate_v), len(layout.drive_v), len(tables.wrench_row)
+    return {
+        "M": (nv, nv),
+        "factor": (nv, nc),
+        "a_map": (nv, 1 + nc),
+        "multiplier_map": (nl, 1 + nc),
+        "wrench_map": (rows, 6, 1 + nc),
+        "coordinate_rate": (nc,),
+        "drag": (nc,),
+        "damping": (nc,),
+        "given": (nv,),
+        "size": (nv,),
+        "push": (nv,),
+        "a_closure": (nv,),
+        "lower": (nv, nv),
+        "right": (nv, 1 + nc),
+        "below": (nj, 1 + nc, 6),
+        "above": (nj, 1 + nc, 6),
+        "row": (6,),
+        "least": (nc,),
+        "most": (nc,),
+        "a": (nv,),
+        "effort": (na,),
+        "phi": (ns,),
+        "load": (ns,),
+        "wrench": (ns, 6),
+        "multiplier": (nl,),
+        "entry_phi": (ne,),
+        "gear_way": (na,),
+        "delivered": (na,),
+        "delivered_map": (na, 1 + nc),
+        "offset": (na,),
+        "reflected": (na,),
+        "line": (na, 2),
+        "held": (na, 2),
+        "arriving": (na,),
+        "push_size": (1,),
+    }

@@ -86,8 +86,10 @@ def _check(
             short = (state.gap[:, drive.column] <= 1e-9 * linkage.size) & inside
             if short.any():
                 sample = here.start + int(np.argmax(short))
-                raise StateError(f"cylinder {drive.name!r}: its ends coincide at sample {sample}: "
-                                 "it has no direction there")  # fmt: skip
+                raise StateError(
+                    f"cylinder {drive.name!r}: its ends coincide at sample {sample}: "
+                    "it has no direction there"
+                )
     for row, loop in enumerate(linkage.loops):
         tilted = np.logical_and(state.tilt[:, row] > slack * NEARLY_CLOSED, inside)
         if loop.kind == "planar_pin" and tilted.any():
@@ -103,20 +105,31 @@ def _check(
     allowed = slack * np.where(turning, NEARLY_CLOSED, NEARLY_CLOSED * linkage.size)
     figures = (
         ("is open", np.abs(state.gap[:, rows]), allowed, ("m", "rad")),
-        ("is violated by the velocities", np.abs(state.rate[:, rows]),
-         slack * _MOTION * state.scale[:, pairs, 0] + 1e-12, ("m/s", "rad/s")),
-        ("is violated by the accelerations", np.abs(state.rate_derivative[:, rows]),
-         _MOTION * state.scale[:, pairs, 1] + 1e-9, ("m/s^2", "rad/s^2")),
-    )  # fmt: skip
+        (
+            "is violated by the velocities",
+            np.abs(state.rate[:, rows]),
+            slack * _MOTION * state.scale[:, pairs, 0] + 1e-12,
+            ("m/s", "rad/s"),
+        ),
+        (
+            "is violated by the accelerations",
+            np.abs(state.rate_derivative[:, rows]),
+            _MOTION * state.scale[:, pairs, 1] + 1e-9,
+            ("m/s^2", "rad/s^2"),
+        ),
+    )
     for what, amount, most, units in figures:
         beyond = np.logical_and(amount > most, inside[:, None])
         if beyond.any():
             sample = int(np.argmax(np.any(beyond, axis=1)))
             row = int(np.argmax(np.where(beyond, amount, -1.0)[sample]))
             raise LoopMotionError(
-                linkage.name_of_row(row), here.start + sample, what,
-                float(amount[sample, row]), units[int(turning[row])],
-            )  # fmt: skip
+                linkage.name_of_row(row),
+                here.start + sample,
+                what,
+                float(amount[sample, row]),
+                units[int(turning[row])],
+            )
 
 
 def working_rates(scene: Scene, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -229,10 +242,12 @@ def _inverse(J: np.ndarray, first: int, linkage: Linkage) -> np.ndarray:
     if np.any(lost):
         sample = first + (0 if lost is True else int(np.argmax(lost)))
         raise ClosureError(
-            linkage.loops[0].name, sample, 0.0,
+            linkage.loops[0].name,
+            sample,
+            0.0,
             "the independent joints do not determine how the others move there (a toggle, or too "
             "few of them)",
-        )  # fmt: skip
+        )
     return np.einsum("tki,tk,tjk->tij", right, 1.0 / size, left)
 
 

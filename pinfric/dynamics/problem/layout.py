@@ -263,8 +263,12 @@ def _coordinates(scene: Scene, motors: bool) -> dict[str, Any]:
         "coordinate_v": np.array([key[0] for key in keys], dtype=np.int64),
         "coordinate_action": np.array([key[1] for key in keys], dtype=np.int64),
         "coordinate_row": rows,
-        "viscous": viscous, "dry": dry, "stick_velocity": stick, "block": block, "ball": ball,
-    }  # fmt: skip
+        "viscous": viscous,
+        "dry": dry,
+        "stick_velocity": stick,
+        "block": block,
+        "ball": ball,
+    }
 
 
 def _gear_coordinates(scene: Scene, keys: list[_Key], entries: int, motors: bool) -> dict[str, Any]:

@@ -62,10 +62,14 @@ def _carry(t: Tables, k: Supply, j: int, s: Vector6) -> Vector6:
     fx, fy, fz = m * (vx + wy * z - wz * y), m * (vy + wz * x - wx * z), m * (vz + wx * y - wy * x)
     xx, xy, yy = k.inertia[1 + j, 0], k.inertia[1 + j, 1], k.inertia[1 + j, 2]
     xz, yz, zz = k.inertia[1 + j, 3], k.inertia[1 + j, 4], k.inertia[1 + j, 5]
-    return (fx, fy, fz,
-            xx * wx + xy * wy + xz * wz + y * fz - z * fy,
-            xy * wx + yy * wy + yz * wz + z * fx - x * fz,
-            xz * wx + yz * wy + zz * wz + x * fy - y * fx)  # fmt: skip
+    return (
+        fx,
+        fy,
+        fz,
+        xx * wx + xy * wy + xz * wz + y * fz - z * fy,
+        xy * wx + yy * wy + yz * wz + z * fx - x * fz,
+        xz * wx + yz * wy + zz * wz + x * fy - y * fx,
+    )
 
 
 @kernel
@@ -133,8 +137,9 @@ def _relate_frames(t: Tables, k: Supply, w: Work) -> None:
             velocity[0, j, 3 + r] = x * v[j, 3] + y * v[j, 4] + z * v[j, 5]
             acceleration[0, j, r] = x * ax + y * ay + z * az + gravity[r]
             acceleration[0, j, 3 + r] = x * a[j, 3] + y * a[j, 4] + z * a[j, 5]
-    relate_pairs(p, R, velocity, acceleration, t.actions, w.gap, w.rate, w.rate_derivative, w.tilt,
-                 w.terms)  # fmt: skip
+    relate_pairs(
+        p, R, velocity, acceleration, t.actions, w.gap, w.rate, w.rate_derivative, w.tilt, w.terms
+    )
 
 
 @kernel
@@ -577,8 +582,14 @@ def _write_tree_wrench(t: Tables, k: Supply, w: Work, row: int, j: int) -> None:
     R, above, below, G = k.R, w.above, w.below, w.wrench_map
     x, y, z = k.p[1 + j, 0], k.p[1 + j, 1], k.p[1 + j, 2]
     for n in range(G.shape[2]):
-        moves = (above[j, n, 0], above[j, n, 1], above[j, n, 2],
-                 above[j, n, 3], above[j, n, 4], above[j, n, 5])  # fmt: skip
+        moves = (
+            above[j, n, 0],
+            above[j, n, 1],
+            above[j, n, 2],
+            above[j, n, 3],
+            above[j, n, 4],
+            above[j, n, 5],
+        )
         fx, fy, fz, mx, my, mz = _carry(t, k, j, moves)
         fx, fy, fz = fx + below[j, n, 0], fy + below[j, n, 1], fz + below[j, n, 2]
         mx += below[j, n, 3] - y * fz + z * fy
@@ -677,8 +688,9 @@ def _add_multipliers(t: Tables, w: Work, push: np.ndarray) -> None:
         given = G.copy()
         for row in range(rows):
             add_products(among[row], y, given[row])
-        share_redundant(given[: layout.sharing], among, free[:, : nl - rank].copy(),
-                        layout.inverse_length, y)  # fmt: skip
+        share_redundant(
+            given[: layout.sharing], among, free[:, : nl - rank].copy(), layout.inverse_length, y
+        )
     for row in range(rows):
         add_products(among[row], y, G[row])
 

@@ -12,9 +12,13 @@ from pinfric.model.scene import Scene
 
 
 def motor_torques(
-    scene: Scene, states: States, whole: slice, efforts: tuple[np.ndarray, np.ndarray],
-    velocity: np.ndarray, acceleration: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    scene: Scene,
+    states: States,
+    whole: slice,
+    efforts: tuple[np.ndarray, np.ndarray],
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return (T, na) least and greatest motor torque; the efforts themselves where no gear is.
 
     T_m = effort / (r efficiency) + motor_viscous + r J_rotor a, see `drives.motor_torque_bounds`.
@@ -38,9 +42,14 @@ def motor_torques(
     for d, drive in enumerate(scene.drives):
         if drive.transmission is not None:
             lower[:, d], upper[:, d] = motor_torque_bounds(
-                drive.transmission, lower[:, d], upper[:, d], velocity[inner, d],
-                acceleration[inner, d], at_rest[inner, d], stick[d],
-            )  # fmt: skip
+                drive.transmission,
+                lower[:, d],
+                upper[:, d],
+                velocity[inner, d],
+                acceleration[inner, d],
+                at_rest[inner, d],
+                stick[d],
+            )
     return lower, upper
 
 

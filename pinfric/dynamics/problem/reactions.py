@@ -151,8 +151,10 @@ def applied_wrenches(
     """
     applied = []
     if not isinstance(external, Mapping | None):
-        raise StateError(f"external: should be a mapping of frames to wrenches on them, found "
-                         f"{type(external).__name__}")  # fmt: skip
+        raise StateError(
+            f"external: should be a mapping of frames to wrenches on them, found "
+            f"{type(external).__name__}"
+        )
     for name, given in (external or {}).items():
         wrench = real_numbers(f"external[{name!r}]", given)
         if wrench.shape not in ((6,), (samples, 6)):
@@ -161,8 +163,9 @@ def applied_wrenches(
                 "force then moment on the frame, in its axes"
             )
         if impossible(wrench).any():
-            raise StateError(f"external[{name!r}]: holds NaN, Inf or more than "
-                             f"{LARGEST_OF_A_MOTION:g}")  # fmt: skip
+            raise StateError(
+                f"external[{name!r}]: holds NaN, Inf or more than {LARGEST_OF_A_MOTION:g}"
+            )
         frame = _frame(scene, name)
         in_joint = wrench @ frame.placement.toDualActionMatrix().T
         in_joint = np.ascontiguousarray(np.broadcast_to(in_joint, (samples, 6)))

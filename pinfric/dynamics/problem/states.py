@@ -80,8 +80,10 @@ class States:
             attached = flags("attached", attached)
             wanted = (len(q), len(scene.payloads))
             if attached.shape != wanted:
-                raise StateError(f"attached: shape {attached.shape}; should be {wanted}: samples, "
-                                 f"then {list(scene.payloads)}")  # fmt: skip
+                raise StateError(
+                    f"attached: shape {attached.shape}; should be {wanted}: samples, "
+                    f"then {list(scene.payloads)}"
+                )
         return cls(_on_manifold(model, q), v, a, t, attached)
 
     def part(self, part: slice) -> States:
@@ -146,8 +148,10 @@ def _samples(name: str, given: Any, width: int) -> np.ndarray:
         raise StateError(f"{name}: no samples")
     if (wrong := impossible(array)).any():
         i, j = np.argwhere(wrong)[0]
-        raise StateError(f"{name}: sample {i}, column {j} is {array[i, j]}; should be finite and "
-                         f"at most {LARGEST_OF_A_MOTION:g}")  # fmt: skip
+        raise StateError(
+            f"{name}: sample {i}, column {j} is {array[i, j]}; should be finite and "
+            f"at most {LARGEST_OF_A_MOTION:g}"
+        )
     return array
 
 

@@ -135,9 +135,14 @@ def efforts_in_parts(
     for part in numba.prange(parts):
         i, j = part * n // parts, (part + 1) * n // parts
         effort_bounds(
-            frictionless[i:j], friction_lower[i:j], friction_upper[i:j], velocity_index, ratio,
-            lower[i:j], upper[i:j],
-        )  # fmt: skip
+            frictionless[i:j],
+            friction_lower[i:j],
+            friction_upper[i:j],
+            velocity_index,
+            ratio,
+            lower[i:j],
+            upper[i:j],
+        )
 
 
 @parallel_kernel

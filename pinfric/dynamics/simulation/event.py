@@ -83,9 +83,16 @@ class EventIntegration(Integration):
         if first_step is not None:
             first_step = min(first_step, end - self.t)
         with finite(self.t):
-            solver = DOP853(self.rhs, self.t, self.y, end, rtol=self.settings.rtol,
-                            atol=self.settings.atol, max_step=self.settings.max_step,
-                            first_step=first_step)  # fmt: skip
+            solver = DOP853(
+                self.rhs,
+                self.t,
+                self.y,
+                end,
+                rtol=self.settings.rtol,
+                atol=self.settings.atol,
+                max_step=self.settings.max_step,
+                first_step=first_step,
+            )
         longest = self.settings.max_step
         while solver.status == "running":
             self._step(solver)

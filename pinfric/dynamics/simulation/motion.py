@@ -37,10 +37,23 @@ _MOST_HALVES = 16
 #: Efforts this small beside a drive's largest have no sign.
 _ROUNDING = 1e-12
 #: Arrays of a motion that go into its file as they are.
-ARRAYS = ("t", "q", "v", "a", "effort", "modes", "friction", "normal_load", "phase_t",
-          "phase_modes")  # fmt: skip
+ARRAYS = (
+    "t",
+    "q",
+    "v",
+    "a",
+    "effort",
+    "modes",
+    "friction",
+    "normal_load",
+    "phase_t",
+    "phase_modes",
+)
 #: Those of them with a column for each site.
 SITE_ARRAYS = ("modes", "friction", "normal_load")
+
+#: What a motion can do, as its `repr` says.
+_MORE = ".summary() .plot() .to_dataframe() .stick_intervals() .energy() .sample(t)"
 
 
 @dataclass(frozen=True)
@@ -126,21 +139,28 @@ class Motion(Shown):
 
     def __repr__(self) -> str:
         driven = "" if self.motor_torque is None else ", torques of the motors given"
-        title = (f"of {file_name(self.scene.source)} by {self.method}{driven}: "
-                 f"{counted(len(self.t), 'sample')}, {self.t[-1] - self.t[0]:.4g} s")  # fmt: skip
+        title = (
+            f"of {file_name(self.scene.source)} by {self.method}{driven}: "
+            f"{counted(len(self.t), 'sample')}, {self.t[-1] - self.t[0]:.4g} s"
+        )
         kinds = [event.kind for event in self.events]
         happened = [counted(kinds.count(kind), kind) for kind in dict.fromkeys(kinds)]
         intervals = self.stick_intervals()
         sticks = [f"{i.start:.4g}-{i.end:.4g} s" for i in intervals]
         speeds = [f"{x:.3g}" for x in np.abs(self.v).max(axis=0, initial=0.0)]
-        return screen("Motion", title, {
-            "speeds": f"{listed(velocity_names(self.scene.model), speeds)} (largest, rad/s or m/s)",
-            "sticks": listed([i.site for i in intervals], sticks) or "none",
-            "events": ", ".join(happened) or "none",
-            "status": f"{self.status}; {counted(self.evaluations, 'right-hand side')}"
-                      + (f"; {self.message}" if self.status != FINISHED else ""),
-            "more": ".summary() .plot() .to_dataframe() .stick_intervals() .energy() .sample(t)",
-        })  # fmt: skip
+        largest = listed(velocity_names(self.scene.model), speeds)
+        return screen(
+            "Motion",
+            title,
+            {
+                "speeds": f"{largest} (largest, rad/s or m/s)",
+                "sticks": listed([i.site for i in intervals], sticks) or "none",
+                "events": ", ".join(happened) or "none",
+                "status": f"{self.status}; {counted(self.evaluations, 'right-hand side')}"
+                + (f"; {self.message}" if self.status != FINISHED else ""),
+                "more": _MORE,
+            },
+        )
 
     @property
     def given(self) -> str:
@@ -224,8 +244,13 @@ class Motion(Shown):
             gears, (rate, _) = scene_gears(self.scene), working_rates(self.scene, *ends)
             rotors = 0.5 * gears.ratio**2 * gears.rotor_inertia * rate**2
             change += float((rotors[1] - rotors[0]).sum())
-        return Energy(float(sums[0]), change, sums[1 : 1 + ns], sums[1 + ns :],
-                      float(sums[0] - change - sums[1:].sum()))  # fmt: skip
+        return Energy(
+            float(sums[0]),
+            change,
+            sums[1 : 1 + ns],
+            sums[1 + ns :],
+            float(sums[0] - change - sums[1:].sum()),
+        )
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all columns with names: t, `<joint>.q` (one number), then `<name>.<quantity>`."""
@@ -246,20 +271,24 @@ class Motion(Shown):
         """Write an npz file that `load_motion` reads back, with a digest of the scene's parts."""
         path = Path(path).with_suffix(".npz")
         about = {
-            "format": FORMAT, "method": self.method, "status": self.status,
-            "message": self.message, "evaluations": self.evaluations,
+            "format": FORMAT,
+            "method": self.method,
+            "status": self.status,
+            "message": self.message,
+            "evaluations": self.evaluations,
             "scene": scene_digests(self.scene, self.given),
             "source": self.scene.source,
             "carried": self.carried,
             "events": [[e.time, e.name, e.kind, e.direction] for e in self.events],
-        }  # fmt: skip
+        }
         arrays = {name: getattr(self, name) for name in ARRAYS}
         if self.motor_torque is not None:
             arrays["motor_torque"] = self.motor_torque
 
         def write(file: Path) -> None:
-            np.savez_compressed(file, allow_pickle=False, about=np.array(json.dumps(about)),
-                                **arrays)  # fmt: skip
+            np.savez_compressed(
+                file, allow_pickle=False, about=np.array(json.dumps(about)), **arrays
+            )
 
         try:
             return write_file(path, write)
@@ -329,15 +358,18 @@ class Dense:
     def rows(self, times: np.ndarray) -> list[tuple[np.ndarray, ...]]:
         """Rows as `Recorder.row` makes them at times of the motion."""
         steps = np.clip(self.t.searchsorted(times, side="right") - 1, 0, len(self.t) - 2)
-        return [self.solve(time, *self.at(int(step), time))
-                for time, step in zip(times.tolist(), steps, strict=True)]  # fmt: skip
+        return [
+            self.solve(time, *self.at(int(step), time))
+            for time, step in zip(times.tolist(), steps, strict=True)
+        ]
 
     def sample(self, motion: Motion, times: np.ndarray) -> Motion:
         """See `Motion.sample`."""
         columns = [np.array(column) for column in zip(*self.rows(times), strict=True)]
         changed: dict[str, Any] = dict(zip(ARRAYS[:8], columns, strict=False))
-        return replace(motion, motor_torque=None if motion.motor_torque is None else columns[8],
-                       **changed)  # fmt: skip
+        return replace(
+            motion, motor_torque=None if motion.motor_torque is None else columns[8], **changed
+        )
 
     def integrate(self, motion: Motion) -> np.ndarray:
         """Work of the drives and loss at sites and gears, J, by Gauss's rule in every step.
@@ -382,8 +414,9 @@ def powers(motion: Motion) -> np.ndarray:
         gears = gears._replace(stick_velocity=np.zeros_like(gears.stick_velocity))
         given, still = torque * gears.ratio, drives == 0.0
         lower, upper = np.empty((2, *drives.shape))
-        write_motor_torques(gears, motion.effort, motion.effort, drives, np.zeros_like(drives),
-                            still, lower, upper)  # fmt: skip
+        write_motor_torques(
+            gears, motion.effort, motion.effort, drives, np.zeros_like(drives), still, lower, upper
+        )
         lost = np.where(still, 0.0, (lower * gears.ratio - motion.effort) * drives)
     work = (given * drives).sum(axis=1, keepdims=True)
     return np.concatenate([work, -motion.friction * sites, lost], axis=1)

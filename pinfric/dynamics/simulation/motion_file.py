@@ -99,8 +99,13 @@ def _problems(scene: Scene, about: _About, arrays: dict[str, Any]) -> list[str]:
     """What of the file cannot be a motion of the scene: shapes, values, names."""
     model, sites = scene.model, len(scene.sites)
     samples, phases = len(np.atleast_1d(arrays["t"])), len(np.atleast_1d(arrays["phase_modes"]))
-    widths = {"q": model.nq, "v": model.nv, "a": model.nv, "effort": len(scene.drives),
-              "motor_torque": len(scene.drives)}  # fmt: skip
+    widths = {
+        "q": model.nq,
+        "v": model.nv,
+        "a": model.nv,
+        "effort": len(scene.drives),
+        "motor_torque": len(scene.drives),
+    }
     shapes: dict[str, tuple[int, ...]] = {
         name: (samples, widths.get(name, sites)) for name in arrays
     }
@@ -110,21 +115,36 @@ def _problems(scene: Scene, about: _About, arrays: dict[str, Any]) -> list[str]:
         for name, shape in shapes.items()
         if arrays[name].shape != shape
     ]
-    problems += [f"{name} holds no real numbers ({array.dtype})"
-                 for name, array in arrays.items() if array.dtype.kind not in "fi"]  # fmt: skip
+    problems += [
+        f"{name} holds no real numbers ({array.dtype})"
+        for name, array in arrays.items()
+        if array.dtype.kind not in "fi"
+    ]
     if problems:
         return problems
     if samples == 0 or phases == 0:
         return ["it has no samples"]
-    problems += [f"{name} is not finite, or beyond any machine"
-                 for name, array in arrays.items() if impossible(array).any()]  # fmt: skip
-    problems += [f"{name} holds other modes than -1, 0, 1" for name in ("modes", "phase_modes")
-                 if not np.isin(arrays[name], (-1, 0, 1)).all()]  # fmt: skip
+    problems += [
+        f"{name} is not finite, or beyond any machine"
+        for name, array in arrays.items()
+        if impossible(array).any()
+    ]
+    problems += [
+        f"{name} holds other modes than -1, 0, 1"
+        for name in ("modes", "phase_modes")
+        if not np.isin(arrays[name], (-1, 0, 1)).all()
+    ]
     if (np.diff(arrays["t"]) <= 0).any() or (np.diff(arrays["phase_t"]) < 0).any():
         problems.append("its times do not increase")
-    problems += [f"there is no payload {brief(name)}"
-                 for name in about.carried or () if name not in scene.payloads]  # fmt: skip
+    problems += [
+        f"there is no payload {brief(name)}"
+        for name in about.carried or ()
+        if name not in scene.payloads
+    ]
     named = {*scene.site_names, *scene.joint_names}
-    problems += [f"an event names {brief(event[1])}, which is not there"
-                 for event in about.events if event[1] not in named]  # fmt: skip
+    problems += [
+        f"an event names {brief(event[1])}, which is not there"
+        for event in about.events
+        if event[1] not in named
+    ]
     return problems

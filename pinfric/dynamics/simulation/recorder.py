@@ -64,8 +64,17 @@ class Recorder:
         torque = (
             self.system.u / ws.tables.gears.ratio if ws.given == "motor_torque" else np.zeros(0)
         )
-        return (np.array(t), q.copy(), v.copy(), ws.a.copy(), ws.effort.copy(),
-                ws.site_modes.copy(), ws.phi.copy(), ws.load.copy(), torque)  # fmt: skip
+        return (
+            np.array(t),
+            q.copy(),
+            v.copy(),
+            ws.a.copy(),
+            ws.effort.copy(),
+            ws.site_modes.copy(),
+            ws.phi.copy(),
+            ws.load.copy(),
+            torque,
+        )
 
     def sample(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
         """Keep the system's present solution; in place of a sample at the same time."""
@@ -142,8 +151,17 @@ class Recorder:
         nq, nv = self.system.ws.nq, self.system.ws.nv
         ns, na = self.system.ws.phi.size, self.system.ws.na
         motors = self.system.ws.given == "motor_torque"
-        widths: list[tuple[int, ...]] = [(), (nq,), (nv,), (nv,), (na,), (ns,), (ns,), (ns,),
-                                         (na * motors,)]  # fmt: skip
+        widths: list[tuple[int, ...]] = [
+            (),
+            (nq,),
+            (nv,),
+            (nv,),
+            (na,),
+            (ns,),
+            (ns,),
+            (ns,),
+            (na * motors,),
+        ]
         columns = [
             np.array([row[i] for row in self.rows]).reshape((len(self.rows), *w))
             for i, w in enumerate(widths)

@@ -117,8 +117,8 @@ def simulate(
     settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints, motor_torque)
     if numbers.get("max_step") is None:
-        settings = replace(settings, max_step=_longest_step(made, method, settings.t_end),
-                           look=settings.t_end / 250)  # fmt: skip
+        longest = _longest_step(made, method, settings.t_end)
+        settings = replace(settings, max_step=longest, look=settings.t_end / 250)
     applied = applied_wrenches(scene, external, 1)
     carried = None if attached is None else tuple(attached)
     system = System(Workspace(scene, carried, made.given == "motor_torque"), made, applied)
@@ -135,8 +135,9 @@ def _read(scene: Scene, method: str, t_end: float | None, numbers: Numbers) -> S
     for name, value in numbers.items():
         if value is not None and name not in _READ[method]:
             readers = " and ".join(m for m, names in _READ.items() if name in names)
-            raise SimulationError(f"{name} = {value!r}: is for {readers}; {method} takes "
-                                  f"{', '.join(_READ[method])}")  # fmt: skip
+            raise SimulationError(
+                f"{name} = {value!r}: is for {readers}; {method} takes {', '.join(_READ[method])}"
+            )
     return settings
 
 
@@ -202,12 +203,10 @@ def _settings(
     """Check the numbers, and fill in what depends on the others."""
     if method not in METHODS:
         raise SimulationError(f"method {method!r}: there are {', '.join(METHODS)}")
-    named = {
-        "t_end": t_end, "rtol": rtol, "atol": atol, "dt": dt,
-        "regularization_velocity": regularization_velocity,
-        "sample_step": sample_step, "max_step": max_step, "max_events": max_events,
-    }  # fmt: skip
-    for name, value in named.items():
+    steps = {"dt": dt, "sample_step": sample_step, "max_step": max_step}
+    others = {"rtol": rtol, "atol": atol, "max_events": max_events}
+    others["regularization_velocity"] = regularization_velocity
+    for name, value in {"t_end": t_end, **steps, **others}.items():
         if value is None:
             continue
         good = isinstance(value, int | float | np.number) and not isinstance(value, bool)
@@ -218,13 +217,17 @@ def _settings(
     if max_events != int(max_events):
         raise SimulationError(f"max_events = {max_events!r}: should be a whole number")
     if not _FINEST <= rtol <= 1 or atol > 1:
-        raise SimulationError(f"rtol = {rtol:g}, atol = {atol:g}: should be at most 1, rtol at "
-                              f"least {_FINEST:g} (rounding)")  # fmt: skip
-    steps = {"sample_step": sample_step, "dt": dt if method == "timestepping" else None}
-    for name, step in steps.items():
+        raise SimulationError(
+            f"rtol = {rtol:g}, atol = {atol:g}: should be at most 1, rtol at "
+            f"least {_FINEST:g} (rounding)"
+        )
+    fixed = {"sample_step": sample_step, "dt": dt if method == "timestepping" else None}
+    for name, step in fixed.items():
         if step is not None and t_end / step > _MOST_STEPS:
-            raise SimulationError(f"t_end = {t_end:g} s at {name} = {step:g} s: {t_end / step:.3g} "
-                                  f"steps; at most {_MOST_STEPS:g} are possible")  # fmt: skip
+            raise SimulationError(
+                f"t_end = {t_end:g} s at {name} = {step:g} s: {t_end / step:.3g} "
+                f"steps; at most {_MOST_STEPS:g} are possible"
+            )
     _check_steps(method, "max_step =", max_step, t_end)
     if t_end > LONGEST_TIME:
         raise SimulationError(f"t_end = {t_end:g} s: should be at most {LONGEST_TIME:g} s")
@@ -247,8 +250,10 @@ def _start(scene: Scene, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
     for name, array in (("q0", q), ("v0", v)):
         if (wrong := impossible(array)).any():
             i = int(np.argmax(wrong))
-            raise StateError(f"{name}: column {i} is {array[i]}; should be finite and at most "
-                             f"{LARGEST_OF_A_MOTION:g}")  # fmt: skip
+            raise StateError(
+                f"{name}: column {i} is {array[i]}; should be finite and at most "
+                f"{LARGEST_OF_A_MOTION:g}"
+            )
     states = States.of(scene, q, v, np.zeros(scene.model.nv))
     q, v = states.q[0], states.v[0]
     if scene.linkage is not None:

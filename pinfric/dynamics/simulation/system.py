@@ -143,8 +143,7 @@ class System:
         breaks = self.effort.breakpoints
         ends = [*breaks[(breaks > 0.0) & (breaks < last)].tolist(), last]
         starts = [0.0, *ends[:-1]]
-        return [(start, end, bool(end in breaks))
-                for start, end in zip(starts, ends, strict=True)]  # fmt: skip
+        return [(start, end, bool(end in breaks)) for start, end in zip(starts, ends, strict=True)]
 
     def efforts(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return what drives are given (na,) at one state, see `u`.
