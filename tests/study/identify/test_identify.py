@@ -597,20 +597,19 @@ def test_a_log_of_six_seconds_is_taken_with_wider_intervals():
 
 
 def test_a_long_log_is_prepared_in_parts_as_in_one(monkeypatch):
-    motion = excitation(0, 60.0, 125.0)
+    motion = excitation(0, 30.0, 100.0)
     given = pf.Log(motion.t, motion.q, motor_effort(truth(), motion))
     (recording,) = read_recordings(truth(), [given], {}, {}, pf.ReadingOptions())
     whole = prepare(truth(), recording)
-    monkeypatch.setattr(columns, "PART", 2000)
+    monkeypatch.setattr(columns, "PART", 500)
     tracemalloc.start()
     parts = prepare(truth(), recording)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert parts.rigid == pytest.approx(whole.rigid, abs=1e-9 * np.abs(whole.rigid).max())
-    # the regressor of all samples would be 7500 x 6 x 60 numbers, and twice that to filter it
-    assert most - parts.rigid.nbytes < 1.5 * 7500 * 6 * 60 * 8
-    hour = replace(recording, trajectory=recording.trajectory)
-    assert thinning([hour] * 60) == 10
+    # the regressor of all samples would be 3000 x 6 x 60 numbers, and twice that to filter it
+    assert most - parts.rigid.nbytes < 1.5 * 3000 * 6 * 60 * 8
+    assert thinning([recording] * 120) == 8
     assert prepare(truth(), recording, 5).kept.size == pytest.approx(whole.kept.size / 5, abs=1)
     assert blocks(np.arange(0.0, 3600.0, 0.1))[0] == 200
 

@@ -32,10 +32,12 @@ from pinfric.study.trajectory.log.reading import DerivativeNoise, Reading, Readi
 from pinfric.study.trajectory.log.rows import (
     ROUNDED,
     Timing,
+    evenly,
     far_apart,
     gap_problems,
     held_rate,
     regular_time,
+    repeated_rows,
 )
 from pinfric.study.trajectory.log.still import find_noisy_holds
 from pinfric.study.trajectory.table import TrajectoryTable
@@ -143,15 +145,11 @@ def settle(
         recorded: the file holds measurements; they are put on regular times, with or without noise,
             because filters expect that.
     """
-    held = None if np.isfinite(plan.acceleration).any() else held_rate(plan.position)
-    rows = np.arange(plan.t.size)[held or slice(None)]
-    said = () if held is None else (
-        f"positions change in every {held.step}th row only: the {plan.t.size - rows.size} rows "
-        "between are left out",)  # fmt: skip
+    fresh, rows, said = _fresh_rows(plan)
     names = [column.name for column in columns]
     reading = Reading(rows.size, plan.t.size - rows.size, noise=dict.fromkeys(names, 0.0),
                       cutoff=dict.fromkeys(names), said=said)  # fmt: skip
-    plain = Settled(_rows_of(plan, rows), rows.astype(np.float64), reading)
+    plain = Settled(fresh, rows.astype(np.float64), reading)
     given = np.isfinite(plan.acceleration).all() and np.isfinite(plan.velocity).all()
     timing = regular_time(plain.table.t)
     if timing is None or given:
@@ -175,6 +173,41 @@ def settle(
     if isinstance(options.cutoff, float):
         problems += _cutoff_problems(options.cutoff, timing)
     return plain if problems else _filtered(columns, sampled, noisy, options)
+
+
+def _fresh_rows(
+    plan: TrajectoryTable,
+) -> tuple[TrajectoryTable, NDArray[np.int64], tuple[str, ...]]:
+    """Return the rows that do not repeat a row before them, which ones they are, and what to say.
+
+    Times are those of the source, where rows that follow at its rate have clearly less noise than
+    rows at the recorder's stamps.
+    """
+    rows = np.arange(plan.t.size)
+    if np.isfinite(plan.acceleration).any():
+        return plan, rows, ()
+    if (held := held_rate(plan.position)) is not None:
+        kept = rows[held]
+        return _rows_of(plan, kept), kept, (
+            f"positions change in every {held.step}th row only: the {rows.size - kept.size} rows "
+            "between are left out",)  # fmt: skip
+    again = repeated_rows(plan.position)
+    if again.size == 0:
+        return plan, rows, ()
+    kept = np.setdiff1d(rows, again)
+    fresh = _rows_of(plan, kept)
+    words = f"left out {counted(again.size, 'row')} that repeat the row before"
+    even = evenly(fresh.t)
+    if even is None or not _less_noise(fresh.position, even, fresh.t):
+        return fresh, kept, (words,)
+    words += f": the source has {1.0 / (even[1] - even[0]):.4g} Hz, less than the log"
+    return replace(fresh, t=even), kept, (words,)
+
+
+def _less_noise(position: FloatArray, t: FloatArray, than: FloatArray) -> bool:
+    """Whether positions have clearly less noise at some times than at others."""
+    own, other = (sum(noise_level(q, at) for q in position.T) for at in (t, than))
+    return own < _CLEARLY * other
 
 
 def _is_short_log(t: FloatArray) -> bool:
@@ -223,10 +256,7 @@ def _on_regular_time(plain: Settled, timing: Timing) -> _Sampled:
 
 def _stamps_are_better(position: FloatArray, stamps: FloatArray, regular: FloatArray) -> bool:
     """Whether positions have clearly less noise at the stamps than at regular times."""
-    if (np.diff(stamps) <= 0.0).any():
-        return False
-    own, other = (sum(noise_level(q, t) for q in position.T) for t in (stamps, regular))
-    return own < _CLEARLY * other
+    return not (np.diff(stamps) <= 0.0).any() and _less_noise(position, stamps, regular)
 
 
 def _by_stamps(plain: Settled, timing: Timing, reading: Reading) -> _Sampled:

@@ -33,6 +33,8 @@ ROUNDED = 1e-3
 _REGULAR = 1e-6
 #: Share of the changes that come at one and the same number of rows, where a slower rate is held.
 _SAME_PERIOD = 0.9
+#: Counts by which a joint moves in the rows beside one that repeats the row before it.
+_CLEAR_STEP = 10.0
 
 
 @dataclass(frozen=True)
@@ -132,9 +134,7 @@ def _only_jitters(t: FloatArray) -> bool:
     middle = float(np.median(steps))
     if t.size < FEWEST or np.median(np.abs(steps - middle)) <= _PRECISE * middle:
         return False
-    number = np.arange(t.size)
-    step, start = np.polyfit(number, t, 1)
-    return bool(step > 0.0 and np.std(t - start - step * number) <= _JITTER * step)
+    return evenly(t) is not None
 
 
 def regular_time(t: FloatArray) -> Timing | None:
@@ -219,6 +219,43 @@ def held_rate(position: FloatArray) -> slice | None:
         return None
     phase = int(np.bincount(places % period).argmax())
     return slice(phase, None, period)
+
+
+def repeated_rows(position: FloatArray) -> NDArray[np.int64]:
+    """Return the rows that repeat the row before them in the middle of a motion.
+
+    A recorder that is faster than its source, or a source that is late, has nothing new to write.
+    Where all joints slow down to a stop and go on, a repetition is the motion itself.
+
+    Args:
+        position: (rows, nj) rad or m.
+    """
+    same = np.ones(max(len(position) - 1, 0), dtype=bool)
+    for q in position.T:  # one after another: a long log fills much of the memory
+        same &= np.diff(q) == 0.0
+    places = np.flatnonzero(same[2:-2]) + 2
+    found = np.zeros(places.size, dtype=bool)
+    for q in position.T if places.size else ():
+        steps = np.diff(q)
+        sizes = np.abs(steps)
+        least = np.min(sizes, where=sizes > 0.0, initial=np.inf)
+        inner = np.minimum(sizes[places - 1], sizes[places + 1])
+        outer = np.maximum(sizes[places - 2], sizes[places + 2])
+        goes_on = steps[places - 1] * steps[places + 1] > 0.0
+        found |= goes_on & (inner > _CLEAR_STEP * least) & (inner > 0.5 * outer)
+    return places[found] + 1
+
+
+def evenly(t: FloatArray) -> FloatArray | None:
+    """Return the times of rows that were taken one step after another; None: they were not.
+
+    Args:
+        t: (rows,) stamps, s.
+    """
+    number = np.arange(t.size, dtype=np.float64)
+    step, start = np.polyfit(number, t, 1)
+    even = start + step * number
+    return even if step > 0.0 and np.std(t - even) <= _JITTER * step else None
 
 
 def gaps(t: FloatArray) -> NDArray[np.int64]:
