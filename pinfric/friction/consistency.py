@@ -110,36 +110,33 @@ def _share_unlimited(
 ) -> None:
     """Write the friction of the sites of a coordinate at rest of which one or more have no limit.
 
-    The unlimited sites get, one after the other, as little as they may of what the others leave.
+    The limited ones get the middle of what the others leave, each unlimited one what it must have
+    at least; the last that can take it, the rest.
     """
-    limited, unlimited = np.zeros(2), np.zeros(2)
+    low = high = beyond_low = beyond_high = 0.0
     for s in range(phi.size):
         if problem.coordinate[s] == c:
             least, greatest = site_limits(problem, load, s)
-            of = limited if greatest - least < np.inf else unlimited
-            of[0] += least
-            of[1] += greatest
-    first = max(limited[0], friction - unlimited[1])
-    last = min(limited[1], friction - unlimited[0])
-    left, width = friction - 0.5 * (first + last), limited[1] - limited[0]
-    share = (friction - left - limited[0]) / width if width > 0.0 else 0.5
-    for s in range(phi.size):
-        if problem.coordinate[s] != c:
-            continue
-        least, greatest = site_limits(problem, load, s)
-        if greatest - least < np.inf:
-            phi[s] = (least + share * (greatest - least)) / problem.ratio[s]
-            continue
-        rest = np.zeros(2)
-        for other in range(s + 1, phi.size):
-            if problem.coordinate[other] == c:
-                ends = site_limits(problem, load, other)
-                if not ends[1] - ends[0] < np.inf:
-                    rest[0] += ends[0]
-                    rest[1] += ends[1]
-        part = min(max(0.0, least, left - rest[1]), greatest, left - rest[0])
-        phi[s] = part / problem.ratio[s]
-        left -= part
+            if greatest - least < np.inf:
+                low, high = low + least, high + greatest
+            else:
+                beyond_low, beyond_high = beyond_low + least, beyond_high + greatest
+    middle = 0.5 * (max(low, friction - beyond_high) + min(high, friction - beyond_low))
+    share = (middle - low) / (high - low) if high > low else 0.5
+    left = friction - middle
+    for spread in (True, False):  # the second time from the last site on
+        for n in range(phi.size):
+            s = n if spread else phi.size - 1 - n
+            if problem.coordinate[s] != c:
+                continue
+            least, greatest = site_limits(problem, load, s)
+            had = 0.0 if spread else phi[s] * problem.ratio[s]
+            part = min(max(0.0 if spread else had + left, least), greatest)
+            if greatest - least < np.inf:
+                part = least + share * (greatest - least)
+            else:
+                left -= part - had
+            phi[s] = part / problem.ratio[s]
 
 
 @kernel

@@ -191,6 +191,26 @@ def test_given_modes_against_scipy(seed):
         pytest.fail("SciPy finds a solution where the search found none")
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_sites_of_which_some_hold_without_limit_share_what_one_coordinate_needs(seed):
+    """Each stays within its limits, infinite ones included; together they are what is needed."""
+    rng = np.random.default_rng(seed)
+    p = empty_problem(np.zeros(5, np.int64), rng.choice([-0.7, 1.0, 2.0], 5),
+                      np.arange(5), np.zeros(5))  # fmt: skip
+    p.coulomb_stick[:] = rng.uniform(-0.5, 2.0, (5, 1))  # below 0: it must add at least so much
+    p.coulomb_stick[:, 1] += rng.uniform(0.0, 3.0, 5) - 2.0 * p.coulomb_stick[:, 0]
+    p.coulomb_stick[rng.random((5, 2)) < 0.3] = np.inf
+    p.coulomb_stick[0, seed % 2] = np.inf
+    m, lower, upper, phi = Modes.of(1, 5), np.empty(1), np.empty(1), np.full(5, np.nan)
+    stick_limits(p, m.load, lower, upper)
+    m.stuck[:] = True
+    m.friction[:] = np.clip(rng.normal(scale=5.0), lower, upper)
+    site_friction(p, m, lower, upper, phi)
+    assert (phi >= -p.coulomb_stick[:, 0] - 1e-12).all()
+    assert (phi <= p.coulomb_stick[:, 1] + 1e-12).all()
+    assert p.ratio @ phi == pytest.approx(m.friction[0], rel=1e-12, abs=1e-12)
+
+
 def test_fixed_point_and_newton_both_occur_and_agree():
     """Weak coupling ends by the fixed point, strong coupling needs Newton; both are verified."""
     passes = []
