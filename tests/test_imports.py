@@ -11,17 +11,8 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "pinfric"
 LAYERS = [
-    "errors",
-    "kernels",
-    "model",
-    "friction",
-    "dynamics",
-    "study",
-    "show",
-    "paper",
-    "terminal",
-    "cli",
-    "__main__",
+    *("errors", "kernels", "model", "friction", "dynamics", "study", "show", "paper"),
+    *("terminal", "cli", "__main__"),
 ]
 #: The files of `paper/` that are its formulation; the others set it beside ours.
 JUDGE = ("bodies", "equations", "inverse", "forward", "simulate", "examples")

@@ -37,7 +37,9 @@ def found(case: str, stribeck: bool = False, seed: int = 21) -> Identified:
         scene = scene.with_(model=truth().model)
     rate = 250.0 if stribeck else 125.0  # where friction falls, a reversal takes 50 ms
     gain = dict.fromkeys(NAMES if case == "payload" else (), 1.0)
-    return pf.identify(scene, wrong_log(case, seed, 30.0 if rate < 250.0 else 60.0, rate), laws=laws, gain=gain)
+    return pf.identify(
+        scene, wrong_log(case, seed, 30.0 if rate < 250.0 else 60.0, rate), laws=laws, gain=gain
+    )
 
 
 def hits(one: Identified, stribeck: bool = False) -> dict[str, bool]:
