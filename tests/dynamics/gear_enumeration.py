@@ -24,7 +24,7 @@ from builders import geared_arm
 
 import pinfric as pf
 from pinfric.dynamics.judge.plain_laws import plain_normal_load
-from pinfric.errors import AmbiguousAcceleration, NoConsistentAcceleration
+from pinfric.errors import AmbiguousAcceleration, GearJam, NoConsistentAcceleration
 
 #: What rounding leaves of a sign or of a limit, of the forces and of the accelerations there.
 ROUNDING = 1e-9
@@ -167,6 +167,8 @@ def judge(solver, arm, q, v, torque, compare=False):
         answers = fewest(arm.accelerations(q, v, torque)) if compare else [a]
         same = len(answers) == 1 and np.allclose(a, answers[0], rtol=1e-7, atol=1e-9)
         return a, None, same
+    except GearJam as error:  # by the inertia of its rotor alone, whatever the torques
+        return None, error, True
     except (AmbiguousAcceleration, NoConsistentAcceleration) as error:
         several = isinstance(error, AmbiguousAcceleration)
         answers = fewest(arm.accelerations(q, v, torque))
