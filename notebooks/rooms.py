@@ -1,7 +1,8 @@
-"""The picture of the rooms: `python notebooks/rooms.py` draws pictures/rooms.svg from the imports.
+"""Pictures of the architecture: `python notebooks/rooms.py` writes rooms.svg and one_state.svg.
 
 Rooms stand in the order in which they may import: only what stands below. Arcs are imports that
-there are; `errors` is left out, which all of them know.
+there are; `errors` is left out, which all of them know. `STEPS` are the functions that one state
+goes through.
 """
 
 from __future__ import annotations
@@ -19,14 +20,34 @@ ROOMS = {
               "simulate: NumPy and SciPy alone"),
     "show": ("tables, figures, pages, replays", ""),
     "study": ("what users ask: files, cycles, drives, logs", ""),
-    "dynamics": ("from states to friction problems and back, in batches and in time",
-                 "inverse, forward, simulate, holds, solver, check"),
+    "dynamics": ("from states to friction problems and back, in batches and in time", ""),
     "friction": ("given a problem, finds friction and proofs; knows no robot",
-                 "given_modes, modes, rest, holding, branching"),
+                 "given_modes, search, rest, holding, branching"),
     "model": ("what there is: robot, twin, bearings, laws, gears, loops; file formats",
               "scene, robot, twin, bearings, friction_terms, transmission, loops, schema"),
+    "kernels": ("how kernels are compiled, kept and, on few numbers, interpreted",
+                "compiled, interpreted"),
 }  # fmt: skip
 FRONT = {"cli": "cli", "terminal": "cli", "__main__": "cli"}
+#: One state through the program: function, its module, what it does.
+STEPS = {
+    "inverse dynamics": (
+        ("inverse_dynamics", "dynamics.inverse.inverse", "checks the motion"),
+        ("solve_tree", "dynamics.inverse.tree", "goes through the samples in batches"),
+        ("reactions", "dynamics.problem.reactions", "wrench at each joint, by Pinocchio"),
+        ("normal_loads", "model.bearings", "load of each bearing"),
+        ("friction_bounds", "model.laws", "friction, an interval at rest"),
+        ("effort_bounds", "dynamics.problem.motion_kernels", "effort = frictionless - friction"),
+    ),
+    "forward dynamics": (
+        ("forward_dynamics", "dynamics.forward.forward", "checks the state"),
+        ("solve_instant", "dynamics.problem.maps", "writes the problem, tries modes, finishes"),
+        ("solve_given_modes", "friction.given_modes", "friction and loads of given modes"),
+        ("judge", "friction.consistency", "do modes obey the law?"),
+        ("search", "friction.search", "which joints at rest stick or slip"),
+        ("finish", "dynamics.problem.maps", "accelerations, wrenches, friction of each joint"),
+    ),
+}
 WIDTH, LEFT, RIGHT, HEIGHT, GAP, MARGIN = 760, 16, 590, 62, 18, 12
 STYLE = (
     "text{font-family:system-ui,sans-serif;fill:#1f2937}"
@@ -86,17 +107,50 @@ def picture() -> str:
         curve = f"M{RIGHT} {start:g} C{reach} {start:g} {reach} {end:g} {RIGHT + 2} {end:g}"
         lines.append(f'<path class="import" d="{curve}" marker-end="url(#tip)"/>')
     height = MARGIN * 2 + len(ROOMS) * (HEIGHT + GAP) - GAP
-    return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" role="img"'
-        ' aria-label="Rooms of pinfric and their imports, which go down only">',
-        f"<style>{STYLE}</style>",
-        '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7"'
-        ' markerHeight="7" orient="auto"><path d="M0 0 8 4 0 8z" fill="#94a3b8"/></marker></defs>',
-        f'<rect width="{WIDTH}" height="{height}" rx="8" fill="white"/>',
-        *lines,
-        "</svg>",
-    ]) + "\n"  # fmt: skip
+    return framed(lines, height, "Rooms of pinfric and their imports, which go down only")
+
+
+def framed(lines: list[str], height: int, label: str) -> str:
+    """Return lines of SVG with head, style and background."""
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" role="img"'
+            f' aria-label="{label}">',
+            f"<style>{STYLE}</style>",
+            '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7"'
+            ' markerHeight="7" orient="auto"><path d="M0 0 8 4 0 8z" fill="#94a3b8"/></marker>'
+            "</defs>",
+            f'<rect width="{WIDTH}" height="{height}" rx="8" fill="white"/>',
+            *lines,
+            "</svg>\n",
+        ]
+    )
+
+
+def steps_picture() -> str:
+    """Return the picture of one state's way as SVG: a column for each question."""
+    column, room, lines = WIDTH // 2, HEIGHT + 8, []
+    for i, (question, steps) in enumerate(STEPS.items()):
+        x, width = MARGIN + i * column, column - 2 * MARGIN
+        lines.append(f'<text class="why" x="{x + 4}" y="26">{escape(question)}</text>')
+        for k, (function, module, what) in enumerate(steps):
+            y = 38 + k * (room + GAP)
+            lines += [
+                f'<rect class="room" x="{x}" y="{y}" width="{width}" height="{room}" rx="8"/>',
+                f'<text class="name" x="{x + 14}" y="{y + 25}">{escape(function)}</text>',
+                f'<text class="why" x="{x + 14}" y="{y + 43}">{escape(what)}</text>',
+                f'<text class="parts" x="{x + 14}" y="{y + 60}">{escape(module)}</text>',
+            ]
+            if k:
+                middle = x + width / 2
+                lines.append(
+                    f'<path class="import" d="M{middle:g} {y - GAP} V{y - 1}"'
+                    ' marker-end="url(#tip)"/>'
+                )
+    longest = max(len(steps) for steps in STEPS.values())
+    return framed(lines, 38 + longest * (room + GAP), "What one state goes through, step by step")
 
 
 if __name__ == "__main__":
-    (NOTEBOOKS / "pictures" / "rooms.svg").write_text(picture(), encoding="utf-8")
+    for name, text in (("rooms", picture()), ("one_state", steps_picture())):
+        (NOTEBOOKS / "pictures" / f"{name}.svg").write_text(text, encoding="utf-8")

@@ -66,10 +66,14 @@ def test_pages_name_functions_files_and_tests_that_exist(page):
         assert f"def {test}" in (ROOT / folders[0] / file).read_text(encoding="utf-8"), test
 
 
-def test_the_picture_of_the_rooms_is_that_of_the_imports(monkeypatch):
+def test_the_pictures_of_the_architecture_are_those_of_the_code(monkeypatch):
     monkeypatch.syspath_prepend(PAGES)
-    picture = importlib.import_module("rooms").picture()
-    assert picture == (PAGES / "pictures" / "rooms.svg").read_text(encoding="utf-8")
+    rooms = importlib.import_module("rooms")
+    for name, picture in (("rooms", rooms.picture()), ("one_state", rooms.steps_picture())):
+        assert picture == (PAGES / "pictures" / f"{name}.svg").read_text(encoding="utf-8")
+    for steps in rooms.STEPS.values():
+        for function, module, _ in steps:
+            assert callable(getattr(importlib.import_module(f"pinfric.{module}"), function))
 
 
 def test_a_bearing_is_added_by_the_steps_of_the_architecture(capsys):

@@ -1,1 +1,5 @@
-"""How it moves: reactions, inverse and forward dynamics, simulation."""
+"""From states of motion to efforts, from efforts to accelerations, and on in time.
+
+`problem` writes the friction problem of a state. `inverse` finds the efforts of a motion, `judge`
+recomputes them, `forward` finds accelerations at one instant, `simulation` follows them in time.
+"""

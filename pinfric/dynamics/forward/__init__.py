@@ -1,1 +1,7 @@
-"""The acceleration that given efforts cause at one instant, and whether friction holds."""
+"""The acceleration that given efforts cause at one instant.
+
+`forward` checks the state, `efforts` what drives are given. `workspace` holds the buffers: it lets
+kernels write the friction problem and try modes, and searches modes where joints rest;
+`self_locking` gives gears that lock their lines meanwhile. `holds` asks whether friction holds
+everything at rest. `solver` is the same, and inverse dynamics of one state, for control loops.
+"""

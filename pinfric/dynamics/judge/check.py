@@ -2,7 +2,7 @@
 
 Nothing here calls the twin or a compiled kernel: wrenches come from `data.f` of Pinocchio's RNEA
 with external forces, loads and friction from `plain_laws`. Scenes with loops, cylinders or forces
-are judged in `check_linkage`.
+are judged in `linkage`.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Jacobians come from Pinocchio's joint Jacobians, wrenches from `data.f` of its RNEA with every
 closure force, drive and friction torque as external forces, laws from plain NumPy (`plain_laws`).
 The ends of efforts, and whether a sample has one state of friction, several or none, come from an
-enumeration of the judge's own (`check_states`).
+enumeration of the judge's own (`states`).
 """
 
 from __future__ import annotations
