@@ -14,6 +14,8 @@ LAYERS = [
     *("errors", "kernels", "model", "friction", "dynamics", "study", "show", "paper"),
     *("terminal", "cli", "__main__"),
 ]
+#: Folders of `dynamics` in the order in which they may import.
+DYNAMICS = ["problem", "judge", "inverse", "forward", "simulation"]
 #: The files of `paper/` that are its formulation; the others set it beside ours.
 JUDGE = ("bodies", "equations", "inverse", "forward", "simulate", "examples")
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -54,6 +56,26 @@ def test_imports_go_down_the_list_only(file):
     if file != PACKAGE / "__init__.py":  # the package stands above all
         allowed = {"pinfric.dynamics.forward.solver"} if file == UPWARD else set()
         assert set(goes_up(file)) <= allowed
+
+
+def test_the_rooms_of_dynamics_import_one_way():
+    for file in (PACKAGE / "dynamics").glob("*/*.py"):
+        own = DYNAMICS.index(file.parent.name)
+        for module in imported(file):
+            parts = module.split(".")
+            if parts[:2] == ["pinfric", "dynamics"]:
+                assert DYNAMICS.index(parts[2]) <= own, (file, module)
+
+
+def test_the_judge_reads_results_only():
+    read = {
+        module
+        for file in (PACKAGE / "dynamics" / "judge").glob("*.py")
+        for module in imported(file)
+        if module.startswith("pinfric.dynamics")
+    }
+    others = {module for module in read if ".judge." not in module}
+    assert others == {"pinfric.dynamics.problem.outcome"}
 
 
 def test_the_package_as_a_whole_is_above_every_room(tmp_path, monkeypatch):

@@ -15,8 +15,8 @@ from mechanisms import add_link, bar, grounded_model, pin_friction, shifted, two
 import pinfric as pf
 from pinfric.dynamics.inverse import choices, interval_ends
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Solver
-from pinfric.dynamics.inverse.outcome import Status
 from pinfric.dynamics.inverse.solutions import one_sample
+from pinfric.dynamics.problem.outcome import Status
 
 # ---------------------------------------------------------------- without drives
 

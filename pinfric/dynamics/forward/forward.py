@@ -16,8 +16,8 @@ import numpy as np
 
 from pinfric.dynamics.forward.efforts import by_name
 from pinfric.dynamics.forward.workspace import Workspace, workspace
-from pinfric.dynamics.inverse.outcome import Status
 from pinfric.dynamics.problem.closure import check_closed
+from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.reactions import AppliedWrench, applied_wrenches
 from pinfric.dynamics.problem.states import States
 from pinfric.errors import PinfricError, StateError

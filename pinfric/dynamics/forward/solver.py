@@ -19,12 +19,12 @@ import numpy as np
 from pinfric.dynamics.forward.forward import Instant, one_of, solution, solve_state, vector
 from pinfric.dynamics.forward.workspace import Workspace, closed_configuration
 from pinfric.dynamics.inverse.linkage import solve_linkage
-from pinfric.dynamics.inverse.outcome import Status
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
 from pinfric.dynamics.problem.maps import is_normalized
 from pinfric.dynamics.problem.motion_kernels import effort_bounds
 from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record

@@ -15,12 +15,12 @@ import numpy as np
 from pinfric.dynamics.inverse.effort_maps import EffortTables, write_wrenches
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Answer, Solver
 from pinfric.dynamics.inverse.linkage_batch import friction_maps, friction_velocities, loop_wrenches
-from pinfric.dynamics.inverse.outcome import Status
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
 from pinfric.dynamics.problem.closure import PairRates, pair_rates
 from pinfric.dynamics.problem.layout import Layout, make_inverse_layout
 from pinfric.dynamics.problem.motor_torques import motor_torques
+from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.reactions import (
     CHUNK,
     AppliedWrench,

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pinfric.dynamics.inverse.outcome import Solution, Status
 from pinfric.dynamics.inverse.solutions import find_jamming_site, find_solutions
 from pinfric.dynamics.judge.check import Check, check_result
-from pinfric.dynamics.problem.reactions import AppliedWrench
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.problem.outcome import Solution, SolvedMotion, Status
 from pinfric.errors import StateError
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.coordinates import motion_columns
-from pinfric.model.scene import Scene
 from pinfric.model.upward import Shown
 
 if TYPE_CHECKING:
@@ -47,67 +44,8 @@ class StickInterval:
     end: float
 
 
-@dataclass(frozen=True)
-class InverseResult(Shown):
-    """Efforts, friction and reactions along a motion; samples first, SI units.
-
-    The ends of the intervals of different drives are each attained, but not all at one instant.
-
-    Attributes:
-        scene, states, external: what was solved.
-        effort_lower, effort_upper: (T, na) what each drive must deliver at its joint; equal where
-            everything on it slides.
-        effort_frictionless: (T, na) the same without friction.
-        motor_torque_lower, motor_torque_upper: (T, na) at the motors' shafts (N m; for an ideal
-            drive without a transmission: the effort itself).
-        sticking: (T, ns) the site's speed is at most its stick velocity.
-        reversal: (T, ns) the site passes through rest beside this sample.
-        normal_load: (T, ns) load c its friction acts on (N m about its axis, N along it).
-        friction_lower, friction_upper: (T, ns) friction of the parent on the child, along the
-            joint's positive direction.
-        wrench: (T, ns, 6) force and moment the parent transmits to the child, in the child's joint
-            frame, linear first; None where nothing in the scene looks at reactions
-            (`joint_wrenches` gives them for any scene).
-        iterations: (T,) passes of the coupled solve; 0 in an open chain with joint drives.
-        contraction: (T,) its certificate: below 1 the solution is unique; 0 without coupling.
-        status: (T,) `Status`.
-        multipliers: (T, number of loops, 6) force and moment of side a on side b of each loop, in
-            frame b, friction and drives at the loop's joint left out; None without loops.
-        interval_exact: (T,) the ends are certain; False where more sites stick than are enumerated
-            (a search by single flips), a coupled ball sticks, or a sample has several solutions;
-            and, with loops, cylinders or forces, where something sticks and a joint has no drive:
-            there they are bounds, since friction balances that joint, too.
-        redundant: the loops close more directions than are independent: reactions are those of
-            least sum of |F|^2 + |M/l|^2 over all joints.
-        actuator_velocity, actuator_acceleration: (T, na) of what each drive moves (rad/s or m/s,
-            and per second).
-
-    With loops, cylinders or forces, wrenches, multipliers and loads depend on the friction: where
-    something sticks they are those of the state in which what sticks has none.
-    """
-
-    scene: Scene
-    states: States
-    external: tuple[AppliedWrench, ...]
-    effort_lower: np.ndarray
-    effort_upper: np.ndarray
-    effort_frictionless: np.ndarray
-    motor_torque_lower: np.ndarray
-    motor_torque_upper: np.ndarray
-    sticking: np.ndarray
-    reversal: np.ndarray
-    normal_load: np.ndarray
-    friction_lower: np.ndarray
-    friction_upper: np.ndarray
-    wrench: np.ndarray | None
-    iterations: np.ndarray
-    contraction: np.ndarray
-    status: np.ndarray
-    multipliers: np.ndarray | None
-    interval_exact: np.ndarray
-    redundant: bool
-    actuator_velocity: np.ndarray
-    actuator_acceleration: np.ndarray
+class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
+    __doc__ = SolvedMotion.__doc__
 
     def __repr__(self) -> str:
         samples = counted(len(self.status), "sample")
@@ -209,7 +147,7 @@ class InverseResult(Shown):
         Independent of the solver: Pinocchio's RNEA with external forces, one sample at a time, and
         the friction laws in plain NumPy.
         """
-        return check_result(self)
+        return check_result(self, self.solutions)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return all columns with names: `t`, the motion, then what was found.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from pinfric.dynamics.inverse.choices import LOWER, SLIDES
@@ -15,16 +13,13 @@ from pinfric.dynamics.inverse.linkage_batch import (
     friction_velocities,
     loop_wrenches,
 )
-from pinfric.dynamics.inverse.outcome import Solution
 from pinfric.dynamics.problem.closure import pair_rates
 from pinfric.dynamics.problem.layout import Layout, make_inverse_layout, make_layout
+from pinfric.dynamics.problem.outcome import Solution, SolvedMotion
 from pinfric.dynamics.problem.reactions import Batch
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.given_modes import Reduced, contraction_matrix, newton, reduce_problem
 from pinfric.model.loops import Linkage
-
-if TYPE_CHECKING:
-    from pinfric.dynamics.inverse.result import InverseResult
 
 #: Starts of the wide search; how far apart solutions are at a site, relative to its friction; what
 #: rounding of the largest friction leaves in the smallest.
@@ -33,7 +28,7 @@ _STARTS, _DISTINCT, _ROUNDING = 200, 1e-6, 1e-12
 _RESIDUAL = 1e-12
 
 
-def find_solutions(result: InverseResult, sample: int) -> tuple[Solution, ...]:
+def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     """Return the states of friction that obey the laws at one sample (`result.solutions`)."""
     if result.scene.linkage is None:
         return (_of_open_chain(result, sample),)
@@ -51,7 +46,7 @@ def find_solutions(result: InverseResult, sample: int) -> tuple[Solution, ...]:
     return tuple(_solution(layout, linkage, samples, phi, na) for phi in _distinct(found))
 
 
-def one_sample(result: InverseResult, sample: int) -> tuple[Layout, Linkage, Samples, np.ndarray]:
+def one_sample(result: SolvedMotion, sample: int) -> tuple[Layout, Linkage, Samples, np.ndarray]:
     """Return what the solver had of one sample: layout, linkage, maps, velocities (1, ne)."""
     scene, states = result.scene, result.states
     linkage = scene.linkage
@@ -76,9 +71,9 @@ def reduced_problem(solver: Solver) -> Reduced:
     return reduced
 
 
-def find_jamming_site(result: InverseResult, sample: int) -> str | None:
+def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
     """Return the site whose load grows most with friction (`result.jamming_site`)."""
-    if result.scene.linkage is None or not result.site_names:
+    if result.scene.linkage is None or not result.scene.site_names:
         return None
     layout, _, samples, velocity = one_sample(result, sample)
     if samples.maps.singular[0]:
@@ -90,7 +85,7 @@ def find_jamming_site(result: InverseResult, sample: int) -> str | None:
     contraction_matrix(reduced, A)
     if spectral_radius_bound(A, vector) == 0.0:
         return None
-    return result.site_names[int(np.flatnonzero(reduced.unknown == np.argmax(vector))[0])]
+    return result.scene.site_names[int(np.flatnonzero(reduced.unknown == np.argmax(vector))[0])]
 
 
 def _search(solver: Solver) -> np.ndarray:
@@ -155,7 +150,7 @@ def _solution(
     )
 
 
-def _of_open_chain(result: InverseResult, sample: int) -> Solution:
+def _of_open_chain(result: SolvedMotion, sample: int) -> Solution:
     """The one solution where everything slides; where something sticks, the one in which it has
     no friction."""
     friction = np.where(

@@ -7,18 +7,15 @@ are judged in `linkage`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.inverse.outcome import Status
 from pinfric.dynamics.judge.linkage import Verdict, judge_linkage
 from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_friction, plain_normal_load
-
-if TYPE_CHECKING:
-    from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.dynamics.problem.outcome import Solution, SolvedMotion, Status
 
 
 @dataclass(frozen=True)
@@ -53,8 +50,13 @@ class Check:
         return bool(worst <= relative * max(self.scale, 1e-300)) and not self.wrong_status
 
 
-def check_result(result: InverseResult) -> Check:
-    """Recompute the residuals of a result (see `Check`)."""
+def check_result(result: SolvedMotion, solutions: Callable[[int], tuple[Solution, ...]]) -> Check:
+    """Recompute the residuals of a result (see `Check`).
+
+    Args:
+        result: what is judged.
+        solutions: returns the states of friction that were found at a sample; judged, too.
+    """
     states, scene = result.states, result.scene
     every = (result.effort_lower, result.effort_upper, result.effort_frictionless)
     scale = max(float(np.abs(np.nan_to_num(efforts)).max(initial=0)) for efforts in every)
@@ -63,8 +65,10 @@ def check_result(result: InverseResult) -> Check:
         model = scene.loaded_model(carried)
         data = model.createData()
         for i in range(start, stop):
-            judge = _judge_tree if scene.linkage is None else judge_linkage
-            verdicts.append(judge(result, model, data, i))
+            if scene.linkage is None:
+                verdicts.append(_judge_tree(result, model, data, i))
+            else:
+                verdicts.append(judge_linkage(result, solutions, model, data, i))
     residuals = np.array([verdict[:4] for verdict in verdicts]).reshape(-1, 4)
     wrong = np.array([verdict.wrong_status for verdict in verdicts], dtype=bool)
     each = np.where(wrong, np.inf, np.nan_to_num(residuals, nan=np.inf).max(axis=1, initial=0.0))
@@ -82,7 +86,7 @@ def check_result(result: InverseResult) -> Check:
 
 
 def _plain_rnea(
-    model: pin.Model, data: pin.Data, result: InverseResult, i: int
+    model: pin.Model, data: pin.Data, result: SolvedMotion, i: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """(nv,) tau_id and (nj, 6) joint wrenches of one sample, by the ordinary RNEA."""
     forces = pin.StdVec_Force()
@@ -94,7 +98,7 @@ def _plain_rnea(
     return total, np.array([f.vector for f in data.f][1:]).reshape(-1, 6)
 
 
-def _judge_tree(result: InverseResult, model: pin.Model, data: pin.Data, i: int) -> Verdict:
+def _judge_tree(result: SolvedMotion, model: pin.Model, data: pin.Data, i: int) -> Verdict:
     """Judge one sample of an open chain: every end is a closed form of its site's limits."""
     total, wrenches = _plain_rnea(model, data, result, i)
     scene, states = result.scene, result.states
@@ -158,7 +162,7 @@ def _ends(D: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray,
     )
 
 
-def _drive_matrix(result: InverseResult, nv: int) -> np.ndarray:
+def _drive_matrix(result: SolvedMotion, nv: int) -> np.ndarray:
     """(na, nv) that gives drives' efforts: of all u with S^T u = tau the least u^2 / share."""
     drives = result.scene.drives
     S, root = np.zeros((len(drives), nv)), np.sqrt([drive.share or 1.0 for drive in drives])

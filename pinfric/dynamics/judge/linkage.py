@@ -8,20 +8,18 @@ enumeration of the judge's own (`states`).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.inverse.outcome import Solution, Status
 from pinfric.dynamics.judge.balance import Balance, balance
 from pinfric.dynamics.judge.pairs import Pair, Sample, pair_friction
 from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_friction, plain_normal_load
 from pinfric.dynamics.judge.states import Enumeration, States, site_laws
+from pinfric.dynamics.problem.outcome import Solution, SolvedMotion, Status
 from pinfric.model.scene import Scene
-
-if TYPE_CHECKING:
-    from pinfric.dynamics.inverse.result import InverseResult
 
 #: A status "singular" is wrong if no singular value that counts is as small as this.
 _REGULAR = 1e-6
@@ -57,11 +55,18 @@ class Verdict(NamedTuple):
     undecided: bool = False
 
 
-def judge_linkage(result: InverseResult, model: pin.Model, data: pin.Data, i: int) -> Verdict:
+def judge_linkage(
+    result: SolvedMotion,
+    solutions: Callable[[int], tuple[Solution, ...]],
+    model: pin.Model,
+    data: pin.Data,
+    i: int,
+) -> Verdict:
     """Judge one sample.
 
     Args:
         result: of a scene with loops or drives off the joints.
+        solutions: see `check.check_result`.
         model, data: with the payloads of this sample.
         i: the sample.
     """
@@ -79,21 +84,21 @@ def judge_linkage(result: InverseResult, model: pin.Model, data: pin.Data, i: in
         return Verdict(np.inf, wrong_status=wrong, undecided=undecided)
     chooses = any(len(law.options) > 1 for law in laws)
     if chooses or status == Status.AMBIGUOUS:
-        solutions = result.solutions(i)
-        wrong |= not chooses and states.certain and len(solutions) != states.most
-        apart, law = _ends(sample, states, solutions, any(law.sphere for law in laws))
+        found = solutions(i)
+        wrong |= not chooses and states.certain and len(found) != states.most
+        apart, law = _ends(sample, states, found, any(law.sphere for law in laws))
         law = max(law, _reference(sample, maps, states)) if chooses else law
     else:
-        solutions, law = (_reported(sample),), 0.0
+        found, law = (_reported(sample),), 0.0
         apart = max(
             _apart(result.effort_lower[i], result.effort_upper[i]),
             _apart(result.friction_lower[i], result.friction_upper[i]),
         )
-    rows = [_residuals(sample, one) for one in solutions]
+    rows = [_residuals(sample, one) for one in found]
     worst = np.array([*rows, np.zeros(3)]).max(axis=0)
     frictionless = _apart(result.effort_frictionless[i], maps.effort[:, 0])
     equilibrium = float(np.max([worst[0], maps.missed, frictionless]))
-    scale = max([maps.scale, *(float(np.abs(one.effort).max(initial=0.0)) for one in solutions)])
+    scale = max([maps.scale, *(float(np.abs(one.effort).max(initial=0.0)) for one in found)])
     return Verdict(
         equilibrium, float(np.max([worst[1], law])), float(worst[2]), apart, scale, wrong, undecided
     )

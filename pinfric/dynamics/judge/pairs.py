@@ -6,15 +6,12 @@ Jacobians are Pinocchio's joint Jacobians, wrenches `data.f` of its RNEA; no ker
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
+from pinfric.dynamics.problem.outcome import SolvedMotion
 from pinfric.model.scene import Scene, Site
-
-if TYPE_CHECKING:
-    from pinfric.dynamics.inverse.result import InverseResult
 
 
 @dataclass(frozen=True)
@@ -62,14 +59,14 @@ class Sample:
         pairs: loops and drives off the joints.
     """
 
-    result: InverseResult
+    result: SolvedMotion
     i: int
     model: pin.Model
     data: pin.Data
     pairs: dict[str, Pair]
 
     @classmethod
-    def of(cls, result: InverseResult, model: pin.Model, data: pin.Data, i: int) -> Sample:
+    def of(cls, result: SolvedMotion, model: pin.Model, data: pin.Data, i: int) -> Sample:
         """Place everything at the sample's configuration."""
         pin.computeJointJacobians(model, data, result.states.q[i])
         return cls(result, i, model, data, _pairs(result.scene, model, data))

@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
-from pinfric.dynamics.inverse.outcome import Status
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval, runs
 from pinfric.dynamics.problem.closure import working_rates
 from pinfric.dynamics.problem.motor_torques import drive_stick_velocity, motor_torques
+from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.reactions import state_wrenches
 from pinfric.dynamics.problem.states import States
 from pinfric.dynamics.simulation.motion import FINISHED, Motion

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from pinfric import __version__
-from pinfric.dynamics.inverse.outcome import Status
 from pinfric.dynamics.inverse.result import InverseResult, runs
+from pinfric.dynamics.problem.outcome import Status
 from pinfric.model.brief import counted
 from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
 from pinfric.show.report.values import digits, json_safe, rough, span
