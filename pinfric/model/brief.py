@@ -5,12 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from pinfric.model.closure import velocity_names
-
-if TYPE_CHECKING:
-    from pinfric.model.scene import Scene
 
 #: Letters a line, and lines a fact may take.
 _WIDTH, _LINES = 100, 2
@@ -59,38 +53,3 @@ def listed(names: Sequence[str], values: Iterable[str] = (), room: int = 150) ->
 def counted(count: int, noun: str, several: str = "") -> str:
     """Return "1 joint", "2 joints"; `several` is the plural where an s is not enough."""
     return f"{count} {noun if count == 1 else several or f'{noun}s'}"
-
-
-def scene_screen(scene: Scene) -> str:
-    """Return what a scene says of itself."""
-    model, joints = scene.model, scene.joint_names
-    mass = sum(inertia.mass for inertia in model.inertias)
-    title = f"{file_name(scene.source)}: {counted(len(joints), 'joint')}, {mass:.4g} kg that move"
-    geared = sum(drive.transmission is not None for drive in scene.drives)
-    none = [velocity_names(model)[v] for v in scene.mobility.undriven]
-
-    given = [actuator.drive_name for actuator in scene.actuators or ()]
-    reordered = bool(given) and given != list(scene.actuator_names)
-
-    def among(names: Sequence[str]) -> str:
-        return "at every joint" if tuple(names) == joints else listed(names)
-
-    return screen(
-        "Scene",
-        title,
-        {
-            "joints": listed(joints),
-            "friction": among(scene.site_names) or "none",
-            "drives": among(scene.actuator_names)
-            + ", in the model's order" * reordered
-            + f"; {geared} with a transmission" * bool(geared),
-            "undriven": listed(none),
-            "payloads": listed(
-                list(scene.payloads),
-                [f"{payload.mass:.4g} kg" for payload in scene.payloads.values()],
-            ),
-            "loops": listed([loop.name for loop in scene.loops]),
-            "gravity": ", ".join(f"{x:.4g}" for x in model.gravity.linear) + " m/s^2",
-            "stick": f"{scene.stick_velocity:g} rad/s or m/s",
-        },
-    )

@@ -17,7 +17,7 @@ from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from, 
 from pinfric.model.alignment import align_axes, shift_frames
 from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, contacts
-from pinfric.model.brief import scene_screen
+from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.closure import close, velocity_indices, velocity_names
 from pinfric.model.couples import check_couples, taking_part
 from pinfric.model.drives import Drive
@@ -290,7 +290,39 @@ class Scene:
         return self.model.copy()
 
     def __repr__(self) -> str:
-        return scene_screen(self)
+        model, joints = self.model, self.joint_names
+        mass = sum(inertia.mass for inertia in model.inertias)
+        title = (
+            f"{file_name(self.source)}: {counted(len(joints), 'joint')}, {mass:.4g} kg that move"
+        )
+        geared = sum(drive.transmission is not None for drive in self.drives)
+        none = [velocity_names(model)[v] for v in self.mobility.undriven]
+
+        given = [actuator.drive_name for actuator in self.actuators or ()]
+        reordered = bool(given) and given != list(self.actuator_names)
+
+        def among(names: Sequence[str]) -> str:
+            return "at every joint" if tuple(names) == joints else listed(names)
+
+        return screen(
+            "Scene",
+            title,
+            {
+                "joints": listed(joints),
+                "friction": among(self.site_names) or "none",
+                "drives": among(self.actuator_names)
+                + ", in the model's order" * reordered
+                + f"; {geared} with a transmission" * bool(geared),
+                "undriven": listed(none),
+                "payloads": listed(
+                    list(self.payloads),
+                    [f"{payload.mass:.4g} kg" for payload in self.payloads.values()],
+                ),
+                "loops": listed([loop.name for loop in self.loops]),
+                "gravity": ", ".join(f"{x:.4g}" for x in model.gravity.linear) + " m/s^2",
+                "stick": f"{self.stick_velocity:g} rad/s or m/s",
+            },
+        )
 
     @property
     def joint_names(self) -> tuple[str, ...]:
