@@ -13,7 +13,7 @@ import numpy as np
 
 from pinfric.friction.least_use import Rest, friction_and_limits, write_limit
 from pinfric.friction.minimax import least_violation
-from pinfric.kernels.compiled import at_once, kernel
+from pinfric.kernels.compiled import call_compiled, kernel
 
 #: Accuracy of the linear programs.
 _EXACT = 1e-12
@@ -72,7 +72,7 @@ def prove(rest: Rest, z: np.ndarray, use: float, margin: float, most_nodes: int)
     )
     outcome = branch(rest, program, z, min(_FEW_NODES, most_nodes))
     if outcome < 0 and most_nodes > _FEW_NODES:
-        outcome = at_once(branch, rest, program, z, most_nodes)
+        outcome = call_compiled(branch, rest, program, z, most_nodes)
     return int(outcome)
 
 

@@ -76,7 +76,7 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, {"nogil": True, "error_model": "numpy"}, waits=True)
 
 
-def at_once(made: Any, *arguments: Any) -> Any:
+def call_compiled(made: Any, *arguments: Any) -> Any:
     """Call a kernel compiled, which with few numbers it need not be: it may run for long."""
     compile_for(made, *arguments)
     return made(*arguments)

@@ -127,7 +127,7 @@ def _no_load(gear: Transmission) -> np.ndarray:
     return size * ways
 
 
-def loses(gears: Gears) -> np.ndarray:
+def lossy_gears(gears: Gears) -> np.ndarray:
     """Return which gears (na,) lose what they carry, or have a no-load torque."""
     lines = zip(gears.first[:, 0], gears.last[:, 1], strict=True)
     loss = np.array(
@@ -155,7 +155,7 @@ def least_slopes(gears: Gears, speed: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 - factor * steepest)
 
 
-def may_lock(gears: Gears) -> np.ndarray:
+def self_locking_gears(gears: Gears) -> np.ndarray:
     """Return which gears (na,) are self-locking at rest, or at a speed."""
     still, fast = (least_slopes(gears, np.full(len(gears.ratio), x)) for x in (0.0, 1e6))
     return np.asarray((still <= 0.0) | (fast <= 0.0))

@@ -243,8 +243,8 @@ def friction_bounds(
             limit_forward = laws.mu_static[s] * c + laws.coulomb_static[s, 0]
             limit_backward = laws.mu_static[s] * c + laws.coulomb_static[s, 1]
             moving = friction_at(laws, s, abs(v))
-            one_way = moving.drag_forward if v > 0.0 else moving.drag_backward
-            drag = laws.viscous[s] * v + np.copysign(moving.drag_mu * c + one_way, v)
+            directed_drag = moving.drag_forward if v > 0.0 else moving.drag_backward
+            drag = laws.viscous[s] * v + np.copysign(moving.drag_mu * c + directed_drag, v)
             if sticks:
                 # a site without dry friction has nothing to stick by
                 dry = (

@@ -14,7 +14,7 @@ from types import ModuleType
 import pytest
 
 from pinfric.errors import PinfricError, PinfricWarning
-from pinfric.kernels.compiled import _CheckedFile, at_once, check_numba
+from pinfric.kernels.compiled import _CheckedFile, call_compiled, check_numba
 
 ROOT = Path(__file__).parents[2]
 KERNEL = """
@@ -90,7 +90,7 @@ def test_constants_of_a_type_share_one_kernel(decorator, count, tmp_path, monkey
     monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "cache"))
     (tmp_path / "constants_of_a_test.py").write_text(CONSTANTS.format(decorator))
     made = runpy.run_path(tmp_path / "constants_of_a_test.py")
-    assert at_once(made["all_four"], 21.0) == 127.0
+    assert call_compiled(made["all_four"], 21.0) == 127.0
     assert len(made["chosen"].signatures) == count
 
 

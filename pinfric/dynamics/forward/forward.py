@@ -136,7 +136,7 @@ def solve_state(
     """
     q, v = vector("q", q, ws.nq, "nq"), vector("v", v, ws.nv, "nv")
     effort = drive_vector(ws, effort)
-    if not ws.must_obey:
+    if not ws.must_project:
         ws.solve(q, v, effort, applied)
     elif not _solved_as_given(ws, q, v, effort, applied):
         states = States.of(ws.scene, q, v, np.zeros(ws.nv))

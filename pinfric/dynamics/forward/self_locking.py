@@ -17,7 +17,7 @@ from pinfric.dynamics.problem.layout import Layout
 from pinfric.dynamics.problem.machine import Work
 from pinfric.friction.consistency import SHOULD_STICK
 from pinfric.friction.modes import Modes
-from pinfric.model.drives import gear_slips, may_lock
+from pinfric.model.drives import gear_slips, self_locking_gears
 
 #: So many gears are let hold in all ways, or slip on lines that fall where not every mode is tried.
 _MOST = 6
@@ -32,7 +32,7 @@ class LockingGears:
 
     def __init__(self, layout: Layout, work: Work, modes: Modes) -> None:
         """Take the tables, and the buffers that are written: lines of gears, and modes."""
-        self.gears = np.flatnonzero(may_lock(layout.gears))
+        self.gears = np.flatnonzero(self_locking_gears(layout.gears))
         self._table, self._coordinate = layout.gears, layout.gear_coordinate
         self._work, self._modes = work, modes
         self._falling: tuple[int, ...] = ()

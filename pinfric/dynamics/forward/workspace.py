@@ -109,14 +109,14 @@ class Workspace:
         given: what drives are given: "effort", or "motor_torque"; then `effort` is r T_m of each.
         problem, modes: the coupled problem and its solution.
         mechanism: how its coordinates hang together.
-        must_obey: whether a configuration can be none: loops open, quaternions not of length 1.
+        must_project: whether a configuration can be none: loops open, quaternions not of length 1.
         closed: whether coordinates may depend on each other, see `Tables.dependent`.
         a, effort, phi, load, wrench: (nv,), (na,), (ns,), (ns,), (ns, 6) of the solution:
             accelerations, what drives deliver, friction, normal load and wrench of each site.
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
         locked: whether what sticks lets nothing move (known where loops close).
-        standing: what `obey` keeps where it is, see `stand`; None in an open chain.
+        standing: what `project` keeps where it is, see `hold_position`; None in an open chain.
         turns_balls: whether the friction of balls that slip is pointed against their motion.
         least, most: (nc,) static limits of the friction x.
         site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
@@ -135,7 +135,7 @@ class Workspace:
         self.tables = t = make_layout(scene, motors)
         self.linkage = scene.linkage
         self.turns_balls, self.locked = True, False
-        self.must_obey = scene.linkage is not None or self.nq != self.nv
+        self.must_project = scene.linkage is not None or self.nq != self.nv
         self.supplier = Supplier(self.twin)
         tables = make_tables(self.twin, scene.linkage, t)
         self.closed = tables.dependent
@@ -222,10 +222,10 @@ class Workspace:
             speed[here] = np.linalg.norm(rates[here])
         return speed
 
-    def obey(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the state with loops closed exactly and what sticks exactly at rest.
 
-        What stands still stays where it is, see `stand`.
+        What stands still stays where it is, see `hold_position`.
         """
         stuck = self.modes.stuck
         if not self.closed:
@@ -234,7 +234,7 @@ class Workspace:
         self._relate(q, v)
         return q, self._slowed(v, stuck)
 
-    def stand(self, q: np.ndarray) -> np.ndarray:
+    def hold_position(self, q: np.ndarray) -> np.ndarray:
         """Let `obey` keep what sticks, until it slips, where it is at q; return q (nq,), closed."""
         stuck = self.modes.stuck
         if self.standing is None or (self.standing.coordinates == stuck).all():
@@ -448,7 +448,7 @@ class Workspace:
         self.mechanism.factor = np.zeros_like(self.mechanism.factor)
         self.mechanism.factor[:rows, here] = (np.sqrt(size)[:, None] * axes.T)[len(size) - rows :]
 
-    def facing(self, rates: np.ndarray) -> np.ndarray:
+    def slip_direction(self, rates: np.ndarray) -> np.ndarray:
         """Return the direction (nc,) in which each coordinate slips; a ball has a vector."""
         out = self.modes.direction.copy()
         if self._balls.size:
@@ -469,7 +469,7 @@ class Workspace:
         """Return the coordinates that break away when those in `fired` do: one freedom's, all."""
         return self.mechanism.companions(self.modes.stuck, fired) if self.closed else fired
 
-    def way_out(self) -> np.ndarray:
+    def breakaway_direction(self) -> np.ndarray:
         """Return the direction (nc,) in which what sticks would break away: against friction."""
         if self.closed:
             return self.mechanism.way.copy()

@@ -14,7 +14,7 @@ from pinfric.dynamics.problem.reactions import (
     Batch,
     generalized_effort,
     reactions,
-    relieve,
+    subtract_external_wrenches,
 )
 from pinfric.dynamics.problem.states import States
 from pinfric.model.closure import action_maps, tree_tables
@@ -60,7 +60,7 @@ def friction_maps(
     """
     q, a, n = states.q[part], states.a[part], part.stop - part.start
     reactions(twin, q, states.v[part], a, batch, threads)
-    relieve(twin, applied, part, batch)
+    subtract_external_wrenches(twin, applied, part, batch)
     tau = np.empty((n, twin.nv))
     generalized_effort(twin, batch.wrench, a, tau)
     p, R = np.empty((n, twin.n_joints, 3)), np.empty((n, twin.n_joints, 3, 3))

@@ -26,7 +26,7 @@ from pinfric.dynamics.problem.reactions import (
     constant_payloads,
     generalized_effort,
     reactions,
-    relieve,
+    subtract_external_wrenches,
 )
 from pinfric.dynamics.problem.reversals import reversals
 from pinfric.dynamics.problem.states import States
@@ -177,7 +177,7 @@ def _react(
     if every:  # every joint is a site: no second copy of its wrench
         now = Batch(now.q, now.v, now.a, answer.wrench)
     reactions(twin, q, states.v[part], a, now, threads)
-    relieve(twin, applied, part, now)
+    subtract_external_wrenches(twin, applied, part, now)
     if not every:
         answer.wrench[:] = now.wrench[:, sites.joint]
     moves = sites.contacts.moves.any()

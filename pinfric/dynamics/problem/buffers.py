@@ -60,7 +60,7 @@ class Supplier:
             self._copy()
         if applied:
             for wrench in applied:
-                self._relieve(wrench.joint, wrench.wrench[0])
+                self._subtract(wrench.joint, wrench.wrench[0])
 
     def balance(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> None:
         """Compute the wrenches and, in `h`, the efforts that a motion takes without friction."""
@@ -73,7 +73,7 @@ class Supplier:
         pin.forwardKinematics(self.model, self.data, q, v)
         self._copy()
 
-    def _relieve(self, row: int, wrench: np.ndarray) -> None:
+    def _subtract(self, row: int, wrench: np.ndarray) -> None:
         """Let a wrench on a link, in its joint's frame, relieve the joints that carry it."""
         twin, h, force = self.twin, self.supply.h, pin.Force(wrench)
         while row >= 0:

@@ -15,7 +15,7 @@ import numpy as np
 
 from pinfric.dynamics.problem.motor_torques import scene_gears
 from pinfric.model.couples import delivery, rate_rows
-from pinfric.model.drives import Gears, gear_table, loses
+from pinfric.model.drives import Gears, gear_table, lossy_gears
 from pinfric.model.laws import Laws
 from pinfric.model.scene import Scene
 from pinfric.model.twin import Twin
@@ -283,7 +283,7 @@ def _gear_coordinates(scene: Scene, keys: list[_Key], entries: int, motors: bool
     drives = scene.drives if motors else ()
     gears = scene_gears(scene) if motors else gear_table([], [])
     entry, coordinate = np.full((2, len(drives)), -1, dtype=np.int64)
-    for d in np.flatnonzero(loses(gears)):
+    for d in np.flatnonzero(lossy_gears(gears)):
         key = int(drives[d].velocity_index), drives[d].column, -1
         if drives[d].couples:
             key = -1, -1, int(d)

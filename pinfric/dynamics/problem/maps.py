@@ -233,8 +233,8 @@ def write_laws(t: Tables, w: Work) -> None:
         p.coulomb_slip[e, 0], p.coulomb_slip[e, 1] = moving.forward, moving.backward
         p.drag[e] = laws.viscous[s] * velocity
         if speed > 0.0:  # a ball's drag lies along its velocity
-            one_way = moving.drag_forward if velocity > 0.0 else moving.drag_backward
-            p.drag[e] += one_way * (velocity / speed)
+            directed_drag = moving.drag_forward if velocity > 0.0 else moving.drag_backward
+            p.drag[e] += directed_drag * (velocity / speed)
 
 
 @kernel
@@ -254,8 +254,8 @@ def _take_out_drag(t: Tables, w: Work) -> None:
         velocity = ratio * rate[c]
         speed = _ball_speed(t, rate, c) if layout.ball[c] else abs(velocity)
         now = friction_at(laws, s, speed)
-        one_way = now.drag_forward if velocity > 0.0 else now.drag_backward
-        if one_way == 0.0 == now.drag_mu:
+        directed_drag = now.drag_forward if velocity > 0.0 else now.drag_backward
+        if directed_drag == 0.0 == now.drag_mu:
             continue
         p.mu_slip[e] = now.mu
         loaded = now.drag_mu * w.modes.load[e] if now.drag_mu > 0.0 else 0.0
@@ -264,7 +264,7 @@ def _take_out_drag(t: Tables, w: Work) -> None:
         rise = faster.drag_forward if velocity > 0.0 else faster.drag_backward
         if now.drag_mu > 0.0:
             rise += faster.drag_mu * w.modes.load[e]
-        drag = one_way + loaded
+        drag = directed_drag + loaded
         w.damping[c] += ratio * ratio * max(drag, 0.5 * (rise - drag) / _FASTER) / speed
 
 

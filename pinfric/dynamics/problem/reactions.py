@@ -100,7 +100,7 @@ def state_wrenches(
             now = batch.first(part.stop - part.start)
             now = Batch(now.q, now.v, now.a, out[part])
             reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
-            relieve(twin, applied, part, now)
+            subtract_external_wrenches(twin, applied, part, now)
     return out
 
 
@@ -128,7 +128,9 @@ def reactions(
     pin.rneaInParallel(threads, twin.pool(threads), batch.q.T, batch.v.T, batch.a.T, flat.T)
 
 
-def relieve(twin: Twin, applied: Sequence[AppliedWrench], part: slice, batch: Batch) -> None:
+def subtract_external_wrenches(
+    twin: Twin, applied: Sequence[AppliedWrench], part: slice, batch: Batch
+) -> None:
     """Subtract what acts from outside from the joints that carry it."""
     for wrench in applied:
         transmit(wrench.wrench[part], wrench.joint, *tree_tables(twin), batch.q, batch.wrench)

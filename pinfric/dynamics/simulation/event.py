@@ -108,7 +108,7 @@ class EventIntegration(Integration):
             self.t, self.y = solver.t, solver.y.copy()
             self.allowance[self._guards_at_end >= 0.0] = 0.0
             if self.linked:  # what the integration leaves open is closed: no drift
-                self.y = self.obeying(self.y)
+                self.y = self.projected(self.y)
                 solver.y, solver.f = self.y.copy(), self.rhs(solver.t, self.y)
                 self._watch()
             solver.max_step = min(longest, 2.0 * solver.max_step)
@@ -151,7 +151,7 @@ class EventIntegration(Integration):
         for t in record.due(start, end):
             q, v = self.state(polynomial(t))
             if self.linked and not (self.ws.locked and not v.any()):
-                q, v = self.ws.obey(q, v)
+                q, v = self.ws.project(q, v)
             self.system.solve_given_modes(t, q, v)
             record.sample(t, q, v)
         record.watch_limits(start, end, along(self.chart, polynomial, nv))
@@ -180,7 +180,7 @@ class EventIntegration(Integration):
 
     def _watch(self) -> None:
         """Watch every coordinate's speed in the direction in which it slips now."""
-        self.forward = self.ws.facing(self.ws.rates(*self.state(self.y)))
+        self.forward = self.ws.slip_direction(self.ws.rates(*self.state(self.y)))
 
     def _slack(self) -> np.ndarray:
         """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
@@ -243,7 +243,7 @@ class EventIntegration(Integration):
         forced: dict[int, float] = {}
         if len(stopped) < len(fired):
             self.system.solve_given_modes(self.t, q, v)
-            way = ws.way_out()
+            way = ws.breakaway_direction()
             broken = ws.breaking_with(fired[modes.stuck[fired]])
             forced = {int(c): float(way[c]) for c in broken}
         modes.at_rest[:] = modes.stuck
@@ -269,9 +269,9 @@ class EventIntegration(Integration):
         turned = np.isin(np.arange(self.nc), stopped) & (modes.direction != before.direction)
         self.record.changes(self.t, before, turned)
         if self.linked:
-            self.y = self.obeying(self.y)
+            self.y = self.projected(self.y)
             q, v = self.state(self.y)
-            self.ws.stand(q)
+            self.ws.hold_position(q)
         self.record.sample(self.t, q, v)
         self._allow()
         held = fired[before.stuck[fired] & modes.stuck[fired]]
@@ -285,7 +285,7 @@ class EventIntegration(Integration):
         In a mechanism others stop along, or none does, where a joint passes its dead centre.
         """
         if self.linked:
-            self.y = self.obeying(self.y)
+            self.y = self.projected(self.y)
         if not slow:
             return []
         q, v = self.state(self.y)

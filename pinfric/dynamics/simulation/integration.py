@@ -20,7 +20,7 @@ def begin(
     system.solve(0.0, q, v)
     record.phase(0.0)
     record.sample(0.0, q, v)
-    return ws.stand(q), v
+    return ws.hold_position(q), v
 
 
 class Integration:
@@ -59,11 +59,11 @@ class Integration:
         nv = self.ws.nv
         return self.chart.configuration(np.ascontiguousarray(y[:nv])), np.ascontiguousarray(y[nv:])
 
-    def obeying(self, y: np.ndarray) -> np.ndarray:
+    def projected(self, y: np.ndarray) -> np.ndarray:
         """Return the state nearest to y in which loops are closed and what sticks is at rest."""
         nv = self.ws.nv
         before, v = self.state(y)
-        q, v = self.ws.obey(before, v)
+        q, v = self.ws.project(before, v)
         moved = self.chart.rate(y[:nv], difference(self.chart.model, before, q))
         return np.concatenate([y[:nv] + moved, v])
 

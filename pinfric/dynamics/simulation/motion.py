@@ -22,7 +22,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.closure import velocity_names
 from pinfric.model.coordinates import motion_columns
-from pinfric.model.drives import loses, write_motor_torques
+from pinfric.model.drives import lossy_gears, write_motor_torques
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
 from pinfric.model.upward import Shown
@@ -388,7 +388,7 @@ class Dense:
         half = (end - start) / 2
         part = self.sample(motion, start + half * (1 + nodes))
         if motion.motor_torque is not None and depth < _MOST_HALVES:
-            lossy = loses(scene_gears(motion.scene))
+            lossy = lossy_gears(scene_gears(motion.scene))
             either = np.minimum(part.effort.max(axis=0), -part.effort.min(axis=0))
             size = np.abs(motion.effort).max(axis=0, initial=0.0)
             if (either > _ROUNDING * size)[lossy].any():

@@ -209,7 +209,7 @@ class Recorder:
             phase = np.clip(phase_t.searchsorted(t, side="right") - 1, 0, len(phase_modes) - 1)
             system.ws.set_modes(phase_modes[phase])
             system.within(*pieces[max(int(starts.searchsorted(t, side="right")) - 1, 0)])
-            q, v = system.ws.obey(q, v)
+            q, v = system.ws.project(q, v)
             system.solve_given_modes(t, q, v)
             return self.row(t, q, v)
 

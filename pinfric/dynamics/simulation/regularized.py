@@ -67,14 +67,14 @@ class RegularizedIntegration(Integration):
             self.record.watch_limits(solver.t_old, solver.t, along(chart, polynomial, nv))
             self.record.progress(solver.t)
             if self.linked:  # what the integration leaves open is closed: no drift
-                solver.y = self.obeying(solver.y)
+                solver.y = self.projected(solver.y)
                 solver.f = self.rhs(solver.t, solver.y)
             if chart.is_far(solver.y[:nv]):
                 break
         return float(solver.t), solver.y.copy()
 
     def _sample(self, t: float, y: np.ndarray) -> None:
-        q, v = self.state(self.obeying(y) if self.linked else y)
+        q, v = self.state(self.projected(y) if self.linked else y)
         self.solve(t, q, v)
         self.record.phase(t)
         self.record.sample(t, q, v)

@@ -60,13 +60,13 @@ def step_through(
         stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
         v = v + dt * ws.accelerations()
-        v = ws.obey(middle, v)[1]
+        v = ws.project(middle, v)[1]
         q = pin.integrate(model, middle, 0.5 * dt * v)
         # v obeys the loops at the middle; made to obey them here it would lack half their impulse
-        q, at_end = ws.obey(q, v)
+        q, at_end = ws.project(q, v)
         if stopped:
             _hold_or_turn(system, end, q, at_end, before)
-        ws.stand(q)
+        ws.hold_position(q)
         turned = (ws.modes.direction * before.direction < 0.0) & ~ws.tables.ball
         # what came to rest did so at the step's end, what left at its start
         record.changes(end if stopped else t, before, turned)
