@@ -19,13 +19,13 @@ from pinfric.friction.consistency import site_friction
 #: fitted to 140 kernels timed one by one (correlation 0.87). What `finish` does beyond 2,000: loads
 #: of gears and bearings that hold without limit, and exact zeros beside what sticks.
 BUDGET = {
-    "dynamics.maps.solve_instant": 60_500,
-    "dynamics.maps.finish": 3_300,
-    "dynamics.effort_maps.map_friction": 5_500,
-    "dynamics.effort_maps.write_wrenches": 1_100,
-    "dynamics.choices.solve_list": 12_700,
-    "dynamics.solver.rub": 5_300,
-    "dynamics.threaded.friction_in_parts": 2_600,
+    "dynamics.problem.maps.solve_instant": 60_500,
+    "dynamics.problem.maps.finish": 3_300,
+    "dynamics.inverse.effort_maps.map_friction": 5_500,
+    "dynamics.inverse.effort_maps.write_wrenches": 1_100,
+    "dynamics.inverse.choices.solve_list": 12_700,
+    "dynamics.forward.solver.rub": 5_300,
+    "dynamics.problem.threaded.friction_in_parts": 2_600,
     "friction.branching.branch": 6_400,
     "friction.least_use.descend": 4_500,
     "model.kinematics.relate_pairs": 6_700,
