@@ -137,7 +137,7 @@ def test_an_unknown_payload_is_no_factor_on_efforts():
 @pytest.mark.slow
 def test_an_unknown_payload_leaves_friction_in_its_intervals():
     assert np.mean(list(hits(found("payload")).values())) >= 0.85
-    assert any("payload is missing" in line for line in found("payload").said)
+    assert any("scene lacks a payload" in line for line in found("payload").said)
 
 
 def test_a_bearing_that_the_scene_lacks_is_named():
