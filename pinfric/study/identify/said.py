@@ -16,6 +16,7 @@ from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import Parameter
 from pinfric.study.identify.recordings import stick_velocity
 from pinfric.study.identify.rest import BreakAway, RestBound
+from pinfric.study.identify.zeros import turned_zeros
 from pinfric.study.summary import effort_unit
 
 #: Below this share of its velocity limit a joint has not been fast.
@@ -50,6 +51,7 @@ def said(
     lines += [f"{what}: {', '.join(names)}" for what, names in _of_joints(found, rest, static)
               if names]  # fmt: skip
     lines += _misfits(found, shapes)
+    lines += _zeros(found)
     lines += _of_masses(found)
     stick = stick_velocity(found.question.scene, found.question.recordings)
     if stick > found.question.scene.stick_velocity:
@@ -83,6 +85,17 @@ def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
                      f"{abs(half):.2g} {unit} in the effort's sensor would explain; intervals are "
                      "widened to hold both")  # fmt: skip
     return lines
+
+
+def _zeros(found: Estimate) -> list[str]:
+    """Angles whose zero may be off by a quarter or half turn."""
+    better = turned_zeros(found)
+    if not better:
+        return []
+    names, best = found.scene.joint_names, max(better, key=lambda one: one.gain)
+    each = " or ".join(f"{names[one.joint]} {np.degrees(one.turn):+.0f} degrees" for one in better)
+    return [f"lack of fit: another zero of an angle leaves {100 * best.gain:.0f} % less of the "
+            f"residual's square: {each}; check the zeros of the logged angles"]  # fmt: skip
 
 
 def _of_logs(found: Estimate) -> list[str]:
