@@ -37,7 +37,7 @@ from pinfric.show.replay.frames import make_frames
 from pinfric.show.report.identify import identify_json
 from pinfric.study.identify import columns
 from pinfric.study.identify.advice import advice_text
-from pinfric.study.identify.choice import held_out_parts, smallest_good
+from pinfric.study.identify.choice import free_errors, held_out_parts, smallest_good
 from pinfric.study.identify.columns import blocks, prepare, thinning
 from pinfric.study.identify.delay import LogDelay, common_delay
 from pinfric.study.identify.estimate import _at_an_end
@@ -673,6 +673,10 @@ def test_a_kr300_whose_signs_nobody_knows_says_how_far_it_is_off():
     assert all(0.02 < one < 0.5 for one in share.values()), share
     missed = next(line for line in found.said if line.startswith("off by more than a tenth"))
     assert max(share, key=share.__getitem__) in missed
+    worse = next((line for line in found.said if line.startswith("held-out errors are")), "")
+    free = free_errors(found.estimate.problem, found.estimate.rows)
+    for (name, error), least in zip(found.errors.items(), free, strict=True):
+        assert (error.error > 1.03 * least) == (f"{name} by" in worse)
     turned = replace(log, q=-log.q, effort=-log.effort)
     with pytest.raises(IdentificationError, match="joint a4: its effort falls where"):
         pf.identify(scene, turned, laws=dict.fromkeys(scene.joint_names, Law()))
