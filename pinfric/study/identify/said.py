@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pinfric.study.identify.choice import free_errors
 from pinfric.study.identify.columns import FEWEST_ROWS
 from pinfric.study.identify.delay import other_delays
 from pinfric.study.identify.estimate import Estimate, scale_is_known
@@ -16,6 +17,7 @@ from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import Parameter
 from pinfric.study.identify.recordings import stick_velocity
 from pinfric.study.identify.rest import BreakAway, RestBound
+from pinfric.study.identify.zeros import turned_zeros
 from pinfric.study.summary import effort_unit
 
 #: Below this share of its velocity limit a joint has not been fast.
@@ -24,6 +26,8 @@ _FAST = 0.2
 _MISSED = 0.1
 #: Share of the time at rest in which an effort should be within the interval.
 _HELD_INSIDE = 0.985
+#: How much larger an error may be than that of least squares without a word.
+_WORSE = 0.03
 #: URDFs' masses are wrong by 10 to 40 %: a larger change has another cause.
 _MOVED = 0.5
 
@@ -50,6 +54,8 @@ def said(
     lines += [f"{what}: {', '.join(names)}" for what, names in _of_joints(found, rest, static)
               if names]  # fmt: skip
     lines += _misfits(found, shapes)
+    lines += _zeros(found)
+    lines += _worse(found)
     lines += _of_masses(found)
     stick = stick_velocity(found.question.scene, found.question.recordings)
     if stick > found.question.scene.stick_velocity:
@@ -83,6 +89,31 @@ def _misfits(found: Estimate, shapes: Sequence[Misfit]) -> list[str]:
                      f"{abs(half):.2g} {unit} in the effort's sensor would explain; intervals are "
                      "widened to hold both")  # fmt: skip
     return lines
+
+
+def _zeros(found: Estimate) -> list[str]:
+    """Angles whose zero may be off by a quarter or half turn."""
+    better = turned_zeros(found)
+    if not better:
+        return []
+    names, best = found.scene.joint_names, max(better, key=lambda one: one.gain)
+    each = " or ".join(f"{names[one.joint]} {np.degrees(one.turn):+.0f} degrees" for one in better)
+    return [f"lack of fit: another zero of an angle leaves {100 * best.gain:.0f} % less of the "
+            f"residual's square: {each}; check the zeros of the logged angles"]  # fmt: skip
+
+
+def _worse(found: Estimate) -> list[str]:
+    """Joints that ordinary least squares with plain friction predicts better, and why."""
+    if found.question.keep_inertias:
+        return []
+    free, own = free_errors(found.problem, found.rows), found.errors[0]
+    worse = [f"{found.scene.joint_names[j]} by {100 * (own[j] / free[j] - 1):.0f} %"
+             for j in found.known if own[j] > (1.0 + _WORSE) * free[j]]  # fmt: skip
+    if not worse:
+        return []
+    return ["held-out errors are larger than those of least squares with Coulomb and viscous "
+            f"friction and links that no URDF holds back: {', '.join(worse)}; the URDF is off "
+            "there, or too little was logged to choose a law"]  # fmt: skip
 
 
 def _of_logs(found: Estimate) -> list[str]:

@@ -374,7 +374,7 @@ def test_noisy_logs_of_all_joints_of_a_loop_are_closed(name, tmp_path):
     truth, found = (peaks(pf.inverse_dynamics(scene, m)) for m in (plan, motion))
     np.testing.assert_allclose(found, truth, rtol=0.01)
     q[:, -1] += 0.05  # no noise: another zero
-    open_loop = write_csv(tmp_path / "log.csv", plan.t, plan.joint_names, q)
+    open_loop = write_csv(tmp_path / "log.csv", plan.t[:300], plan.joint_names, q[:300])
     with pytest.raises(pf.PinfricError, match=r"is open at sample 0, by 0\.0"):
         pf.inverse_dynamics(scene, pf.load_trajectory(open_loop, scene))
 
