@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.model.compiled import at_once, kernel
+
 #: Singular values below this many times the first one are zero.
 RANK = 1e-9
 #: Rates that friction cannot take away are rounding below this many times the terms' size.
@@ -104,21 +106,48 @@ def share_one(
         slope: (n, n) d limit_k / d x_j.
         used: t so far.
     """
-    same = np.equal.outer(block, block).astype(float)
-    number = same.sum(axis=0)
     direct = A[0] * np.sign(b[0])
-    z = direct
-    for _ in range(50):
-        before, z = z, direct + used * slope.T @ (np.sqrt(same @ z**2) / number)
-        if not np.abs(z).max() < 1e3 * np.abs(direct).max():
-            z = direct  # friction without bound: the mechanism jams
-            break
-        if np.abs(z - before).max() <= 1e-12 * np.abs(z).max():
-            break
+    z = np.empty_like(direct)
+    at_once(_along_one, direct, np.ascontiguousarray(used * slope.T), block, z)
+    same = np.equal.outer(block, block)
     size = np.sqrt(same @ z**2 + (_SMOOTH * np.abs(z).max()) ** 2)
     x = limit * z / np.where(size > 0.0, size, 1.0)
     total = float(A[0] @ x)
     return x * (b[0] / total) if total * b[0] > 0.0 else np.asarray(direct * abs(b[0]))
+
+
+@kernel
+def _along_one(direct: np.ndarray, gain: np.ndarray, block: np.ndarray, z: np.ndarray) -> None:
+    """Write the z of `share_one`, `direct` where it has no bound: the mechanism jams.
+
+    Args:
+        direct: (n,) A^T w.
+        gain: (n, n) t slope^T.
+        block: (n,) joint of each column.
+        z: (n,), overwritten.
+    """
+    n = direct.size
+    length, bound = np.empty(n), 1e3 * np.abs(direct).max()
+    z[:] = direct
+    for _ in range(50):
+        for k in range(n):  # |z| of its joint, a part for each of the joint's columns
+            square, number = 0.0, 0
+            for j in range(n):
+                if block[j] == block[k]:
+                    square, number = square + z[j] * z[j], number + 1
+            length[k] = np.sqrt(square) / number
+        most = change = 0.0
+        for j in range(n):
+            new = direct[j]
+            for k in range(n):
+                new += gain[j, k] * length[k]
+            most, change = max(most, abs(new)), max(change, abs(new - z[j]))
+            z[j] = new
+        if not most < bound:
+            z[:] = direct
+            return
+        if change <= 1e-12 * most:
+            return
 
 
 def _weakest(

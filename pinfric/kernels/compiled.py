@@ -78,8 +78,8 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def call_compiled(made: Any, *arguments: Any) -> Any:
     """Call a kernel compiled, which with few numbers it need not be: it may run for long."""
-    compile_for(made, *arguments)
-    return made(*arguments)
+    with compiling():
+        return made(*arguments)
 
 
 def compile_for(made: Any, *arguments: Any) -> None:

@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 from pinfric.friction.anderson import anderson
 from pinfric.friction.dense import eliminate_full_pivot, factorize, largest
 from pinfric.friction.rest import Mechanism
-from pinfric.friction.sharing import share
+from pinfric.friction.sharing import _along_one, share
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 9])
@@ -92,3 +92,16 @@ def test_what_rests_together_is_found_and_whether_anything_moves():
     assert mechanism.is_locked(np.array([False, True, True, False]))
     mechanism.factor = factor[:1]  # of another state: nothing is remembered that is not so
     assert mechanism.is_locked(np.array([True, False, False, False]))
+
+
+def test_a_motion_that_loads_other_joints_has_the_friction_of_a_linear_system():
+    """z = direct + gain |z|; with all positive (1 - gain)^-1 direct, without bound: jam."""
+    rng = np.random.default_rng(0)
+    direct, gain, z = rng.uniform(0.5, 1.0, 5), 0.1 * rng.random((5, 5)), np.empty(5)
+    _along_one(direct, gain, np.arange(5), z)
+    np.testing.assert_allclose(z, np.linalg.solve(np.eye(5) - gain, direct), rtol=1e-11)
+    _along_one(direct, gain, np.zeros(5, int), z)  # one joint: |z| / 5 for each column
+    size = np.linalg.norm(z)
+    np.testing.assert_allclose(z, direct + gain.sum(axis=1) * size / 5, rtol=1e-11)
+    _along_one(direct, 2.0 * np.eye(5), np.arange(5), z)
+    np.testing.assert_array_equal(z, direct)
