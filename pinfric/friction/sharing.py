@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.compiled import at_once, kernel
+from pinfric.kernels.compiled import call_compiled, kernel
 
 #: Singular values below this many times the first one are zero.
 RANK = 1e-9
@@ -108,7 +108,7 @@ def share_one(
     """
     direct = A[0] * np.sign(b[0])
     z = np.empty_like(direct)
-    at_once(_along_one, direct, np.ascontiguousarray(used * slope.T), block, z)
+    call_compiled(_along_one, direct, np.ascontiguousarray(used * slope.T), block, z)
     same = np.equal.outer(block, block)
     size = np.sqrt(same @ z**2 + (_SMOOTH * np.abs(z).max()) ** 2)
     x = limit * z / np.where(size > 0.0, size, 1.0)
