@@ -54,7 +54,7 @@ def expect_the_end(process):
     assert process.returncode == cli.INTERRUPTED, error
     lines = error.splitlines()
     assert lines[-1] == "pinfric: error: interrupted"
-    assert all(line.startswith("pinfric: ") for line in lines)
+    assert all(line.startswith("pinfric: ") for line in lines), error
     until = time.monotonic() + 2.0
     while any(Path(f"/proc/{pid}").exists() for pid in below):
         assert time.monotonic() < until, "processes are left"
