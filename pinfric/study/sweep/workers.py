@@ -41,6 +41,8 @@ _POLL = 1.0
 _AHEAD = 3
 #: Where processes of this machine listen: who reaches a Dask worker runs code as its user.
 _HERE = "127.0.0.1"
+#: Where tracebacks of messages that were under way are logged when a sweep is stopped.
+_LOGS_OF_MESSAGES = ("asyncio", "tornado.application")
 
 
 def installed() -> bool:
@@ -257,8 +259,13 @@ def _local_scheduler(processes: int) -> Iterator[str]:
         log = stack.enter_context((Path(folder) / "workers.log").open("w+b"))
         workers = _start_workers(cluster.scheduler_address, processes, folder, log)
         stack.callback(_end, workers)
-        _await_workers(cluster, workers, processes, log)
-        yield cluster.scheduler_address
+        try:
+            _await_workers(cluster, workers, processes, log)
+            yield cluster.scheduler_address
+        except BaseException:  # the error says what went wrong
+            for name in _LOGS_OF_MESSAGES:
+                logging.getLogger(name).setLevel(logging.CRITICAL)
+            raise
 
 
 def _start_workers(address: str, processes: int, folder: str, log: Any) -> subprocess.Popen[bytes]:
