@@ -26,6 +26,8 @@ MOST_COUPLED, MOST_PARTS = 6, 4000
 _DISTINCT, _SMALL = 1e-6, 1e-7
 #: What rounding leaves of zero; what Newton's method must reach; its passes.
 _ROUNDING, _FOUND, _PASSES = 1e-12, 1e-13, 40
+#: Error of tau, as a share of it, up to which a solution counts.
+_KNOWN = 0.5
 
 
 def find_all(problem: Problem, modes: Modes) -> tuple[list[np.ndarray], int]:
@@ -147,18 +149,22 @@ class _Rays:
             return False
 
     def _newton(self, u: np.ndarray) -> np.ndarray | None:
-        """A solution from a point on; None where none is near."""
+        """A solution from a point on; None where none is near.
+
+        None, too, where what is left of f could move it to tau = 0: there is one at infinity then,
+        where loads grow exactly as the friction that they cause.
+        """
         for _ in range(_PASSES):
             f = self.values(u[:, None])[:, 0]
-            size = np.abs(self.select @ u)
-            if np.abs(f).max() <= _FOUND * (8 + len(f)) * size.max():
-                return u / u.sum()
-            J = np.vstack([self.slope(u)[0], np.ones(len(u))])
+            left = _FOUND * (8 + len(f)) * np.abs(self.select @ u).max()
             try:
-                step = np.linalg.solve(J, np.append(-f, 0.0))
+                inverse = np.linalg.inv(np.vstack([self.slope(u)[0], np.ones(len(u))]))
             except np.linalg.LinAlgError:
                 return None
-            u = u + step
+            if np.abs(f).max() <= left:
+                far = np.abs(inverse[0, :-1]).sum() * left > _KNOWN * u[0]
+                return None if far else u / u.sum()
+            u = u - inverse[:, :-1] @ f
             if not np.isfinite(u).all() or (u < -1.0).any():
                 return None
         return None

@@ -80,8 +80,9 @@ def test_an_arm_breaks_away_where_inverse_dynamics_ends(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 1000, 100))
-def test_a_thousand_arms_break_away_where_inverse_dynamics_ends(first):
+@pytest.mark.parametrize("first", range(0, 200, 100))
+def test_two_hundred_arms_break_away_where_inverse_dynamics_ends(first):
+    """A thousand did (`range(0, 1000, 100)`): they take five minutes."""
     late = {}
     for seed in range(first, first + 100):
         wanted, found = ramp(seed)
