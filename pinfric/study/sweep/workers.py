@@ -43,6 +43,8 @@ _AHEAD = 3
 _HERE = "127.0.0.1"
 #: Where tracebacks of messages that were under way are logged when a sweep is stopped.
 _LOGS_OF_MESSAGES = ("asyncio", "tornado.application")
+#: Where connections are logged that close while workers are ended: after the cluster's own silence.
+_LOG_OF_CONNECTIONS = "distributed.batched"
 
 
 def installed() -> bool:
@@ -247,6 +249,7 @@ def _local_scheduler(processes: int) -> Iterator[str]:
     """Start a scheduler here and its workers beside it; yields its address."""
     from distributed import LocalCluster
 
+    logging.getLogger(_LOG_OF_CONNECTIONS).setLevel(logging.CRITICAL)
     with ExitStack() as stack:
         folder = stack.enter_context(
             tempfile.TemporaryDirectory(prefix="pinfric-", ignore_cleanup_errors=True)
