@@ -140,7 +140,7 @@ class Workspace:
         tables = make_tables(self.twin, scene.linkage, t)
         self.closed = tables.dependent
         self.work = w = make_work(self.twin, t, tables)
-        ready = is_ready(box_work, (w,))
+        ready = bool(box_work.overloads) or is_ready(box_work, (w,))  # it is of one type always
         self._argument = KernelArgument(Machine(tables, self.supplier.supply, w), _box, ready)
         self.problem, self.modes = w.problem, w.modes
         self.mechanism = Mechanism(
@@ -458,11 +458,11 @@ class Workspace:
         return out
 
     def summed(self, parts: np.ndarray) -> np.ndarray:
-        """Return parts (nc,) summed over the coordinates of each joint."""
+        """Return parts (..., nc) summed over the coordinates of each joint."""
         out = parts.copy()
         for number in self._balls:
             here = self.mechanism.block == number
-            out[here] = parts[here].sum()
+            out[..., here] = parts[..., here].sum(axis=-1, keepdims=True)
         return out
 
     def breaking_with(self, fired: np.ndarray) -> np.ndarray:

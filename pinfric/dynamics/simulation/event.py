@@ -159,24 +159,34 @@ class EventIntegration(Integration):
 
     # ------------------------------------------------------------ guards
 
-    def _guards(self, t: float, y: np.ndarray) -> np.ndarray:
-        """Guards (nc,) at one time: positive while the modes hold; NaN without dry friction.
+    def _guards(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Guards (n, nc) at times (n,): positive while the modes hold; NaN without dry friction.
 
         Slipping: speed in its direction. Sticking: distance of friction from its limits.
         """
         modes, dry = self.ws.modes, self.ws.tables.dry
-        guards = np.full(self.nc, np.nan)
+        guards = np.full((len(times), self.nc), np.nan)
         slips = dry & ~modes.stuck
-        guards[slips] = self._advance(y)[slips]
+        if slips.any():
+            guards[:, slips] = self._advance(states)[:, slips]
         if modes.stuck.any():
-            self.system.solve_given_modes(t, *self.state(y))
-            guards[modes.stuck] = self.ws.guards[modes.stuck]
+            for i, (t, y) in enumerate(zip(times.tolist(), states, strict=True)):
+                self.system.solve_given_modes(t, *self.state(y))
+                guards[i, modes.stuck] = self.ws.guards[modes.stuck]
         return guards
 
-    def _advance(self, y: np.ndarray) -> np.ndarray:
-        """(nc,) speed in the direction that is watched; of a ball, for its three coordinates."""
-        ahead = self.forward * self.ws.rates(*self.state(y))
-        return self.ws.summed(ahead)
+    def _advance(self, states: np.ndarray) -> np.ndarray:
+        """(n, nc) speeds in the directions that are watched; of a ball, for its three coordinates.
+
+        Args:
+            states: (n, 2 nv) of y.
+        """
+        tables = self.ws.tables
+        if tables.off_joints:
+            rates = np.array([self.ws.rates(*self.state(y)) for y in states])
+        else:
+            rates = states[:, self.ws.nv + tables.coordinate_v]
+        return self.ws.summed(self.forward * rates)
 
     def _watch(self) -> None:
         """Watch every coordinate's speed in the direction in which it slips now."""
@@ -184,13 +194,16 @@ class EventIntegration(Integration):
 
     def _slack(self) -> np.ndarray:
         """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
-        speeds = np.abs(self.y[self.ws.nv :]).max(initial=0.0)
-        return np.where(self.ws.modes.stuck, self.ws.friction_rounding(), 1e-15 * speeds)
+        slack = np.full(self.nc, 1e-15 * np.abs(self.y[self.ws.nv :]).max(initial=0.0))
+        stuck = self.ws.modes.stuck
+        if stuck.any():
+            slack[stuck] = self.ws.friction_rounding()[stuck]
+        return slack
 
     def _allow(self) -> None:
         """After a change of modes: what is below zero now was handled, and does not fire again."""
         self._watch()
-        guards = self._guards(self.t, self.y)
+        guards = self._guards(np.array([self.t]), self.y[None, :])[0]
         self.allowance = np.where(guards < -0.5 * self._slack(), -2.0 * guards, 0.0)
 
     def _first_event(
@@ -203,8 +216,7 @@ class EventIntegration(Integration):
             self._guards_at_end = np.zeros(self.nc)
             return None
         times = np.linspace(start, end, max(_LOOKS, 1 + int((end - start) / self.settings.look)))
-        states = polynomial(times)
-        values = np.array([self._guards(t, states[:, i]) for i, t in enumerate(times)])
+        values = self._guards(times, np.ascontiguousarray(polynomial(times).T))
         self._guards_at_end = values[-1]
         values, slack = values + self.allowance, self._slack()
         fired = np.full(self.nc, np.inf)
@@ -224,7 +236,7 @@ class EventIntegration(Integration):
     def _guard(self, c: int, t: float, y: np.ndarray) -> float:
         """One guard at one time."""
         if not self.ws.modes.stuck[c]:
-            return float(self._advance(y)[c])
+            return float(self._advance(y[None, :])[0, c])
         self.system.solve_given_modes(t, *self.state(y))
         return float(self.ws.guards[c])
 
