@@ -16,6 +16,14 @@ def children(pid):
     return found
 
 
+def workers(pid):
+    """The processes below one that loky has started to compute."""
+    return [
+        p for p in children(pid)
+        if b"loky.backend.popen_loky_posix" in Path(f"/proc/{p}/cmdline").read_bytes()
+    ]  # fmt: skip
+
+
 def sockets_of(pid):
     found = set()
     for entry in Path(f"/proc/{pid}/fd").glob("*"):

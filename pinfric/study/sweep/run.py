@@ -8,7 +8,6 @@ decides.
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
@@ -32,7 +31,7 @@ from pinfric.study.sweep.workers import (
     check_scheduler,
     compute_here,
     compute_on_cluster,
-    installed,
+    compute_on_processes,
 )
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -67,9 +66,8 @@ def sweep(
         sweep: the sweep's file, or what stands in it.
         out: folder for the samples (Parquet). Every finished batch is written at once, and a
             sweep that finds its batches there computes only what is missing.
-        processes: on this machine; 1 computes in this process, None takes what pays off. More
-            than one needs the extra `cluster`.
-        scheduler: address of a Dask scheduler whose workers compute instead.
+        processes: on this machine; 1 computes in this process, None takes what pays off.
+        scheduler: address of a Dask scheduler whose workers compute instead (extra `cluster`).
         progress: called with the number of finished samples and of all.
 
     Raises:
@@ -146,11 +144,13 @@ class _Run:
             if scheduler is None:
                 used = processes or _worthwhile(seconds * missing.size)
             parts = _batches(missing, seconds, used or _OF_A_CLUSTER)
-            blocks = (
-                compute_here(self.study, parts, self.values) if used == 1
-                else compute_on_cluster(self.study, parts, self.values, processes=used,
-                                        scheduler=scheduler)
-            )  # fmt: skip
+            given = self.study, parts, self.values
+            if scheduler is not None:
+                blocks = compute_on_cluster(*given, scheduler)
+            elif used == 1:
+                blocks = compute_here(*given)
+            else:
+                blocks = compute_on_processes(*given, used)
             for block in blocks:
                 if self.store is not None:
                     self.store.write(block, self.values[block.rows])
@@ -187,15 +187,11 @@ def _store(study: Study, values: np.ndarray, out: str | Path | None) -> Store | 
 
 def _worthwhile(seconds: float) -> int:
     """Processes for a sweep that takes one of them so long."""
-    cores = len(os.sched_getaffinity(0))
-    if seconds < _SHORT or cores == 1:
+    if seconds < _SHORT:
         return 1
-    if not installed():
-        warnings.warn(f"one process for some {seconds:.0f} s; the extra `cluster` takes all "
-                      f"{cores} cores: pip install \"pinfric[cluster]\"", PinfricWarning,
-                      stacklevel=4)  # fmt: skip
-        return 1
-    return cores
+    from joblib import cpu_count
+
+    return int(cpu_count())
 
 
 def _batches(missing: np.ndarray, seconds: float, processes: int) -> Iterator[np.ndarray]:

@@ -1,7 +1,7 @@
 """Sweeps on processes and clusters: the same figures, whatever is lost on the way."""
 
 import contextlib
-import logging
+import json
 import os
 import signal
 import socket
@@ -10,11 +10,11 @@ import sys
 import textwrap
 import threading
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 
 import numpy as np
 import pytest
-from processes import children
+from processes import workers
 from sweep_cases import pushed_block, steady, sweep_of, uniform
 
 import pinfric as pf
@@ -59,22 +59,16 @@ def undisturbed(panda):
     return pf.sweep(*panda, SWEEP, processes=1)
 
 
-def computing(pid):
-    """The worker processes that nannies have spawned below a process."""
-    return [p for p in children(pid)
-            if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]  # fmt: skip
-
-
 class KillOne:
     """Progress that kills one worker in the middle of the run."""
 
-    def __init__(self, workers):
-        self.workers, self.killed, self.counts = workers, None, []
+    def __init__(self, candidates):
+        self.candidates, self.killed, self.counts = candidates, None, []
 
     def __call__(self, done, total):
         self.counts.append(done)
         if self.killed is None and 0 < done < total / 2:
-            self.killed = self.workers()[0]
+            self.killed = self.candidates()[0]
             os.kill(self.killed, signal.SIGKILL)
 
 
@@ -110,37 +104,76 @@ def test_cluster_that_loses_a_worker_gives_the_undisturbed_result(panda, undistu
 
 
 @pytest.mark.slow
-def test_own_processes_survive_a_lost_one_and_end_with_the_sweep(panda, undisturbed):
-    before = set(children(os.getpid()))
-    progress = KillOne(lambda: computing(os.getpid()))
+def test_own_processes_survive_a_lost_one(panda, undisturbed):
+    progress = KillOne(lambda: workers(os.getpid()))
     found = pf.sweep(*panda, SWEEP, processes=2, progress=progress)
     check_undisturbed(found, undisturbed, progress)
     assert found.processes == 2
-    # a connection may close after the cluster does: nobody wants to read that
-    assert not logging.getLogger("distributed.batched").isEnabledFor(logging.INFO)
-    assert set(children(os.getpid())) <= before
+
+
+def test_processes_that_are_killed_again_and_again_are_said(monkeypatch):
+    monkeypatch.setattr("pinfric.study.sweep.workers._compute_on_worker", _die)
+    scene = pushed_block()
+    with pytest.raises(SweepError, match=r"processes were killed 4 times.*fewer `processes`"):
+        pf.sweep(scene, steady(scene), sweep_of(8, speed=uniform(1, 2)), processes=2)
+
+
+def _die(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """A scheduler and two workers as on a cluster, each a process of its own; yields the first."""
+    file = tmp_path / "scheduler.json"
+    common = ["--scheduler-file", str(file), "--host", "127.0.0.1", "--no-dashboard"]
+    with contextlib.ExitStack() as stack:
+        running = []
+        for kind, *more in (
+            ["scheduler", "--port", "0"],
+            ["worker", "--nworkers", "2", "--nthreads", "1", "--death-timeout", "5"],
+        ):
+            process = subprocess.Popen(
+                [sys.executable, "-m", f"distributed.cli.dask_{kind}", *common, *more],
+                cwd=tmp_path, stderr=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
+            stack.callback(_kill_all, process)
+            running.append(process)
+            until = monotonic() + LIMIT
+            while not file.exists():
+                assert monotonic() < until
+                sleep(0.05)
+        running[0].address = json.loads(file.read_text())["address"]
+        with distributed.Client(running[0].address, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=60)
+        yield running[0]
+
+
+def _kill_all(process):
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
 
 
 @pytest.mark.slow
 def test_scheduler_lost_in_the_run_is_said_and_nothing_finished_is_lost(
-    panda, undisturbed, tmp_path
+    panda, scheduler, tmp_path, monkeypatch
 ):
-    cluster = distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
-        silence_logs=50,
-    )  # fmt: skip
+    monkeypatch.setattr("pinfric.study.sweep.run._MOST_PER_BATCH", 1)  # so that many are under way
+    sweep = {**SWEEP, "samples": 3000}
     counts = []
 
-    def close(done, total):
+    def lose(done, total):
         counts.append(done)
-        if done and len(counts) == 4:
-            cluster.close()
+        if len(counts) == 4:
+            scheduler.kill()
 
     with pytest.raises(SweepError, match=r"connection to the scheduler is lost.*run again"):
-        pf.sweep(*panda, SWEEP, scheduler=cluster.scheduler_address, out=tmp_path, progress=close)
-    found = pf.sweep(*panda, SWEEP, processes=1, out=tmp_path)
+        pf.sweep(*panda, sweep, scheduler=scheduler.address, out=tmp_path, progress=lose)
+    monkeypatch.undo()
+    found = pf.sweep(*panda, sweep, processes=1, out=tmp_path)
     assert found.resumed >= counts[-1] > 0
-    np.testing.assert_array_equal(found.figures, undisturbed.figures)
+    np.testing.assert_array_equal(found.figures, pf.sweep(*panda, sweep, processes=1).figures)
 
 
 @pytest.mark.parametrize(
@@ -196,14 +229,15 @@ def test_script_without_a_main_guard_runs_on_processes(tmp_path):
     assert [line for line in done.stderr.splitlines() if ": compiling kernels" not in line] == []
 
 
-def test_without_the_extra_one_process_computes_and_more_are_refused(monkeypatch):
-    monkeypatch.setattr("pinfric.study.sweep.workers.installed", lambda: False)
-    monkeypatch.setattr("pinfric.study.sweep.run.installed", lambda: False)
-    monkeypatch.setattr("pinfric.study.sweep.run._SHORT", 0.0)
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1})
+def test_without_the_extra_a_cluster_is_refused(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed.comm", None)
     scene = pushed_block()
-    sweep = sweep_of(8, speed=uniform(1, 2))
-    with pytest.warns(pf.PinfricWarning, match=r"one process.*pinfric\[cluster\]"):
-        assert pf.sweep(scene, steady(scene), sweep).processes == 1
     with pytest.raises(SweepError, match=r"pip install \"pinfric\[cluster\]\""):
-        pf.sweep(scene, steady(scene), sweep, processes=2)
+        pf.sweep(scene, steady(scene), sweep_of(8, speed=uniform(1, 2)), scheduler="tcp://x:1")
+
+
+def test_long_sweeps_take_all_cores(monkeypatch):
+    monkeypatch.setattr("pinfric.study.sweep.run._SHORT", 0.0)
+    monkeypatch.setattr("joblib.cpu_count", lambda: 2)
+    scene = pushed_block()
+    assert pf.sweep(scene, steady(scene), sweep_of(8, speed=uniform(1, 2))).processes == 2
