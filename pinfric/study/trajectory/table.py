@@ -25,6 +25,12 @@ _NOISE_SHARE = 0.05
 _MISMATCH_SHARE = 0.1
 #: Fewer samples than this say too little about noise or about a mismatch.
 _FEWEST_SAMPLES = 20
+#: Share of its speed (RMS) by which a joint may change it from row to row where derivatives come
+#: from a spline: 8 rows in a move from rest to rest, 14 in a period of an oscillation. Splines
+#: through fewer are off by some 10 % of the peak acceleration.
+_COARSE_SHARE = 0.5
+#: Fewer rows than this in a motion say nothing about its acceleration.
+_FEWEST_ROWS = 5
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,8 @@ def complete_derivatives(
         names = ", ".join(columns[i].name for i in missing)
         problems.append(f"one sample says nothing about derivatives: give .v and .a for {names}")
         return v, a
+    bare = [i for i in missing if np.isnan(v[0, i])]
+    problems += _coarse_rows([columns[i] for i in bare], table.t, table.position[:, bare])
     apart = gaps(table.t) if missing else ()
     for i in missing:
         q, resolution = table.position[:, i], table.resolution[i]
@@ -91,6 +99,30 @@ def complete_derivatives(
             a[:, i] = fitted_a
             warnings += _noise_warning(columns[i], table.t, fitted_a, resolution)
     return v, a
+
+
+def _coarse_rows(columns: Sequence[JointColumn], t: FloatArray, positions: FloatArray) -> list[str]:
+    """Say that rows are too far apart for the motion between them: they may be way-points."""
+    if t.size < 2 or not columns:
+        return []
+    slopes = np.diff(positions, axis=0) / np.diff(t)[:, None]
+    moves = (slopes != 0.0).sum(axis=0) + 1
+    speed = np.sqrt(np.mean(slopes**2, axis=0))
+    change = np.sqrt(np.mean(np.diff(slopes, axis=0) ** 2, axis=0)) if len(t) > 2 else 0.0 * speed
+    share = change / np.where(speed > 0.0, speed, 1.0)
+    coarse = (speed > 0.0) & ((share > _COARSE_SHARE) | (moves < _FEWEST_ROWS))
+    if not coarse.any():
+        return []
+    i = int(np.argmax(np.where(coarse, share, -1.0)))
+    changes = ""
+    if share[i] > _COARSE_SHARE:
+        changes = f", its speed changes by {100 * share[i]:.0f} % from row to row"
+    return [
+        f"rows are too far apart for the motion between them: joint {columns[i].name} moves over "
+        f"{moves[i]} rows{changes}. Where rows are stops, write them as a way-point file "
+        "(`pinfric_trajectory: 1`, `points:`), which is planned from rest to rest; where they are "
+        "samples, give more of them, or .v and .a"
+    ]
 
 
 def _moved_across(

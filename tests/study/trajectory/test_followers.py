@@ -33,8 +33,11 @@ def hand(tmp_path, limit=LIMIT):
 
 def motion(tmp_path, scene, positions):
     path = tmp_path / "m.csv"
-    rows = "\n".join(f"{t},{q}" for t, q in enumerate(positions))
-    path.write_text(f"t,left\n{rows}\n")
+    rates = np.gradient(positions)
+    rows = "\n".join(
+        f"{t},{q},{v},0" for t, (q, v) in enumerate(zip(positions, rates, strict=True))
+    )
+    path.write_text(f"t,left,left.v,left.a\n{rows}\n")
     return load_trajectory(path, scene)
 
 

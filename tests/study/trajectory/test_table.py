@@ -126,3 +126,39 @@ def test_angles_of_a_wheel_may_wrap(tmp_path):
 def test_few_samples_say_nothing_about_velocities(tmp_path):
     t, q, v = swing(19)
     assert with_velocity(tmp_path, t, q, -v) == []
+
+
+def rows_of(t, *positions):
+    names = ["a"]
+    rows = [",".join(f"{x:.12g}" for x in row) for row in np.column_stack([t, *positions])]
+    return "\n".join([",".join(["t", *names]), *rows, ""])
+
+
+@pytest.mark.parametrize(
+    "positions",
+    [
+        [0.0, 0.6, 0.2, 0.9, -0.3, 0.4, 0.0],
+        [0.0, 0.5, 1.0],  # a straight line, and no acceleration at all
+        [0.0, 1.0],
+        [0.0, 0.0, 1.0, 1.0, 0.2, 0.2, 0.0, 0.0],
+    ],
+)
+def test_rows_that_are_way_points_are_refused_with_both_choices(tmp_path, positions):
+    text = message(tmp_path, rows_of(np.arange(float(len(positions))), positions))
+    assert "rows are too far apart" in text
+    assert "`points:`" in text
+    assert "give more of them, or .v and .a" in text
+
+
+@pytest.mark.parametrize("rows", [9, 12, 30])
+def test_moves_of_nine_rows_and_more_are_close_to_the_motion_they_sample(tmp_path, rows):
+    t = np.linspace(0.0, 1.0, rows)
+    q, v, a = quintic(t)
+    found = load(tmp_path, rows_of(t, q))
+    assert np.abs(found.v[:, 0] - v).max() < 0.05 * np.abs(v).max()
+    assert np.abs(found.a[:, 0] - a).max() < 0.2 * np.abs(a).max()
+
+
+def test_few_rows_with_their_derivatives_are_fine(tmp_path):
+    text = "t,a,a.v,a.a\n0,0,0,1\n1,0.5,1,1\n2,2,2,1\n"
+    assert load(tmp_path, text).t.size == 3
