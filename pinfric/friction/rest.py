@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.friction.anderson import anderson
-from pinfric.friction.consistency import ROUNDING, evaluate, judge, stick_limits, try_modes
-from pinfric.friction.given_modes import slip_law
+from pinfric.friction.consistency import ROUNDING, evaluate, judge, try_modes
 from pinfric.friction.holding import decide
+from pinfric.friction.law import add_load_slopes, slip_law, stick_limits
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, bounded
 from pinfric.friction.sharing import FITS, RANK, Group, joint_sizes, share, share_one
@@ -228,15 +228,9 @@ class _Shared:
 
     def _slope(self, x: np.ndarray) -> np.ndarray:
         """(nc, nc) derivative of every static limit by every friction."""
-        p = self.problem
-        force = p.contact_free + np.tensordot(x, p.contact_slope, (0, 1))
-        size = np.linalg.norm(force, axis=1, keepdims=True)
-        along = force / np.where(size > 0.0, size, 1.0)
-        site = p.contact_site
-        weight = p.mu_stick[site] * np.abs(p.ratio[site])
-        rows = weight[:, None] * np.matmul(p.contact_slope, along[:, :, None])[:, :, 0]
-        out = np.zeros((len(x), len(x)))
-        np.add.at(out, p.coordinate[site], rows)
+        p, out = self.problem, np.zeros((len(x), len(x)))
+        owner, weight = p.coordinate[p.contact_site], p.grip[p.contact_site]
+        add_load_slopes(p.contact, owner, weight, x, out)
         return out
 
     def judge(self) -> int:

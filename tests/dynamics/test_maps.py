@@ -100,7 +100,7 @@ def test_interpreted_maps_are_the_compiled_ones(case):
     machine = interpreted._argument._given
     assert plain(maps.assemble)(machine, q, v, u, 0.0) == 0
     for name in ("M", "a_map", "wrench_map", "multiplier_map", "problem.rate_free",
-                 "problem.rate_slope", "problem.contact_free", "problem.contact_slope",
+                 "problem.rate_slope", "problem.contact",
                  "problem.mu_slip", "problem.coulomb_slip", "problem.drag"):  # fmt: skip
         ours, theirs = (attrgetter(name)(ws.work) for ws in (compiled, interpreted))
         size = np.abs(ours).max(initial=1e-9)

@@ -56,8 +56,9 @@ from pinfric.errors import (
     ToggleError,
     UndecidedAcceleration,
 )
-from pinfric.friction.consistency import ROUNDING, evaluate, judge, stick_limits, try_modes
+from pinfric.friction.consistency import ROUNDING, evaluate, judge, try_modes
 from pinfric.friction.given_modes import reduce_problem
+from pinfric.friction.law import add_load_slopes, stick_limits
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem
@@ -787,7 +788,7 @@ class Workspace:
         """Name of the site whose load grows most with friction: there it is inconsistent."""
         p = self.problem
         growth = np.zeros(len(p.constant))
-        norms = np.linalg.norm(p.contact_slope, axis=2).sum(axis=1)
+        norms = np.linalg.norm(p.contact[:, 1:], axis=2).sum(axis=1)
         np.add.at(growth, p.contact_site, norms)
         open_ = ~self.modes.stuck | self.modes.at_rest
         worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
@@ -805,6 +806,7 @@ def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[
         (judge, (problem, modes)),
         (evaluate, (problem, modes.friction, modes.load, modes.rate)),
         (stick_limits, (problem, modes.load, line, line)),
+        (add_load_slopes, (problem.contact, problem.coordinate, line, line, empty)),
         (reduce_problem, (problem, modes.stuck, modes.direction)),
         (least_violation, (empty, line, line, 0, 0.0, line)),
     ]

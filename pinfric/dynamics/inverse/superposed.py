@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.dynamics.problem.motion_kernels import effort_bounds, mark_reversals
-from pinfric.kernels.compiled import inlined_kernel, kernel
+from pinfric.kernels.compiled import kernel
 from pinfric.model.bearings import Contacts, normal_loads
-from pinfric.model.drives import Gears, write_motor_torques
-from pinfric.model.laws import Laws, friction_bounds
+from pinfric.model.drives import Gears, gears_of_row, write_motor_torques
+from pinfric.model.laws import Laws, friction_bounds, laws_of_row
 
 #: Samples whose wrenches are summed at once: they stay in the first-level cache.
 _BLOCK = 64
@@ -146,7 +146,7 @@ def write_figures(
         friction_bounds(
             now.site_velocity,
             now.normal_load,
-            _laws_of(varied.laws, c),
+            laws_of_row(varied.laws, c % varied.laws.viscous.shape[0]),
             now.reversal,
             now.friction_lower,
             now.friction_upper,
@@ -166,7 +166,7 @@ def write_figures(
         if path.geared:
             torques = now.motor_torque_lower, now.motor_torque_upper
             write_motor_torques(
-                _gears_of(varied.gears, c),
+                gears_of_row(varied.gears, c % varied.gears.viscous.shape[0]),
                 *efforts,
                 now.velocity,
                 now.acceleration,
@@ -234,47 +234,3 @@ def _reduce(
             peak = max(peak, worst)
             square += weight[i] * worst * worst
         figures[d, column], figures[d, column + 1] = peak, np.sqrt(square)
-
-
-@inlined_kernel
-def _laws_of(laws: Laws, c: int) -> Laws:
-    """Return the laws of one cycle."""
-    row = c % laws.viscous.shape[0]
-    return Laws(
-        laws.mu_static[row],
-        laws.mu_kinetic[row],
-        laws.coulomb_static[row],
-        laws.coulomb_kinetic[row],
-        laws.viscous[row],
-        laws.stick_velocity,
-        laws.row_start,
-        laws.row_end,
-        laws.mu[row],
-        laws.coulomb[row],
-        laws.power,
-        laws.velocity,
-        laws.exponent,
-    )
-
-
-@inlined_kernel
-def _gears_of(gears: Gears, c: int) -> Gears:
-    """Return the gears of one cycle."""
-    row = c % gears.viscous.shape[0]
-    return Gears(
-        gears.ratio,
-        gears.rotor_inertia[row],
-        gears.viscous[row],
-        gears.power,
-        gears.stick_velocity,
-        gears.no_load[row],
-        gears.no_load_static[row],
-        gears.constant,
-        gears.rise,
-        gears.exponent,
-        gears.first,
-        gears.last,
-        gears.load,
-        gears.loss,
-        gears.slope,
-    )
