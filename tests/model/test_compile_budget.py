@@ -25,7 +25,7 @@ BUDGET = {
     "dynamics.inverse.effort_maps.write_wrenches": 1_100,
     "dynamics.inverse.choices.solve_list": 12_700,
     "dynamics.forward.solver.rub": 5_300,
-    "dynamics.problem.threaded.friction_in_parts": 2_600,
+    "dynamics.problem.threaded.bound_in_parts": 2_600,
     "friction.branching.branch": 6_400,
     "friction.least_use.descend": 4_500,
     "model.kinematics.relate_pairs": 6_700,

@@ -1,10 +1,114 @@
-"""Kernels of inverse dynamics that look at motion and efforts: reversals, ends of efforts."""
+"""From the wrenches of an open chain to the ends of its efforts, and where its joints reverse.
+
+wrench -> load c -> friction phi -> effort u = tau_id - D phi     (paper eq. 16, 17, 20-22)
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from pinfric.kernels.compiled import kernel
+from pinfric.kernels.compiled import inlined_kernel, kernel
+from pinfric.model.bearings import normal_loads
+from pinfric.model.laws import friction_bounds
+from pinfric.model.scene import SiteTables
+from pinfric.model.twin import Embedding, project
+
+
+class TreeSamples(NamedTuple):
+    """Samples of an open chain: how its sites move, and what is found; see `InverseResult`.
+
+    Attributes:
+        velocity, reversal: (n, ns) of the sites.
+        displacement: (n, ns) along their axes, or (0, 0) where no load looks at it.
+        effort_frictionless, effort_lower, effort_upper: (n, nv) of the joints.
+        normal_load, friction_lower, friction_upper, sticking: (n, ns).
+    """
+
+    velocity: np.ndarray
+    reversal: np.ndarray
+    displacement: np.ndarray
+    effort_frictionless: np.ndarray
+    effort_lower: np.ndarray
+    effort_upper: np.ndarray
+    normal_load: np.ndarray
+    friction_lower: np.ndarray
+    friction_upper: np.ndarray
+    sticking: np.ndarray
+
+
+@inlined_kernel
+def part_of(x: TreeSamples, i: int, j: int) -> TreeSamples:
+    """Return the samples i to j."""
+    return TreeSamples(
+        x.velocity[i:j],
+        x.reversal[i:j],
+        x.displacement[i:j],
+        x.effort_frictionless[i:j],
+        x.effort_lower[i:j],
+        x.effort_upper[i:j],
+        x.normal_load[i:j],
+        x.friction_lower[i:j],
+        x.friction_upper[i:j],
+        x.sticking[i:j],
+    )
+
+
+@kernel
+def bound_efforts(sites: SiteTables, wrench: np.ndarray, x: TreeSamples) -> None:
+    """Write loads, friction and the ends of efforts of samples.
+
+    Args:
+        sites: `Scene.site_tables`, `joint` the rows of these wrenches.
+        wrench: (n, rows, 6) parent on child; anything where nothing looks at wrenches.
+        x: of which `effort_frictionless` is known.
+    """
+    normal_loads(wrench, sites.joint, sites.contacts, x.displacement, x.normal_load)
+    friction_bounds(
+        x.velocity,
+        x.normal_load,
+        sites.laws,
+        x.reversal,
+        x.friction_lower,
+        x.friction_upper,
+        x.sticking,
+    )
+    effort_bounds(
+        x.effort_frictionless,
+        x.friction_lower,
+        x.friction_upper,
+        sites.velocity_index,
+        sites.ratio,
+        x.effort_lower,
+        x.effort_upper,
+    )
+
+
+@kernel
+def bound_part(
+    i: int,
+    j: int,
+    wrench: np.ndarray,
+    x: TreeSamples,
+    joints: Embedding,
+    armature: np.ndarray,
+    a: np.ndarray,
+    sites: SiteTables,
+) -> None:
+    """Do `bound_efforts` of the samples i to j, with the efforts without friction.
+
+    Args:
+        i, j: which of the n samples.
+        wrench, x: see `bound_efforts`; wrench (n, nj, 0): nothing looks at wrenches, and the
+            efforts without friction are there.
+        joints, armature, a: see `twin.project`.
+        sites: see `bound_efforts`.
+    """
+    part = part_of(x, i, j)
+    if wrench.shape[2] > 0:
+        project(wrench[i:j], joints, armature, a[i:j], part.effort_frictionless)
+    bound_efforts(sites, wrench[i:j], part)
 
 
 @kernel
