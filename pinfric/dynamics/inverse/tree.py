@@ -14,7 +14,7 @@ import pinocchio as pin
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven, narrow_friction
 from pinfric.dynamics.problem.layout import make_layout
-from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_part
+from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_efforts
 from pinfric.dynamics.problem.motor_torques import motor_torques
 from pinfric.dynamics.problem.reactions import (
     AppliedWrench,
@@ -31,7 +31,7 @@ from pinfric.dynamics.problem.threaded import bound_in_parts, team, threads_for
 from pinfric.errors import StateError
 from pinfric.model.couples import deliver_interval, drive_rates
 from pinfric.model.scene import Scene, SiteTables
-from pinfric.model.twin import Twin
+from pinfric.model.twin import Twin, project
 
 #: What of `TreeSamples` is a result of its own.
 _FOUND = TreeSamples._fields[3:]
@@ -170,13 +170,23 @@ def _bound(
     samples: TreeSamples,
     threads: int,
 ) -> None:
-    """Do `motion_kernels.bound_part` of a whole batch, a part of the samples on each thread."""
-    given = wrench, samples, twin.embedding, twin.armature, a
+    """Write efforts without friction, loads, friction and efforts of one batch; see `TreeSamples`.
+
+    Args:
+        twin, a: with the payloads of this batch; (n, nv).
+        sites: `Scene.site_tables`.
+        wrench: (n, nj, 6) of all joints, or (n, ns, 0): nothing looks at them.
+        samples: overwritten.
+        threads: each takes a part of the samples.
+    """
+    balance = twin.embedding, twin.armature, a
     if threads == 1:
-        bound_part(0, len(wrench), *given, sites)
+        if wrench.shape[2] > 0:
+            project(wrench, *balance, samples.effort_frictionless)
+        bound_efforts(sites, wrench, samples)
         return
     with team(threads) as parts:
-        bound_in_parts(parts, *given, *sites)
+        bound_in_parts(parts, wrench, samples, *balance, *sites)
 
 
 def _plain(

@@ -13,7 +13,6 @@ from pinfric.kernels.compiled import inlined_kernel, kernel
 from pinfric.model.bearings import normal_loads
 from pinfric.model.laws import friction_bounds
 from pinfric.model.scene import SiteTables
-from pinfric.model.twin import Embedding, project
 
 
 class TreeSamples(NamedTuple):
@@ -83,32 +82,6 @@ def bound_efforts(sites: SiteTables, wrench: np.ndarray, x: TreeSamples) -> None
         x.effort_lower,
         x.effort_upper,
     )
-
-
-@kernel
-def bound_part(
-    i: int,
-    j: int,
-    wrench: np.ndarray,
-    x: TreeSamples,
-    joints: Embedding,
-    armature: np.ndarray,
-    a: np.ndarray,
-    sites: SiteTables,
-) -> None:
-    """Do `bound_efforts` of the samples i to j, with the efforts without friction.
-
-    Args:
-        i, j: which of the n samples.
-        wrench, x: see `bound_efforts`; wrench (n, nj, 0): nothing looks at wrenches, and the
-            efforts without friction are there.
-        joints, armature, a: see `twin.project`.
-        sites: see `bound_efforts`.
-    """
-    part = part_of(x, i, j)
-    if wrench.shape[2] > 0:
-        project(wrench[i:j], joints, armature, a[i:j], part.effort_frictionless)
-    bound_efforts(sites, wrench[i:j], part)
 
 
 @kernel

@@ -17,13 +17,18 @@ from contextlib import contextmanager
 import numba
 import numpy as np
 
-from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_part, mark_reversals
+from pinfric.dynamics.problem.motion_kernels import (
+    TreeSamples,
+    bound_efforts,
+    mark_reversals,
+    part_of,
+)
 from pinfric.kernels.compiled import kernel, parallel_kernel
 from pinfric.model.arrays import whole_number
 from pinfric.model.bearings import Contacts
 from pinfric.model.laws import Laws
 from pinfric.model.scene import SiteTables
-from pinfric.model.twin import Embedding, embed
+from pinfric.model.twin import Embedding, embed, project
 
 #: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
 _FEW = 4096
@@ -105,15 +110,19 @@ def bound_in_parts(
     velocity_index: np.ndarray,
     ratio: np.ndarray,
 ) -> None:
-    """`motion_kernels.bound_part`, a part of the samples on each thread.
+    """`twin.project`, then `motion_kernels.bound_efforts`, a part of the samples on each thread.
 
-    The last arguments are the fields of `SiteTables`: these loops take no tuple of tuples.
+    Where wrench is (n, nj, 0) nothing looks at wrenches, and the efforts without friction are there
+    already. The last arguments are the fields of `SiteTables`: these loops take no tuple of tuples.
     """
     n = wrench.shape[0]
     for part in numba.prange(parts):
         i, j = part * n // parts, (part + 1) * n // parts
+        here = part_of(x, i, j)
+        if wrench.shape[2] > 0:
+            project(wrench[i:j], joints, armature, a[i:j], here.effort_frictionless)
         sites = _together(joint, axis, contacts, laws, velocity_index, ratio)
-        bound_part(i, j, wrench, x, joints, armature, a, sites)
+        bound_efforts(sites, wrench[i:j], here)
 
 
 @kernel
