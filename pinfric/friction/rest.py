@@ -109,12 +109,41 @@ class Mechanism:
 
     def companions(self, stuck: np.ndarray, fired: np.ndarray) -> np.ndarray:
         """Return `fired` and what sticks with them in a group of one freedom."""
+        if not self.closed:
+            return fired
         broken = np.zeros(len(stuck), dtype=bool)
         broken[fired] = True
         for group, _, rates in self.groups(stuck):
             if broken[group].any() and len(rates) == 1:
                 broken[group[self.factor[:, group].any(axis=0)]] = True
         return np.flatnonzero(broken)
+
+    def speeds(self, rates: np.ndarray) -> np.ndarray:
+        """Return how fast each coordinate's joint moves (nc,): of a ball, its angular speed."""
+        speed = np.abs(rates)
+        for here in self._balls():
+            speed[here] = np.linalg.norm(rates[here])
+        return speed
+
+    def summed(self, parts: np.ndarray) -> np.ndarray:
+        """Return parts (nc,) summed over the coordinates of each joint."""
+        out = parts.copy()
+        for here in self._balls():
+            out[here] = parts[here].sum()
+        return out
+
+    def slip_direction(self, modes: Modes, rates: np.ndarray) -> np.ndarray:
+        """Return the direction (nc,) in which each coordinate slips; a ball has a vector."""
+        out = modes.direction.copy()
+        if self.ball.any():
+            speed = self.speeds(rates)
+            moves = self.ball & ~modes.stuck & (speed > 0.0)
+            out[moves] = rates[moves] / speed[moves]
+        return out
+
+    def _balls(self) -> list[np.ndarray]:
+        """(nc,) bool of each ball: its coordinates."""
+        return [self.block == number for number in np.unique(self.block[self.ball])]
 
     def is_dependent(self, stuck: np.ndarray) -> bool:
         """Return whether some of these coordinates can only move together."""

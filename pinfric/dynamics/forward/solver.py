@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.dynamics.forward.forward import Instant, one_of, solution, solve_state, vector
-from pinfric.dynamics.forward.workspace import Workspace, closed_configuration
+from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, rehearse
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
@@ -144,7 +144,7 @@ def rub(x: Sample) -> bool:
 
 def make_sample(ws: Workspace) -> Sample:
     """Make the buffers of one sample of an open chain, on the Pinocchio data of a workspace."""
-    scene, layout, supply, tables = ws.scene, ws.tables, ws.supplier.supply, ws.scene.site_tables
+    scene, layout, supply, tables = ws.scene, ws.layout, ws.supplier.supply, ws.scene.site_tables
     ns, na = len(scene.sites), len(scene.drives)
     unit_q, unit_count = unit_parts(scene.model)
     effort, motor = np.zeros((3, 1, na)), np.zeros((2, 1, na))
@@ -215,7 +215,7 @@ class Solver:
 
     def _rehearse(self) -> None:
         """Compile what the solver's methods call."""
-        Workspace(self.scene, self._carried).rehearse()
+        rehearse(Workspace(self.scene, self._carried))
         if self._at_once:
             compile_for(rub, self._argument)
             return
@@ -254,7 +254,7 @@ class Solver:
         while not rub(self._argument):
             self._mend()
             self._ws.supplier.balance(self._q, self._v, self._a)
-        self._ws.check_roll_moments(self._found.wrench)
+        self._ws.failures.check_roll_moments(self._found.wrench)
         return self._found
 
     def _inverse_of_batch(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
@@ -267,7 +267,7 @@ class Solver:
         found = solve(self.scene, states, [], slice(0, 1), 1)
         if found.wrench is None:  # nothing looks at reactions
             self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
-            wrench = self._ws.supplier.supply.force[1 + self._ws.tables.joint]
+            wrench = self._ws.supplier.supply.force[1 + self._ws.layout.joint]
             found = replace(found, wrench=wrench[None])
         figures = {name: getattr(found, name)[0] for name in InverseInstant._fields}
         return InverseInstant(**figures | {"status": Status(found.status[0])})
