@@ -153,16 +153,19 @@ def _reduce_contacts(
 
 
 @kernel
-def residual(reduced: Reduced, z: np.ndarray, rest: np.ndarray, size: np.ndarray) -> float:
+def residual(
+    reduced: Reduced, z: np.ndarray, rest: np.ndarray, size: np.ndarray, p: np.ndarray
+) -> float:
     """Write z - (offset + gain load(z)) and return the largest, relative to its terms.
 
     Args:
         reduced: `Reduced`.
         z: (nz,).
         rest, size: (nz,), overwritten: the residual, and the size of the terms it is the sum of.
+        p: (3,), overwritten: a contact force.
     """
     _, _, offset, place, gain, contact = reduced
-    worst, p = 0.0, np.empty(3)
+    worst = 0.0
     for k in range(z.size):
         rest[k], size[k] = z[k] - offset[k], abs(z[k]) + abs(offset[k])
     for t in range(gain.size):
@@ -200,9 +203,9 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
         (the relative residual reached, passes).
     """
     nz = z.size
-    rest, size = np.empty(nz), np.empty(nz)
+    rest, size, p = np.empty(nz), np.empty(nz), np.empty(3)
     tolerance = _RESIDUAL * (8 + nz)
-    error = residual(reduced, z, rest, size)
+    error = residual(reduced, z, rest, size, p)
     if error <= tolerance:
         return error, 0
     trial_rest, trial = np.empty(nz), np.empty(nz)
@@ -222,7 +225,7 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
         for _ in range(30):
             for k in range(nz):
                 trial[k] = z[k] - damping * step[k, 0]
-            new = residual(reduced, trial, trial_rest, size)
+            new = residual(reduced, trial, trial_rest, size, p)
             trial_most = largest(trial_rest)
             if fast or trial_most < most or new <= tolerance:
                 break
@@ -243,9 +246,9 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
 @kernel
 def fixed_point(reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
     """Iterate z = offset + gain load(z), certain to converge below contraction 1; return passes."""
-    rest, size = np.empty(z.size), np.empty(z.size)
+    rest, size, p = np.empty(z.size), np.empty(z.size), np.empty(3)
     for passes in range(_FIXED_POINT_PASSES):
-        if residual(reduced, z, rest, size) <= tolerance:
+        if residual(reduced, z, rest, size, p) <= tolerance:
             return passes
         for k in range(z.size):
             z[k] -= rest[k]
@@ -266,10 +269,10 @@ def settles(reduced: Reduced, z: np.ndarray) -> bool:
     """
     _, _, offset, _, gain, contact = reduced
     nz = z.size
-    rest, terms = np.empty(nz), np.empty(nz)
+    rest, terms, p = np.empty(nz), np.empty(nz), np.empty(3)
     J, inverse = np.empty((nz, nz)), np.empty((nz, nz))
     for _ in range(3):
-        residual(reduced, z, rest, terms)
+        residual(reduced, z, rest, terms, p)
         residual_slope(reduced, z, J)
         for i in range(nz):
             for j in range(nz):

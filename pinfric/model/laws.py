@@ -179,13 +179,14 @@ def power_of(speed: float, power: float) -> float:
 
 
 @inlined_kernel
-def law_at(laws: Laws, site: int, velocity: float) -> Law:
+def law_at(laws: Laws, site: int, velocity: float, slopes: bool = False) -> Law:
     """Return a site's law at a velocity: the sums of its rows, s^power exp(-(s / v)^exponent).
 
     Args:
         laws: `law_table`.
         site: row of it.
         velocity: rad/s or m/s; its sign says against which direction drag acts.
+        slopes: whether those of drag are asked for; else they are 0.
     """
     speed, against = abs(velocity), 0 if velocity > 0.0 else 1
     mu = laws.mu_kinetic[site]
@@ -201,9 +202,10 @@ def law_at(laws: Laws, site: int, velocity: float) -> Law:
             shape *= power_of(speed, power)
             drag_mu += laws.mu[r] * shape
             drag += laws.coulomb[r, against] * shape
-            slope = shape * (power - laws.exponent[r] * decay) / speed if speed > 0.0 else 0.0
-            drag_mu_slope += laws.mu[r] * slope
-            drag_slope += laws.coulomb[r, against] * slope
+            if slopes and speed > 0.0:
+                slope = shape * (power - laws.exponent[r] * decay) / speed
+                drag_mu_slope += laws.mu[r] * slope
+                drag_slope += laws.coulomb[r, against] * slope
         else:
             mu += laws.mu[r] * shape
             forward += laws.coulomb[r, 0] * shape

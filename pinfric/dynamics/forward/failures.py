@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import hypot
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -27,21 +27,9 @@ from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES
 from pinfric.model.drives import gear_jam, self_locking_gears
 from pinfric.model.scene import Scene
 
-
-class State(NamedTuple):
-    """What an instant is asked for.
-
-    Attributes:
-        q, v, effort: (nq,), (nv,), (na,) as drives are given, r T_m where motors drive.
-        applied: wrenches from outside, one sample each.
-        step: 0, or the time step (s) at whose end r is the relative velocity.
-    """
-
-    q: np.ndarray
-    v: np.ndarray
-    effort: np.ndarray
-    applied: list[AppliedWrench] | None
-    step: float
+#: What an instant is asked for: q (nq,), v (nv,), effort (na,) as drives are given it, r T_m where
+#: motors drive; wrenches from outside; 0, or the time step (s) at whose end r is the velocity.
+State = tuple[np.ndarray, np.ndarray, np.ndarray, list[AppliedWrench] | None, float]
 
 
 class Failures:
@@ -78,7 +66,7 @@ class Failures:
         Raises:
             StateError: see there.
         """
-        for name, array in (("q", state.q), ("v", state.v), (self._given, state.effort)):
+        for name, array in zip(("q", "v", self._given), state[:3], strict=True):
             if not np.isfinite(array).all():
                 i = int(np.flatnonzero(~np.isfinite(array))[0])
                 raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
@@ -128,7 +116,7 @@ class Failures:
     def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Copies of q, v, and of efforts, or torques of motors, as they were given."""
         ratio = self._layout.gears.ratio if self._given == "motor_torque" else 1.0
-        return state.q.copy(), state.v.copy(), state.effort / ratio
+        return state[0].copy(), state[1].copy(), state[2] / ratio
 
     def check_jam(self, state: State) -> None:
         """Refuse a solution in which a self-locking gear moves whose rotor is too light.
@@ -150,7 +138,7 @@ class Failures:
         rotors = np.where(rises, w.reflected / np.where(rises, w.slope, 1.0), 0.0)
         inertia -= (w.S * rotors[:, None]).T @ w.S
         fixed = np.concatenate([J, w.D[w.modes.stuck]])
-        found = gear_jam(t.gears, moves, np.abs(w.S @ state.v), inertia, w.S, fixed)
+        found = gear_jam(t.gears, moves, np.abs(w.S @ state[1]), inertia, w.S, fixed)
         if found is None:
             return None
         d, eigenvalue, enough = found

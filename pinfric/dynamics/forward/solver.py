@@ -28,9 +28,11 @@ from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
+from pinfric.model.bearings import Contacts
 from pinfric.model.drives import Gears, write_motor_torques
+from pinfric.model.laws import Laws
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
-from pinfric.model.scene import Scene, SiteTables, expect_scene
+from pinfric.model.scene import Scene, expect_scene
 
 
 class InverseInstant(NamedTuple):
@@ -68,9 +70,9 @@ class Sample(NamedTuple):
         q, v, a: (nq,), (1, nv), (1, nv).
         unit_q, unit_count: (nu,) see `maps.Tables`.
         force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `maps.Supply`.
-        joint: (ns,) row of each site's joint.
+        joint, place: (ns,) row of each site's joint, and of the site itself.
         displacement_q, displacement_ratio, displacement_shift: (ns,), see `Layout`.
-        sites: of the scene, whose wrenches follow each other. gears: of its drives.
+        contacts, laws, velocity_index, ratio: of its sites. gears: of its drives.
         geared: (1,) bool, whether a drive has a gear.
         turns: (1, na), False: no reversals.
         found: of this sample. wrench: (1, ns, 6).
@@ -88,7 +90,11 @@ class Sample(NamedTuple):
     displacement_q: np.ndarray
     displacement_ratio: np.ndarray
     displacement_shift: np.ndarray
-    sites: SiteTables
+    place: np.ndarray
+    contacts: Contacts
+    laws: Laws
+    velocity_index: np.ndarray
+    ratio: np.ndarray
     gears: Gears
     geared: np.ndarray
     turns: np.ndarray
@@ -120,9 +126,9 @@ def rub(x: Sample) -> bool:
     Returns:
         False where the state is not as it should be (`is_usual`), or an effort overflows.
     """
-    found = x.found
+    found = x.found  # once: arrays of a record are counted at every access
     for s in range(x.joint.size):
-        found.velocity[0, s] = x.v[0, x.sites.velocity_index[s]] * x.sites.ratio[s]
+        found.velocity[0, s] = x.v[0, x.velocity_index[s]] * x.ratio[s]
         found.displacement[0, s] = (
             x.displacement_ratio[s] * x.q[x.displacement_q[s]] + x.displacement_shift[s]
         )
@@ -130,7 +136,7 @@ def rub(x: Sample) -> bool:
             x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
     for i in range(x.h.size):
         found.effort_frictionless[0, i] = x.h[i]
-    bound_efforts(x.sites, x.wrench, found)
+    bound_efforts(x.place, x.contacts, x.laws, x.velocity_index, x.ratio, x.wrench, found)
     lower, upper = found.effort_lower, found.effort_upper
     motor_lower, motor_upper = x.motor_torque_lower, x.motor_torque_upper
     if x.geared[0]:
@@ -162,7 +168,11 @@ def make_sample(ws: Workspace) -> Sample:
         displacement_q=layout.displacement_q,
         displacement_ratio=layout.displacement_ratio,
         displacement_shift=layout.displacement_shift,
-        sites=tables._replace(joint=np.arange(ns)),
+        place=np.arange(ns),
+        contacts=tables.contacts,
+        laws=layout.laws,
+        velocity_index=tables.velocity_index,
+        ratio=tables.ratio,
         gears=scene_gears(scene),
         geared=np.array([geared]),
         turns=np.zeros((1, na), dtype=bool),

@@ -227,7 +227,7 @@ class Workspace:
     ) -> tuple[int, int, int]:
         """(solutions, how many obey, how many rest); -1 rest: modes were given and not tried."""
         self._kept = None
-        self.state = State(q, v, effort, applied, 0.0)
+        self.state = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
         outcome, solutions, obeying, resting = solve_instant(
             self.machine, q, v, effort, choice, 0.0
@@ -259,7 +259,7 @@ class Workspace:
             StateError, SceneError, ToggleError: see `solve`.
         """
         self._kept = None
-        self.state = State(q, v, effort, applied, step)
+        self.state = q, v, effort, applied, step
         self.supplier.at(q, v, applied)
         outcome = assemble(self.machine, q, v, effort, step)
         if outcome:

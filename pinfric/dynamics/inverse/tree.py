@@ -180,13 +180,14 @@ def _bound(
         threads: each takes a part of the samples.
     """
     balance = twin.embedding, twin.armature, a
+    rubs = sites.joint, sites.contacts, sites.laws, sites.velocity_index, sites.ratio
     if threads == 1:
         if wrench.shape[2] > 0:
             project(wrench, *balance, samples.effort_frictionless)
-        bound_efforts(sites, wrench, samples)
+        bound_efforts(*rubs, wrench, samples)
         return
     with team(threads) as parts:
-        bound_in_parts(parts, wrench, samples, *balance, *sites)
+        bound_in_parts(parts, wrench, samples, *balance, *rubs)
 
 
 def _plain(

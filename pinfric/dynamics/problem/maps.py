@@ -228,7 +228,7 @@ def _write_laws(t: Tables, w: Work, step: float) -> None:
         velocity = ratio * rate[c]
         speed = _ball_speed(t, rate, c) if layout.ball[c] else abs(velocity)
         towards = velocity / speed if speed > 0.0 else 0.0  # a ball's drag lies along its velocity
-        law = law_at(laws, layout.entry_site[e], np.copysign(speed, velocity))
+        law = law_at(laws, layout.entry_site[e], np.copysign(speed, velocity), step > 0.0)
         p.mu_stick[e] = law.static_mu
         p.coulomb_stick[e, 0], p.coulomb_stick[e, 1] = law.static_forward, law.static_backward
         p.coulomb_slip[e, 0], p.coulomb_slip[e, 1] = law.forward, law.backward

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.kernels.compiled import inlined_kernel, kernel
-from pinfric.model.bearings import normal_loads
-from pinfric.model.laws import friction_bounds
-from pinfric.model.scene import SiteTables
+from pinfric.model.bearings import Contacts, normal_loads
+from pinfric.model.laws import Laws, friction_bounds
 
 
 class TreeSamples(NamedTuple):
@@ -54,31 +53,34 @@ def part_of(x: TreeSamples, i: int, j: int) -> TreeSamples:
     )
 
 
-@kernel
-def bound_efforts(sites: SiteTables, wrench: np.ndarray, x: TreeSamples) -> None:
+@inlined_kernel
+def bound_efforts(
+    joint: np.ndarray,
+    contacts: Contacts,
+    laws: Laws,
+    velocity_index: np.ndarray,
+    ratio: np.ndarray,
+    wrench: np.ndarray,
+    x: TreeSamples,
+) -> None:
     """Write loads, friction and the ends of efforts of samples.
 
     Args:
-        sites: `Scene.site_tables`, `joint` the rows of these wrenches.
+        joint: (ns,) which of the wrenches is each site's.
+        contacts, laws, velocity_index, ratio: of `Scene.site_tables`.
         wrench: (n, rows, 6) parent on child; anything where nothing looks at wrenches.
         x: of which `effort_frictionless` is known.
     """
-    normal_loads(wrench, sites.joint, sites.contacts, x.displacement, x.normal_load)
+    normal_loads(wrench, joint, contacts, x.displacement, x.normal_load)
     friction_bounds(
-        x.velocity,
-        x.normal_load,
-        sites.laws,
-        x.reversal,
-        x.friction_lower,
-        x.friction_upper,
-        x.sticking,
+        x.velocity, x.normal_load, laws, x.reversal, x.friction_lower, x.friction_upper, x.sticking
     )
     effort_bounds(
         x.effort_frictionless,
         x.friction_lower,
         x.friction_upper,
-        sites.velocity_index,
-        sites.ratio,
+        velocity_index,
+        ratio,
         x.effort_lower,
         x.effort_upper,
     )

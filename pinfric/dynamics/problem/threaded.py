@@ -23,11 +23,10 @@ from pinfric.dynamics.problem.motion_kernels import (
     mark_reversals,
     part_of,
 )
-from pinfric.kernels.compiled import kernel, parallel_kernel
+from pinfric.kernels.compiled import parallel_kernel
 from pinfric.model.arrays import whole_number
 from pinfric.model.bearings import Contacts
 from pinfric.model.laws import Laws
-from pinfric.model.scene import SiteTables
 from pinfric.model.twin import Embedding, embed, project
 
 #: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
@@ -104,7 +103,6 @@ def bound_in_parts(
     armature: np.ndarray,
     a: np.ndarray,
     joint: np.ndarray,
-    axis: np.ndarray,
     contacts: Contacts,
     laws: Laws,
     velocity_index: np.ndarray,
@@ -113,7 +111,7 @@ def bound_in_parts(
     """`twin.project`, then `motion_kernels.bound_efforts`, a part of the samples on each thread.
 
     Where wrench is (n, nj, 0) nothing looks at wrenches, and the efforts without friction are there
-    already. The last arguments are the fields of `SiteTables`: these loops take no tuple of tuples.
+    already.
     """
     n = wrench.shape[0]
     for part in numba.prange(parts):
@@ -121,21 +119,7 @@ def bound_in_parts(
         here = part_of(x, i, j)
         if wrench.shape[2] > 0:
             project(wrench[i:j], joints, armature, a[i:j], here.effort_frictionless)
-        sites = _together(joint, axis, contacts, laws, velocity_index, ratio)
-        bound_efforts(sites, wrench[i:j], here)
-
-
-@kernel
-def _together(
-    joint: np.ndarray,
-    axis: np.ndarray,
-    contacts: Contacts,
-    laws: Laws,
-    velocity_index: np.ndarray,
-    ratio: np.ndarray,
-) -> SiteTables:
-    """Return tables of sites from their fields."""
-    return SiteTables(joint, axis, contacts, laws, velocity_index, ratio)
+        bound_efforts(joint, contacts, laws, velocity_index, ratio, wrench[i:j], here)
 
 
 @parallel_kernel
