@@ -22,7 +22,7 @@ from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
 from pinfric.dynamics.problem.maps import is_normalized
-from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_efforts
+from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.problem.motor_torques import scene_gears
 from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.states import States, unit_parts
@@ -136,7 +136,7 @@ def rub(x: Sample) -> bool:
             x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
     for i in range(x.h.size):
         found.effort_frictionless[0, i] = x.h[i]
-    bound_efforts(x.place, x.contacts, x.laws, x.velocity_index, x.ratio, x.wrench, found)
+    bound_within(x.place, x.contacts, x.laws, x.velocity_index, x.ratio, x.wrench, found)
     lower, upper = found.effort_lower, found.effort_upper
     motor_lower, motor_upper = x.motor_torque_lower, x.motor_torque_upper
     if x.geared[0]:

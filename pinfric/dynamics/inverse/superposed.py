@@ -17,7 +17,7 @@ import numpy as np
 
 from pinfric.dynamics.problem.motion_kernels import (
     TreeSamples,
-    bound_efforts,
+    bound_within,
     mark_reversals,
     part_of,
 )
@@ -190,7 +190,7 @@ def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, now: C
         here = now.wrench[: stop - start]
         if wrench.shape[1] > 0:
             _superpose(wrench, varied.coefficient[c], start * width, here.reshape(-1))
-        bound_efforts(
+        bound_within(
             sites.joint,
             sites.contacts,
             laws,

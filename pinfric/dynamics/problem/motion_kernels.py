@@ -53,7 +53,6 @@ def part_of(x: TreeSamples, i: int, j: int) -> TreeSamples:
     )
 
 
-@inlined_kernel
 def bound_efforts(
     joint: np.ndarray,
     contacts: Contacts,
@@ -70,6 +69,8 @@ def bound_efforts(
         contacts, laws, velocity_index, ratio: of `Scene.site_tables`.
         wrench: (n, rows, 6) parent on child; anything where nothing looks at wrenches.
         x: of which `effort_frictionless` is known.
+
+    Its steps are kernels; within other kernels it is `bound_within`.
     """
     normal_loads(wrench, joint, contacts, x.displacement, x.normal_load)
     friction_bounds(
@@ -84,6 +85,9 @@ def bound_efforts(
         x.effort_lower,
         x.effort_upper,
     )
+
+
+bound_within = inlined_kernel(bound_efforts)
 
 
 @kernel

@@ -19,7 +19,7 @@ import numpy as np
 
 from pinfric.dynamics.problem.motion_kernels import (
     TreeSamples,
-    bound_efforts,
+    bound_within,
     mark_reversals,
     part_of,
 )
@@ -119,7 +119,7 @@ def bound_in_parts(
         here = part_of(x, i, j)
         if wrench.shape[2] > 0:
             project(wrench[i:j], joints, armature, a[i:j], here.effort_frictionless)
-        bound_efforts(joint, contacts, laws, velocity_index, ratio, wrench[i:j], here)
+        bound_within(joint, contacts, laws, velocity_index, ratio, wrench[i:j], here)
 
 
 @parallel_kernel
