@@ -154,7 +154,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(seed):
 
     def at(z):
         rest, size, J = np.empty(nz), np.empty(nz), np.empty((nz, nz))
-        coupling.residual(reduced, z, rest, size)
+        coupling.residual(reduced, z, rest, size, np.empty(3))
         coupling.residual_slope(reduced, z, J)
         return rest, J
 
