@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.friction.law import contact_force
 from pinfric.friction.least_use import Rest, friction_and_limits, write_limit
 from pinfric.friction.minimax import least_violation
 from pinfric.kernels.compiled import call_compiled, kernel
@@ -89,7 +90,7 @@ def bound_force(
         sides: (2, dz + 1), overwritten: the force is in its sector where sides z + last <= 0.
     """
     dz = rest.N.shape[1]
-    f, S = rest.force[i], rest.slope[i]
+    f, S = rest.contact[i, 0], rest.contact[i, 1:]
     if half < 0.0:
         # p_e^2 <= (low + high) p_e - low high on its range, |p| <= (|p|^2 + r^2) / (2 r)
         square, total = 0.0, 0.0
@@ -99,7 +100,7 @@ def bound_force(
             low, high = rest.low[i, e], rest.high[i, e]
             square += 0.5 * (low * low + high * high)
             for j in range(dz):
-                line[j] += (low + high) * S[e, j]
+                line[j] += (low + high) * S[j, e]
             total += (low + high) * f[e] - low * high
         r = max(np.sqrt(square), 1e-300)
         for j in range(dz):
@@ -109,7 +110,7 @@ def bound_force(
     along = 1.0 / np.cos(half)
     cx, cy = np.cos(centre), np.sin(centre)
     for j in range(dz):
-        line[j] = along * (cx * S[0, j] + cy * S[1, j])
+        line[j] = along * (cx * S[j, 0] + cy * S[j, 1])
     line[dz] = along * (cx * f[0] + cy * f[1])
     if half == 0.0:  # on a line: |p| is exact
         for j in range(dz + 1):
@@ -120,7 +121,7 @@ def bound_force(
         sign = 1.0 if side == 0 else -1.0
         nx, ny = sign * np.sin(angle), -sign * np.cos(angle)
         for j in range(dz):
-            sides[side, j] = nx * S[0, j] + ny * S[1, j]
+            sides[side, j] = nx * S[j, 0] + ny * S[j, 1]
         sides[side, dz] = nx * f[0] + ny * f[1]
     return 2
 
@@ -149,9 +150,9 @@ def write_program(rest: Rest, program: Program, centre: np.ndarray, half: np.nda
             r = 2 * rest.owner[i] + side
             if (rest.above if side == 0 else rest.below)[rest.owner[i]] == np.inf:
                 continue
-            h[r] -= target * rest.weight[i] * line[dz]
+            h[r] -= target * line[dz]
             for j in range(dz):
-                G[r, j] -= target * rest.weight[i] * line[j]
+                G[r, j] -= target * line[j]
         for side in range(count):
             s[rows], h[rows] = 1.0, sides[side, dz]
             for j in range(dz):
@@ -166,20 +167,17 @@ def worst_bounded(
 ) -> tuple[int, float]:
     """Return the force whose bound is farthest from its size at z, and its direction; -1: none."""
     dz = z.size
-    cut, gap, angle = -1, 0.0, 0.0
+    cut, gap, angle, p = -1, 0.0, 0.0, np.empty(3)
     for i in range(half.size):
-        px, py, over = rest.force[i, 0], rest.force[i, 1], program.bound[i, dz]
+        size, over = contact_force(rest.contact, i, z, p)[0], program.bound[i, dz]
         for j in range(dz):
-            px += rest.slope[i, 0, j] * z[j]
-            py += rest.slope[i, 1, j] * z[j]
             over += program.bound[i, j] * z[j]
-        short = rest.weight[i] * (over - np.sqrt(px * px + py * py))
-        short /= program.scale[rest.owner[i]]
+        short = (over - size) / program.scale[rest.owner[i]]
         if short > gap and half[i] != 0.0:
             cut, gap = i, short
-            angle = np.arctan2(py, px)
+            angle = np.arctan2(p[1], p[0])
             if rest.on_a_line[i]:
-                angle = 0.0 if px >= 0.0 else np.pi
+                angle = 0.0 if p[0] >= 0.0 else np.pi
     return cut, angle
 
 

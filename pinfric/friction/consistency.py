@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.friction.given_modes import MOST_SOLUTIONS, solve_given_modes
+from pinfric.friction.law import site_limits, sliding, stick_limits, write_loads
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
-from pinfric.kernels.compiled import inlined_kernel, kernel
+from pinfric.kernels.compiled import kernel
 
 #: How far beyond its law a sticking or slipping coordinate may be, relative to the terms: rounding.
 ROUNDING = 1e-11
@@ -22,44 +23,12 @@ SHOULD_STICK = 2
 @kernel
 def evaluate(problem: Problem, friction: np.ndarray, load: np.ndarray, rate: np.ndarray) -> None:
     """Write each site's load (ns,) and each coordinate's rate (nc,) under given friction (nc,)."""
-    nc = friction.size
-    for s in range(load.size):
-        load[s] = problem.constant[s]
-    for t in range(problem.contact_site.size):
-        square = 0.0
-        for e in range(3):
-            p = problem.contact_free[t, e]
-            for c in range(nc):
-                p += problem.contact_slope[t, c, e] * friction[c]
-            square += p * p
-        load[problem.contact_site[t]] += np.sqrt(square)
-    for c in range(nc):
+    write_loads(problem.contact, problem.contact_site, problem.constant, friction, load)
+    for c in range(friction.size):
         total = problem.rate_free[c]
-        for d in range(nc):
+        for d in range(friction.size):
             total += problem.rate_slope[c, d] * friction[d]
         rate[c] = total
-
-
-@inlined_kernel
-def site_limits(problem: Problem, load: np.ndarray, s: int) -> tuple[float, float]:
-    """Return the least and the most that a site at rest may add to its coordinate's friction."""
-    size, grip = abs(problem.ratio[s]), problem.mu_stick[s] * load[s]
-    forward, backward = (0, 1) if problem.ratio[s] > 0.0 else (1, 0)
-    return (
-        -size * (grip + problem.coulomb_stick[s, forward]),
-        size * (grip + problem.coulomb_stick[s, backward]),
-    )
-
-
-@kernel
-def stick_limits(problem: Problem, load: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-    """Write least and greatest static friction (nc,) of each coordinate (paper eq. 21)."""
-    for c in range(lower.size):
-        lower[c] = upper[c] = 0.0
-    for s in range(load.size):
-        least, greatest = site_limits(problem, load, s)
-        lower[problem.coordinate[s]] += least
-        upper[problem.coordinate[s]] += greatest
 
 
 @kernel
@@ -95,10 +64,8 @@ def site_friction(
             least, greatest = site_limits(problem, load, s)
             phi[s] = (least + share * (greatest - least)) / ratio
         else:
-            along = direction[c] if ratio > 0.0 else -direction[c]
-            against = 0 if along > 0.0 else 1
-            dry = problem.mu_slip[s] * load[s] + problem.coulomb_slip[s, against]
-            phi[s] = -along * dry - problem.drag[s]
+            gain, offset = sliding(problem, s, direction[c])
+            phi[s] = (gain * load[s] + offset) / ratio
     for c in range(stuck.size):
         if stuck[c] and not upper[c] - lower[c] < np.inf:
             _share_unlimited(problem, friction[c], load, c, phi)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.dense import largest, solve_dense, spectral_radius_bound
+from pinfric.friction.law import add_load_slopes, contact_force, slip_law
 from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
 
@@ -54,32 +55,6 @@ class Reduced(NamedTuple):
     place: np.ndarray
     gain: np.ndarray
     contact: np.ndarray
-
-
-@kernel
-def slip_law(
-    problem: Problem, stuck: np.ndarray, direction: np.ndarray, gain: np.ndarray, offset: np.ndarray
-) -> None:
-    """Write the slip laws as x = offset + sum over sites of gain load; zeros where it sticks.
-
-    Args:
-        problem: `Problem`.
-        stuck: (nc,) bool.
-        direction: (nc,) of the slip, -1 to 1 (between: regularized friction).
-        gain: (ns,), overwritten.
-        offset: (nc,), overwritten.
-    """
-    for c in range(offset.size):
-        offset[c] = 0.0
-    for s in range(gain.size):
-        c = problem.coordinate[s]
-        gain[s] = 0.0
-        if stuck[c]:
-            continue
-        size = abs(problem.ratio[s]) * direction[c]
-        against = 0 if problem.ratio[s] * direction[c] > 0.0 else 1
-        gain[s] = -size * problem.mu_slip[s]
-        offset[c] -= size * problem.coulomb_slip[s, against] + problem.ratio[s] * problem.drag[s]
 
 
 @kernel
@@ -167,44 +142,34 @@ def _reduce_contacts(
             continue
         place[n], gain[n] = unknown[problem.coordinate[s]], site_gain[s]
         for e in range(3):
-            contact[n, 0, e] = problem.contact_free[t, e]
+            contact[n, 0, e] = problem.contact[t, 0, e]
         for c in range(unknown.size):
             # what slips is a number or one of z
             first, last = (0, columns) if stuck[c] else (1 + unknown[c], 2 + unknown[c])
             for j in range(first, last):
                 for e in range(3):
-                    contact[n, j, e] += X[c, j] * problem.contact_slope[t, c, e]
+                    contact[n, j, e] += X[c, j] * problem.contact[t, 1 + c, e]
         n += 1
 
 
 @kernel
-def _force(contact: np.ndarray, t: int, z: np.ndarray) -> tuple[float, float, float, float, float]:
-    """Return one contact force under z, its size, and that of the terms it is the sum of."""
-    px, py, pz = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
-    terms = abs(px) + abs(py) + abs(pz)
-    for j in range(z.size):
-        x, y = contact[t, 1 + j, 0] * z[j], contact[t, 1 + j, 1] * z[j]
-        w = contact[t, 1 + j, 2] * z[j]
-        px, py, pz = px + x, py + y, pz + w
-        terms += abs(x) + abs(y) + abs(w)
-    return px, py, pz, np.sqrt(px * px + py * py + pz * pz), terms
-
-
-@kernel
-def residual(reduced: Reduced, z: np.ndarray, rest: np.ndarray, size: np.ndarray) -> float:
+def residual(
+    reduced: Reduced, z: np.ndarray, rest: np.ndarray, size: np.ndarray, p: np.ndarray
+) -> float:
     """Write z - (offset + gain load(z)) and return the largest, relative to its terms.
 
     Args:
         reduced: `Reduced`.
         z: (nz,).
         rest, size: (nz,), overwritten: the residual, and the size of the terms it is the sum of.
+        p: (3,), overwritten: a contact force.
     """
     _, _, offset, place, gain, contact = reduced
     worst = 0.0
     for k in range(z.size):
         rest[k], size[k] = z[k] - offset[k], abs(z[k]) + abs(offset[k])
     for t in range(gain.size):
-        _, _, _, norm, terms = _force(contact, t, z)
+        norm, terms = contact_force(contact, t, z, p)
         rest[place[t]] -= gain[t] * norm
         size[place[t]] += abs(gain[t]) * terms
     for k in range(z.size):
@@ -217,25 +182,12 @@ def residual(reduced: Reduced, z: np.ndarray, rest: np.ndarray, size: np.ndarray
 
 @kernel
 def residual_slope(reduced: Reduced, z: np.ndarray, J: np.ndarray) -> None:
-    """Write the Jacobian (nz, nz) of `residual`.
-
-    A contact force of zero has no direction: it adds nothing (an element of the generalized
-    Jacobian of the norm).
-    """
-    _, _, _, place, gain, contact = reduced
+    """Write the Jacobian (nz, nz) of `residual`."""
+    J[:] = 0.0
+    add_load_slopes(reduced.contact, reduced.place, reduced.gain, z, J)
     for k in range(z.size):
         for j in range(z.size):
-            J[k, j] = 1.0 if j == k else 0.0
-    for t in range(gain.size):
-        px, py, pz, norm, _ = _force(contact, t, z)
-        if norm > 0.0:
-            for j in range(z.size):
-                along = (
-                    px * contact[t, 1 + j, 0]
-                    + py * contact[t, 1 + j, 1]
-                    + pz * contact[t, 1 + j, 2]
-                )
-                J[place[t], j] -= gain[t] * along / norm
+            J[k, j] = (1.0 if j == k else 0.0) - J[k, j]
 
 
 @kernel
@@ -251,9 +203,9 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
         (the relative residual reached, passes).
     """
     nz = z.size
-    rest, size = np.empty(nz), np.empty(nz)
+    rest, size, p = np.empty(nz), np.empty(nz), np.empty(3)
     tolerance = _RESIDUAL * (8 + nz)
-    error = residual(reduced, z, rest, size)
+    error = residual(reduced, z, rest, size, p)
     if error <= tolerance:
         return error, 0
     trial_rest, trial = np.empty(nz), np.empty(nz)
@@ -273,7 +225,7 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
         for _ in range(30):
             for k in range(nz):
                 trial[k] = z[k] - damping * step[k, 0]
-            new = residual(reduced, trial, trial_rest, size)
+            new = residual(reduced, trial, trial_rest, size, p)
             trial_most = largest(trial_rest)
             if fast or trial_most < most or new <= tolerance:
                 break
@@ -294,9 +246,9 @@ def newton(reduced: Reduced, z: np.ndarray, fast: bool) -> tuple[float, int]:
 @kernel
 def fixed_point(reduced: Reduced, z: np.ndarray, tolerance: float) -> int:
     """Iterate z = offset + gain load(z), certain to converge below contraction 1; return passes."""
-    rest, size = np.empty(z.size), np.empty(z.size)
+    rest, size, p = np.empty(z.size), np.empty(z.size), np.empty(3)
     for passes in range(_FIXED_POINT_PASSES):
-        if residual(reduced, z, rest, size) <= tolerance:
+        if residual(reduced, z, rest, size, p) <= tolerance:
             return passes
         for k in range(z.size):
             z[k] -= rest[k]
@@ -317,10 +269,10 @@ def settles(reduced: Reduced, z: np.ndarray) -> bool:
     """
     _, _, offset, _, gain, contact = reduced
     nz = z.size
-    rest, terms = np.empty(nz), np.empty(nz)
+    rest, terms, p = np.empty(nz), np.empty(nz), np.empty(3)
     J, inverse = np.empty((nz, nz)), np.empty((nz, nz))
     for _ in range(3):
-        residual(reduced, z, rest, terms)
+        residual(reduced, z, rest, terms, p)
         residual_slope(reduced, z, J)
         for i in range(nz):
             for j in range(nz):

@@ -8,9 +8,9 @@ The *use* of x is the largest |x_k| / limit_k. With the limits' tangents at hand
 them, one linear program finds the x with the largest margin at the present use; its true use is
 smaller. So it falls, to a stationary point; where limits follow loads there may be several.
 
-Every friction is measured in its own limit, every contact force in its own size: limits of 1e-6 and
-1e6 N m beside each other, and the unit of mass, do not matter. A joint without limit has no row in
-the program.
+Every friction is measured in its own limit, every contact force in the limit that it is part of:
+limits of 1e-6 and 1e6 N m beside each other, and the unit of mass, do not matter. A joint without
+limit has no row in the program.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 
 from pinfric.friction.balance import Balance, Shared
 from pinfric.friction.dense import spectral_radius_bound
+from pinfric.friction.law import add_load_slopes, contact_force, stick_limits, write_loads
 from pinfric.friction.minimax import least_violation
 from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
@@ -39,19 +40,19 @@ _FLAT = 1e-9
 class Rest(NamedTuple):
     """What rests, as numbers: n coordinates, dz of them free to share, nf contact forces.
 
-    Frictions and limits are in `unit`, contact forces in a unit of their own.
+    Frictions and limits are in `unit`, contact forces in that of their owner, times its mu.
 
     Attributes:
         unit: (n,) N m or N.
         x0: (n,) a friction in equilibrium. N: (n, dz) what may be added to it, x = x0 + N z.
         above, below: (n,) constant part of the limits of x > 0 and of x < 0; inf: no limit.
         least: (n,) limits are not smaller: rounding of the friction, which zero does not limit.
-        force, slope: (nf, 2), (nf, 2, dz): contact force p = force + slope z, in its plane; where
-            one of them lies in none (nf, 3), (nf, 3, dz).
-        owner: (nf,) coordinate whose limit it is part of. weight: (nf,) mu of it.
+        contact: (nf, 1 + dz, 3) contact forces p = contact (1, z), in axes of their own; the last
+            is zero for those that lie in a plane.
+        owner: (nf,) coordinate whose limit it is part of.
         on_a_line: (nf,) bool, whether it has one direction and its opposite only.
         box: (n,) largest magnitude of x that is searched. reach: (dz,) the same for z.
-        low, high: as `force`, the same for the contact forces.
+        low, high: (nf, 3) the same for the contact forces.
     """
 
     unit: np.ndarray
@@ -60,10 +61,8 @@ class Rest(NamedTuple):
     above: np.ndarray
     below: np.ndarray
     least: np.ndarray
-    force: np.ndarray
-    slope: np.ndarray
+    contact: np.ndarray
     owner: np.ndarray
-    weight: np.ndarray
     on_a_line: np.ndarray
     box: np.ndarray
     reach: np.ndarray
@@ -75,49 +74,38 @@ class Limits(NamedTuple):
     """Static limits of n coordinates by their friction, in N m and N.
 
     Attributes:
-        above, below, owner, weight: see `Rest`.
-        free: (nf, 3) contact forces without friction. slope: (nf, 3, n) their change with it.
+        above, below, owner: see `Rest`.
+        contact: (nf, 1 + n, 3) contact forces, times mu, as `Problem` has them.
     """
 
     above: np.ndarray
     below: np.ndarray
     owner: np.ndarray
-    weight: np.ndarray
-    free: np.ndarray
-    slope: np.ndarray
+    contact: np.ndarray
 
     @classmethod
     def of(cls, problem: Problem, members: np.ndarray) -> Limits:
         """Take the limits of some coordinates (n,)."""
         number = np.full(len(problem.rate_free), -1)
         number[members] = np.arange(len(members))
-        site = number[problem.coordinate]
-        size, ahead = np.abs(problem.ratio), problem.ratio > 0.0
-        coulomb = np.where(ahead[:, None], problem.coulomb_stick, problem.coulomb_stick[:, ::-1])
-        held = site >= 0
-        constant = size[held, None] * (
-            (problem.mu_stick * problem.constant)[held, None] + coulomb[held]
-        )
-        below, above = (np.bincount(site[held], constant[:, i], len(members)) for i in (0, 1))
-        weight = (size * problem.mu_stick)[problem.contact_site]
-        owner = site[problem.contact_site]
+        below, above = np.empty((2, len(number)))
+        stick_limits(problem, problem.constant, below, above)
+        below, above = -below[members], above[members]
+        weight = problem.grip[problem.contact_site]
+        owner = number[problem.coordinate[problem.contact_site]]
         limited = np.isfinite(np.minimum(above, below))[owner]
-        counts = (weight > 0.0) & (owner >= 0) & limited
-        return cls(
-            above,
-            below,
-            owner[counts].astype(np.int64),
-            weight[counts],
-            problem.contact_free[counts],
-            problem.contact_slope[counts][:, members].transpose(0, 2, 1),
-        )
+        counts = np.flatnonzero((weight > 0.0) & (owner >= 0) & limited)
+        columns = np.concatenate([[0], 1 + members])
+        contact = problem.contact[counts][:, columns] * weight[counts, None, None]
+        return cls(above, below, owner[counts].astype(np.int64), np.ascontiguousarray(contact))
 
     def at(self, x: np.ndarray) -> np.ndarray:
         """Return the larger of both limits (n,) at x (n,), or the one that is finite."""
-        load = self.weight * np.linalg.norm(self.free + self.slope @ x, axis=1)
         higher, lower = np.maximum(self.above, self.below), np.minimum(self.above, self.below)
+        out = np.empty(len(x))
         constant = np.where(np.isfinite(higher), higher, lower)
-        return np.asarray(np.bincount(self.owner, load, len(x)) + constant)
+        write_loads(self.contact, self.owner, constant, x, out)
+        return out
 
 
 def make_rest(
@@ -140,8 +128,10 @@ def make_rest(
     natural = problem.rate_scale[members] / np.where(slopes > 0.0, slopes, np.inf)
     shared, x, unit = _units(limits, balance, unlimited, natural)
     free = shared.free
-    force, slope = limits.free + limits.slope @ x, limits.slope @ shared.N * unit[free]
-    axes, size, rank = _axes(force, slope)
+    of_z = np.zeros((1 + len(free), 1 + len(x)))  # (1, x) = (1, z) of_z
+    of_z[0, 0], of_z[0, 1:], of_z[1:, 1:] = 1.0, x, (shared.N * unit[free]).T
+    contact = (of_z @ limits.contact) / unit[limits.owner, None, None]
+    axes, rank = _axes(contact)
     box, certain, around = _box(limits, shared, unit, unlimited)
     least = np.maximum(_NOISE * shared.noise / unit, _LEAST_UNIT)
     uses = np.abs(x / unit)[~unlimited]
@@ -155,38 +145,35 @@ def make_rest(
         above=limits.above / unit,
         below=limits.below / unit,
         least=least,
-        force=np.ascontiguousarray((axes @ force[:, :, None])[:, :, 0]),
-        slope=np.ascontiguousarray(axes @ slope),
+        contact=np.ascontiguousarray(contact @ axes),
         owner=limits.owner,
-        weight=limits.weight * size / unit[limits.owner],
         on_a_line=rank <= 1,
         box=wide,
         reach=wide[free],
-        low=np.empty((len(size), axes.shape[1])),
-        high=np.empty((len(size), axes.shape[1])),
+        low=np.empty((len(rank), 3)),
+        high=np.empty((len(rank), 3)),
     )
-    parts = axes @ around
+    parts = around @ axes / unit[limits.owner, None, None]
     return (
         _boxed(rest, narrow, free, parts),
         _boxed(rest, wide, free, parts),
-        axes.shape[1] == 2,
+        bool((rank <= 2).all()),
         certain,
     )
 
 
-def _axes(force: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return axes (nf, 2 or 3, 3) of contact forces force + slope z, their sizes and ranks (nf,).
+def _axes(contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return axes (nf, 3, 3) of contact forces, their columns, and ranks (nf,).
 
-    Two axes, over the size, where all forces lie in planes; the second one is zero on a line.
+    What forces do not reach has an axis of zero: the third where they lie in a plane.
     """
-    maps = np.concatenate([force[:, :, None], slope], axis=2)
-    size = np.linalg.norm(maps, axis=1).sum(axis=1)
+    size = np.linalg.norm(contact, axis=2).sum(axis=1)
     size[size == 0.0] = 1.0
-    left, values, _ = np.linalg.svd(maps / size[:, None, None])
+    maps = contact.transpose(0, 2, 1) / size[:, None, None]
+    axes, values, _ = np.linalg.svd(maps)
     rank = (values > _FLAT * np.maximum(values[:, :1], 1e-300)).sum(axis=1)
-    axes = left.transpose(0, 2, 1) / size[:, None, None]
-    axes[rank <= 1, 1:] = axes[rank <= 2, 2:] = 0.0
-    return axes if (rank > 2).any() else axes[:, :2], size, rank
+    axes[rank <= 1, :, 1:] = axes[rank <= 2, :, 2:] = 0.0
+    return axes, rank
 
 
 def _units(
@@ -223,14 +210,13 @@ def _box(
     """Bound the frictions that hold, |x| <= limit(0) + C |x|; return whether that is a bound, too.
 
     Returns:
-        (n,) the bound; whether there is one: whether friction cannot wedge itself; (nf, 3, 1 + n)
+        (n,) the bound; whether there is one: whether friction cannot wedge itself; (nf, 1 + n, 3)
         the contact forces by all frictions but those that follow from others.
     """
     n, endless = len(unit), unlimited & ~shared.follows
-    maps = np.concatenate([limits.free[:, :, None], limits.slope], axis=2)
-    maps = maps + limits.slope @ shared.follow
-    maps[:, :, 1:] *= np.where(shared.follows, 0.0, unit)
-    loads = limits.weight[:, None] * np.linalg.norm(maps, axis=1)  # (nf, 1 + n)
+    maps = limits.contact + shared.follow.T @ limits.contact[:, 1:]
+    maps[:, 1:] *= np.where(shared.follows, 0.0, unit)[:, None]
+    loads = np.linalg.norm(maps, axis=2)  # (nf, 1 + n)
     C = np.zeros((n, 1 + n))
     np.add.at(C, limits.owner, loads / unit[limits.owner, None])
     higher = np.where(unlimited, 0.0, np.maximum(limits.above, limits.below))
@@ -243,15 +229,15 @@ def _box(
 
 
 def _boxed(rest: Rest, box: np.ndarray, free: np.ndarray, maps: np.ndarray) -> Rest:
-    """Limit frictions to a box (n,); maps (nf, 2, 1 + n) are the contact forces by x."""
+    """Limit frictions to a box (n,); maps (nf, 1 + n, 3) are the contact forces by x."""
     reach = box[free]
-    around = np.abs(maps[:, :, 1:]) @ np.where(np.isfinite(box), box, 0.0)
-    spread = np.abs(rest.slope) @ reach
+    around = np.where(np.isfinite(box), box, 0.0) @ np.abs(maps[:, 1:])
+    spread = reach @ np.abs(rest.contact[:, 1:])
     return rest._replace(
         box=box,
         reach=reach,
-        low=np.maximum(maps[:, :, 0] - around, rest.force - spread),
-        high=np.minimum(maps[:, :, 0] + around, rest.force + spread),
+        low=np.maximum(maps[:, 0] - around, rest.contact[:, 0] - spread),
+        high=np.minimum(maps[:, 0] + around, rest.contact[:, 0] + spread),
     )
 
 
@@ -265,14 +251,9 @@ def friction_and_limits(
         x[k], above[k], below[k] = rest.x0[k], rest.above[k], rest.below[k]
         for j in range(dz):
             x[k] += rest.N[k, j] * z[j]
+    p = np.empty(3)
     for i in range(rest.owner.size):
-        square = 0.0
-        for e in range(rest.force.shape[1]):
-            p = rest.force[i, e]
-            for j in range(dz):
-                p += rest.slope[i, e, j] * z[j]
-            square += p * p
-        load = rest.weight[i] * np.sqrt(square)
+        load, _ = contact_force(rest.contact, i, z, p)
         above[rest.owner[i]] += load
         below[rest.owner[i]] += load
     use = 0.0
@@ -328,21 +309,10 @@ def descend(rest: Rest, z: np.ndarray) -> float:
     if dz == 0 or use == 0.0:
         return use
     G, h, s = np.empty((4 * n, dz)), np.empty(4 * n), np.empty(4 * n)
-    trial, p = np.empty(dz), np.empty(rest.force.shape[1])
+    trial, every = np.empty(dz), np.ones(rest.owner.size)
     for _ in range(_PROGRAMS):
         tangent, largest = np.zeros((n, dz)), 1.0
-        for i in range(rest.owner.size):
-            square = 0.0
-            for e in range(p.size):
-                p[e] = rest.force[i, e]
-                for j in range(dz):
-                    p[e] += rest.slope[i, e, j] * z[j]
-                square += p[e] * p[e]
-            if square > 0.0:  # a norm of zero has no tangent; zero is one of its subgradients
-                part = rest.weight[i] / np.sqrt(square)
-                for e in range(p.size):
-                    for j in range(dz):
-                        tangent[rest.owner[i], j] += part * p[e] * rest.slope[i, e, j]
+        add_load_slopes(rest.contact, rest.owner, every, z, tangent)
         for k in range(n):
             largest = max(largest, abs(x[k]))
             for r, limit in ((2 * k, above[k]), (2 * k + 1, below[k])):

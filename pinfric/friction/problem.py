@@ -5,7 +5,7 @@ joint's sites share with their leader's. With x the friction along each of them,
 friction changes is affine in x (paper eq. 3, 16, 17):
 
     r = rate_free + rate_slope x            relative acceleration (time stepping: next velocity)
-    p = contact_free + contact_slope x      contact forces of the bearings; load c = sum |p| + const
+    p = contact (1, x)                      contact forces of the bearings; load c = sum |p| + const
 
     slipping    x = -sum |ratio| direction (mu c + coulomb) - drag                  (paper eq. 20)
     sticking    r = 0 and x within the two static limits                            (paper eq. 21)
@@ -29,8 +29,8 @@ class Problem(NamedTuple):
         rate_slope: (nc, nc) change of r per unit friction; symmetric, positive definite.
         rate_scale: (nc,) size of the terms `rate_free` is the sum of; what is small is small
             beside it.
-        contact_free: (nt, 3) contact forces without friction, weighted (N m or N).
-        contact_slope: (nt, nc, 3) their change per unit friction.
+        contact: (nt, 1 + nc, 3) contact forces, weighted: without friction (N m or N), then their
+            change per unit friction.
         contact_site: (nt,) site of each contact force.
         constant: (ns,) part of each load that does not change.
         coordinate: (ns,) coordinate on which each site acts.
@@ -43,8 +43,7 @@ class Problem(NamedTuple):
     rate_free: np.ndarray
     rate_slope: np.ndarray
     rate_scale: np.ndarray
-    contact_free: np.ndarray
-    contact_slope: np.ndarray
+    contact: np.ndarray
     contact_site: np.ndarray
     constant: np.ndarray
     coordinate: np.ndarray
@@ -54,6 +53,11 @@ class Problem(NamedTuple):
     coulomb_slip: np.ndarray
     coulomb_stick: np.ndarray
     drag: np.ndarray
+
+    @property
+    def grip(self) -> np.ndarray:
+        """(ns,) what a site's static limits on its coordinate rise by with its load."""
+        return np.asarray(np.abs(self.ratio) * self.mu_stick)
 
 
 def empty_problem(
@@ -66,8 +70,7 @@ def empty_problem(
         rate_free=np.zeros(nc),
         rate_slope=np.zeros((nc, nc)),
         rate_scale=np.zeros(nc),
-        contact_free=np.zeros((nt, 3)),
-        contact_slope=np.zeros((nt, nc, 3)),
+        contact=np.zeros((nt, 1 + nc, 3)),
         contact_site=contact_site,
         constant=constant,
         coordinate=coordinate,

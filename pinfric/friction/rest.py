@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.friction.anderson import anderson
-from pinfric.friction.consistency import ROUNDING, evaluate, judge, stick_limits, try_modes
-from pinfric.friction.given_modes import slip_law
+from pinfric.friction.consistency import ROUNDING, evaluate, judge, try_modes
 from pinfric.friction.holding import decide
+from pinfric.friction.law import add_load_slopes, slip_law, stick_limits
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, bounded
 from pinfric.friction.sharing import FITS, RANK, Group, joint_sizes, share, share_one
@@ -109,12 +109,41 @@ class Mechanism:
 
     def companions(self, stuck: np.ndarray, fired: np.ndarray) -> np.ndarray:
         """Return `fired` and what sticks with them in a group of one freedom."""
+        if not self.closed:
+            return fired
         broken = np.zeros(len(stuck), dtype=bool)
         broken[fired] = True
         for group, _, rates in self.groups(stuck):
             if broken[group].any() and len(rates) == 1:
                 broken[group[self.factor[:, group].any(axis=0)]] = True
         return np.flatnonzero(broken)
+
+    def speeds(self, rates: np.ndarray) -> np.ndarray:
+        """Return how fast each coordinate's joint moves (nc,): of a ball, its angular speed."""
+        speed = np.abs(rates)
+        for here in self._balls():
+            speed[here] = np.linalg.norm(rates[here])
+        return speed
+
+    def summed(self, parts: np.ndarray) -> np.ndarray:
+        """Return parts (..., nc) summed over the coordinates of each joint."""
+        out = parts.copy()
+        for here in self._balls():
+            out[..., here] = parts[..., here].sum(axis=-1, keepdims=True)
+        return out
+
+    def slip_direction(self, modes: Modes, rates: np.ndarray) -> np.ndarray:
+        """Return the direction (nc,) in which each coordinate slips; a ball has a vector."""
+        out = modes.direction.copy()
+        if self.ball.any():
+            speed = self.speeds(rates)
+            moves = self.ball & ~modes.stuck & (speed > 0.0)
+            out[moves] = rates[moves] / speed[moves]
+        return out
+
+    def _balls(self) -> list[np.ndarray]:
+        """(nc,) bool of each ball: its coordinates."""
+        return [self.block == number for number in np.unique(self.block[self.ball])]
 
     def is_dependent(self, stuck: np.ndarray) -> bool:
         """Return whether some of these coordinates can only move together."""
@@ -228,15 +257,9 @@ class _Shared:
 
     def _slope(self, x: np.ndarray) -> np.ndarray:
         """(nc, nc) derivative of every static limit by every friction."""
-        p = self.problem
-        force = p.contact_free + np.tensordot(x, p.contact_slope, (0, 1))
-        size = np.linalg.norm(force, axis=1, keepdims=True)
-        along = force / np.where(size > 0.0, size, 1.0)
-        site = p.contact_site
-        weight = p.mu_stick[site] * np.abs(p.ratio[site])
-        rows = weight[:, None] * np.matmul(p.contact_slope, along[:, :, None])[:, :, 0]
-        out = np.zeros((len(x), len(x)))
-        np.add.at(out, p.coordinate[site], rows)
+        p, out = self.problem, np.zeros((len(x), len(x)))
+        owner, weight = p.coordinate[p.contact_site], p.grip[p.contact_site]
+        add_load_slopes(p.contact, owner, weight, x, out)
         return out
 
     def judge(self) -> int:

@@ -221,13 +221,13 @@ class KernelArgument(Generic[Fields]):
     """An argument that stays: a NamedTuple while kernels are interpreted, then its record.
 
     Args:
-        given: the NamedTuple.
+        given: the NamedTuple, an attribute.
         box: makes the record of it (see `record`).
         ready: whether to make it at once.
     """
 
     def __init__(self, given: Fields, box: Callable[[Fields], Any], ready: bool) -> None:
-        self._given, self._box = given, box
+        self.given, self._box = given, box
         self._boxed = box(given) if ready else None
 
     @property
@@ -235,8 +235,8 @@ class KernelArgument(Generic[Fields]):
         """What to hand over to a kernel now."""
         if self._boxed is None:
             if not CLOCK.is_over():
-                return self._given
-            self._boxed = self._box(self._given)
+                return self.given
+            self._boxed = self._box(self.given)
         return cast("Fields", self._boxed)
 
 

@@ -161,6 +161,28 @@ def self_locking_gears(gears: Gears) -> np.ndarray:
     return np.asarray((still <= 0.0) | (fast <= 0.0))
 
 
+@inlined_kernel
+def gears_of_row(gears: Gears, row: int) -> Gears:
+    """Return one row of gears of which what varies has rows before."""
+    return Gears(
+        gears.ratio,
+        gears.rotor_inertia[row],
+        gears.viscous[row],
+        gears.power,
+        gears.stick_velocity,
+        gears.no_load[row],
+        gears.no_load_static[row],
+        gears.constant,
+        gears.rise,
+        gears.exponent,
+        gears.first,
+        gears.last,
+        gears.load,
+        gears.loss,
+        gears.slope,
+    )
+
+
 @kernel
 def gear_line(
     gears: Gears, d: int, direction: float, speed: float, static: bool, effort: float

@@ -143,20 +143,29 @@ def law_table(laws: Sequence[FrictionLaw]) -> Laws:
     )
 
 
-class Moving(NamedTuple):
-    """Friction in motion at one speed, against forward and backward motion.
+class Law(NamedTuple):
+    """A site's law of friction at one velocity: figures against which direction, all positive.
 
     Attributes:
-        mu, forward, backward: dry: factor of the load, and N m or N.
-        drag_mu, drag_forward, drag_backward: the same of what vanishes at rest.
+        static_mu, static_forward, static_backward: limits at rest: factor of the load, and N m or N
+            against forward and backward motion.
+        mu, forward, backward: the same in motion, dry: what does not vanish at rest.
+        drag_mu, drag: what vanishes at rest, against this velocity, but for `viscous`.
+        drag_mu_slope, drag_slope: their derivatives by the speed, above `STEEP`.
+        viscous: N m s/rad or N s/m.
     """
 
+    static_mu: float
+    static_forward: float
+    static_backward: float
     mu: float
     forward: float
     backward: float
     drag_mu: float
-    drag_forward: float
-    drag_backward: float
+    drag: float
+    drag_mu_slope: float
+    drag_slope: float
+    viscous: float
 
 
 @inlined_kernel
@@ -170,47 +179,76 @@ def power_of(speed: float, power: float) -> float:
 
 
 @inlined_kernel
-def friction_at(laws: Laws, site: int, speed: float) -> Moving:
-    """Return a site's friction in motion but for `laws.viscous`: the sums of its rows.
+def law_at(laws: Laws, site: int, velocity: float, slopes: bool = False) -> Law:
+    """Return a site's law at a velocity: the sums of its rows, s^power exp(-(s / v)^exponent).
 
     Args:
         laws: `law_table`.
         site: row of it.
-        speed: |v|, rad/s or m/s.
+        velocity: rad/s or m/s; its sign says against which direction drag acts.
+        slopes: whether those of drag are asked for; else they are 0.
     """
+    speed, against = abs(velocity), 0 if velocity > 0.0 else 1
     mu = laws.mu_kinetic[site]
     forward, backward = laws.coulomb_kinetic[site, 0], laws.coulomb_kinetic[site, 1]
-    drag_mu, drag_forward, drag_backward = 0.0, 0.0, 0.0
+    drag_mu, drag, drag_mu_slope, drag_slope = 0.0, 0.0, 0.0, 0.0
     for r in range(laws.row_start[site], laws.row_end[site]):
-        shape = 1.0
+        shape, decay = 1.0, 0.0
         if laws.velocity[r] < np.inf:
-            shape = np.exp(-((speed / laws.velocity[r]) ** laws.exponent[r]))
-        if laws.power[r] > 0.0:
-            shape *= power_of(speed, laws.power[r])
+            decay = (speed / laws.velocity[r]) ** laws.exponent[r]
+            shape = np.exp(-decay)
+        power = laws.power[r]
+        if power > 0.0:
+            shape *= power_of(speed, power)
             drag_mu += laws.mu[r] * shape
-            drag_forward += laws.coulomb[r, 0] * shape
-            drag_backward += laws.coulomb[r, 1] * shape
+            drag += laws.coulomb[r, against] * shape
+            if slopes and speed > 0.0:
+                slope = shape * (power - laws.exponent[r] * decay) / speed
+                drag_mu_slope += laws.mu[r] * slope
+                drag_slope += laws.coulomb[r, against] * slope
         else:
             mu += laws.mu[r] * shape
             forward += laws.coulomb[r, 0] * shape
             backward += laws.coulomb[r, 1] * shape
-    return Moving(mu, forward, backward, drag_mu, drag_forward, drag_backward)
+    return Law(
+        laws.mu_static[site],
+        laws.coulomb_static[site, 0],
+        laws.coulomb_static[site, 1],
+        mu,
+        forward,
+        backward,
+        drag_mu,
+        drag,
+        drag_mu_slope,
+        drag_slope,
+        laws.viscous[site],
+    )
 
 
-@kernel
-def frictions_at(laws: Laws, speed: np.ndarray, moving: np.ndarray) -> None:
-    """Write `friction_at` of every sample and site.
+@inlined_kernel
+def is_dry(law: Law) -> bool:
+    """Whether a site can stick."""
+    return law.static_mu > 0.0 or law.static_forward > 0.0 or law.static_backward > 0.0
 
-    Args:
-        laws: `law_table`.
-        speed: (n, ns), |v|, rad/s or m/s.
-        moving: (6, n, ns), overwritten: the fields of `Moving`.
-    """
-    for i in range(speed.shape[0]):
-        for s in range(speed.shape[1]):
-            now = friction_at(laws, s, speed[i, s])
-            for k in range(6):
-                moving[k, i, s] = now[k]
+
+@inlined_kernel
+def laws_of_row(laws: Laws, row: int) -> Laws:
+    """Return one row of laws whose strengths have rows before: (n, ns) in place of (ns,)."""
+    return Laws(
+        laws.mu_static[row],
+        laws.mu_kinetic[row],
+        laws.coulomb_static[row],
+        laws.coulomb_kinetic[row],
+        laws.viscous[row],
+        laws.stick_velocity,
+        laws.row_start,
+        laws.row_end,
+        laws.mu[row],
+        laws.coulomb[row],
+        laws.power,
+        laws.velocity,
+        laws.exponent,
+    )
 
 
 @kernel
@@ -240,26 +278,17 @@ def friction_bounds(
             v, c = velocity[i, s], load[i, s]
             sticks = abs(v) <= laws.stick_velocity[s]
             sticking[i, s] = sticks
-            limit_forward = laws.mu_static[s] * c + laws.coulomb_static[s, 0]
-            limit_backward = laws.mu_static[s] * c + laws.coulomb_static[s, 1]
-            moving = friction_at(laws, s, abs(v))
-            directed_drag = moving.drag_forward if v > 0.0 else moving.drag_backward
-            drag = laws.viscous[s] * v + np.copysign(moving.drag_mu * c + directed_drag, v)
+            law = law_at(laws, s, v)
+            limit_forward = law.static_mu * c + law.static_forward
+            limit_backward = law.static_mu * c + law.static_backward
+            drag = law.viscous * v + np.copysign(law.drag_mu * c + law.drag, v)
             if sticks:
-                # a site without dry friction has nothing to stick by
-                dry = (
-                    laws.mu_static[s] > 0.0
-                    or laws.coulomb_static[s, 0] > 0.0
-                    or laws.coulomb_static[s, 1] > 0.0
-                )
+                dry = is_dry(law)  # else it has nothing to stick by
                 lower[i, s] = -limit_forward - (max(drag, 0.0) if dry else drag)
                 upper[i, s] = limit_backward - (min(drag, 0.0) if dry else drag)
                 continue
-            if v > 0.0:
-                phi = -(moving.mu * c + moving.forward) - drag
-            else:
-                phi = moving.mu * c + moving.backward - drag
+            phi = -(law.mu * c + law.forward) if v > 0.0 else law.mu * c + law.backward
+            lower[i, s] = upper[i, s] = phi - drag
             if at_rest[i, s]:
-                lower[i, s], upper[i, s] = min(-limit_forward, phi), max(limit_backward, phi)
-            else:
-                lower[i, s], upper[i, s] = phi, phi
+                lower[i, s] = min(-limit_forward, phi - drag)
+                upper[i, s] = max(limit_backward, phi - drag)

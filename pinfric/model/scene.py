@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -81,8 +81,7 @@ class Site:
     ball: bool = False
 
 
-@dataclass(frozen=True)
-class SiteTables:
+class SiteTables(NamedTuple):
     """All sites as arrays for the kernels, one row per site."""
 
     joint: np.ndarray

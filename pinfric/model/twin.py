@@ -313,12 +313,16 @@ def _embed_many(
 
 
 @kernel
-def project(wrench: np.ndarray, joints: Embedding, effort: np.ndarray) -> None:
-    """Write E^T w, the generalized effort of the joint wrenches.
+def project(
+    wrench: np.ndarray, joints: Embedding, armature: np.ndarray, a: np.ndarray, effort: np.ndarray
+) -> None:
+    """Write tau_id = E^T w + armature a, the total effort that a motion takes.
 
     Args:
         wrench: (n, nj, 6), parent on child, in the child's joint frame, linear first.
         joints: `Twin.embedding`.
+        armature: (nv,) inertia of rotors, reflected to the joints.
+        a: (n, nv) rad/s^2, m/s^2.
         effort: (n, nv), overwritten.
     """
     v_index, ratio, axis, components = joints.v_index, joints.ratio, joints.axis, joints.components
@@ -336,6 +340,8 @@ def project(wrench: np.ndarray, joints: Embedding, effort: np.ndarray) -> None:
                 while n < 6 and components[j, n] >= 0:
                     effort[i, v_index[j] + n] += wrench[i, j, components[j, n]]
                     n += 1
+        for c in range(effort.shape[1]):
+            effort[i, c] += armature[c] * a[i, c]
 
 
 @kernel

@@ -45,11 +45,11 @@ def test_mass_matrix_accelerations_and_wrenches_are_pinocchio_s(seed):
     np.testing.assert_allclose(ws.work.M, M, atol=1e-11 * np.abs(M).max())
     x = np.random.default_rng(seed).normal(size=len(ws.modes.friction))
     a = ws.work.a_map @ np.r_[1.0, x]
-    effort = u + np.bincount(ws.tables.coordinate_v, x, model.nv)
+    effort = u + np.bincount(ws.layout.coordinate_v, x, model.nv)
     data = model.createData()
     np.testing.assert_allclose(a, pin.aba(model, data, q, v, effort), atol=1e-9 * np.abs(a).max())
     wrench = ws.work.wrench_map @ np.r_[1.0, x]
-    wanted = pf.joint_wrenches(scene, q, v, a)[0][np.unique(ws.tables.joint)]
+    wanted = pf.joint_wrenches(scene, q, v, a)[0][np.unique(ws.layout.joint)]
     np.testing.assert_allclose(wrench, wanted, atol=1e-10 * np.abs(wanted).max())
 
 
@@ -96,11 +96,11 @@ def test_interpreted_maps_are_the_compiled_ones(case):
     compiled, interpreted = Workspace(scene), Workspace(scene)
     for ws in (compiled, interpreted):
         ws.supplier.at(q, v, None)
-    assert maps.assemble(compiled._machine, q, v, u, 0.0) == 0
-    machine = interpreted._argument._given
+    assert maps.assemble(compiled.machine, q, v, u, 0.0) == 0
+    machine = interpreted._argument.given
     assert plain(maps.assemble)(machine, q, v, u, 0.0) == 0
     for name in ("M", "a_map", "wrench_map", "multiplier_map", "problem.rate_free",
-                 "problem.rate_slope", "problem.contact_free", "problem.contact_slope",
+                 "problem.rate_slope", "problem.contact",
                  "problem.mu_slip", "problem.coulomb_slip", "problem.drag"):  # fmt: skip
         ours, theirs = (attrgetter(name)(ws.work) for ws in (compiled, interpreted))
         size = np.abs(ours).max(initial=1e-9)

@@ -13,7 +13,8 @@ import pinfric as pf
 from pinfric.dynamics.judge.plain_laws import plain_normal_load
 from pinfric.friction import dense, search
 from pinfric.friction import given_modes as coupling
-from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_friction, stick_limits
+from pinfric.friction.consistency import SHOULD_STICK, evaluate, judge, site_friction
+from pinfric.friction.law import stick_limits
 from pinfric.friction.modes import Found, Modes
 from pinfric.friction.problem import Problem, empty_problem
 from pinfric.friction.rest import Mechanism, solve
@@ -44,8 +45,8 @@ def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Probl
     p.rate_slope[:] = A @ A.T + 0.3 * np.eye(nc)
     p.rate_free[:] = rng.normal(scale=3.0, size=nc)
     p.rate_scale[:] = np.abs(p.rate_free)
-    p.contact_free[:] = rng.normal(size=p.contact_free.shape) * 2
-    p.contact_slope[:] = rng.normal(size=p.contact_slope.shape)
+    p.contact[:, 0] = rng.normal(size=p.contact[:, 0].shape) * 2
+    p.contact[:, 1:] = rng.normal(size=p.contact[:, 1:].shape)
     p.mu_slip[:] = strength * rng.uniform(0.5, 1.0, ns)
     p.mu_stick[:] = static * p.mu_slip
     p.coulomb_slip[:] = rng.uniform(0, 0.3, (ns, 2))
@@ -55,7 +56,7 @@ def random_problem(seed, nc=4, strength=0.15, shared=False, static=1.2) -> Probl
 
 
 def plain_loads(p, x):
-    forces = p.contact_free + np.einsum("tce,c->te", p.contact_slope, x)
+    forces = p.contact[:, 0] + np.einsum("tce,c->te", p.contact[:, 1:], x)
     load = p.constant.copy()
     np.add.at(load, p.contact_site, np.linalg.norm(forces, axis=1))
     return load
@@ -153,7 +154,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(seed):
 
     def at(z):
         rest, size, J = np.empty(nz), np.empty(nz), np.empty((nz, nz))
-        coupling.residual(reduced, z, rest, size)
+        coupling.residual(reduced, z, rest, size, np.empty(3))
         coupling.residual_slope(reduced, z, J)
         return rest, J
 
@@ -227,7 +228,7 @@ def test_fixed_point_and_newton_both_occur_and_agree():
 
 def test_a_contact_without_load_has_no_direction_and_no_nan():
     p = random_problem(5)
-    p.contact_free[:] = 0.0
+    p.contact[:, 0] = 0.0
     p.constant[:] = 0.0
     p.coulomb_slip[:] = 0.0
     (found, _), m = solved(p, np.zeros(4, bool), np.ones(4))
@@ -368,7 +369,7 @@ def strong_problem(seed, along=3, constant=0.0):
     rng = np.random.default_rng(seed)
     p = random_problem(seed, nc=2, strength=float(rng.uniform(0.3, 1.0)))
     p.constant[:], p.coulomb_slip[:] = 0.0, constant
-    p.contact_free[:, along:], p.contact_slope[:, :, along:] = 0.0, 0.0
+    p.contact[:, 0, along:], p.contact[:, 1:, along:] = 0.0, 0.0
     return p, rng.choice([-1.0, 1.0], 2)
 
 
@@ -379,10 +380,10 @@ def by_signs(p, direction):
     for signs in itertools.product((1.0, -1.0), repeat=len(weight)):
         A, b = np.eye(2), -direction * p.coulomb_slip[:, 0]
         for t, sign in enumerate(signs):
-            A[p.contact_site[t]] -= weight[t] * sign * p.contact_slope[t, :, 0]
-            b[p.contact_site[t]] += weight[t] * sign * p.contact_free[t, 0]
+            A[p.contact_site[t]] -= weight[t] * sign * p.contact[t, 1:, 0]
+            b[p.contact_site[t]] += weight[t] * sign * p.contact[t, 0, 0]
         x = np.linalg.solve(A, b)
-        if (np.array(signs) * (p.contact_free[:, 0] + p.contact_slope[:, :, 0] @ x) >= 0.0).all():
+        if (np.array(signs) * (p.contact[:, 0, 0] + p.contact[:, 1:, 0] @ x) >= 0.0).all():
             found.append(x)
     return found
 
@@ -411,7 +412,7 @@ def plane_problem(seed):
     rng = np.random.default_rng(seed)
     p = random_problem(seed, nc=2, strength=float(rng.uniform(0.1, 0.5)))
     p.constant[:], p.coulomb_slip[:] = 0.0, rng.uniform(0, 0.3) * (seed % 2)
-    p.contact_free[:, 2], p.contact_slope[:, :, 2] = 0.0, 0.0
+    p.contact[:, 0, 2], p.contact[:, 1:, 2] = 0.0, 0.0
     return p, rng.choice([-1.0, 1.0], 2)
 
 

@@ -98,7 +98,7 @@ def best_of_many_starts(scene, q, effort, rng, starts=6):
     scale = np.abs(p.rate_slope).max()
 
     def limit(x):
-        force = p.contact_free + np.tensordot(x, p.contact_slope, (0, 1))
+        force = p.contact[:, 0] + np.tensordot(x, p.contact[:, 1:], (0, 1))
         load = np.linalg.norm(force, axis=1) * p.mu_stick[p.contact_site]
         return np.bincount(p.coordinate[p.contact_site], load, n)
 
@@ -388,13 +388,13 @@ def test_a_force_is_below_its_bound_wherever_it_points_into_its_sector():
             count = bound_force(rest, i, centre, half, line, sides)
             assert count == (0 if half < 0.0 else 2)
             for z in rng.uniform(-1.0, 1.0, (200, dz)) * rest.reach:
-                force = rest.force[i] + rest.slope[i] @ z
+                force = (rest.contact[i, 0] + z @ rest.contact[i, 1:])[:2]
                 size, angle = np.hypot(*force), np.arctan2(force[1], force[0])
                 off = abs((angle - centre + np.pi) % (2 * np.pi) - np.pi)
                 within = bool((sides[:count, :-1] @ z + sides[:count, -1] <= 0.0).all())
                 assert within == (half < 0.0 or off <= half)
                 inside, outside = inside + within, outside + (not within)
-                if half < 0.0 and ((force < rest.low[i]) | (force > rest.high[i])).any():
+                if half < 0.0 and ((force < rest.low[i, :2]) | (force > rest.high[i, :2])).any():
                     continue  # beyond the box, where that bound is made
                 if within:
                     bound = line[:-1] @ z + line[-1]
@@ -425,8 +425,8 @@ def two_that_share(rng, contact=1.0):
     ws = Workspace(four_bar()[0])
     p = ws.problem._replace(
         rate_free=np.zeros(2), rate_slope=np.zeros((2, 2)), rate_scale=np.ones(2),
-        contact_free=rng.normal(size=(2, 3)) * [1, 1, 0],
-        contact_slope=contact * rng.normal(size=(2, 2, 3)) * [1, 1, 0],
+        contact=np.concatenate([rng.normal(size=(2, 1, 3)), contact * rng.normal(size=(2, 2, 3))],
+                               axis=1) * [1, 1, 0],
         contact_site=np.arange(2), constant=np.zeros(2), coordinate=np.arange(2),
         ratio=np.ones(2), mu_stick=rng.uniform(0.1, 0.6, 2), coulomb_stick=np.zeros((2, 2)),
         mu_slip=np.zeros(2), coulomb_slip=np.zeros((2, 2)), drag=np.zeros(2),
@@ -443,7 +443,7 @@ def grid_use(p, factor, reaches, count=20001):
     along, least = np.array([-factor[0, 1], factor[0, 0]]) / np.linalg.norm(factor), np.inf
     for reach in reaches:
         x = x0 + np.linspace(-reach, reach, count)[:, None] * along
-        force = p.contact_free + np.einsum("nc,tce->nte", x, p.contact_slope)
+        force = p.contact[:, 0] + np.einsum("nc,tce->nte", x, p.contact[:, 1:])
         limit = p.mu_stick * np.linalg.norm(force, axis=2)
         least = min(least, float((np.abs(x) / limit).max(axis=1).min()))
     return least

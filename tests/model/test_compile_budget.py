@@ -17,17 +17,18 @@ from pinfric.friction.consistency import site_friction
 #: Entry -> milliseconds of processor time that compiling it and all it calls may take, about:
 #: 200 for each kernel, 3 for each operation that is typed, 1 for each that LLVM optimizes with it,
 #: fitted to 140 kernels timed one by one (correlation 0.87). What `finish` does beyond 2,000: loads
-#: of gears and bearings that hold without limit, and exact zeros beside what sticks.
+#: of gears and bearings that hold without limit, and exact zeros beside what sticks. A kernel that
+#: entries share counts in each of them, and is compiled once.
 BUDGET = {
-    "dynamics.problem.maps.solve_instant": 60_500,
-    "dynamics.problem.maps.finish": 3_300,
+    "dynamics.problem.maps.solve_instant": 59_900,
+    "dynamics.problem.maps.finish": 3_500,
     "dynamics.inverse.effort_maps.map_friction": 5_500,
     "dynamics.inverse.effort_maps.write_wrenches": 1_100,
     "dynamics.inverse.choices.solve_list": 12_700,
-    "dynamics.forward.solver.rub": 5_300,
-    "dynamics.problem.threaded.friction_in_parts": 2_600,
-    "friction.branching.branch": 6_400,
-    "friction.least_use.descend": 4_500,
+    "dynamics.forward.solver.rub": 5_800,
+    "dynamics.problem.threaded.bound_in_parts": 3_900,
+    "friction.branching.branch": 6_700,
+    "friction.least_use.descend": 5_050,
     "model.kinematics.relate_pairs": 6_700,
     "model.kinematics.act_on_joints": 3_400,
 }

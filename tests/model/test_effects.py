@@ -131,7 +131,7 @@ def count_calls(monkeypatch, solve):
 
         monkeypatch.setattr(module, name, call)
 
-    for name in ("reactions", "normal_loads", "_plain"):
+    for name in ("reactions", "_plain"):
         counted(inverse_tree, name)
     for name in ("reactions", "map_friction"):
         counted(linkage_batch, name)
@@ -146,8 +146,8 @@ def count_calls(monkeypatch, solve):
     [
         ([], {"_plain": 1, "motor_torque_bounds": 4}),
         (["coulomb", "viscous"], {"_plain": 1, "motor_torque_bounds": 4}),
-        (["load"], {"reactions": 1, "normal_loads": 1, "motor_torque_bounds": 4}),
-        (NAMES, {"reactions": 1, "normal_loads": 1, "motor_torque_bounds": 4}),
+        (["load"], {"reactions": 1, "motor_torque_bounds": 4}),
+        (NAMES, {"reactions": 1, "motor_torque_bounds": 4}),
     ],
     ids=["nothing", "constant friction", "bearings", "everything"],
 )

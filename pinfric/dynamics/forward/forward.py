@@ -144,7 +144,7 @@ def solve_state(
         if ws.scene.loops:  # what an integrator hands to an effort function obeys them roughly
             check_closed(ws.scene, q, v, slack=1e3)
         ws.solve(q, v, effort, applied)
-    ws.check_roll_moments(ws.wrench)
+    ws.failures.check_roll_moments(ws.wrench)
 
 
 def _solved_as_given(
@@ -158,9 +158,9 @@ def _solved_as_given(
     try:
         ws.solve(q, v, effort, applied)
     except PinfricError:  # what is wrong with the state is said first
-        ws.check_finite(q, v, effort)
+        ws.failures.check_finite(ws.state)
         return False
-    return ws.is_exact(q)
+    return ws.constraints.is_exact(q)
 
 
 def solution(ws: Workspace) -> Instant:
@@ -211,7 +211,7 @@ def drive_vector(ws: Workspace, given: Any) -> np.ndarray:
     if type(given) is not np.ndarray and isinstance(given, Mapping):
         given = by_name(ws.scene.actuator_names, given, ws.given)
     array = vector(ws.given, given, ws.na, "na")
-    return array * ws.tables.gears.ratio if ws.given == "motor_torque" else array
+    return array * ws.layout.gears.ratio if ws.given == "motor_torque" else array
 
 
 def vector(name: str, given: Any, size: int, symbol: str) -> np.ndarray:

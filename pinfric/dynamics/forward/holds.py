@@ -96,10 +96,10 @@ def holds(
     if scene.loops and np.isfinite(q).all():
         check_closed(scene, q, v, slack=1e3)
     modes = ws.modes
-    modes.stuck[:] = ws.tables.dry
+    modes.stuck[:] = ws.layout.dry
     ws.assemble(q, v, u, applied)
     found = _decide_all(ws, q, u, applied)
-    modes.stuck[:], modes.direction[:] = ws.tables.dry, 0.0
+    modes.stuck[:], modes.direction[:] = ws.layout.dry, 0.0
     modes.friction[:] = np.where(np.isfinite(found.friction), found.friction, 0.0)
     evaluate(ws.problem, modes.friction, modes.load, modes.rate)
     ws.finish()
@@ -125,7 +125,7 @@ def _decide_all(
     That nothing holds is shown, and proved, where it is for every way.
     """
     verdicts, shown = [], True
-    for every in ws.ways_to_hold():
+    for every in ws.locking.ways_to_hold(ws.couple):
         verdicts.append(_decide(ws, q, effort, applied))
         if verdicts[-1].held:
             return verdicts[-1]
@@ -141,7 +141,7 @@ def _decide(
     ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
 ) -> Verdict:
     """The verdict on everything with dry friction at rest."""
-    dry = ws.tables.dry
+    dry = ws.layout.dry
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
     if not ws.mechanism.ball.any():
@@ -154,7 +154,7 @@ def _decide(
         return Verdict(None, np.inf, np.full(len(dry), np.nan), False)
     held = bool(ws.modes.stuck[dry].all())
     limit = np.maximum(np.maximum(ws.most, -ws.least), 1e-300)
-    size = np.sqrt(ws.summed(ws.modes.friction**2))
+    size = np.sqrt(ws.mechanism.summed(ws.modes.friction**2))
     use = float((size / limit)[dry].max())
     friction = ws.modes.friction.copy()
     ws.assemble(q, np.zeros(ws.nv), effort, applied)
@@ -201,7 +201,7 @@ def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:
     x = ws.modes.friction
     limit = np.where(x > 0.0, ws.most, -ws.least)
     used = np.abs(x) >= _AT_LIMIT * use * limit
-    used &= ws.tables.dry & (np.abs(x) > 0.0)
+    used &= ws.layout.dry & (np.abs(x) > 0.0)
     return tuple(name for name, c, _ in ws.places if used[c])
 
 
@@ -209,9 +209,9 @@ def _moving(ws: Workspace) -> tuple[str, ...]:
     """Names of the joints that accelerate although everything with dry friction sticks."""
     if ws.locked:
         return ()
-    a = ws.a_free + ws.a_slope @ ws.modes.friction
-    terms = np.abs(ws.a_free) + np.abs(ws.a_slope) @ np.abs(ws.modes.friction)
-    rubs = set(ws.tables.coordinate_v[ws.tables.dry].tolist())
+    x = np.concatenate([[1.0], ws.modes.friction])
+    a, terms = ws.work.a_map @ x, np.abs(ws.work.a_map) @ np.abs(x)
+    rubs = set(ws.layout.coordinate_v[ws.layout.dry].tolist())
     scale = _STILL * float(terms.max(initial=0.0))
     model = ws.scene.model
     joints = list(zip(model.names, model.joints, strict=True))[1:]  # the first is the ground

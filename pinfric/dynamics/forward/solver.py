@@ -17,20 +17,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pinfric.dynamics.forward.forward import Instant, one_of, solution, solve_state, vector
-from pinfric.dynamics.forward.workspace import Workspace, closed_configuration
+from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, rehearse
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
 from pinfric.dynamics.problem.maps import is_normalized
-from pinfric.dynamics.problem.motion_kernels import effort_bounds
+from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.problem.motor_torques import scene_gears
 from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
-from pinfric.model.bearings import Contacts, normal_loads
+from pinfric.model.bearings import Contacts
 from pinfric.model.drives import Gears, write_motor_torques
-from pinfric.model.laws import Laws, friction_bounds
+from pinfric.model.laws import Laws
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene, expect_scene
 
@@ -71,12 +71,12 @@ class Sample(NamedTuple):
         unit_q, unit_count: (nu,) see `maps.Tables`.
         force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `maps.Supply`.
         joint, place: (ns,) row of each site's joint, and of the site itself.
-        velocity_index, ratio: (ns,) of each site.
         displacement_q, displacement_ratio, displacement_shift: (ns,), see `Layout`.
-        contacts, laws, gears: of the scene.
+        contacts, laws, velocity_index, ratio: of its sites. gears: of its drives.
         geared: (1,) bool, whether a drive has a gear.
-        velocity, displacement: (1, ns). still, turns: (1, ns), (1, na), False: no reversals.
-        effort_lower ... wrench: (1, ...), see `InverseInstant`.
+        turns: (1, na), False: no reversals.
+        found: of this sample. wrench: (1, ns, 6).
+        motor_torque_lower, motor_torque_upper: (1, na).
     """
 
     q: np.ndarray
@@ -87,30 +87,21 @@ class Sample(NamedTuple):
     force: np.ndarray
     h: np.ndarray
     joint: np.ndarray
-    place: np.ndarray
-    velocity_index: np.ndarray
-    ratio: np.ndarray
     displacement_q: np.ndarray
     displacement_ratio: np.ndarray
     displacement_shift: np.ndarray
+    place: np.ndarray
     contacts: Contacts
     laws: Laws
+    velocity_index: np.ndarray
+    ratio: np.ndarray
     gears: Gears
     geared: np.ndarray
-    velocity: np.ndarray
-    displacement: np.ndarray
-    still: np.ndarray
     turns: np.ndarray
-    effort_lower: np.ndarray
-    effort_upper: np.ndarray
-    effort_frictionless: np.ndarray
+    found: TreeSamples
+    wrench: np.ndarray
     motor_torque_lower: np.ndarray
     motor_torque_upper: np.ndarray
-    sticking: np.ndarray
-    normal_load: np.ndarray
-    friction_lower: np.ndarray
-    friction_upper: np.ndarray
-    wrench: np.ndarray
 
 
 box_sample = record(Sample)
@@ -135,30 +126,19 @@ def rub(x: Sample) -> bool:
     Returns:
         False where the state is not as it should be (`is_usual`), or an effort overflows.
     """
+    found = x.found  # once: arrays of a record are counted at every access
     for s in range(x.joint.size):
-        x.velocity[0, s] = x.v[0, x.velocity_index[s]] * x.ratio[s]
-        x.displacement[0, s] = (
+        found.velocity[0, s] = x.v[0, x.velocity_index[s]] * x.ratio[s]
+        found.displacement[0, s] = (
             x.displacement_ratio[s] * x.q[x.displacement_q[s]] + x.displacement_shift[s]
         )
         for e in range(6):
             x.wrench[0, s, e] = x.force[1 + x.joint[s], e]
     for i in range(x.h.size):
-        x.effort_frictionless[0, i] = x.h[i]
-    normal_loads(x.wrench, x.place, x.contacts, x.displacement, x.normal_load)
-    friction_bounds(
-        x.velocity, x.normal_load, x.laws, x.still, x.friction_lower, x.friction_upper, x.sticking
-    )
-    lower, upper = x.effort_lower, x.effort_upper
+        found.effort_frictionless[0, i] = x.h[i]
+    bound_within(x.place, x.contacts, x.laws, x.velocity_index, x.ratio, x.wrench, found)
+    lower, upper = found.effort_lower, found.effort_upper
     motor_lower, motor_upper = x.motor_torque_lower, x.motor_torque_upper
-    effort_bounds(
-        x.effort_frictionless,
-        x.friction_lower,
-        x.friction_upper,
-        x.velocity_index,
-        x.ratio,
-        lower,
-        upper,
-    )
     if x.geared[0]:
         write_motor_torques(x.gears, lower, upper, x.v, x.a, x.turns, motor_lower, motor_upper)
     finite = True
@@ -170,10 +150,11 @@ def rub(x: Sample) -> bool:
 
 def make_sample(ws: Workspace) -> Sample:
     """Make the buffers of one sample of an open chain, on the Pinocchio data of a workspace."""
-    scene, layout, supply, tables = ws.scene, ws.tables, ws.supplier.supply, ws.scene.site_tables
+    scene, layout, supply, tables = ws.scene, ws.layout, ws.supplier.supply, ws.scene.site_tables
     ns, na = len(scene.sites), len(scene.drives)
     unit_q, unit_count = unit_parts(scene.model)
-    effort, motor, friction = np.zeros((3, 1, na)), np.zeros((2, 1, na)), np.zeros((3, 1, ns))
+    effort, motor = np.zeros((3, 1, na)), np.zeros((2, 1, na))
+    of_sites, flags = np.zeros((5, 1, ns)), np.zeros((2, 1, ns), dtype=bool)
     geared = any(drive.transmission for drive in scene.drives)
     return Sample(
         q=np.zeros(ws.nq),
@@ -184,30 +165,23 @@ def make_sample(ws: Workspace) -> Sample:
         force=supply.force,
         h=supply.h,
         joint=layout.joint,
-        place=np.arange(ns),
-        velocity_index=tables.velocity_index,
-        ratio=tables.ratio,
         displacement_q=layout.displacement_q,
         displacement_ratio=layout.displacement_ratio,
         displacement_shift=layout.displacement_shift,
+        place=np.arange(ns),
         contacts=tables.contacts,
         laws=layout.laws,
+        velocity_index=tables.velocity_index,
+        ratio=tables.ratio,
         gears=scene_gears(scene),
         geared=np.array([geared]),
-        velocity=np.zeros((1, ns)),
-        displacement=np.zeros((1, ns)),
-        still=np.zeros((1, ns), dtype=bool),
         turns=np.zeros((1, na), dtype=bool),
-        effort_lower=effort[0],
-        effort_upper=effort[1],
-        effort_frictionless=effort[2],
-        motor_torque_lower=motor[0] if geared else effort[0],
-        motor_torque_upper=motor[1] if geared else effort[1],
-        sticking=np.zeros((1, ns), dtype=bool),
-        normal_load=friction[0],
-        friction_lower=friction[1],
-        friction_upper=friction[2],
+        found=TreeSamples._make(
+            [of_sites[0], flags[0], of_sites[1], *effort, *of_sites[2:], flags[1]]
+        ),
         wrench=np.zeros((1, ns, 6)),
+        motor_torque_lower=motor[0] if geared else effort[1],
+        motor_torque_upper=motor[1] if geared else effort[2],
     )
 
 
@@ -244,13 +218,14 @@ class Solver:
                 self._sample = x = make_sample(self._ws)
                 self._q, self._v, self._a = x.q, x.v[0], x.a[0]
                 self._argument = box_sample(x)
-                found = {name: getattr(x, name)[0] for name in InverseInstant._fields[:-1]}
+                every = x.found._asdict() | x._asdict()
+                found = {name: every[name][0] for name in InverseInstant._fields[:-1]}
                 self._found = InverseInstant(**found, status=Status.CONVERGED)
             self._rehearse()
 
     def _rehearse(self) -> None:
         """Compile what the solver's methods call."""
-        Workspace(self.scene, self._carried).rehearse()
+        rehearse(Workspace(self.scene, self._carried))
         if self._at_once:
             compile_for(rub, self._argument)
             return
@@ -289,7 +264,7 @@ class Solver:
         while not rub(self._argument):
             self._mend()
             self._ws.supplier.balance(self._q, self._v, self._a)
-        self._ws.check_roll_moments(self._found.wrench)
+        self._ws.failures.check_roll_moments(self._found.wrench)
         return self._found
 
     def _inverse_of_batch(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> InverseInstant:
@@ -302,7 +277,7 @@ class Solver:
         found = solve(self.scene, states, [], slice(0, 1), 1)
         if found.wrench is None:  # nothing looks at reactions
             self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
-            wrench = self._ws.supplier.supply.force[1 + self._ws.tables.joint]
+            wrench = self._ws.supplier.supply.force[1 + self._ws.layout.joint]
             found = replace(found, wrench=wrench[None])
         figures = {name: getattr(found, name)[0] for name in InverseInstant._fields}
         return InverseInstant(**figures | {"status": Status(found.status[0])})
@@ -341,6 +316,6 @@ class Solver:
         """Bring q to its manifold, or say what is wrong with the state, or with what it causes."""
         x, q = self._sample, States.of(self.scene, self._q, self._v, self._a).q[0]
         if np.array_equal(q, self._q):
-            check_finite(self.scene, (x.effort_lower, x.effort_upper), 0)
+            check_finite(self.scene, (x.found.effort_lower, x.found.effort_upper), 0)
             check_finite(self.scene, (x.motor_torque_lower, x.motor_torque_upper), 0)
         self._q[:] = q

@@ -13,19 +13,20 @@ import numpy as np
 from pinfric.dynamics.inverse.effort_maps import Maps
 from pinfric.dynamics.problem.layout import Layout
 from pinfric.friction.given_modes import solve_given_modes
+from pinfric.friction.law import add_load_slopes, write_loads
 from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
-from pinfric.model.laws import Moving, frictions_at
+from pinfric.model.laws import Laws, is_dry, law_at
 
 #: What a site's friction is in a candidate.
 SLIDES, LOWER, UPPER, NONE = range(4)
 
 
-class Law(NamedTuple):
+class Choices(NamedTuple):
     """The friction of each site for each code, x = -way (mu load + coulomb).
 
     Attributes:
-        choices: (n, ns) number of frictions a site may have: 1 where it slides or has no dry
+        options: (n, ns) number of frictions a site may have: 1 where it slides or has no dry
             friction, 2 where it sticks, 3 beside a reversal.
         code: (n, ns) what it is in the state that wrenches are given for.
         direction: (n, ne) along which its friction acts: 1, or a ball's unit vector.
@@ -35,7 +36,7 @@ class Law(NamedTuple):
         constant: (n, ns) part of its load that is constant: all of it where it cannot vary.
     """
 
-    choices: np.ndarray
+    options: np.ndarray
     code: np.ndarray
     direction: np.ndarray
     way: np.ndarray
@@ -63,7 +64,7 @@ class Candidates(NamedTuple):
     figures: np.ndarray
 
 
-def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Law:
+def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Choices:
     """Return what each site's friction can be (`laws`; paper eq. 20, 21).
 
     Args:
@@ -72,52 +73,56 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
         at_rest: (n, ns) bool, sites that pass through rest beside a sample.
     """
     n, ns = at_rest.shape
-    laws, first = layout.laws, layout.first_entry
-    v = velocity[:, first].copy() if ns else np.zeros((n, 0))
-    direction = np.ones((n, len(layout.entry_v)))
-    for s in np.flatnonzero(layout.entry_count == 3):
-        part = slice(first[s], first[s] + 3)
-        v[:, s] = np.linalg.norm(velocity[:, part], axis=1)
-        direction[:, part] = np.where(
-            v[:, s, None] > 0, velocity[:, part] / np.maximum(v[:, s, None], 1e-300), np.eye(3)[0]
-        )
-    speed, slip = np.abs(v), np.sign(v)
-    sticks, dry, ahead = speed <= laws.stick_velocity, laws.dry, slip > 0
-    numbers = np.empty((6, *speed.shape))
-    frictions_at(laws, speed, numbers)
-    moving = Moving(*numbers)
-    drag = laws.viscous * speed + np.where(ahead, moving.drag_forward, moving.drag_backward)
-    creeping, creeping_mu = np.where(sticks, (slip * drag, moving.drag_mu), 0.0)
-    ball = layout.entry_count == 3  # its limit is a sphere about 0, whatever the direction
-    against = np.where(ball, np.abs(creeping), np.maximum(creeping, 0.0))
-    along = np.where(ball, np.abs(creeping), np.maximum(-creeping, 0.0))
-    still = np.zeros(v.shape)
-    constant = still + layout.constant
-    for t in np.flatnonzero(~layout.varies[layout.contact_site]):
-        constant[:, layout.contact_site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
-    return Law(
-        choices=np.where(dry & sticks, 2, np.where(dry & at_rest, 3, 1)),
-        code=np.where(sticks & dry, NONE, SLIDES),
-        direction=direction,
-        way=np.array([slip, still + 1.0, still - 1.0, still]),
-        mu=np.array(
-            [
-                moving.mu + moving.drag_mu,
-                laws.mu_static + np.where(ball | ahead, creeping_mu, 0.0),
-                laws.mu_static + np.where(ball | ~ahead, creeping_mu, 0.0),
-                still,
-            ]
-        ),
-        coulomb=np.array(
-            [
-                np.where(ahead, moving.forward, moving.backward) + drag,
-                against + laws.coulomb_static[:, 0],
-                along + laws.coulomb_static[:, 1],
-                still,
-            ]
-        ),
-        constant=constant,
+    law = Choices(
+        options=np.ones((n, ns), dtype=np.int64),
+        code=np.full((n, ns), SLIDES),
+        direction=np.ones((n, len(layout.entry_v))),
+        way=np.zeros((4, n, ns)),
+        mu=np.zeros((4, n, ns)),
+        coulomb=np.zeros((4, n, ns)),
+        constant=np.tile(layout.constant, (n, 1)),
     )
+    for t in np.flatnonzero(~layout.varies[layout.contact_site]):
+        law.constant[:, layout.contact_site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
+    ball = layout.entry_count == 3
+    _write_choices(layout.laws, layout.first_entry, ball, velocity, at_rest, law)
+    return law
+
+
+@kernel
+def _write_choices(
+    laws: Laws,
+    first_entry: np.ndarray,
+    ball: np.ndarray,
+    velocity: np.ndarray,
+    at_rest: np.ndarray,
+    law: Choices,
+) -> None:
+    """Write what each site's friction can be, all but the loads; see `friction_laws`."""
+    for i in range(at_rest.shape[0]):
+        for s in range(at_rest.shape[1]):
+            first = first_entry[s]
+            v = velocity[i, first]
+            if ball[s]:
+                w = velocity[i, first : first + 3]
+                v = np.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+                for e in range(3):
+                    law.direction[i, first + e] = w[e] / v if v > 0.0 else 1.0 if e == 0 else 0.0
+            now = law_at(laws, s, v)
+            sticks, dry = abs(v) <= laws.stick_velocity[s], is_dry(now)
+            if dry and (sticks or at_rest[i, s]):
+                law.options[i, s] = 2 if sticks else 3
+                law.code[i, s] = NONE if sticks else SLIDES
+            drag = now.viscous * abs(v) + now.drag
+            law.way[SLIDES, i, s], law.mu[SLIDES, i, s] = np.sign(v), now.mu + now.drag_mu
+            law.coulomb[SLIDES, i, s] = (now.forward if v > 0.0 else now.backward) + drag
+            for code in (LOWER, UPPER):
+                # a ball's limit is a sphere about 0, whatever the direction
+                creeps = sticks and (ball[s] or (v > 0.0) == (code == LOWER))
+                law.way[code, i, s] = 1.0 if code == LOWER else -1.0
+                law.mu[code, i, s] = now.static_mu + (now.drag_mu if creeps else 0.0)
+                static = now.static_forward if code == LOWER else now.static_backward
+                law.coulomb[code, i, s] = static + (drag if creeps else 0.0)
 
 
 @kernel
@@ -126,7 +131,7 @@ def solve_list(
     row: np.ndarray,
     entry_site: np.ndarray,
     base: Problem,
-    law: Law,
+    law: Choices,
     candidates: Candidates,
 ) -> None:
     """Solve a list of candidates.
@@ -148,14 +153,59 @@ def solve_list(
             way[s], base.mu_slip[s] = law.way[code, i, s], law.mu[code, i, s]
             base.coulomb_slip[s] = law.coulomb[code, i, s]
             base.constant[s] = law.constant[i, s]
-        base.contact_slope[:] = 0.0
+        base.contact[:] = 0.0
         for r in range(row.size):
             t = row[r]
             for e in range(3):
-                base.contact_free[r, e] = contact[i, t, 0, e]
+                base.contact[r, 0, e] = contact[i, t, 0, e]
                 for k in range(entry_site.size):
                     along = direction[m, k] * contact[i, t, 1 + k, e]
-                    base.contact_slope[r, entry_site[k], e] += along
+                    base.contact[r, 1 + entry_site[k], e] += along
         candidates.found[m] = solve_given_modes(
             base, nobody, way, no_guess, candidates.x[m], candidates.figures[m]
         )
+
+
+@kernel
+def loads_of_samples(
+    contact: np.ndarray,
+    contact_site: np.ndarray,
+    constant: np.ndarray,
+    phi: np.ndarray,
+    load: np.ndarray,
+) -> None:
+    """Write the loads (n, ns) of samples under friction phi (n, ne).
+
+    Args:
+        contact: (n, nt, 1 + ne, 3), of `Maps`.
+        contact_site, constant: (nt,), (ns,), of `Layout`.
+        phi, load: the second is overwritten.
+    """
+    for i in range(phi.shape[0]):
+        write_loads(contact[i], contact_site, constant, phi[i], load[i])
+
+
+@kernel
+def friction_slopes(
+    contact: np.ndarray,
+    contact_site: np.ndarray,
+    law: Choices,
+    candidates: Candidates,
+    phi: np.ndarray,
+    slope: np.ndarray,
+) -> None:
+    """Add the change of each site's friction with all friction, through its load.
+
+    Args:
+        contact, contact_site: see `loads_of_samples`.
+        law, candidates: of which phi (m, ne) is the solution.
+        phi: (m, ne). slope: (m, ns, ne).
+    """
+    weight = np.empty(contact_site.size)
+    for m in range(phi.shape[0]):
+        i = candidates.sample[m]
+        for t in range(weight.size):
+            s = contact_site[t]
+            code = candidates.code[m, s]
+            weight[t] = -law.way[code, i, s] * law.mu[code, i, s]
+        add_load_slopes(contact[i], contact_site, weight, phi[m], slope[m])

@@ -24,6 +24,8 @@ from pinfric.dynamics.inverse.choices import (
     UPPER,
     Candidates,
     friction_laws,
+    friction_slopes,
+    loads_of_samples,
     solve_list,
 )
 from pinfric.dynamics.inverse.effort_maps import Maps
@@ -117,7 +119,7 @@ class Solver:
         good = np.flatnonzero(~self.maps.singular)
         if len(good):
             self._reference(answer, good)
-        open_ = good[(self.law.choices[good] > 1).any(axis=1)]
+        open_ = good[(self.law.options[good] > 1).any(axis=1)]
         if len(open_):
             self._find_ends(answer, open_)
         ambiguous = answer.status == Status.AMBIGUOUS
@@ -161,15 +163,10 @@ class Solver:
         some = c.found > 0
         phi = self._phi(c, 0)
         answer.phi[good[some]] = phi[some]
-        forces = self.maps.contact[good, :, 0] + np.einsum(
-            "mtke,mk->mte", self.maps.contact[good][:, :, 1:], phi
-        )
-        norms = np.sqrt(np.einsum("mte,mte->mt", forces, forces))
-        load = np.zeros((len(good), len(layout.joint))) + layout.constant
-        for t, s in enumerate(layout.contact_site):
-            load[:, s] += norms[:, t]
+        load = np.empty((len(good), len(layout.joint)))
+        loads_of_samples(self.maps.contact[good], layout.contact_site, layout.constant, phi, load)
         answer.load[good[some]] = load[some]
-        slides = (self.law.choices[good] == 1).all(axis=1)
+        slides = (self.law.options[good] == 1).all(axis=1)
         self._widen(answer, c._replace(found=np.where(slides, c.found, 0)), np.arange(0), -1, 0)
 
     def _note(self, answer: Answer, c: Candidates) -> None:
@@ -225,7 +222,7 @@ class Solver:
 
     def _widen_friction(self, answer: Answer, sample: np.ndarray, x: np.ndarray) -> None:
         low = x.copy()
-        sticking = self.law.choices[sample] > 1
+        sticking = self.law.options[sample] > 1
         for s in self._balls:  # any direction of the sphere
             low[:, s] = np.where(sticking[:, s], -np.abs(x[:, s]), x[:, s])
         np.minimum.at(answer.friction_lower, sample, low)
@@ -234,7 +231,7 @@ class Solver:
     def _find_ends(self, answer: Answer, open_: np.ndarray) -> None:
         """Find the ends of efforts where something sticks or reverses, samples alike together."""
         free = self._free()
-        patterns, group = np.unique(self.law.choices[open_], axis=0, return_inverse=True)
+        patterns, group = np.unique(self.law.options[open_], axis=0, return_inverse=True)
         for p, pattern in enumerate(patterns):
             samples = open_[group.ravel() == p]
             choosing = np.flatnonzero((pattern > 1) & ~free)
@@ -281,7 +278,7 @@ class Solver:
             return np.asarray(-way * (mu * load + dry))
 
         least, most, slides = friction(LOWER), friction(UPPER), friction(SLIDES)
-        reverses = law.choices[sample][:, free] == 3
+        reverses = law.options[sample][:, free] == 3
         return (
             np.where(reverses, np.minimum(least, slides), least),
             np.where(reverses, np.maximum(most, slides), most),
@@ -360,15 +357,7 @@ class Solver:
         layout, (m, ne) = self.layout, c.direction.shape
         ns = len(layout.joint)
         L = np.zeros((m, ns, ne))
-        phi = self._phi(c, 0)
-        for t in self._rows:
-            s = layout.contact_site[t]
-            slope = self.maps.contact[c.sample, t, 1:]
-            force = self.maps.contact[c.sample, t, 0] + np.einsum("mke,mk->me", slope, phi)
-            size = np.maximum(np.linalg.norm(force, axis=1), 1e-300)
-            here = c.code[:, s], c.sample, s
-            gain = -self.law.way[here] * self.law.mu[here] / size
-            L[:, s] += gain[:, None] * np.einsum("mke,me->mk", slope, force)
+        friction_slopes(self.maps.contact, layout.contact_site, self.law, c, self._phi(c, 0), L)
         D = np.zeros((m, ne, ns))
         D[:, np.arange(ne), self.layout.entry_site] = c.direction
         U = self.maps.effort[c.sample, drive, 1:]

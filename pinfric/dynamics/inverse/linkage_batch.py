@@ -12,7 +12,6 @@ from pinfric.dynamics.problem.layout import Layout
 from pinfric.dynamics.problem.reactions import (
     AppliedWrench,
     Batch,
-    generalized_effort,
     reactions,
     subtract_external_wrenches,
 )
@@ -20,7 +19,7 @@ from pinfric.dynamics.problem.states import States
 from pinfric.model.closure import action_maps, tree_tables
 from pinfric.model.kinematics import place_links
 from pinfric.model.loops import Linkage
-from pinfric.model.twin import Twin
+from pinfric.model.twin import Twin, project
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def friction_maps(
     reactions(twin, q, states.v[part], a, batch, threads)
     subtract_external_wrenches(twin, applied, part, batch)
     tau = np.empty((n, twin.nv))
-    generalized_effort(twin, batch.wrench, a, tau)
+    project(batch.wrench, twin.embedding, twin.armature, a, tau)
     p, R = np.empty((n, twin.n_joints, 3)), np.empty((n, twin.n_joints, 3, 3))
     place_links(batch.q, *tree_tables(twin), p, R)
     X, J = action_maps(twin, linkage, p, R)

@@ -19,6 +19,7 @@ from pinfric.dynamics.problem.outcome import Solution, SolvedMotion
 from pinfric.dynamics.problem.reactions import Batch
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.given_modes import Reduced, contraction_matrix, newton, reduce_problem
+from pinfric.friction.law import write_loads
 from pinfric.model.loops import Linkage
 
 #: Starts of the wide search; how far apart solutions are at a site, relative to its friction; what
@@ -36,7 +37,7 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
     if samples.maps.singular[0]:
         return ()
-    if (solver.law.choices > 1).any():
+    if (solver.law.options > 1).any():
         ends = solver.solve().ends
         found = ends.reshape(-1, ends.shape[-1])
         found = found[~np.isnan(found).any(axis=1)]
@@ -64,7 +65,7 @@ def one_sample(result: SolvedMotion, sample: int) -> tuple[Layout, Linkage, Samp
 def reduced_problem(solver: Solver) -> Reduced:
     """Return what `given_modes` solves for a solver's only sample."""
     law = solver.law
-    code = np.where(law.choices > 1, LOWER, law.code)  # what sticks is at a limit
+    code = np.where(law.options > 1, LOWER, law.code)  # what sticks is at a limit
     solver.candidates(np.zeros(1, dtype=np.int64), code)
     way = law.way[code[0], 0, np.arange(code.shape[1])]
     reduced: Reduced = reduce_problem(solver.base, np.zeros(len(way), dtype=bool), way)[1]
@@ -133,9 +134,8 @@ def _solution(
     tables = EffortTables.of(layout)
     write_wrenches(tables, samples.wrench, samples.X, maps.y, phi[None], wrench, solved)
     one = np.concatenate([[1.0], phi])
-    load = layout.constant.copy()
-    forces = np.linalg.norm(np.einsum("tke,k->te", maps.contact[0], one), axis=1)
-    np.add.at(load, layout.contact_site, forces)
+    load = np.empty(ns)
+    write_loads(maps.contact[0], layout.contact_site, layout.constant, phi, load)
     friction = phi[layout.first_entry].copy()
     for s in np.flatnonzero(layout.entry_count == 3):
         first = layout.first_entry[s]

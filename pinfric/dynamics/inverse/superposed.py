@@ -15,11 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem.motion_kernels import effort_bounds, mark_reversals
-from pinfric.kernels.compiled import inlined_kernel, kernel
-from pinfric.model.bearings import Contacts, normal_loads
-from pinfric.model.drives import Gears, write_motor_torques
-from pinfric.model.laws import Laws, friction_bounds
+from pinfric.dynamics.problem.motion_kernels import (
+    TreeSamples,
+    bound_within,
+    mark_reversals,
+    part_of,
+)
+from pinfric.kernels.compiled import kernel
+from pinfric.model.drives import Gears, gears_of_row, write_motor_torques
+from pinfric.model.laws import Laws, laws_of_row
+from pinfric.model.scene import SiteTables
 
 #: Samples whose wrenches are summed at once: they stay in the first-level cache.
 _BLOCK = 64
@@ -31,10 +36,9 @@ class Path(NamedTuple):
     Attributes:
         v, a: (T, nv) at a speed factor of 1, rad/s or m/s, and per second.
         weight: (T,) of each sample in a mean over time; their sum is 1.
-        displacement: (T, ns) see `normal_loads`; empty where nothing looks at it.
-        joint, velocity_index, ratio: (ns,) row of the site's wrench, and what it moves with.
-        contacts: of the sites.
-        stick_velocity, site_stick_velocity: (na,) of the drives, (ns,) of the sites.
+        displacement: (T, ns) see `TreeSamples`.
+        sites: `Scene.site_tables`, `joint` the row of each site's wrench.
+        stick_velocity: (na,) of the drives.
         geared: whether there is a transmission.
     """
 
@@ -42,12 +46,8 @@ class Path(NamedTuple):
     a: np.ndarray
     weight: np.ndarray
     displacement: np.ndarray
-    joint: np.ndarray
-    velocity_index: np.ndarray
-    ratio: np.ndarray
-    contacts: Contacts
+    sites: SiteTables
     stick_velocity: np.ndarray
-    site_stick_velocity: np.ndarray
     geared: bool
 
 
@@ -79,44 +79,35 @@ class Varied(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """One cycle; the names are those of `InverseResult`.
+    """One cycle.
 
     Attributes:
-        velocity, acceleration: (T, na). turns: (T, na) bool, reversals of the drives.
-        effort_frictionless, effort_lower, effort_upper: (T, na).
+        samples: of its joints.
+        velocity, acceleration: (T, na) of the drives. turns: (T, na) bool, their reversals.
         motor_torque_lower, motor_torque_upper: (T, na).
-        site_velocity, normal_load, friction_lower, friction_upper: (T, ns).
-        reversal, sticking: (T, ns) bool.
         wrench: (T or block, ns, 6).
     """
 
+    samples: TreeSamples
     velocity: np.ndarray
     acceleration: np.ndarray
     turns: np.ndarray
-    effort_frictionless: np.ndarray
-    effort_lower: np.ndarray
-    effort_upper: np.ndarray
     motor_torque_lower: np.ndarray
     motor_torque_upper: np.ndarray
-    site_velocity: np.ndarray
-    normal_load: np.ndarray
-    friction_lower: np.ndarray
-    friction_upper: np.ndarray
-    reversal: np.ndarray
-    sticking: np.ndarray
     wrench: np.ndarray
 
     @classmethod
     def of(cls, path: Path, whole: bool) -> Cycle:
         """Make the buffers for a path, of all wrenches or of a block of them."""
-        drives, sites = path.v.shape, (len(path.v), len(path.joint))
-        samples = len(path.v) if whole else _BLOCK
-        flags = {"turns": drives, "reversal": sites, "sticking": sites}
-        arrays = {name: np.empty(shape, dtype=bool) for name, shape in flags.items()}
-        for name in cls._fields:
-            of_sites = name in ("site_velocity", "normal_load", "friction_lower", "friction_upper")
-            arrays.setdefault(name, np.empty(sites if of_sites else drives))
-        return cls(**{**arrays, "wrench": np.empty((samples, len(path.joint), 6))})
+        samples, ns = len(path.v) if whole else _BLOCK, len(path.sites.joint)
+        of_sites, of_drives = np.empty((4, len(path.v), ns)), np.empty((7, *path.v.shape))
+        flags = np.empty((2, len(path.v), ns), dtype=bool)
+        of_samples = TreeSamples._make(
+            [of_sites[0], flags[0], path.displacement, *of_drives[:3], *of_sites[1:], flags[1]]
+        )
+        turns = np.empty(path.v.shape, dtype=bool)
+        wrench = np.empty((samples, ns, 6))
+        return cls._make([of_samples, *of_drives[3:5], turns, *of_drives[5:], wrench])
 
 
 @kernel
@@ -139,34 +130,18 @@ def write_figures(
         figures: (n, na, 5) peak, RMS, both at the motor's shaft, largest speed; overwritten.
         start, stop: which of the n cycles.
     """
+    x = now.samples
     for c in range(start, stop):
         _move(path, varied.speed[c], now)
-        _superpose(effort, varied.coefficient[c], 0, now.effort_frictionless.reshape(-1))
-        _write_loads(wrench, path, varied.coefficient[c], now)
-        friction_bounds(
-            now.site_velocity,
-            now.normal_load,
-            _laws_of(varied.laws, c),
-            now.reversal,
-            now.friction_lower,
-            now.friction_upper,
-            now.sticking,
-        )
-        efforts = now.effort_lower, now.effort_upper
-        effort_bounds(
-            now.effort_frictionless,
-            now.friction_lower,
-            now.friction_upper,
-            path.velocity_index,
-            path.ratio,
-            *efforts,
-        )
+        _superpose(effort, varied.coefficient[c], 0, x.effort_frictionless.reshape(-1))
+        _bound_blocks(wrench, path, varied, c, now)
+        efforts = x.effort_lower, x.effort_upper
         _reduce(path.weight, *efforts, figures[c], 0)
         torques = efforts
         if path.geared:
             torques = now.motor_torque_lower, now.motor_torque_upper
             write_motor_torques(
-                _gears_of(varied.gears, c),
+                gears_of_row(varied.gears, c % varied.gears.viscous.shape[0]),
                 *efforts,
                 now.velocity,
                 now.acceleration,
@@ -181,16 +156,17 @@ def write_figures(
 @kernel
 def _move(path: Path, speed: float, now: Cycle) -> None:
     """Write velocities, accelerations and reversals at a speed factor."""
+    sites, x = path.sites, now.samples
     for i in range(path.v.shape[0]):
         for d in range(path.v.shape[1]):
             now.velocity[i, d] = path.v[i, d] * speed
             now.acceleration[i, d] = path.a[i, d] * (speed * speed)
             now.turns[i, d] = False
-        for s in range(path.joint.size):
-            now.site_velocity[i, s] = now.velocity[i, path.velocity_index[s]] * path.ratio[s]
-            now.reversal[i, s] = False
+        for s in range(sites.joint.size):
+            x.velocity[i, s] = now.velocity[i, sites.velocity_index[s]] * sites.ratio[s]
+            x.reversal[i, s] = False
     mark_reversals(now.velocity, path.stick_velocity, now.turns)
-    mark_reversals(now.site_velocity, path.site_stick_velocity, now.reversal)
+    mark_reversals(x.velocity, sites.laws.stick_velocity, x.reversal)
 
 
 @kernel
@@ -205,20 +181,23 @@ def _superpose(basis: np.ndarray, coefficient: np.ndarray, start: int, out: np.n
 
 
 @kernel
-def _write_loads(wrench: np.ndarray, path: Path, coefficient: np.ndarray, now: Cycle) -> None:
-    """Write the normal loads of the summed wrenches, block by block."""
-    samples, width = path.v.shape[0], 6 * path.joint.size
+def _bound_blocks(wrench: np.ndarray, path: Path, varied: Varied, c: int, now: Cycle) -> None:
+    """Write loads, friction and efforts of one cycle from the summed wrenches, block by block."""
+    samples, width, sites = path.v.shape[0], 6 * path.sites.joint.size, path.sites
+    laws = laws_of_row(varied.laws, c % varied.laws.viscous.shape[0])
     for start in range(0, samples, now.wrench.shape[0]):
         stop = min(start + now.wrench.shape[0], samples)
         here = now.wrench[: stop - start]
         if wrench.shape[1] > 0:
-            _superpose(wrench, coefficient, start * width, here.reshape(-1))
-        normal_loads(
+            _superpose(wrench, varied.coefficient[c], start * width, here.reshape(-1))
+        bound_within(
+            sites.joint,
+            sites.contacts,
+            laws,
+            sites.velocity_index,
+            sites.ratio,
             here,
-            path.joint,
-            path.contacts,
-            path.displacement[start:stop],
-            now.normal_load[start:stop],
+            part_of(now.samples, start, stop),
         )
 
 
@@ -234,47 +213,3 @@ def _reduce(
             peak = max(peak, worst)
             square += weight[i] * worst * worst
         figures[d, column], figures[d, column + 1] = peak, np.sqrt(square)
-
-
-@inlined_kernel
-def _laws_of(laws: Laws, c: int) -> Laws:
-    """Return the laws of one cycle."""
-    row = c % laws.viscous.shape[0]
-    return Laws(
-        laws.mu_static[row],
-        laws.mu_kinetic[row],
-        laws.coulomb_static[row],
-        laws.coulomb_kinetic[row],
-        laws.viscous[row],
-        laws.stick_velocity,
-        laws.row_start,
-        laws.row_end,
-        laws.mu[row],
-        laws.coulomb[row],
-        laws.power,
-        laws.velocity,
-        laws.exponent,
-    )
-
-
-@inlined_kernel
-def _gears_of(gears: Gears, c: int) -> Gears:
-    """Return the gears of one cycle."""
-    row = c % gears.viscous.shape[0]
-    return Gears(
-        gears.ratio,
-        gears.rotor_inertia[row],
-        gears.viscous[row],
-        gears.power,
-        gears.stick_velocity,
-        gears.no_load[row],
-        gears.no_load_static[row],
-        gears.constant,
-        gears.rise,
-        gears.exponent,
-        gears.first,
-        gears.last,
-        gears.load,
-        gears.loss,
-        gears.slope,
-    )

@@ -8,15 +8,13 @@ iteration; at rest phi is any value between its static limits, and u an interval
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven, narrow_friction
 from pinfric.dynamics.problem.layout import make_layout
-from pinfric.dynamics.problem.motion_kernels import effort_bounds
+from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_efforts
 from pinfric.dynamics.problem.motor_torques import motor_torques
 from pinfric.dynamics.problem.reactions import (
     AppliedWrench,
@@ -24,54 +22,37 @@ from pinfric.dynamics.problem.reactions import (
     batch_size,
     check_roll_moments,
     constant_payloads,
-    generalized_effort,
     reactions,
     subtract_external_wrenches,
 )
 from pinfric.dynamics.problem.reversals import reversals
 from pinfric.dynamics.problem.states import States
-from pinfric.dynamics.problem.threaded import efforts_in_parts, friction_in_parts, team, threads_for
+from pinfric.dynamics.problem.threaded import bound_in_parts, team, threads_for
 from pinfric.errors import StateError
-from pinfric.model.bearings import normal_loads
 from pinfric.model.couples import deliver_interval, drive_rates
-from pinfric.model.laws import Laws, friction_bounds
-from pinfric.model.scene import Scene
-from pinfric.model.twin import Twin
+from pinfric.model.scene import Scene, SiteTables
+from pinfric.model.twin import Twin, project
+
+#: What of `TreeSamples` is a result of its own.
+_FOUND = TreeSamples._fields[3:]
 
 
-class _Answer(NamedTuple):
-    """What is found of each sample; the names are those of `InverseResult`."""
+def _samples(
+    scene: Scene, velocity: np.ndarray, reversal: np.ndarray, reacting: bool
+) -> tuple[TreeSamples, np.ndarray]:
+    """Make the arrays of n samples, and of the wrenches at their sites.
 
-    effort_lower: np.ndarray
-    effort_upper: np.ndarray
-    effort_frictionless: np.ndarray
-    normal_load: np.ndarray
-    friction_lower: np.ndarray
-    friction_upper: np.ndarray
-    wrench: np.ndarray
-    sticking: np.ndarray
-
-    @classmethod
-    def of(cls, n: int, nv: int, ns: int, reacting: bool) -> _Answer:
-        """Carve arrays for n samples out of one block.
-
-        A large block gets huge pages and so few page faults, which cost more than the friction
-        kernels when every array is allocated by itself.
-        """
-        shapes = [(n, nv)] * 3 + [(n, ns)] * 3 + [(n, ns, 6 if reacting else 0)]
-        ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
-        pieces = np.split(np.empty(ends[-1]), ends[:-1])
-        arrays = [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)]
-        return cls._make([*arrays, np.empty((n, ns), dtype=bool)])
-
-    def part(self, here: slice) -> _Answer:
-        """Return the samples of one slice."""
-        return _Answer(*(array[here] for array in self))
-
-    def rubbing(self, velocity: np.ndarray, laws: Laws, reversal: np.ndarray) -> tuple[Any, ...]:
-        """Return the arguments of `friction_bounds`."""
-        friction = self.friction_lower, self.friction_upper, self.sticking
-        return velocity, self.normal_load, laws, reversal, *friction
+    Carved out of one block: a large block gets huge pages and so few page faults, which cost more
+    than the friction kernels when every array is allocated by itself.
+    """
+    n, nv, ns = len(velocity), scene.model.nv, len(scene.sites)
+    shapes = [(n, nv)] * 3 + [(n, ns)] * 3 + [(n, ns, 6 if reacting else 0)]
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
+    pieces = np.split(np.empty(ends[-1]), ends[:-1])
+    *found, wrench = (piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True))
+    sticking = np.empty((n, ns), dtype=bool)
+    every = velocity, reversal, np.empty((0, 0)), *found, sticking
+    return TreeSamples._make(every), wrench
 
 
 def solve_tree(
@@ -85,28 +66,28 @@ def solve_tree(
     threads = threads_for(T, threads)
     velocity, reversal = _site_velocities(scene, states, whole, threads)
     reacting = _needs_wrenches(scene, applied)
-    answer = _Answer.of(T, scene.model.nv, len(scene.sites), reacting)
+    found, wrench = _samples(scene, velocity, reversal, reacting)
     batch = Batch.of(scene.twin(), min(T, batch_size(threads)))
     for part, twin in constant_payloads(scene, states, whole, batch_size(threads)):
         here = slice(part.start - whole.start, part.stop - whole.start)
-        now = answer.part(here)
-        rubbing = now.rubbing(velocity[here], sites.laws, reversal[here])
+        now, a = TreeSamples._make(array[here] for array in found), states.a[part]
+        joint_wrench = wrench[here]
         if reacting:
-            _react(scene, twin, states, applied, part, batch, now, rubbing, threads)
+            joint_wrench = _react(scene, twin, states, applied, part, batch, joint_wrench, threads)
         else:
-            now.normal_load[:] = 0.0
-            qva = states.q[part], states.v[part], states.a[part]
-            _plain(twin, *qva, threads, now.effort_frictionless)
-            friction_bounds(*rubbing)
+            _plain(twin, states.q[part], states.v[part], a, threads, now.effort_frictionless)
+        if sites.contacts.moves.any():
+            now = now._replace(displacement=twin.displacements(sites.joint, states.q[part]))
+        _bound(twin, a, sites, joint_wrench, now, threads)
     if reacting:
-        check_roll_moments(scene, answer.wrench, whole.start)
-    _bound_efforts(scene, answer, threads)
+        check_roll_moments(scene, wrench, whole.start)
+    answer = {name: getattr(found, name) for name in _FOUND}
     around = states.around(whole)
     v, a = states.v[around], states.a[around]
     if not scene.one_drive_each:
-        answer = _on_drives(scene, states, whole, answer)
+        answer |= _on_drives(scene, states, whole, found)
         v, a = (drive_rates(scene.drives, given, v[:, :0]) for given in (v, a))
-    efforts = answer.effort_lower, answer.effort_upper
+    efforts = answer["effort_lower"], answer["effort_upper"]
     check_finite(scene, efforts, whole.start)
     torques = motor_torques(scene, states, whole, efforts, v, a)
     if torques is not efforts:  # behind a gear
@@ -115,7 +96,8 @@ def solve_tree(
         scene=scene,
         states=states.part(whole),
         external=tuple(AppliedWrench(w.joint, w.wrench[whole]) for w in applied),
-        **answer._asdict() | ({} if reacting else {"wrench": None}),
+        **answer,
+        wrench=wrench if reacting else None,
         motor_torque_lower=torques[0],
         motor_torque_upper=torques[1],
         reversal=reversal,
@@ -156,65 +138,56 @@ def _react(
     applied: list[AppliedWrench],
     part: slice,
     batch: Batch,
-    answer: _Answer,
-    rubbing: tuple[Any, ...],
+    at_sites: np.ndarray,
     threads: int,
-) -> None:
-    """Write wrenches, efforts without friction, loads and friction of one batch.
+) -> np.ndarray:
+    """Write the wrenches of one batch at its sites; return those of all joints (n, nj, 6).
 
     Args:
         scene, states, applied: see `inverse.inverse_dynamics`.
         twin: with the payloads of this batch.
         part: the samples of this batch.
         batch: buffers of at least as many samples.
-        answer: of these samples, overwritten.
-        rubbing: arguments of `friction_bounds`.
+        at_sites: (n, ns, 6), overwritten.
         threads: of Pinocchio.
     """
-    sites, q, a = scene.site_tables, states.q[part], states.a[part]
     every = len(scene.sites) == twin.n_joints
     now = batch.first(part.stop - part.start)
     if every:  # every joint is a site: no second copy of its wrench
-        now = Batch(now.q, now.v, now.a, answer.wrench)
-    reactions(twin, q, states.v[part], a, now, threads)
+        now = Batch(now.q, now.v, now.a, at_sites)
+    reactions(twin, states.q[part], states.v[part], states.a[part], now, threads)
     subtract_external_wrenches(twin, applied, part, now)
     if not every:
-        answer.wrench[:] = now.wrench[:, sites.joint]
-    moves = sites.contacts.moves.any()
-    displacement = twin.displacements(sites.joint, q) if moves else np.empty((0, 0))
-    bearing = sites.joint, sites.contacts, displacement
-    _rub(twin, now.wrench, a, answer.effort_frictionless, bearing, rubbing, threads)
+        at_sites[:] = now.wrench[:, scene.site_tables.joint]
+    return now.wrench
 
 
-def _rub(
+def _bound(
     twin: Twin,
-    wrench: np.ndarray,
     a: np.ndarray,
-    effort: np.ndarray,
-    bearing: tuple[Any, ...],
-    rubbing: tuple[Any, ...],
+    sites: SiteTables,
+    wrench: np.ndarray,
+    samples: TreeSamples,
     threads: int,
 ) -> None:
-    """Write a batch's efforts without friction, loads and friction from its wrenches.
+    """Write efforts without friction, loads, friction and efforts of one batch; see `TreeSamples`.
 
     Args:
-        twin, wrench, a, effort: see `reactions.generalized_effort`.
-        bearing: joint, contacts and displacement of `normal_loads`.
-        rubbing: arguments of `friction_bounds`.
+        twin, a: with the payloads of this batch; (n, nv).
+        sites: `Scene.site_tables`.
+        wrench: (n, nj, 6) of all joints, or (n, ns, 0): nothing looks at them.
+        samples: overwritten.
         threads: each takes a part of the samples.
     """
+    balance = twin.embedding, twin.armature, a
+    rubs = sites.joint, sites.contacts, sites.laws, sites.velocity_index, sites.ratio
     if threads == 1:
-        generalized_effort(twin, wrench, a, effort)
-        normal_loads(wrench, *bearing, rubbing[1])
-        friction_bounds(*rubbing)
+        if wrench.shape[2] > 0:
+            project(wrench, *balance, samples.effort_frictionless)
+        bound_efforts(*rubs, wrench, samples)
         return
-    velocity, load, laws, *sides = rubbing
     with team(threads) as parts:
-        friction_in_parts(
-            parts, wrench, twin.embedding, effort, *bearing, load, velocity, laws, tuple(sides)
-        )
-    if twin.armature.any():
-        effort += twin.armature * a
+        bound_in_parts(parts, wrench, samples, *balance, *rubs)
 
 
 def _plain(
@@ -224,29 +197,19 @@ def _plain(
     pin.rneaInParallel(threads, twin.plain_pool(threads), q.T, v.T, a.T, effort.T)
 
 
-def _bound_efforts(scene: Scene, answer: _Answer, threads: int) -> None:
-    """Write the ends of the efforts from those of the frictions."""
-    sites = scene.site_tables
-    friction = answer.friction_lower, answer.friction_upper
-    efforts = answer.effort_lower, answer.effort_upper
-    ends = answer.effort_frictionless, *friction, sites.velocity_index, sites.ratio, *efforts
-    if threads == 1:
-        effort_bounds(*ends)
-    else:
-        with team(threads) as parts:
-            efforts_in_parts(parts, *ends)
-
-
-def _on_drives(scene: Scene, states: States, whole: slice, answer: _Answer) -> _Answer:
+def _on_drives(
+    scene: Scene, states: States, whole: slice, found: TreeSamples
+) -> dict[str, np.ndarray]:
     """Give the joints' efforts to their drives; it raises what `check_undriven` does."""
     layout, undriven = make_layout(scene), list(scene.mobility.undriven)
-    lower, upper = answer.effort_lower, answer.effort_upper
+    lower, upper = found.effort_lower, found.effort_upper
     check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
-    narrow_friction(scene, answer.effort_frictionless, answer.friction_lower, answer.friction_upper)
-    efforts = [array[:, layout.drive_v] * layout.part for array in answer[:3]]
+    narrow_friction(scene, found.effort_frictionless, found.friction_lower, found.friction_upper)
+    names = "effort_lower", "effort_upper", "effort_frictionless"
+    efforts = [getattr(found, name)[:, layout.drive_v] * layout.part for name in names]
     if layout.delivery.size:  # joints' frictions are independent: so are the ends of their efforts
         efforts = [*deliver_interval(layout.delivery, *efforts[:2]), efforts[2] @ layout.delivery.T]
-    return _Answer._make([*efforts, *answer[3:]])
+    return dict(zip(names, efforts, strict=True))
 
 
 def check_finite(scene: Scene, ends: tuple[np.ndarray, np.ndarray], first: int) -> None:

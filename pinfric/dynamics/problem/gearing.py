@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.problem.machine import Machine, Tables, Work
-from pinfric.friction.consistency import site_limits
 from pinfric.friction.dense import affine
+from pinfric.friction.law import site_limits
 from pinfric.kernels.compiled import kernel
 from pinfric.model.drives import Gears, gear_drag, gear_line, gear_range, gear_slips
 

@@ -26,12 +26,12 @@ from pinfric.dynamics.problem.gearing import (
     write_lines,
 )
 from pinfric.dynamics.problem.machine import Machine, Supply, Tables, Work
-from pinfric.friction.consistency import site_friction, stick_limits, try_modes
+from pinfric.friction.consistency import site_friction, try_modes
 from pinfric.friction.dense import affine, eliminate_full_pivot, factorize, solve_dense
-from pinfric.friction.given_modes import slip_law
+from pinfric.friction.law import slip_law, stick_limits
 from pinfric.kernels.compiled import kernel
 from pinfric.model.kinematics import act_on_joints, relate_pairs
-from pinfric.model.laws import friction_at
+from pinfric.model.laws import law_at
 
 Vector6 = tuple[float, float, float, float, float, float]
 #: Which modes `solve_instant` tries: those of the velocities; those in `Work`; the same, but balls
@@ -44,8 +44,6 @@ NOT_FINITE, SINGULAR, TOGGLE, UNDECIDED = 1, 2, 3, 4
 _IDLE = 1e-4
 #: So small a share is none.
 _DEAD = 1e-13
-#: The slope of drag is taken to a speed that is faster by this share.
-_FASTER = 1e-6
 _EPS = float(np.finfo(float).eps)
 #: So many times its inertia something moves little.
 _HELD = 1e9
@@ -215,57 +213,36 @@ def _write_rates(t: Tables, w: Work, v: np.ndarray) -> None:
 
 
 @kernel
-def write_laws(t: Tables, w: Work) -> None:
-    """Write the friction coefficients of every entry at its present speed (see `laws`)."""
-    layout, p = t.layout, w.problem
-    laws, rate, ratio, coordinate = layout.laws, w.coordinate_rate, p.ratio, layout.entry_coordinate
-    for e in range(coordinate.size):
-        c, s = coordinate[e], layout.entry_site[e]
-        velocity = ratio[e] * rate[c]
-        speed = abs(velocity)
-        if layout.ball[c]:
-            speed = _ball_speed(t, rate, c)
-        moving = friction_at(laws, s, speed)
-        p.mu_stick[e] = laws.mu_static[s]
-        p.mu_slip[e] = moving.mu + moving.drag_mu
-        for side in range(2):
-            p.coulomb_stick[e, side] = laws.coulomb_static[s, side]
-        p.coulomb_slip[e, 0], p.coulomb_slip[e, 1] = moving.forward, moving.backward
-        p.drag[e] = laws.viscous[s] * velocity
-        if speed > 0.0:  # a ball's drag lies along its velocity
-            directed_drag = moving.drag_forward if velocity > 0.0 else moving.drag_backward
-            p.drag[e] += directed_drag * (velocity / speed)
+def _write_laws(t: Tables, w: Work, step: float) -> None:
+    """Write the law of every entry at its present speed (see `laws`).
 
-
-@kernel
-def _take_out_drag(t: Tables, w: Work) -> None:
-    """Move what vanishes at rest from the entries' laws into `drag` and `damping`.
-
-    Under the loads of the last solution; `damping` see `_add_drag`.
+    Of a time step, what vanishes at rest goes into `drag` and `damping` (see `_add_drag`) in place
+    of the entries' laws, under the loads of the last solution.
     """
-    layout, p, laws, rate = t.layout, w.problem, t.layout.laws, w.coordinate_rate
+    layout, p = t.layout, w.problem
+    laws, rate = layout.laws, w.coordinate_rate
     for c in range(rate.size):
         w.drag[c] = w.damping[c] = 0.0
     for e in range(layout.entry_coordinate.size):
-        c, s, ratio = layout.entry_coordinate[e], layout.entry_site[e], p.ratio[e]
-        w.drag[c] += ratio * p.drag[e]
-        w.damping[c] += ratio * ratio * laws.viscous[s]
-        p.drag[e] = 0.0
+        c, ratio = layout.entry_coordinate[e], p.ratio[e]
         velocity = ratio * rate[c]
         speed = _ball_speed(t, rate, c) if layout.ball[c] else abs(velocity)
-        now = friction_at(laws, s, speed)
-        directed_drag = now.drag_forward if velocity > 0.0 else now.drag_backward
-        if directed_drag == 0.0 == now.drag_mu:
+        towards = velocity / speed if speed > 0.0 else 0.0  # a ball's drag lies along its velocity
+        law = law_at(laws, layout.entry_site[e], np.copysign(speed, velocity), step > 0.0)
+        p.mu_stick[e] = law.static_mu
+        p.coulomb_stick[e, 0], p.coulomb_stick[e, 1] = law.static_forward, law.static_backward
+        p.coulomb_slip[e, 0], p.coulomb_slip[e, 1] = law.forward, law.backward
+        if step == 0.0:
+            p.mu_slip[e] = law.mu + law.drag_mu
+            p.drag[e] = law.viscous * velocity + law.drag * towards
             continue
-        p.mu_slip[e] = now.mu
-        loaded = now.drag_mu * w.modes.load[e] if now.drag_mu > 0.0 else 0.0
-        w.drag[c] += ratio * loaded * (velocity / speed)
-        faster = friction_at(laws, s, speed * (1.0 + _FASTER))
-        rise = faster.drag_forward if velocity > 0.0 else faster.drag_backward
-        if now.drag_mu > 0.0:
-            rise += faster.drag_mu * w.modes.load[e]
-        drag = directed_drag + loaded
-        w.damping[c] += ratio * ratio * max(drag, 0.5 * (rise - drag) / _FASTER) / speed
+        load = w.modes.load[e] if law.drag_mu > 0.0 else 0.0
+        drag, slope = law.drag + law.drag_mu * load, law.drag_slope + law.drag_mu_slope * load
+        p.mu_slip[e], p.drag[e] = law.mu, 0.0
+        w.drag[c] += ratio * (law.viscous * velocity + drag * towards)
+        w.damping[c] += ratio * ratio * law.viscous
+        if drag > 0.0:
+            w.damping[c] += ratio * ratio * max(drag / speed, 0.5 * slope)
 
 
 @kernel
@@ -717,8 +694,7 @@ def along(row: np.ndarray, wrench: np.ndarray, j: int, n: int) -> float:
 @kernel
 def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
     """Write contact forces as maps of friction; False: not finite."""
-    layout, free, slope = t.layout, w.problem.contact_free, w.problem.contact_slope
-    G, row, total = w.wrench_map, w.row, 0.0
+    layout, contact, G, row, total = t.layout, w.problem.contact, w.wrench_map, w.row, 0.0
     for i in range(t.contact_row.size):
         s, j = layout.entry_site[t.contact_site[i]], t.contact_row[i]
         moved = (
@@ -728,11 +704,9 @@ def _write_contacts(t: Tables, w: Work, q: np.ndarray) -> bool:
         for e in range(t.contact_rank[i]):
             for m in range(6):
                 row[m] = t.contact_map[i, e, m] + moved * t.contact_map_moved[i, e, m]
-            free[i, e] = along(row, G, j, 0)
-            total += abs(free[i, e])
-            for c in range(slope.shape[1]):
-                slope[i, c, e] = along(row, G, j, 1 + c)
-                total += abs(slope[i, c, e])
+            for n in range(contact.shape[1]):
+                contact[i, n, e] = along(row, G, j, n)
+                total += abs(contact[i, n, e])
     return total < np.inf
 
 
@@ -746,9 +720,7 @@ def prepare(machine: Machine, v: np.ndarray, effort: np.ndarray, step: float) ->
     _move_freedoms(t, k, w)
     _move_pairs(t, k, w)
     _write_rates(t, w, v)
-    write_laws(t, w)
-    if step > 0.0:
-        _take_out_drag(t, w)
+    _write_laws(t, w, step)
     w.push_size[0] = np.abs(k.h).sum() + np.abs(effort).sum()
 
 

@@ -1,10 +1,93 @@
-"""Kernels of inverse dynamics that look at motion and efforts: reversals, ends of efforts."""
+"""From the wrenches of an open chain to the ends of its efforts, and where its joints reverse.
+
+wrench -> load c -> friction phi -> effort u = tau_id - D phi     (paper eq. 16, 17, 20-22)
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from pinfric.kernels.compiled import kernel
+from pinfric.kernels.compiled import inlined_kernel, kernel
+from pinfric.model.bearings import Contacts, normal_loads
+from pinfric.model.laws import Laws, friction_bounds
+
+
+class TreeSamples(NamedTuple):
+    """Samples of an open chain: how its sites move, and what is found; see `InverseResult`.
+
+    Attributes:
+        velocity, reversal: (n, ns) of the sites.
+        displacement: (n, ns) along their axes, or (0, 0) where no load looks at it.
+        effort_frictionless, effort_lower, effort_upper: (n, nv) of the joints.
+        normal_load, friction_lower, friction_upper, sticking: (n, ns).
+    """
+
+    velocity: np.ndarray
+    reversal: np.ndarray
+    displacement: np.ndarray
+    effort_frictionless: np.ndarray
+    effort_lower: np.ndarray
+    effort_upper: np.ndarray
+    normal_load: np.ndarray
+    friction_lower: np.ndarray
+    friction_upper: np.ndarray
+    sticking: np.ndarray
+
+
+@inlined_kernel
+def part_of(x: TreeSamples, i: int, j: int) -> TreeSamples:
+    """Return the samples i to j."""
+    return TreeSamples(
+        x.velocity[i:j],
+        x.reversal[i:j],
+        x.displacement[i:j],
+        x.effort_frictionless[i:j],
+        x.effort_lower[i:j],
+        x.effort_upper[i:j],
+        x.normal_load[i:j],
+        x.friction_lower[i:j],
+        x.friction_upper[i:j],
+        x.sticking[i:j],
+    )
+
+
+def bound_efforts(
+    joint: np.ndarray,
+    contacts: Contacts,
+    laws: Laws,
+    velocity_index: np.ndarray,
+    ratio: np.ndarray,
+    wrench: np.ndarray,
+    x: TreeSamples,
+) -> None:
+    """Write loads, friction and the ends of efforts of samples.
+
+    Args:
+        joint: (ns,) which of the wrenches is each site's.
+        contacts, laws, velocity_index, ratio: of `Scene.site_tables`.
+        wrench: (n, rows, 6) parent on child; anything where nothing looks at wrenches.
+        x: of which `effort_frictionless` is known.
+
+    Its steps are kernels; within other kernels it is `bound_within`.
+    """
+    normal_loads(wrench, joint, contacts, x.displacement, x.normal_load)
+    friction_bounds(
+        x.velocity, x.normal_load, laws, x.reversal, x.friction_lower, x.friction_upper, x.sticking
+    )
+    effort_bounds(
+        x.effort_frictionless,
+        x.friction_lower,
+        x.friction_upper,
+        velocity_index,
+        ratio,
+        x.effort_lower,
+        x.effort_upper,
+    )
+
+
+bound_within = inlined_kernel(bound_efforts)
 
 
 @kernel

@@ -15,7 +15,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import tree_tables
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.model.twin import Twin, embed, project, transmit
+from pinfric.model.twin import Twin, embed, transmit
 
 #: Samples per batch and thread: the twin's arrays of one batch stay in the second-level cache.
 CHUNK = 512
@@ -134,13 +134,6 @@ def subtract_external_wrenches(
     """Subtract what acts from outside from the joints that carry it."""
     for wrench in applied:
         transmit(wrench.wrench[part], wrench.joint, *tree_tables(twin), batch.q, batch.wrench)
-
-
-def generalized_effort(twin: Twin, wrench: np.ndarray, a: np.ndarray, effort: np.ndarray) -> None:
-    """Write tau_id = E^T w + armature a, the total effort (n, nv) that the motion takes."""
-    project(wrench, twin.embedding, effort)
-    if twin.armature.any():
-        effort += twin.armature * a
 
 
 def applied_wrenches(

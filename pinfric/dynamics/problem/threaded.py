@@ -17,11 +17,16 @@ from contextlib import contextmanager
 import numba
 import numpy as np
 
-from pinfric.dynamics.problem.motion_kernels import effort_bounds, mark_reversals
+from pinfric.dynamics.problem.motion_kernels import (
+    TreeSamples,
+    bound_within,
+    mark_reversals,
+    part_of,
+)
 from pinfric.kernels.compiled import parallel_kernel
 from pinfric.model.arrays import whole_number
-from pinfric.model.bearings import Contacts, normal_loads
-from pinfric.model.laws import Laws, friction_bounds
+from pinfric.model.bearings import Contacts
+from pinfric.model.laws import Laws
 from pinfric.model.twin import Embedding, embed, project
 
 #: Below this many samples a second thread costs more than it brings (Pinocchio's barrier spins).
@@ -90,59 +95,31 @@ def embed_in_parts(
 
 
 @parallel_kernel
-def friction_in_parts(
+def bound_in_parts(
     parts: int,
     wrench: np.ndarray,
+    x: TreeSamples,
     joints: Embedding,
-    effort: np.ndarray,
+    armature: np.ndarray,
+    a: np.ndarray,
     joint: np.ndarray,
     contacts: Contacts,
-    displacement: np.ndarray,
-    load: np.ndarray,
-    velocity: np.ndarray,
     laws: Laws,
-    sides: tuple[np.ndarray, ...],
+    velocity_index: np.ndarray,
+    ratio: np.ndarray,
 ) -> None:
-    """`twin.project`, `bearings.normal_loads`, `laws.friction_bounds` one after the other.
+    """`twin.project`, then `motion_kernels.bound_efforts`, a part of the samples on each thread.
 
-    `sides` are the last arguments of the third.
+    Where wrench is (n, nj, 0) nothing looks at wrenches, and the efforts without friction are there
+    already.
     """
-    at_rest, lower, upper, sticking = sides
     n = wrench.shape[0]
     for part in numba.prange(parts):
         i, j = part * n // parts, (part + 1) * n // parts
-        moved = displacement[i:j] if displacement.shape[0] == n else displacement
-        project(wrench[i:j], joints, effort[i:j])
-        normal_loads(wrench[i:j], joint, contacts, moved, load[i:j])
-        friction_bounds(
-            velocity[i:j], load[i:j], laws, at_rest[i:j], lower[i:j], upper[i:j], sticking[i:j]
-        )
-
-
-@parallel_kernel
-def efforts_in_parts(
-    parts: int,
-    frictionless: np.ndarray,
-    friction_lower: np.ndarray,
-    friction_upper: np.ndarray,
-    velocity_index: np.ndarray,
-    ratio: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-) -> None:
-    """`motion_kernels.effort_bounds`, a part of the samples on each thread."""
-    n = frictionless.shape[0]
-    for part in numba.prange(parts):
-        i, j = part * n // parts, (part + 1) * n // parts
-        effort_bounds(
-            frictionless[i:j],
-            friction_lower[i:j],
-            friction_upper[i:j],
-            velocity_index,
-            ratio,
-            lower[i:j],
-            upper[i:j],
-        )
+        here = part_of(x, i, j)
+        if wrench.shape[2] > 0:
+            project(wrench[i:j], joints, armature, a[i:j], here.effort_frictionless)
+        bound_within(joint, contacts, laws, velocity_index, ratio, wrench[i:j], here)
 
 
 @parallel_kernel

@@ -42,7 +42,7 @@ class EventIntegration(Integration):
 
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
         super().__init__(system, settings, record)
-        self.nc = len(self.ws.tables.dry)
+        self.nc = len(self.ws.layout.dry)
         self.t, self.y = 0.0, np.zeros(0)
         self.forward = np.zeros(self.nc)
         self.allowance = np.zeros(self.nc)
@@ -147,11 +147,11 @@ class EventIntegration(Integration):
             if not record.step_t:
                 record.step_t.append(start)
             record.step_t.append(end)
-            record.steps.append((polynomial, self.chart, self.ws.standing))
+            record.steps.append((polynomial, self.chart, self.ws.constraints.standing))
         for t in record.due(start, end):
             q, v = self.state(polynomial(t))
             if self.linked and not (self.ws.locked and not v.any()):
-                q, v = self.ws.project(q, v)
+                q, v = self.ws.constraints.project(q, v)
             self.system.solve_given_modes(t, q, v)
             record.sample(t, q, v)
         record.watch_limits(start, end, along(self.chart, polynomial, nv))
@@ -164,7 +164,7 @@ class EventIntegration(Integration):
 
         Slipping: speed in its direction. Sticking: distance of friction from its limits.
         """
-        modes, dry = self.ws.modes, self.ws.tables.dry
+        modes, dry = self.ws.modes, self.ws.layout.dry
         guards = np.full((len(times), self.nc), np.nan)
         slips = dry & ~modes.stuck
         if slips.any():
@@ -172,7 +172,7 @@ class EventIntegration(Integration):
         if modes.stuck.any():
             for i, (t, y) in enumerate(zip(times.tolist(), states, strict=True)):
                 self.system.solve_given_modes(t, *self.state(y))
-                guards[i, modes.stuck] = self.ws.guards[modes.stuck]
+                guards[i, modes.stuck] = self.ws.margins.nearest[modes.stuck]
         return guards
 
     def _advance(self, states: np.ndarray) -> np.ndarray:
@@ -181,23 +181,25 @@ class EventIntegration(Integration):
         Args:
             states: (n, 2 nv) of y.
         """
-        tables = self.ws.tables
-        if tables.off_joints:
-            rates = np.array([self.ws.rates(*self.state(y)) for y in states])
+        layout = self.ws.layout
+        if layout.off_joints:
+            rates = np.array([self.ws.constraints.rates(*self.state(y)) for y in states])
         else:
-            rates = states[:, self.ws.nv + tables.coordinate_v]
-        return self.ws.summed(self.forward * rates)
+            rates = states[:, self.ws.nv + layout.coordinate_v]
+        return self.ws.mechanism.summed(self.forward * rates)
 
     def _watch(self) -> None:
         """Watch every coordinate's speed in the direction in which it slips now."""
-        self.forward = self.ws.slip_direction(self.ws.rates(*self.state(self.y)))
+        self.forward = self.ws.mechanism.slip_direction(
+            self.ws.modes, self.ws.constraints.rates(*self.state(self.y))
+        )
 
     def _slack(self) -> np.ndarray:
         """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
         slack = np.full(self.nc, 1e-15 * np.abs(self.y[self.ws.nv :]).max(initial=0.0))
         stuck = self.ws.modes.stuck
         if stuck.any():
-            slack[stuck] = self.ws.friction_rounding()[stuck]
+            slack[stuck] = self.ws.margins.rounding()[stuck]
         return slack
 
     def _allow(self) -> None:
@@ -212,7 +214,7 @@ class EventIntegration(Integration):
         """First time in a step at which guards fire, and which do."""
         assert callable(polynomial)
         self._guards_at_end = np.zeros(0)
-        if not self.ws.tables.dry.any():
+        if not self.ws.layout.dry.any():
             self._guards_at_end = np.zeros(self.nc)
             return None
         times = np.linspace(start, end, max(_LOOKS, 1 + int((end - start) / self.settings.look)))
@@ -220,7 +222,7 @@ class EventIntegration(Integration):
         self._guards_at_end = values[-1]
         values, slack = values + self.allowance, self._slack()
         fired = np.full(self.nc, np.inf)
-        for c in np.flatnonzero(self.ws.tables.dry).tolist():
+        for c in np.flatnonzero(self.ws.layout.dry).tolist():
 
             def guard(t: float, c: int = c) -> float:
                 return float(self._guard(c, t, polynomial(t)) + self.allowance[c])
@@ -238,7 +240,7 @@ class EventIntegration(Integration):
         if not self.ws.modes.stuck[c]:
             return float(self._advance(y[None, :])[0, c])
         self.system.solve_given_modes(t, *self.state(y))
-        return float(self.ws.guards[c])
+        return float(self.ws.margins.nearest[c])
 
     # ------------------------------------------------------------ changes of modes
 
@@ -255,8 +257,8 @@ class EventIntegration(Integration):
         forced: dict[int, float] = {}
         if len(stopped) < len(fired):
             self.system.solve_given_modes(self.t, q, v)
-            way = ws.breakaway_direction()
-            broken = ws.breaking_with(fired[modes.stuck[fired]])
+            way = ws.margins.breakaway_direction()
+            broken = ws.mechanism.companions(modes.stuck, fired[modes.stuck[fired]])
             forced = {int(c): float(way[c]) for c in broken}
         modes.at_rest[:] = modes.stuck
         modes.at_rest[stopped] = True
@@ -275,7 +277,7 @@ class EventIntegration(Integration):
             modes.at_rest[stopped] = True
             found = ws.search(held=before.stuck)
         if found != Found.SOLVED:
-            raise ws.failure(found, q, v, self.system.u).at(self.t)
+            raise ws.failures.failure(found, ws.state).at(self.t)
         ws.finish()
         self.changed[(modes.stuck != before.stuck) | (modes.direction != before.direction)] = self.t
         turned = np.isin(np.arange(self.nc), stopped) & (modes.direction != before.direction)
@@ -283,12 +285,12 @@ class EventIntegration(Integration):
         if self.linked:
             self.y = self.projected(self.y)
             q, v = self.state(self.y)
-            self.ws.hold_position(q)
+            self.ws.constraints.hold_position(q)
         self.record.sample(self.t, q, v)
         self._allow()
         held = fired[before.stuck[fired] & modes.stuck[fired]]
         if len(held) == len(fired):  # at its limit, to rounding: asked again where clearly beyond
-            self.allowance[held] += _CLEARLY * ws.limit_width[held]
+            self.allowance[held] += _CLEARLY * ws.margins.width[held]
         self._watch_accumulation()
 
     def _stop(self, slow: list[int]) -> list[int]:
@@ -303,7 +305,7 @@ class EventIntegration(Integration):
         q, v = self.state(self.y)
         stopped = self.ws.modes.stuck.copy()  # what stands stays so
         stopped[slow] = True
-        v, stopped = self.ws.stop(q, v, stopped)
+        v, stopped = self.ws.constraints.stop(q, v, stopped)
         self.y[self.ws.nv :] = v
         return [int(c) for c in np.flatnonzero(stopped & ~self.ws.modes.stuck)]
 

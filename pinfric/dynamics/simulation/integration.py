@@ -15,12 +15,12 @@ def begin(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Record t = 0; return the state with exactly 0 where a coordinate is slow: it stands there."""
     ws = system.ws
-    speed = ws.speeds(ws.rates(q, v))
-    v = ws.stop(q, v, ws.tables.dry & (speed <= ws.tables.stick_velocity))[0]
+    speed = ws.mechanism.speeds(ws.constraints.rates(q, v))
+    v = ws.constraints.stop(q, v, ws.layout.dry & (speed <= ws.layout.stick_velocity))[0]
     system.solve(0.0, q, v)
     record.phase(0.0)
     record.sample(0.0, q, v)
-    return ws.hold_position(q), v
+    return ws.constraints.hold_position(q), v
 
 
 class Integration:
@@ -63,7 +63,7 @@ class Integration:
         """Return the state nearest to y in which loops are closed and what sticks is at rest."""
         nv = self.ws.nv
         before, v = self.state(y)
-        q, v = self.ws.project(before, v)
+        q, v = self.ws.constraints.project(before, v)
         moved = self.chart.rate(y[:nv], difference(self.chart.model, before, q))
         return np.concatenate([y[:nv] + moved, v])
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pinfric.dynamics.forward.workspace import Standing
+from pinfric.dynamics.forward.constraints import Standing
 from pinfric.dynamics.simulation.motion import Dense, Event, Motion
 from pinfric.dynamics.simulation.system import Chart, System, timed
 from pinfric.errors import RollMomentError
@@ -58,11 +58,11 @@ class Recorder:
         """
         ws = self.system.ws
         try:
-            ws.check_roll_moments(ws.wrench)
+            ws.failures.check_roll_moments(ws.wrench)
         except RollMomentError as problem:
             raise timed(problem, t) from None
         torque = (
-            self.system.u / ws.tables.gears.ratio if ws.given == "motor_torque" else np.zeros(0)
+            self.system.u / ws.layout.gears.ratio if ws.given == "motor_torque" else np.zeros(0)
         )
         return (
             np.array(t),
@@ -111,7 +111,7 @@ class Recorder:
         if not (turned.any() or (ws.modes.stuck != before.stuck).any()):
             return
         for (name, c, _), now in zip(ws.places, ws.place_modes.tolist(), strict=True):
-            if not ws.tables.dry[c]:
+            if not ws.layout.dry[c]:
                 continue
             if ws.modes.stuck[c] and not before.stuck[c]:
                 self.event(t, name, "stick", 0)
@@ -201,7 +201,7 @@ class Recorder:
         starts = np.array([start for start, _, _ in pieces])
 
         def at(step: int, t: float) -> tuple[np.ndarray, np.ndarray]:
-            polynomial, chart, system.ws.standing = steps[step]
+            polynomial, chart, system.ws.constraints.standing = steps[step]
             y = polynomial(t)
             return chart.configuration(y[:nv].copy()), y[nv:].copy()
 
@@ -209,7 +209,7 @@ class Recorder:
             phase = np.clip(phase_t.searchsorted(t, side="right") - 1, 0, len(phase_modes) - 1)
             system.ws.set_modes(phase_modes[phase])
             system.within(*pieces[max(int(starts.searchsorted(t, side="right")) - 1, 0)])
-            q, v = system.ws.project(q, v)
+            q, v = system.ws.constraints.project(q, v)
             system.solve_given_modes(t, q, v)
             return self.row(t, q, v)
 

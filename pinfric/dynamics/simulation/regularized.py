@@ -27,14 +27,14 @@ class RegularizedIntegration(Integration):
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return a (nv,) with smoothed friction; modes are 0 below the regularization velocity."""
         ws, velocity = self.ws, self.settings.regularization_velocity
-        rates = ws.rates(q, v)
-        speed = ws.speeds(rates)
+        rates = ws.constraints.rates(q, v)
+        speed = ws.mechanism.speeds(rates)
         part = np.divide(rates, speed, out=np.zeros_like(rates), where=speed > 0.0)
         ws.modes.stuck[:] = False
-        ws.modes.direction[:] = np.where(ws.tables.dry, np.tanh(speed / velocity), 1.0) * part
+        ws.modes.direction[:] = np.where(ws.layout.dry, np.tanh(speed / velocity), 1.0) * part
         a = self.system.solve_given_modes(t, q, v)
         slow = speed <= velocity
-        ws.site_modes[slow[ws.tables.coordinate] & ws.tables.dry[ws.tables.coordinate]] = 0
+        ws.site_modes[slow[ws.layout.coordinate] & ws.layout.dry[ws.layout.coordinate]] = 0
         return a
 
     def run(self, q: np.ndarray, v: np.ndarray) -> None:

@@ -173,7 +173,7 @@ class System:
                 f"{self.ws.given}: the function returned shape {u.shape} at t = {t:.9g} s; should "
                 f"be ({self.ws.na},)"
             )
-        self.u = u * self.ws.tables.gears.ratio if self.ws.given == "motor_torque" else u
+        self.u = u * self.ws.layout.gears.ratio if self.ws.given == "motor_torque" else u
         return self.u
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> None:

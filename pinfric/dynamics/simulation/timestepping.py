@@ -53,21 +53,21 @@ def step_through(
         end = (k + 1) * dt if k + 1 < steps else settings.t_end
         middle = pin.integrate(model, q, 0.5 * dt * v)
         system.assemble(t + 0.5 * dt, middle, v, dt)
-        rates = ws.rates(middle, v)
+        rates = ws.constraints.rates(middle, v)
         found = _solve_step(ws, rates, before)
         if found != Found.SOLVED:
-            raise ws.failure(found, middle, v, system.u).at(t)
+            raise ws.failures.failure(found, ws.state).at(t)
         stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
         v = v + dt * ws.accelerations()
-        v = ws.project(middle, v)[1]
+        v = ws.constraints.project(middle, v)[1]
         q = pin.integrate(model, middle, 0.5 * dt * v)
         # v obeys the loops at the middle; made to obey them here it would lack half their impulse
-        q, at_end = ws.project(q, v)
+        q, at_end = ws.constraints.project(q, v)
         if stopped:
             _hold_or_turn(system, end, q, at_end, before)
-        ws.hold_position(q)
-        turned = (ws.modes.direction * before.direction < 0.0) & ~ws.tables.ball
+        ws.constraints.hold_position(q)
+        turned = (ws.modes.direction * before.direction < 0.0) & ~ws.layout.ball
         # what came to rest did so at the step's end, what left at its start
         record.changes(end if stopped else t, before, turned)
         before = ws.modes.copy()
@@ -87,7 +87,7 @@ def _between(
 
 def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes) -> Found:
     """Find the modes at the end of a step, from those before it."""
-    modes, dry = ws.modes, ws.tables.dry
+    modes, dry = ws.modes, ws.layout.dry
     modes.at_rest[:] = dry
     modes.stuck[:] = before.stuck
     # where there is no dry friction there is no mode: the direction only says which way it moves

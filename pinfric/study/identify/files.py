@@ -6,7 +6,7 @@ import copy
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,19 +18,17 @@ from pinfric.model.schema import Simulation, TableEffort
 from pinfric.model.urdf import mesh_file
 from pinfric.model.urdf_file import read_xml
 from pinfric.study.identify.advice import advice_text
+from pinfric.study.identify.findings import Findings
 from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter, couples, on_motor
 from pinfric.study.new_scene import locator, scalar, yaml_number
-
-if TYPE_CHECKING:
-    from pinfric.study.identify.identify import Identified
 
 #: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
 _ABSOLUTE = ("efficiency", "back_efficiency")
 _SAMPLES = 200
 
 
-def identified_files(found: Identified, folder: Path) -> dict[str, Callable[[Path], object]]:
+def identified_files(found: Findings, folder: Path) -> dict[str, Callable[[Path], object]]:
     """Return name -> what writes that file: scene, robot (if corrected), posterior, sweep, advice.
 
     Args:
@@ -66,7 +64,7 @@ table: posterior.csv
 """
 
 
-def posterior_text(found: Identified) -> str:
+def posterior_text(found: Findings) -> str:
     """Return the draws as a table that a sweep takes: factors on the scene's values, efficiencies.
 
     Args:
@@ -84,7 +82,7 @@ def posterior_text(found: Identified) -> str:
     return "\n".join([*lines, *(",".join(f"{x:.6g}" for x in row) for row in rows)]) + "\n"
 
 
-def scene_text(found: Identified, robot: Robot, folder: Path) -> str:
+def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
     """Return the identified scene as a commented file.
 
     Args:
@@ -115,7 +113,7 @@ def scene_text(found: Identified, robot: Robot, folder: Path) -> str:
     return "\n".join([*_heading(found), *_block(content, 0, (), _comments(found))]) + "\n"
 
 
-def _heading(found: Identified) -> Iterator[str]:
+def _heading(found: Findings) -> Iterator[str]:
     logs = ", ".join(one.name for one in found.recordings)
     yield f"# Friction identified from {logs} by `pinfric identify`."
     yield "# Beside each figure: its 95 % interval, from blocks of the logs as samples; figures"
@@ -146,7 +144,7 @@ def _simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     return content
 
 
-def _comments(found: Identified) -> dict[tuple[str, ...], str]:
+def _comments(found: Findings) -> dict[tuple[str, ...], str]:
     """Comments by the path of keys that they stand beside."""
     comments = {}
     order = [drive.name for drive in found.scene.drives]

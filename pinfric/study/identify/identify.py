@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,17 +18,16 @@ from pinfric.model.couples import taking_part
 from pinfric.model.files import write_folder
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
-from pinfric.study.identify.advice import Advice, advise
 from pinfric.study.identify.checks import check_one_robot
 from pinfric.study.identify.columns import joint_rows, prepare, thinning
 from pinfric.study.identify.estimate import Estimate, Question, estimate, reloaded
 from pinfric.study.identify.files import identified_files
+from pinfric.study.identify.findings import Findings, HeldOut
 from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, SLOT, SLOTS, Law
-from pinfric.study.identify.misfit import Misfit, misfits
+from pinfric.study.identify.misfit import misfits
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.parameters import (
     RESTING,
-    Parameter,
     identified_scene,
     on_motor,
     parameters,
@@ -37,7 +35,7 @@ from pinfric.study.identify.parameters import (
     scene_value,
 )
 from pinfric.study.identify.recordings import Recording, check_scene, read_recordings
-from pinfric.study.identify.rest import RestBound, break_aways, rest_bounds
+from pinfric.study.identify.rest import break_aways, rest_bounds
 from pinfric.study.identify.said import said
 from pinfric.study.identify.uncertainty import Uncertainty, uncertainty
 from pinfric.study.trajectory.log.arrays import Log
@@ -50,76 +48,8 @@ FloatArray = NDArray[np.float64]
 _DRAWS = 400
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """How well a joint's effort is predicted where nothing was fitted.
-
-    Attributes:
-        rms: of the measured effort, N m or N.
-        error: RMS of measured less predicted.
-        plain: the same with Coulomb and viscous friction; NaN where it was not asked.
-    """
-
-    rms: float
-    error: float
-    plain: float
-
-    @property
-    def share(self) -> str:
-        """The error in percent of the measured effort."""
-        return f"{100 * self.error / self.rms:.1f} %"
-
-
-@dataclass(frozen=True)
-class Identified(Shown):
-    """What logs say of a robot's friction.
-
-    Attributes:
-        scene: with the friction, and the links' inertias, that were found.
-        laws: joint -> law, of the joints that slid and that the model explains.
-        parameters: every coefficient in the scene's terms, with its interval.
-        posterior: key -> (n,) draws in the scene's terms, correlated: a row is one robot.
-        errors: joint -> error on blocks that neither the choice of laws nor the fit has seen.
-        unseen: log -> joint -> error on logs that were held out as a whole.
-        rest: joint -> what its holds show.
-        spread: joint -> how much friction differs between logs, as a share; NaN with one log.
-        delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
-        misfits: what residuals still depend on; intervals are widened for it.
-        said: what was read, repaired, left out, and what the logs cannot show.
-        estimate: rows and coefficients behind all this.
-    """
-
-    scene: Scene
-    laws: Mapping[str, Law]
-    parameters: tuple[Parameter, ...]
-    posterior: Mapping[str, FloatArray]
-    errors: Mapping[str, HeldOut]
-    unseen: Mapping[str, Mapping[str, HeldOut]]
-    rest: Mapping[str, RestBound]
-    spread: Mapping[str, float]
-    delay: float
-    misfits: tuple[Misfit, ...]
-    said: tuple[str, ...]
-    estimate: Estimate
-
-    @property
-    def keeps_inertias(self) -> bool:
-        """Whether the links' inertias are the URDF's."""
-        return self.estimate.question.keep_inertias
-
-    @property
-    def recordings(self) -> tuple[Recording, ...]:
-        """The logs that were fitted."""
-        return tuple(one.recording for one in self.estimate.prepared)
-
-    @cached_property
-    def advice(self) -> tuple[Advice, ...]:
-        """Recordings of 30 s each, that which would tell most first."""
-        return advise(self.estimate)
-
-    def law_of(self, joint: str) -> str:
-        """Return a joint's law in words; "not explained" where the model says nothing of it."""
-        return str(self.laws.get(joint, "not explained"))
+class Identified(Findings, Shown):  # noqa: D101 (that of its fields)
+    __doc__ = Findings.__doc__
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write scene.yaml, robot.urdf if inertias changed, posterior.csv, sweep.yaml, advice.

@@ -22,7 +22,7 @@ import numpy as np
 
 from pinfric.kernels.compiled import kernel, record
 from pinfric.model.drives import Gears, gear_drag, gear_line
-from pinfric.model.laws import Laws, friction_at
+from pinfric.model.laws import Laws, law_at
 
 #: How a drive is judged at one end of an interval: by its own direction and friction in motion;
 #: with friction at rest against leaving it; by both ends of its interval of standstill, each of
@@ -108,13 +108,12 @@ def _prepare(s: Scan, row: int, d: int, way: float, static: bool, x: float) -> i
     for k in range(s.site_start[d], s.site_start[d + 1]):
         site, weight = s.site[k], s.weight[k]
         forward = way * s.turn[k] > 0.0
-        now = friction_at(s.laws, site, speed * weight)
-        mu, flat = now.mu, now.forward if forward else now.backward
+        law = law_at(s.laws, site, np.copysign(speed * weight, 1.0 if forward else -1.0))
+        mu, flat = law.mu, law.forward if forward else law.backward
         if static:
-            mu, flat = s.laws.mu_static[site], s.laws.coulomb_static[site, 0 if forward else 1]
-        mu += now.drag_mu
-        flat += now.drag_forward if forward else now.drag_backward
-        flat += s.laws.viscous[site] * speed * weight
+            mu, flat = law.static_mu, law.static_forward if forward else law.static_backward
+        mu += law.drag_mu
+        flat += law.drag + law.viscous * speed * weight
         base += weight * (flat + mu * s.load[site])
         square = (weight * mu) ** 2
         if square == 0.0:

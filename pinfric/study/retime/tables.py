@@ -22,13 +22,12 @@ from scipy.interpolate import PPoly
 from pinfric.dynamics.problem.reactions import (
     Batch,
     batch_size,
-    generalized_effort,
     reactions,
     slices,
 )
 from pinfric.model.couples import delivery, rate_rows
 from pinfric.model.scene import Scene
-from pinfric.model.twin import Twin
+from pinfric.model.twin import Twin, project
 from pinfric.study.retime.path import Path, reversals
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 
@@ -197,7 +196,7 @@ def _wrenches_and_efforts(
         first = batch.first(part.stop - part.start)
         reactions(twin, q[part], v[part], a[part], first, 1)
         wrench[part] = first.wrench
-    generalized_effort(twin, wrench, a, effort)
+    project(wrench, twin.embedding, twin.armature, a, effort)
     return wrench, effort
 
 

@@ -126,10 +126,10 @@ class Superposition:
         some = [j for j, target in enumerate(self.targets) if target.section in asked]
         scene, _ = apply(self.scene, self.trajectory, [self.targets[j] for j in some],
                          sample[some].tolist())  # fmt: skip
-        found = {entry.name: getattr(now, entry.name)
-                 for entry in fields(like) if entry.name in Cycle._fields}  # fmt: skip
+        here = now.samples._asdict() | now._asdict()
+        found = {entry.name: here[entry.name] for entry in fields(like) if entry.name in here}
         if not self.path.geared:
-            ends = now.effort_lower, now.effort_upper
+            ends = now.samples.effort_lower, now.samples.effort_upper
             found |= dict(zip(("motor_torque_lower", "motor_torque_upper"), ends, strict=True))
         found["wrench"] = None if like.wrench is None else now.wrench
         moved = replace(like.states, v=now.velocity, a=now.acceleration,
@@ -285,9 +285,8 @@ def _path(scene: Scene, states: States) -> Path:
     positions = scene.twin().displacements(sites.joint, states.q) if moving else np.empty((0, 0))
     return Path(
         v=states.v, a=states.a, weight=_weights(states.t), displacement=positions,
-        joint=np.arange(len(scene.sites)), velocity_index=sites.velocity_index, ratio=sites.ratio,
-        contacts=sites.contacts, stick_velocity=scene_gears(scene).stick_velocity,
-        site_stick_velocity=sites.laws.stick_velocity,
+        sites=sites._replace(joint=np.arange(len(scene.sites))),
+        stick_velocity=scene_gears(scene).stick_velocity,
         geared=any(drive.transmission is not None for drive in scene.drives),
     )  # fmt: skip
 

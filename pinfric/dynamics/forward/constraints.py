@@ -1,0 +1,173 @@
+"""Keeps a state on its constraints: loops closed, what sticks at rest and where it stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics.problem.buffers import Supplier
+from pinfric.dynamics.problem.layout import Layout
+from pinfric.dynamics.problem.machine import Machine
+from pinfric.dynamics.problem.maps import is_exact, measure_rates, relate
+from pinfric.kernels.compiled import KernelArgument
+from pinfric.model.closure import RANK, close
+from pinfric.model.loops import Linkage, no_linkage, stand_still
+from pinfric.model.scene import Scene
+
+#: A stop may change velocities by this many times the stick velocity; more, and it is none.
+_STOP = 100.0
+#: A joint whose largest share in all that may move is no more stands still: rounding.
+_MOVES_NOT = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What stands still where loops close.
+
+    Attributes:
+        coordinates: (nc,) bool.
+        linkage: in which loops' joints among them are fixed where they stopped.
+    """
+
+    coordinates: np.ndarray
+    linkage: Linkage
+
+
+class Constraints:
+    """The constraints of a workspace's scene; its modes say what sticks.
+
+    Attributes:
+        closed: whether coordinates may depend on each other, see `Tables.dependent`.
+        standing: what `project` keeps where it is, see `hold_position`; None in an open chain.
+    """
+
+    def __init__(
+        self, scene: Scene, layout: Layout, supplier: Supplier, argument: KernelArgument[Machine]
+    ) -> None:
+        machine = argument.given
+        self.closed = bool(machine.tables.dependent)
+        self._layout, self._supplier, self._argument = layout, supplier, argument
+        self._twin, self._nv = supplier.twin, supplier.twin.nv
+        self._work, self._modes = machine.work, machine.work.modes
+        self.standing: Standing | None = None
+        self._linkage = scene.linkage
+        if self.closed:
+            self._linkage = scene.linkage or no_linkage(scene.model)
+            self.standing = Standing(np.zeros(len(layout.dry), dtype=bool), self._linkage)
+        #: The configuration closed last, and what stands still in it.
+        self._last: tuple[np.ndarray, Standing | None] = np.zeros(0), None
+
+    def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
+        if self._layout.off_joints:
+            v = np.ascontiguousarray(v)
+            self._supplier.move(np.ascontiguousarray(q), v)
+            measure_rates(self._argument.now, v)
+            return self._work.coordinate_rate.copy()
+        return np.asarray(v[self._layout.coordinate_v])
+
+    def is_exact(self, q: np.ndarray) -> bool:
+        """Whether the state solved last is normalized and obeys its loops to the last digits."""
+        return bool(is_exact(self._argument.now, q))
+
+    def project(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the state with loops closed exactly and what sticks exactly at rest.
+
+        What stands still stays where it is, see `hold_position`.
+        """
+        stuck = self._modes.stuck
+        if not self.closed:
+            return q, self._stopped(v, stuck)
+        q = self._close(q)
+        self._relate(q, v)
+        return q, self._slowed(v, stuck)
+
+    def hold_position(self, q: np.ndarray) -> np.ndarray:
+        """Let `project` keep what sticks, until it slips, where it is; return q (nq,), closed."""
+        stuck = self._modes.stuck
+        if self.standing is None or (self.standing.coordinates == stuck).all():
+            return q
+        q = self._close(q)
+        self._supplier.move(q, np.zeros(self._nv))
+        self._hold(stuck)
+        self._last = self._last[0], self.standing
+        return q
+
+    def _hold(self, coordinates: np.ndarray) -> None:
+        """Hold coordinates: those that stand already where they do, others where they are."""
+        assert self._linkage is not None
+        assert self.standing is not None
+        action = self._layout.coordinate_action[coordinates]
+        linkage = stand_still(
+            self._linkage, self.standing.linkage, action[action >= 0], self._supplier.data.oMi
+        )
+        self.standing = Standing(coordinates.copy(), linkage)
+
+    def _close(self, q: np.ndarray) -> np.ndarray:
+        """The configuration near q that closes the loops, what stands still left where it is."""
+        assert self.standing is not None
+        if (self.standing.coordinates & ~self._modes.stuck).any():
+            self._hold(self.standing.coordinates & self._modes.stuck)
+        last, standing = self._last
+        if standing is self.standing and np.array_equal(q, last):
+            return q
+        velocity = self._layout.coordinate_v[self.standing.coordinates]
+        held = np.zeros(self._nv, dtype=bool)
+        held[velocity[velocity >= 0]] = True
+        q = close(self._twin, self.standing.linkage, q, held)
+        self._last = q, self.standing
+        return q
+
+    def _relate(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Write rates, J and D of a state."""
+        q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
+        self._supplier.move(q, v)
+        relate(self._argument.now, v)
+
+    def _stopped(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:
+        v = v.copy()
+        velocity = self._layout.coordinate_v[stopped]
+        v[velocity[velocity >= 0]] = 0.0
+        return v
+
+    def _slowed(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:
+        """The velocities nearest to v that obey the loops and stop coordinates."""
+        first, last = self._layout.off_joint, self._layout.solved
+        rows = np.concatenate([self._work.J[0, first:last], self._work.D[stopped]])
+        if not len(rows):
+            return v.copy()
+        _, size, right = np.linalg.svd(rows, full_matrices=False)
+        rank = int((size > RANK * max(float(size[0]), 1e-300)).sum())
+        if rank == self._nv:
+            return np.zeros(self._nv)
+        left = np.eye(self._nv) - right[:rank].T @ right[:rank]
+        left[np.abs(left).max(axis=1) <= _MOVES_NOT] = 0.0  # moves in no way that is left
+        return self._stopped(left @ v, stopped)
+
+    def stop(
+        self, q: np.ndarray, v: np.ndarray, stopped: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocities with coordinates at rest, and all that are at rest then.
+
+        A joint whose speed is zero because the mechanism passes its dead centre does not stop it:
+        then velocities stay. A ball that merely turns on is not at rest at all.
+
+        Args:
+            q, v: state.
+            stopped: (nc,) bool.
+        """
+        t, D = self._layout, self._work.D
+        if not self.closed:
+            return self._stopped(v, stopped), stopped
+        self._relate(q, v)
+        slower = self._slowed(v, stopped)
+        before, after = D @ v, D @ slower
+        least = t.stick_velocity[stopped].min(initial=np.inf)
+        allowed = _STOP * least if np.isfinite(least) else 0.0
+        if np.abs(slower - v).max(initial=0.0) > allowed:
+            return v, stopped & ~t.ball
+        still = np.abs(after) <= 1e-3 * np.minimum(t.stick_velocity, 1.0)
+        moved = np.abs(before - after) > 0.0
+        fixed = np.linalg.norm(D, axis=1) == 0.0
+        return slower, stopped | (still & moved & t.dry & ~fixed)

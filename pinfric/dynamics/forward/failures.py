@@ -1,0 +1,165 @@
+"""Why a state has no acceleration, several, or none that can be told, in the words of errors."""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import NoReturn
+
+import numpy as np
+
+from pinfric.dynamics.problem.layout import Layout
+from pinfric.dynamics.problem.machine import Work
+from pinfric.dynamics.problem.maps import NOT_FINITE, TOGGLE
+from pinfric.dynamics.problem.reactions import AppliedWrench
+from pinfric.errors import (
+    AccelerationError,
+    AmbiguousAcceleration,
+    GearJam,
+    NoConsistentAcceleration,
+    RollMomentError,
+    SceneError,
+    StateError,
+    ToggleError,
+    UndecidedAcceleration,
+)
+from pinfric.friction.modes import Found
+from pinfric.friction.search import MOST_ENUMERATED, MOST_PASSES
+from pinfric.model.drives import gear_jam, self_locking_gears
+from pinfric.model.scene import Scene
+
+#: What an instant is asked for: q (nq,), v (nv,), effort (na,) as drives are given it, r T_m where
+#: motors drive; wrenches from outside; 0, or the time step (s) at whose end r is the velocity.
+State = tuple[np.ndarray, np.ndarray, np.ndarray, list[AppliedWrench] | None, float]
+
+
+class Failures:
+    """The errors of a workspace's scene."""
+
+    def __init__(self, scene: Scene, layout: Layout, work: Work, given: str) -> None:
+        """Take the scene, its tables and buffers, and what drives are given."""
+        self._scene, self._layout, self._work, self._given = scene, layout, work, given
+        self._modes = work.modes
+        self._locking = np.flatnonzero(self_locking_gears(layout.gears))
+        self._guides = [
+            (int(s), scene.sites[s].axis.tolist(), float(layout.roll_lever[s]))
+            for s in layout.guides
+        ]
+
+    def check_roll_moments(self, wrench: np.ndarray) -> None:
+        """Do what `reactions.check_roll_moments` does, of one state: at a tenth of its cost.
+
+        Args:
+            wrench: (ns, 6) at the sites, N and N m.
+
+        Raises:
+            RollMomentError: see there.
+        """
+        for s, (x, y, z), lever in self._guides:
+            fx, fy, fz, mx, my, mz = wrench[s].tolist()
+            roll = mx * x + my * y + mz * z
+            if abs(roll) > 1e-9 * (hypot(mx, my, mz) + lever * hypot(fx, fy, fz)):
+                raise RollMomentError(self._scene.sites[s].name, 0, roll)
+
+    def check_finite(self, state: State) -> None:
+        """Refuse a state that holds what is no number.
+
+        Raises:
+            StateError: see there.
+        """
+        for name, array in zip(("q", "v", self._given), state[:3], strict=True):
+            if not np.isfinite(array).all():
+                i = int(np.flatnonzero(~np.isfinite(array))[0])
+                raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
+
+    def refuse(self, outcome: int, state: State) -> NoReturn:
+        """Raise what an outcome of `maps.solve_instant` means; see `Workspace.solve`."""
+        self.check_finite(state)
+        if outcome == NOT_FINITE:
+            raise StateError("forward dynamics overflows at this state: values are too large")
+        if outcome == TOGGLE:
+            raise ToggleError(
+                self._scene.loops[0].name, int(self._work.freedoms[0]), self._layout.freedoms
+            )
+        raise SceneError(
+            f"{self._scene.source}: the mass matrix is not positive definite at this state: a "
+            "joint moves no mass; give its link an inertia, or lock it"
+        )
+
+    def failure(self, found: Found, state: State) -> AccelerationError:
+        """Return the error that says why no single acceleration was found, and where."""
+        if jam := self._jam(state):
+            return jam
+        contraction, resting = self._modes.figures[0], int(self._modes.at_rest.sum())
+        finding: type[AccelerationError] = NoConsistentAcceleration
+        reason = "neither sticking nor slipping either way is consistent"
+        if contraction >= 1.0:
+            reason = f"the loads grow with the friction they cause (contraction {contraction:.4g})"
+        if found == Found.AMBIGUOUS:
+            finding = AmbiguousAcceleration
+            if not contraction >= 1.0:
+                reason = (
+                    "static friction is above kinetic, so one set of joints may break away "
+                    "and the others hold, or another set of as many"
+                )
+        elif found == Found.NOT_CONVERGED:
+            reason = f"the coupled solve does not reach its tolerance (contraction {contraction})"
+        elif found == Found.UNDECIDED:
+            finding = UndecidedAcceleration
+            reason = (
+                f"{resting} coordinates at rest, {MOST_PASSES} passes; remove friction from joints "
+                "where it does not matter, or start from a state in motion"
+            )
+        elif resting > MOST_ENUMERATED:
+            reason += f"; with more than {MOST_ENUMERATED} joints at rest not every mode is tried"
+        return finding(*self._as_given(state), self._worst_site(), reason, given=self._given)
+
+    def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Copies of q, v, and of efforts, or torques of motors, as they were given."""
+        ratio = self._layout.gears.ratio if self._given == "motor_torque" else 1.0
+        return state[0].copy(), state[1].copy(), state[2] / ratio
+
+    def check_jam(self, state: State) -> None:
+        """Refuse a solution in which a self-locking gear moves whose rotor is too light.
+
+        Raises:
+            GearJam: see `gear_jam`.
+        """
+        if self._locking.size and (jam := self._jam(state)):
+            raise jam
+
+    def _jam(self, state: State) -> GearJam | None:
+        """The error of a self-locking gear that moves, and may have no acceleration, or several."""
+        t, w = self._layout, self._work
+        moves = np.array([c < 0 or not w.modes.stuck[c] for c in t.gear_coordinate], dtype=bool)
+        if not moves[self._locking].any():
+            return None
+        inertia, J = np.array(w.M), w.J[0, t.off_joint : t.solved]
+        rises = w.slope > 0.0
+        rotors = np.where(rises, w.reflected / np.where(rises, w.slope, 1.0), 0.0)
+        inertia -= (w.S * rotors[:, None]).T @ w.S
+        fixed = np.concatenate([J, w.D[w.modes.stuck]])
+        found = gear_jam(t.gears, moves, np.abs(w.S @ state[1]), inertia, w.S, fixed)
+        if found is None:
+            return None
+        d, eigenvalue, enough = found
+        reason = (
+            f"E + I^1/2 M^-1 I^1/2 has the eigenvalue {eigenvalue:.3g}: no acceleration "
+            f"obeys the gear's law, or several do; a rotor inertia above {enough:.6g} kg m^2 "
+            "would do, or a gear that does not lock"
+        )
+        return GearJam(
+            *self._as_given(state), self._scene.drives[d].name, reason, given=self._given
+        )
+
+    def _worst_site(self) -> str:
+        """Name of the site whose load grows most with friction: there it is inconsistent."""
+        p = self._work.problem
+        growth = np.zeros(len(p.constant))
+        norms = np.linalg.norm(p.contact[:, 1:], axis=2).sum(axis=1)
+        np.add.at(growth, p.contact_site, norms)
+        open_ = ~self._modes.stuck | self._modes.at_rest
+        worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
+        if worst < len(self._layout.entry_site):
+            return self._scene.site_names[self._layout.entry_site[worst]]
+        geared = np.flatnonzero(self._layout.gear_entry == worst)
+        return self._scene.drives[int(geared[0])].name

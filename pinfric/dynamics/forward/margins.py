@@ -1,0 +1,71 @@
+"""How far the friction of what sticks is from its static limits: what an integrator watches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.forward.self_locking import LockingGears
+from pinfric.dynamics.problem.gearing import gear_margins
+from pinfric.dynamics.problem.layout import Layout
+from pinfric.dynamics.problem.machine import Machine
+from pinfric.friction.consistency import ROUNDING
+from pinfric.friction.rest import Mechanism
+from pinfric.kernels.compiled import KernelArgument
+
+#: In place of an infinite margin.
+_MOST_MARGIN = 1e300
+
+
+class Margins:
+    """The margins of a workspace's solution."""
+
+    def __init__(
+        self,
+        layout: Layout,
+        argument: KernelArgument[Machine],
+        mechanism: Mechanism,
+        locking: LockingGears,
+    ) -> None:
+        self._layout, self._argument, self._work = layout, argument, argument.given.work
+        self._modes, self._mechanism, self._locking = self._work.modes, mechanism, locking
+
+    def both(self) -> np.ndarray:
+        """Return how far the friction of what sticks is from its two static limits (2, nc).
+
+        In N m or N. Where a self-locking gear holds, whose limits may be infinite: how far what
+        arrives at the gear is from where it slips, see `gear_margins`.
+        """
+        x = self._modes.friction
+        out = np.array([x - self._work.least, self._work.most - x])
+        ball, most = self._mechanism.ball, self._work.most
+        size = np.sqrt(self._mechanism.summed(x * x))
+        out[:, ball] = most[ball] + size[ball], most[ball] - size[ball]
+        for gears in self._locking.by_coordinate(self._modes.stuck):
+            ends = [gear_margins(self._argument.now, d) for d in gears]
+            backward, forward = max(ends, key=min)
+            out[:, self._layout.gear_coordinate[gears[0]]] = forward, backward
+        return np.minimum(out, _MOST_MARGIN)
+
+    def rounding(self) -> np.ndarray:
+        """Return how far margins (nc,) may be off by rounding, also of loads that cancel."""
+        slope = np.diag(self._work.problem.rate_slope)
+        terms = self._work.problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
+        return np.asarray(ROUNDING * (self.width + terms))
+
+    @property
+    def width(self) -> np.ndarray:
+        """(nc,) between the two limits that margins are measured from; 0 of infinite ones."""
+        margins = self.both()
+        return np.where((margins < _MOST_MARGIN).all(axis=0), margins.sum(axis=0), 0.0)
+
+    @property
+    def nearest(self) -> np.ndarray:
+        """(nc,) the smaller of each coordinate's margins."""
+        return self.both().min(axis=0)
+
+    def breakaway_direction(self) -> np.ndarray:
+        """Return the direction (nc,) in which what sticks would break away: against friction."""
+        if self._mechanism.closed:
+            return self._mechanism.way.copy()
+        below, above = self.both()
+        return np.where(above < below, -1.0, 1.0)

@@ -1,0 +1,136 @@
+"""The law of friction in the terms of a `Problem`: loads, and what they let a site do.
+
+    p = p_0 + P x,     c = constant + sum |p|                               load of a site
+    at rest     -(grip c + forward) <= x <= grip c + backward               (paper eq. 21)
+    in motion   x = gain c + offset                                         (paper eq. 20)
+
+x is the part of its coordinate's friction that the site gives. A contact force is kept as (1 + nx,
+3): p_0, then its change per unit of each friction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.friction.problem import Problem
+from pinfric.kernels.compiled import inlined_kernel, kernel
+
+
+@kernel
+def contact_force(contact: np.ndarray, t: int, x: np.ndarray, p: np.ndarray) -> tuple[float, float]:
+    """Write one contact force p (3,) under x; return its size, and that of the terms it sums."""
+    square = terms = 0.0
+    for e in range(3):
+        p[e] = contact[t, 0, e]
+        terms += abs(p[e])
+        for j in range(x.size):
+            part = contact[t, 1 + j, e] * x[j]
+            p[e] += part
+            terms += abs(part)
+        square += p[e] * p[e]
+    return np.sqrt(square), terms
+
+
+@kernel
+def write_loads(
+    contact: np.ndarray, owner: np.ndarray, constant: np.ndarray, x: np.ndarray, load: np.ndarray
+) -> None:
+    """Write the loads c (n,) under friction x.
+
+    Args:
+        contact: (nt, 1 + nx, 3).
+        owner: (nt,) whose load each force is part of.
+        constant: (n,) the rest of it.
+        x: (nx,).
+        load: (n,), overwritten.
+    """
+    p = np.empty(3)
+    load[:] = constant
+    for t in range(owner.size):
+        load[owner[t]] += contact_force(contact, t, x, p)[0]
+
+
+@kernel
+def add_load_slopes(
+    contact: np.ndarray, owner: np.ndarray, weight: np.ndarray, x: np.ndarray, slope: np.ndarray
+) -> None:
+    """Add the derivative of each weighted size, weight d|p| / dx, to its owner's row of a slope.
+
+    A force of zero has no direction: it adds nothing (an element of the generalized Jacobian of the
+    norm).
+
+    Args:
+        contact, owner, x: see `write_loads`.
+        weight: (nt,).
+        slope: (n, nx).
+    """
+    p = np.empty(3)
+    for t in range(owner.size):
+        size, _ = contact_force(contact, t, x, p)
+        if size == 0.0:
+            continue
+        for j in range(x.size):
+            along = 0.0
+            for e in range(3):
+                along += p[e] * contact[t, 1 + j, e]
+            slope[owner[t], j] += weight[t] * along / size
+
+
+@inlined_kernel
+def site_limits(problem: Problem, load: np.ndarray, s: int) -> tuple[float, float]:
+    """Return the least and the most that a site at rest may add to its coordinate's friction."""
+    size, grip = abs(problem.ratio[s]), problem.mu_stick[s] * load[s]
+    forward, backward = (0, 1) if problem.ratio[s] > 0.0 else (1, 0)
+    return (
+        -size * (grip + problem.coulomb_stick[s, forward]),
+        size * (grip + problem.coulomb_stick[s, backward]),
+    )
+
+
+@kernel
+def stick_limits(problem: Problem, load: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+    """Write least and greatest static friction (nc,) of each coordinate under loads (ns,)."""
+    for c in range(lower.size):
+        lower[c] = upper[c] = 0.0
+    for s in range(load.size):
+        least, greatest = site_limits(problem, load, s)
+        lower[problem.coordinate[s]] += least
+        upper[problem.coordinate[s]] += greatest
+
+
+@inlined_kernel
+def sliding(problem: Problem, s: int, direction: float) -> tuple[float, float]:
+    """Return gain and offset of a site whose coordinate slips.
+
+    Args:
+        problem: `Problem`.
+        s: the site.
+        direction: of the coordinate's slip, -1 to 1 (between: regularized friction).
+    """
+    size = abs(problem.ratio[s]) * direction
+    against = 0 if problem.ratio[s] * direction > 0.0 else 1
+    dry = size * problem.coulomb_slip[s, against]
+    return -size * problem.mu_slip[s], -(dry + problem.ratio[s] * problem.drag[s])
+
+
+@kernel
+def slip_law(
+    problem: Problem, stuck: np.ndarray, direction: np.ndarray, gain: np.ndarray, offset: np.ndarray
+) -> None:
+    """Write the laws of what slips, x = offset + sum over sites of gain load; 0 where it sticks.
+
+    Args:
+        problem: `Problem`.
+        stuck: (nc,) bool.
+        direction: (nc,) of the slip, see `sliding`.
+        gain: (ns,), overwritten.
+        offset: (nc,), overwritten.
+    """
+    for c in range(offset.size):
+        offset[c] = 0.0
+    for s in range(gain.size):
+        c = problem.coordinate[s]
+        gain[s] = 0.0
+        if not stuck[c]:
+            gain[s], part = sliding(problem, s, direction[c])
+            offset[c] += part

@@ -1,0 +1,93 @@
+"""What an identification finds: its figures, without what writes or shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pinfric.model.scene import Scene
+from pinfric.study.identify.advice import Advice, advise
+from pinfric.study.identify.estimate import Estimate
+from pinfric.study.identify.laws import Law
+from pinfric.study.identify.misfit import Misfit
+from pinfric.study.identify.parameters import Parameter
+from pinfric.study.identify.recordings import Recording
+from pinfric.study.identify.rest import RestBound
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """How well a joint's effort is predicted where nothing was fitted.
+
+    Attributes:
+        rms: of the measured effort, N m or N.
+        error: RMS of measured less predicted.
+        plain: the same with Coulomb and viscous friction; NaN where it was not asked.
+    """
+
+    rms: float
+    error: float
+    plain: float
+
+    @property
+    def share(self) -> str:
+        """The error in percent of the measured effort."""
+        return f"{100 * self.error / self.rms:.1f} %"
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What logs say of a robot's friction.
+
+    Attributes:
+        scene: with the friction, and the links' inertias, that were found.
+        laws: joint -> law, of the joints that slid and that the model explains.
+        parameters: every coefficient in the scene's terms, with its interval.
+        posterior: key -> (n,) draws in the scene's terms, correlated: a row is one robot.
+        errors: joint -> error on blocks that neither the choice of laws nor the fit has seen.
+        unseen: log -> joint -> error on logs that were held out as a whole.
+        rest: joint -> what its holds show.
+        spread: joint -> how much friction differs between logs, as a share; NaN with one log.
+        delay: by which logged efforts lag behind the motion, s; 0 where it is not determined.
+        misfits: what residuals still depend on; intervals are widened for it.
+        said: what was read, repaired, left out, and what the logs cannot show.
+        estimate: rows and coefficients behind all this.
+    """
+
+    scene: Scene
+    laws: Mapping[str, Law]
+    parameters: tuple[Parameter, ...]
+    posterior: Mapping[str, FloatArray]
+    errors: Mapping[str, HeldOut]
+    unseen: Mapping[str, Mapping[str, HeldOut]]
+    rest: Mapping[str, RestBound]
+    spread: Mapping[str, float]
+    delay: float
+    misfits: tuple[Misfit, ...]
+    said: tuple[str, ...]
+    estimate: Estimate
+
+    @property
+    def keeps_inertias(self) -> bool:
+        """Whether the links' inertias are the URDF's."""
+        return self.estimate.question.keep_inertias
+
+    @property
+    def recordings(self) -> tuple[Recording, ...]:
+        """The logs that were fitted."""
+        return tuple(one.recording for one in self.estimate.prepared)
+
+    @cached_property
+    def advice(self) -> tuple[Advice, ...]:
+        """Recordings of 30 s each, that which would tell most first."""
+        return advise(self.estimate)
+
+    def law_of(self, joint: str) -> str:
+        """Return a joint's law in words; "not explained" where the model says nothing of it."""
+        return str(self.laws.get(joint, "not explained"))
