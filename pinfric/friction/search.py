@@ -64,6 +64,7 @@ class _Query:
         falls: how many gears are on lines that fall at present.
         left: passes.
         every: whether all solutions of given modes are wanted, where there may be several.
+        unsure: whether the search for all solutions of some modes came to its bound.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class _Query:
         lines: Lines | None,
         every: bool,
     ) -> None:
-        self.every, self.falls, self.left = every, 0, MOST_PASSES
+        self.every, self.falls, self.left, self.unsure = every, 0, MOST_PASSES, False
         self.problem, self.modes, self.mechanism = problem, modes, mechanism
         everywhere = np.ones((2, len(modes.stuck)), dtype=bool)
         self.lines = lines or Lines(lambda _: solve(problem, modes, mechanism), everywhere, 0)
@@ -100,19 +101,20 @@ class _Query:
         """Look for solutions that Newton's method has missed; see `solve`."""
         modes, problem = self.modes, self.problem
         kept = modes.copy()
-        solutions, parts = find_all(problem, modes)
-        self.left -= abs(parts)
-        if parts < 0 or len(solutions) <= found[0]:
+        every = find_all(problem, modes.stuck, modes.direction)
+        self.left -= every.parts
+        self.unsure |= every.complete is False
+        if len(every.solutions) <= found[0]:
             return found
         obeying = 0
-        for x in solutions:
+        for x in every.solutions:
             modes.friction[:] = x
             evaluate(problem, modes.friction, modes.load, modes.rate)
             if judge(problem, modes) == 0:
                 obeying += 1
                 kept = modes.copy()
         modes.take(kept)
-        return len(solutions), obeying
+        return len(every.solutions), obeying
 
 
 def search(
@@ -153,7 +155,7 @@ def search(
             break
         modes.at_rest[:] = at_rest
         modes.direction[passing] = np.sign(modes.rate[passing])
-    return found
+    return Found.UNDECIDED if found == Found.SOLVED and query.unsure else found
 
 
 def _led(problem: Problem, modes: Modes, mechanism: Mechanism) -> np.ndarray:

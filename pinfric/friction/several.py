@@ -14,14 +14,15 @@ to one, there is one at most, which Newton's method finds.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pinfric.friction.given_modes import Reduced, reduce_problem
-from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem
 
 #: Up to so many frictions that follow loads all solutions are found; most simplices to look at.
-MOST_COUPLED, MOST_PARTS = 6, 4000
+MOST_COUPLED, MOST_PARTS = 6, 20_000
 #: Solutions closer than this, relative to their size, are one; a simplex so small is not cut.
 _DISTINCT, _SMALL = 1e-6, 1e-7
 #: What rounding leaves of zero; what Newton's method must reach; its passes.
@@ -30,19 +31,33 @@ _ROUNDING, _FOUND, _PASSES = 1e-12, 1e-13, 40
 _KNOWN = 0.5
 
 
-def find_all(problem: Problem, modes: Modes) -> tuple[list[np.ndarray], int]:
-    """Return all frictions (nc,) that fit the modes, and the simplices looked at; -1: not all.
+class Frictions(NamedTuple):
+    """What a search for all frictions found.
+
+    Attributes:
+        solutions: (nc,) each.
+        parts: how many simplices were looked at.
+        complete: whether there are no others; None where the search is not for so many sites.
+    """
+
+    solutions: list[np.ndarray]
+    parts: int
+    complete: bool | None
+
+
+def find_all(problem: Problem, stuck: np.ndarray, direction: np.ndarray) -> Frictions:
+    """Return all frictions that fit given modes, of up to `MOST_COUPLED` that follow loads.
 
     Args:
         problem: `Problem`.
-        modes: `stuck` and `direction` count.
+        stuck, direction: (nc,) the modes.
     """
-    nz, reduced = reduce_problem(problem, modes.stuck, modes.direction)
+    nz, reduced = reduce_problem(problem, stuck, direction)
     if not 0 < nz <= MOST_COUPLED:
-        return [], -1
-    rays = _Rays(reduced)
-    solutions, parts = rays.search()
-    return [reduced.X[:, 0] + reduced.X[:, 1:] @ z for z in solutions], parts
+        return Frictions([], 0, None)
+    found, parts, complete = _Rays(reduced).search()
+    solutions = [reduced.X[:, 0] + reduced.X[:, 1:] @ z for z in found]
+    return Frictions(solutions, parts, complete)
 
 
 class _Rays:
@@ -74,15 +89,15 @@ class _Rays:
         e = p / np.where(size > 0.0, size, 1.0)
         return self.select - self.owner @ np.einsum("te,tej->tj", e, self.P), e
 
-    def search(self) -> tuple[list[np.ndarray], int]:
-        """All solutions z, and the simplices looked at; -1 where there were too many."""
+    def search(self) -> tuple[list[np.ndarray], int, bool]:
+        """All solutions z, the simplices looked at, and whether these were enough."""
         n = len(self.scale)
         found: list[np.ndarray] = []
         waiting, parts = [np.eye(1 + n)], 0
         while waiting:
             parts += 1
             if parts > MOST_PARTS:
-                return [self._friction(u) for u in found], -1
+                return [self._friction(u) for u in found], parts, False
             V = waiting.pop()  # corners are columns
             if self._is_empty(V):
                 continue
@@ -97,10 +112,10 @@ class _Rays:
                         continue
             if np.abs(V - V[:, :1]).max() < _SMALL:
                 if not any(np.abs(u - V[:, 0]).max() < 10.0 * _SMALL for u in found):
-                    return [self._friction(u) for u in found], -1
+                    return [self._friction(u) for u in found], parts, False
                 continue
             waiting += _halves(V)
-        return [self._friction(u) for u in found], parts
+        return [self._friction(u) for u in found], parts, True
 
     def _friction(self, u: np.ndarray) -> np.ndarray:
         return np.asarray(self.offset + self.sign * (self.select @ u) / u[0])

@@ -195,7 +195,8 @@ def _boxes(loads: Loads) -> tuple[np.ndarray, bool]:
         with np.errstate(invalid="ignore"):
             empty = (np.abs(step) > radius + spread + 4 * here.rounding(middle)).any(axis=1)
             alone = (np.abs(step) + _MARGIN * spread < _MARGIN * radius).all(axis=1) & ~empty
-        start = loads.k + here.forces(middle[alone])[1] @ loads.owner.T
+        inside = _settled(here, middle[alone], radius[alone])
+        start = loads.k + here.forces(inside)[1] @ loads.owner.T
         one = loads.of(np.zeros(len(start), dtype=int))
         found.append(_near(one, start, np.zeros(len(start), dtype=bool)))
         narrow = (radius < _NARROW * (np.abs(middle) + largest)).all(axis=1) & ~empty & ~alone
@@ -244,6 +245,24 @@ def _krawczyk(
     change = np.einsum("kt,nt->nk", np.abs(here.M), np.where(reach == 0.0, 0.0, turn) * reach)
     spread = np.einsum("nkj,nj->nk", np.abs(inverse), change)
     return np.einsum("nkj,nj->nk", inverse, rest), spread
+
+
+def _settled(here: _Reduced, middle: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Return near the only solution of each box: Krawczyk's test again on the box that it leaves.
+
+    Newton's method alone may leave the box, and end at the solution of another one.
+    """
+    middle, radius = middle.copy(), radius.copy()
+    for _ in range(_PASSES):
+        step, spread = _krawczyk(here, middle, radius)
+        smaller = (spread < 0.99 * radius).any(axis=1) & np.isfinite(spread).all(axis=1)
+        if not smaller.any():
+            break
+        low, high = middle - radius, middle + radius
+        low = np.maximum(low, middle - step - spread)[smaller]
+        high = np.minimum(high, middle - step + spread)[smaller]
+        middle[smaller], radius[smaller] = 0.5 * (low + high), 0.5 * np.maximum(high - low, 0.0)
+    return middle
 
 
 def _halves(
