@@ -124,7 +124,7 @@ class Failures:
         Raises:
             GearJam: see `gear_jam`.
         """
-        if self._locking.size and (jam := self._jam(state)):
+        if jam := self._jam(state):
             raise jam
 
     def _jam(self, state: State) -> GearJam | None:

@@ -135,6 +135,7 @@ class Workspace:
         self._kept: tuple[object, ...] | None = None
         self.state: State
         self.locking = LockingGears(t, w, self.modes)
+        self._locks = bool(self.locking.gears.size)
         self.constraints = Constraints(scene, t, self.supplier, self._argument)
         self.margins = Margins(t, self._argument, self.mechanism, self.locking)
         self.failures = Failures(scene, t, w, self.given)
@@ -176,7 +177,8 @@ class Workspace:
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
         several = self.modes.figures[0] >= 1.0  # one was found; there may be others
         if obeying == 1 and not several:
-            self.failures.check_jam(self.state)
+            if self._locks:
+                self.failures.check_jam(self.state)
             return
         found = self.search() if resting or several else outcome(solutions, obeying)
         if found != Found.SOLVED:
@@ -203,7 +205,7 @@ class Workspace:
             found = outcome(*self._settle())
             if found == Found.SOLVED:
                 self.finish()
-        elif found == Found.SOLVED:
+        elif found == Found.SOLVED and self._locks:
             self.failures.check_jam(self.state)
         if found != Found.SOLVED:
             raise self.failures.failure(found, self.state)
@@ -392,7 +394,8 @@ class Workspace:
     def finish(self) -> None:
         """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
         finish(self.machine)
-        self.failures.check_jam(self.state)
+        if self._locks:
+            self.failures.check_jam(self.state)
         self.locked = self.closed and self.mechanism.is_locked(self.modes.stuck)
         if self.locked:
             self.a[:] = 0.0
