@@ -148,11 +148,11 @@ def _build(
         model = pin.buildReducedModel(model, ids, reference)
     if model.nv == 0:
         raise RobotError(f"{urdf}: no joint of this robot can move; there is nothing to drive")
-    _check_kinetic_energy(model, urdf)
+    check_kinetic_energy(model, str(urdf))
     return model
 
 
-def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
+def check_kinetic_energy(model: pin.Model, source: str) -> None:
     """Refuse a robot with negative kinetic energy, v^T M v / 2 < 0, for some q, v.
 
     Where every body's moments are positive, M is positive definite at every pose. Links with
@@ -179,7 +179,7 @@ def _check_kinetic_energy(model: pin.Model, urdf: Path) -> None:
             if j.idx_v <= column < j.idx_v + j.nv
         )
         raise RobotError(
-            f"{urdf}: what joint {joint!r} moves has a negative kinetic energy at "
+            f"{source}: what joint {joint!r} moves has a negative kinetic energy at "
             f"q = {np.array2string(worst, precision=3, separator=', ', max_line_width=10_000)}; "
             "correct the <inertia> of its links"
         )

@@ -29,6 +29,7 @@ from pinfric.model.mobility import Mobility, mobility_of_linkage, mobility_of_tr
 from pinfric.model.robot import (
     Robot,
     changed_parts,
+    check_kinetic_energy,
     inertia_matrix,
     link_frame,
     with_payloads,
@@ -527,6 +528,7 @@ class Scene:
                 raise SceneError(
                     f"{self.source}: joint {name!r} moves a mass of {inertia.mass:g} kg"
                 )
+        check_kinetic_energy(self.model, self.source)
 
     def _check_payloads(self) -> None:
         for name, payload in self.payloads.items():

@@ -301,3 +301,12 @@ def test_reductions_of_the_urdf_are_mentioned_until_actuators_name_them(tmp_path
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         pf.load_scene(scene(tmp_path, named))
+
+
+def test_a_model_of_ones_own_with_negative_kinetic_energy_is_refused():
+    model = chain(("j1", pin.JointModelRZ()), ("j2", pin.JointModelRX()))
+    inertia = model.inertias[2]
+    inertia.inertia = np.diag([0.5, -3.0, 0.5])
+    model.inertias[2] = inertia
+    with pytest.raises(RobotError, match="negative kinetic energy"):
+        pf.Scene(model=model)

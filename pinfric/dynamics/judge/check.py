@@ -22,6 +22,9 @@ from pinfric.dynamics.problem.outcome import Solution, SolvedMotion, Status
 class Check:
     """Largest residuals over all samples, and what the judge finds beside them.
 
+    Judged are efforts, friction, normal loads, wrenches and the status. Motor torques and
+    `sticking` are not: they follow from these by the gears' losses and by the velocities.
+
     Attributes:
         equilibrium: |M a + h - J^T f_ext - u - D phi| at both ends of every interval (N m or N).
         friction_law: |phi - law(v, c)| at both ends (N m or N).

@@ -175,7 +175,8 @@ def _label(found: Sequence[Recording], logs: Sequence[str | Path | Log], number:
 def _read(
     scene: Scene, log: str | Path | Log, gain: Mapping[str, float], options: ReadingOptions
 ) -> Recording:
-    trajectory = load_trajectory(log, scene, replace(options, thinning=_THINNING))
+    reads = replace(options, thinning=_THINNING, currents=frozenset(gain))
+    trajectory = load_trajectory(log, scene, reads)
     name, reading = Path(trajectory.source).name, trajectory.reading
     if reading is None:
         raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")
@@ -186,7 +187,7 @@ def _read(
     if missing:
         raise IdentificationError(
             f"{name}: no measured effort of {', '.join(missing)}; name the columns by --columns "
-            "FILE (currents with `effort_scale`, N m per A)"
+            "FILE (currents with `effort_scale`, N m per A), or give currents a --gain (N m per A)"
         )
     effort = np.column_stack([gain.get(joint, 1.0) * reading.effort[joint]
                               for joint in scene.joint_names])  # fmt: skip

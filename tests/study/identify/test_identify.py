@@ -51,6 +51,7 @@ from identify_cases import (
     guess,
     kr300,
     log,
+    logged,
     motor_effort,
     slow_departures,
     truth,
@@ -75,6 +76,7 @@ from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.recordings import STILL, Recording, read_recordings, stick_velocity
 from pinfric.study.identify.rest import _held
 from pinfric.study.identify.zeros import turned_zeros
+from pinfric.study.trajectory.log.reading import ReadingOptions
 
 LOGS = Path(__file__).parents[4] / "shared" / "data"
 NAMES = truth().joint_names
@@ -773,3 +775,18 @@ def test_a_drive_as_slow_as_noise_is_held_where_it_is_for_as_long_as_holds_last(
     assert (_held(recording, 3e-4)[:, 0] == slow).all()
     assert stick_velocity(scene, [recording]) == pytest.approx(3e-4)
     assert stick_velocity(scene, [replace(recording, noise=np.array([1.0]))]) == STILL
+
+
+def test_a_gain_makes_efforts_of_logged_currents(tmp_path):
+    motion = excitation(3, 12.0, 250.0)
+    log = logged(3, motion, motor_effort(truth(), motion))
+    names = truth().joint_names
+    table = np.column_stack([log.t, log.q, log.effort / 10.0])
+    header = ["t", *(f"{n}/position" for n in names), *(f"{n}/current" for n in names)]
+    path = tmp_path / "log.csv"
+    np.savetxt(path, table, delimiter=",", header=",".join(header), comments="")
+    found = read_recordings(guess(3), [path], dict.fromkeys(names, 10.0), {}, ReadingOptions())
+    direct = read_recordings(guess(3), [log], {}, {}, ReadingOptions())
+    np.testing.assert_allclose(found[0].effort, direct[0].effort, rtol=1e-6, atol=1e-6)
+    with pytest.raises(IdentificationError, match=r"no measured effort.*--gain"):
+        read_recordings(guess(3), [path], {}, {}, ReadingOptions())

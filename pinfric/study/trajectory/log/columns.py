@@ -8,7 +8,7 @@ and numbered columns beside columns of names (`position_0`, `name_0`). A mapping
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -168,6 +168,7 @@ def find_columns(
     payloads: Sequence[str],
     mapping: ColumnsFile | None,
     problems: list[str],
+    currents: Collection[str] = (),
 ) -> Columns:
     """Say which column is what.
 
@@ -178,6 +179,7 @@ def find_columns(
         payloads: those that may have a column `payload.<name>`.
         mapping: what a person says of it.
         problems: what is missing, twice there or unknown is appended here.
+        currents: joints whose current, where there is no effort, is read in its place.
     """
     found = Columns()
     names = [joint.name for joint in joints]
@@ -197,7 +199,7 @@ def find_columns(
         _apply(mapping, header, names, claims, found, problems)
     if not found.position and not any(quantity == "position" for _, quantity in claims):
         _take_in_order(header, names, claims, found)
-    _settle(claims, found, problems)
+    _settle(claims, found, problems, currents)
     used = {*found.used(), *named}
     found.ignored = [column for column in dict.fromkeys(found.ignored) if column not in used]
     for name in found.used():
@@ -366,7 +368,12 @@ def _renamed(column: str, header: Sequence[str]) -> JointMapping:
     return JointMapping(position=column, velocity=velocity, effort=effort)
 
 
-def _settle(claims: dict[tuple[str, str], list[str]], found: Columns, problems: list[str]) -> None:
+def _settle(
+    claims: dict[tuple[str, str], list[str]],
+    found: Columns,
+    problems: list[str],
+    currents: Collection[str],
+) -> None:
     for (joint, quantity), columns in claims.items():
         exact = [c for c in columns if c in (joint, f"{joint}.v", f"{joint}.a")]
         chosen = exact or columns
@@ -375,7 +382,10 @@ def _settle(claims: dict[tuple[str, str], list[str]], found: Columns, problems: 
                             f"joint {joint}; say which by --columns FILE")  # fmt: skip
         found.ignored += [c for c in columns if c not in chosen[:1]]
         if quantity == "current":
-            found.ignored.append(chosen[0])  # a current is an effort only with a gain
+            if joint in currents and (joint, "effort") not in claims:
+                found.effort.setdefault(joint, Use(chosen[0]))
+            else:
+                found.ignored.append(chosen[0])  # a current is an effort only with a gain
             continue
         unit = re.search(r"(?:[\[(_ /])(deg|rad)(?:rees|ians)?(?:/s|_s)?[\])]?$", chosen[0], re.I)
         known = unit[1].lower() if unit and quantity != "effort" else None

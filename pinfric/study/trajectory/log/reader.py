@@ -60,7 +60,9 @@ def read_log(
         log, mapping = source.opened([joint.name for joint in joints]), None
     else:
         log, mapping = _open(source, joints), read_mapping(source, options.columns)
-    found = find_columns(log.header, log.first, joints, payloads, mapping, problems)
+    found = find_columns(
+        log.header, log.first, joints, payloads, mapping, problems, options.currents
+    )
     named = choose(list(found.position), problems)
     missing = [column.name for column in named if column.name not in found.position]
     others = listing(map(brief, found.ignored))

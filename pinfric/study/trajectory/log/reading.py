@@ -29,6 +29,7 @@ class ReadingOptions:
         time_unit: "s", "ms", "us" or "ns".
         cutoff: Hz of the low pass on every joint, or "none": positions are taken as they are.
         thinning: which samples of a filtered recording are kept; None keeps all.
+        currents: joints whose current, where no effort is logged, is read as their effort.
 
     Raises:
         TrajectoryError: a unit that there is not, a cutoff that is not positive.
@@ -39,6 +40,7 @@ class ReadingOptions:
     time_unit: str | None = None
     cutoff: float | str | None = None
     thinning: Thinning | None = None
+    currents: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         for option, value, units in (("unit", self.unit, ANGLE_UNITS),
