@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from pinfric.dynamics.forward.compensation import check_compensated
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.problem.states import MotionLike
 from pinfric.errors import PinfricError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.effects import effects
-from pinfric.model.files import write_file
+from pinfric.model.files import write_file, write_folder
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
 from pinfric.study.export.constants import JointConstants, joint_constants
+from pinfric.study.export.controller import compensator, level_uncertainty
+from pinfric.study.export.cpp import check_frames, namespace
 from pinfric.study.export.mjcf import MjcfJoint, mjcf
 from pinfric.study.export.tree import bodies, check_plain_tree
 from pinfric.study.export.ur import ur_script
@@ -58,6 +61,11 @@ FORMATS = {
         {"frictionloss": "coulomb", "damping": "viscous", "armature": "rotor inertia"},
         ".ur.script", "nothing is added there",
     ),
+    "cpp": Format(
+        "C++ (a compensator that knows the load)",
+        {"frictionloss": "Coulomb", "damping": "viscous", "armature": "rotor inertia"},
+        ".hpp", "within its band the compensator goes from one end to the other",
+    ),
 }  # fmt: skip
 #: Effects that no constant holds: what they are called here.
 _LEFT_OUT = {
@@ -76,9 +84,12 @@ class Exported(Shown):
         scene, trajectory: names of their files.
         to: the format, of `FORMATS`.
         samples: of the trajectory.
-        joints: the constants and their errors, in the model's order.
+        joints: the constants and their errors, in the model's order; of "cpp", what constants
+            would miss that the file does not.
         left_out: what the scene has and the file has not, a line each.
         text: the file.
+        beside: name -> text of further files.
+        uncertainty: drive -> relative uncertainty e of its friction, where that is known.
     """
 
     scene: str
@@ -88,6 +99,8 @@ class Exported(Shown):
     joints: tuple[JointConstants, ...]
     left_out: tuple[str, ...]
     text: str
+    beside: Mapping[str, str] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         moved = [joint for joint in self.joints if joint.moving]
@@ -102,18 +115,36 @@ class Exported(Shown):
     @property
     def default_name(self) -> str:
         """What the file is called where nobody names it."""
-        return f"{Path(self.scene).stem}{FORMATS[self.to].suffix}"
+        stem = namespace(self.scene) if self.to == "cpp" else Path(self.scene).stem
+        return f"{stem}{FORMATS[self.to].suffix}"
 
     def write(self, path: str | Path) -> Path:
-        """Write the file; it appears complete or not at all.
+        """Write the file, and those beside it; they appear complete or not at all.
+
+        Args:
+            path: the file; of "cpp" the folder, for the test includes the header by its name.
 
         Raises:
             PinfricError: it cannot be written.
         """
-        return write_file(path, lambda file: file.write_text(self.text, encoding="utf-8"))
+        if self.to != "cpp":
+            return write_file(path, _writer(self.text))
+        texts = {self.default_name: self.text, **self.beside}
+        return write_folder(path, {name: _writer(text) for name, text in texts.items()})[0]
 
 
-def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf") -> Exported:
+def _writer(text: str) -> Callable[[Path], object]:
+    return lambda file: file.write_text(text, encoding="utf-8")
+
+
+def export(
+    scene: Scene,
+    trajectory: MotionLike | None = None,
+    to: str = "mjcf",
+    *,
+    frames: Sequence[str] = (),
+    posterior: str | Path | None = None,
+) -> Exported:
     """Return the scene for another engine: constants in place of friction, each with its error.
 
     min sum (r T_m - tau_id - frictionloss sign(v) - damping v - armature a)^2 over the samples of
@@ -123,7 +154,12 @@ def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf")
         scene: an open chain with drives at its joints.
         trajectory: or a simulated motion, with the payloads it carries; None takes 1000 seeded
             random states inside the limits.
-        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots).
+        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots), "cpp" (a
+            header for controllers, which knows the load and needs no constants).
+        frames: of "cpp", links for payloads and wrenches at run time; none: those that carry
+            payloads and the last of each branch.
+        posterior: of "cpp", the table that `identify` wrote; None: `posterior.csv` beside the
+            scene's file, if there is one.
 
     Raises:
         PinfricError: no such format, or one that cannot hold what the scene has; named.
@@ -131,7 +167,13 @@ def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf")
     expect_scene(scene, "export")
     if to not in FORMATS:
         raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
-    columns = check_plain_tree(scene)
+    if to != "cpp" and (frames or posterior is not None):
+        raise PinfricError(f"export: frames and posterior belong to 'cpp', not to {to!r}")
+    if to == "cpp":
+        check_compensated(scene)
+        check_frames(scene, frames)
+    coupled = to == "cpp" and any(drive.couples for drive in scene.drives)
+    columns = () if coupled else check_plain_tree(scene)
     form = FORMATS[to]
     if trajectory is None:
         q, v, a = random_states(scene)
@@ -141,6 +183,12 @@ def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf")
         result = inverse_dynamics(scene, trajectory)
         name = str(getattr(trajectory, "source", "a simulated motion"))
     joints = joint_constants(result, columns, tuple(form.terms))
+    if to == "cpp":
+        unknown = level_uncertainty(scene, result, posterior)
+        files = compensator(scene, result, frames, unknown)
+        beside = {f"{namespace(scene.source)}_test.cpp": files.test}
+        count = len(result.status)
+        return Exported(scene.source, name, to, count, joints, (), files.header, beside, unknown)
     left_out = _left_out(scene, to)
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
     header = [

@@ -23,7 +23,10 @@ from pinfric.study.trajectory.joint_columns import single_positions
 
 COMPILER = shutil.which("g++") or shutil.which("clang++") or shutil.which("c++")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C++ compiler (g++, clang++, c++)")
-STRICT = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow", "-Wconversion", "-Wsign-conversion", "-Wold-style-cast", "-fno-exceptions", "-fno-rtti"]  # fmt: skip
+STRICT = [
+    *("-std=c++17", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow", "-Wconversion"),
+    *("-Wsign-conversion", "-Wold-style-cast", "-fno-exceptions", "-fno-rtti"),
+]
 DRIVER = Path(__file__).with_name("compensator_driver.cpp")
 BUNDLED = ("ur10_machine_tending", "ur5_pick_and_place", "panda_pick_and_place", "so101")
 WHOLE = CompensationOptions(scale=1.0, viscous_scale=1.0)
