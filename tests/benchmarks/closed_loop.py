@@ -4,8 +4,8 @@
 
 A UR10 with 2.8 kg in its hand, gears that lose 5-7 % of their load, break-away 1.25 times kinetic
 friction. PD control of positions of 19 bits with a delay of 1 ms; rigid body, payload and friction
-are fed forward at the desired motion. tanh is fitted to the arm without the payload, as a robot's own
-logs are. Printed are RMS tracking errors of joints 1-3 in mrad.
+are fed forward at the desired motion. tanh is fitted to the arm without the payload, as it is to a
+robot's own logs. Printed are RMS tracking errors of joints 1-3 in mrad.
 """
 
 from __future__ import annotations
