@@ -52,8 +52,8 @@ def export_report(exported: Exported) -> Report:
         for drive, e in exported.uncertainty.items()
     ]
     if not exported.joints:
-        return paragraphs(f"{title}: coupled drives have no constants of one joint to compare with",
-                          lines[len(lines) - len(exported.uncertainty):])  # fmt: skip
+        missing = f"{title}: drives are coupled, so constants of single joints do not compare"
+        return [missing, *lines[len(lines) - len(exported.uncertainty) :]]
     rows = [(joint.joint, *([] if unit else [joint.unit]), *_figures(joint, form.terms))
             for joint in exported.joints]  # fmt: skip
     table = Table(title, columns, rows, keys=len(key))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -15,9 +16,12 @@ from cases import drawer_scene
 from mechanisms import four_bar
 
 import pinfric as pf
+from pinfric.cli import main
 from pinfric.dynamics.forward.compensation import CompensationOptions
 from pinfric.errors import PinfricError
 from pinfric.model.couples import rate_rows
+from pinfric.show.report.export import export_report
+from pinfric.study.export.controller import compensation
 from pinfric.study.export.cpp import cpp_files, default_frames, namespace
 from pinfric.study.trajectory.joint_columns import single_positions
 
@@ -691,3 +695,116 @@ def test_what_cannot_be_compensated_is_named(scene, message, frames):
     if not frames:
         with pytest.raises(PinfricError, match=message):
             made.solver().compensate(*np.zeros((4, made.model.nv)))
+
+
+# ---------------------------------------------------------------- pf.export and the command
+
+
+def run(*arguments):
+    with pytest.raises(SystemExit) as ended:
+        main(["export", *arguments])
+    return ended.value.code
+
+
+def test_the_command_writes_a_header_and_its_test_and_says_what_constants_miss(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+    given = "ur10_machine_tending", "--trajectory", "ur10_machine_tending", "--to", "cpp"
+    assert run(*given, "--frame", "tool0", "--frame", "wrist_1_link", "--out", "made") == 0
+    out = capsys.readouterr().out
+    assert "the header knows the load and needs no constants" in out
+    name = "pinfric_ur10_machine_tending"
+    assert sorted(p.name for p in Path("made").iterdir()) == [f"{name}.hpp", f"{name}_test.cpp"]
+    text = Path("made", f"{name}.hpp").read_text()
+    assert 'frames[] = {"tool0", "wrist_1_link"}' in text
+    assert run(*given, "--json", "--out", "again") == 0
+    joints = {joint["joint"]: joint for joint in json.loads(capsys.readouterr().out)["joints"]}
+    lift, wrist = joints["shoulder_lift_joint"], joints["wrist_3_joint"]
+    assert lift["error_rms"] > 1.0 > 0.1 > wrist["error_rms"]  # the lift carries, the wrist not
+    assert run("four_bar", "--to", "cpp") == 2
+    assert "the loop 'rocker_pin'" in capsys.readouterr().err
+    assert run(*given, "--frame", "tol0", "--out", "none") == 2
+    assert not Path("none").exists()
+    assert run("so101", "--to", "mjcf", "--frame", "gripper") == 2
+
+
+@needs_compiler
+def test_the_written_test_agrees_replays_and_notices(tmp_path):
+    scene = bundled("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    made = pf.export(scene, motion, "cpp")
+    made.write(tmp_path)
+    (test,) = tmp_path.glob("*_test.cpp")
+    compiled(test, tmp_path / "check", "-O2")
+    said = subprocess.run([tmp_path / "check"], capture_output=True, text=True, timeout=60)
+    assert said.returncode == 0
+    assert said.stdout.count(": agrees") == 6
+    motion.to_csv(tmp_path / "motion.csv", digits=17)
+    replayed = subprocess.run([tmp_path / "check", tmp_path / "motion.csv"], capture_output=True,
+                              text=True, timeout=60, check=True).stdout.splitlines()  # fmt: skip
+    rows = np.array([[float(x) for x in line.split(",")] for line in replayed[1:]])
+    result = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a)
+    assert_columns(rows[:, 3::4], result.motor_torque_lower, "least")
+    assert_columns(rows[:, 4::4], result.motor_torque_upper, "greatest")
+    (tmp_path / "motion.csv").write_text("t,elbow_joint\n0,1\n")
+    broken = subprocess.run([tmp_path / "check", tmp_path / "motion.csv"], capture_output=True,
+                            text=True, timeout=60)  # fmt: skip
+    assert broken.returncode == 1
+    assert "shoulder_pan_joint is missing" in broken.stderr
+    (hpp,) = tmp_path.glob("*.hpp")
+    hpp.write_text(hpp.read_text().replace("now.mu * c + now.coulomb[1] - drag", "now.mu * c"))
+    compiled(test, tmp_path / "check", "-O2")
+    said = subprocess.run([tmp_path / "check"], capture_output=True, text=True, timeout=60)
+    assert said.returncode == 1
+    assert "DIFFERS" in said.stdout
+
+
+def test_coupled_drives_are_exported_without_constants():
+    made = pf.export(rich(7, couples=True), to="cpp")
+    assert made.joints == ()
+    assert "coupled" in str(export_report(made)[0])
+    assert "Exported" in repr(made)
+    assert len(made.summary()) == 0
+
+
+def test_limits_are_above_what_the_motion_takes():
+    scene = bundled("panda_pick_and_place")
+    motion = pf.load_trajectory("panda_pick_and_place.csv", scene)
+    text = pf.export(scene, motion, "cpp").text
+    limits = [float(x) for x in re.search(r"default_limit\[\] = \{(.*)\};", text)[1].split(",")]
+    result = pf.inverse_dynamics(scene, motion)
+    lost = [np.abs(compensation(result, end)).max(axis=0) for end in ("lower", "upper")]
+    np.testing.assert_allclose(limits, 1.5 * np.max(lost, axis=0), rtol=5e-3)
+
+
+def identified(folder):
+    """A scene of one hinge with a posterior beside it: levels known to 10 %, drag to 30 %."""
+    (folder / "arm.urdf").write_text(
+        '<robot name="arm"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="hinge" type="continuous"><parent link="a"/><child link="b"/>'
+        '<axis xyz="0 0 1"/></joint></robot>'
+    )
+    (folder / "scene.yaml").write_text(
+        "pinfric: 1\nrobot: {urdf: arm.urdf}\nfriction: {hinge: {coulomb: {static: 3, kinetic: 3}}}"
+    )
+    draws = 1.0 + 0.1 * np.linspace(-1.0, 1.0, 400)
+    lines = ["friction.hinge.coulomb", *(f"{x:.6f}" for x in draws)]
+    (folder / "posterior.csv").write_text("\n".join(lines) + "\n")
+    return pf.load_scene(folder / "scene.yaml")
+
+
+def test_an_identified_scene_says_how_far_its_level_is_known(tmp_path):
+    made = pf.export(identified(tmp_path), to="cpp")
+    assert made.uncertainty["hinge"] == pytest.approx(0.095, abs=1e-4)  # 95 % of +-10 %
+    assert "level known to 9.5%" in made.text
+    assert "1/(1+e) = 0.913" in made.text
+    (tmp_path / "posterior.csv").rename(tmp_path / "elsewhere.csv")
+    scene = pf.load_scene(tmp_path / "scene.yaml")
+    assert pf.export(scene, to="cpp").uncertainty == {}
+    again = pf.export(scene, to="cpp", posterior=tmp_path / "elsewhere.csv")
+    assert again.uncertainty == made.uncertainty
+    with pytest.raises(PinfricError, match="belong to 'cpp'"):
+        pf.export(scene, to="mjcf", posterior=tmp_path / "elsewhere.csv")
