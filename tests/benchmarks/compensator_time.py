@@ -24,7 +24,7 @@ from pinfric.study.export.cpp import cpp_files, namespace
 PREFIX = next(p for p in Path(pin.__file__).parents if p.name == "cmeel.prefix")
 #: Pinocchio's list of joints is longer than Boost's lists are by default; as its CMake target sets.
 DEFINED = ["-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
-           "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS"]  # fmt: skip
+           "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12"]  # fmt: skip
 FLAGS = {"-O2": ["-O2"], "-O3 -march=native": ["-O3", "-march=native"]}
 
 
@@ -45,15 +45,17 @@ def numbers(values):
     return ", ".join(repr(float(x)) for x in np.ravel(values))
 
 
-def model_text(model):
-    """What builds a model of aligned joints in C++, body by body."""
-    lines = ["Eigen::Matrix3d R, I;"]
+def model_text(scene):
+    """What builds a scene's model in C++, body by body."""
+    model, lines = scene.loaded_model(), ["Eigen::Matrix3d R, I;"]
     for j in range(1, model.njoints):
-        joint, place, body = model.joints[j], model.jointPlacements[j], model.inertias[j]
+        place, body, kind = model.jointPlacements[j], model.inertias[j], model.joints[j].shortname()
+        axis = scene.twin().axis[j - 1].reshape(2, 3).sum(axis=0)
+        made = f"{kind}(Eigen::Vector3d({numbers(axis)}))" if "Unaligned" in kind else f"{kind}()"
         lines += [
             f"R << {numbers(place.rotation)};",
             f"I << {numbers(body.inertia)};",
-            f"model.addJoint({model.parents[j]}, pinocchio::{joint.shortname()}(), "
+            f"model.addJoint({model.parents[j]}, pinocchio::{made}, "
             f"pinocchio::SE3(R, Eigen::Vector3d({numbers(place.translation)})), "
             f'"{model.names[j]}");',
             f"model.appendBodyToJoint({j}, pinocchio::Inertia({body.mass!r}, "
@@ -69,7 +71,7 @@ def compiled(scene, folder, flags, eigen):
     (folder / f"{name}.hpp").write_text(files.header)
     text = Path(__file__).with_suffix(".cpp").read_text()
     for old, new in (("@@HEADER", f"{name}.hpp"), ("pinfric_scene", name),
-                     ("// @@MODEL", model_text(scene.loaded_model()))):  # fmt: skip
+                     ("// @@MODEL", model_text(scene))):  # fmt: skip
         text = text.replace(old, new)
     (folder / "time.cpp").write_text(text)
     include, lib = PREFIX / "include", PREFIX / "lib"
