@@ -642,7 +642,14 @@ def explain(
 def export(
     *,
     scene_name: SceneName,
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="mjcf, urdf, ur or cpp.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            help="mjcf, urdf, ur, sdf, isaaclab, newton, pinocchio or cpp.",
+        ),
+    ],
     trajectory_name: Annotated[
         str | None,
         typer.Option(

@@ -23,8 +23,10 @@ from pinfric.study.export.cpp import cpp_files, namespace
 
 PREFIX = next(p for p in Path(pin.__file__).parents if p.name == "cmeel.prefix")
 #: Pinocchio's list of joints is longer than Boost's lists are by default; as its CMake target sets.
-DEFINED = ["-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
-           "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12"]  # fmt: skip
+DEFINED = [
+    *("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30"),
+    *("-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12"),
+]
 FLAGS = {"-O2": ["-O2"], "-O3 -march=native": ["-O3", "-march=native"]}
 
 

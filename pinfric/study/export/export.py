@@ -21,7 +21,11 @@ from pinfric.model.urdf import implausible_body
 from pinfric.study.export.constants import JointConstants, joint_constants
 from pinfric.study.export.controller import compensator, level_uncertainty
 from pinfric.study.export.cpp import check_frames, namespace
+from pinfric.study.export.isaaclab import isaaclab
 from pinfric.study.export.mjcf import MjcfJoint, mjcf
+from pinfric.study.export.newton import newton
+from pinfric.study.export.pinocchio import pinocchio
+from pinfric.study.export.sdf import sdf
 from pinfric.study.export.tree import bodies, check_plain_tree
 from pinfric.study.export.ur import ur_script
 from pinfric.study.export.urdf import urdf
@@ -61,12 +65,45 @@ FORMATS = {
         {"frictionloss": "coulomb", "damping": "viscous", "armature": "rotor inertia"},
         ".ur.script", "nothing is added there",
     ),
+    "sdf": Format(
+        "SDF (Gazebo, Drake)", {"frictionloss": "friction", "damping": "damping"}, ".sdf",
+        "Gazebo holds by up to friction, Drake does not hold",
+    ),
+    "isaaclab": Format(
+        "Isaac Lab (actuator configuration)",
+        {"frictionloss": "dynamic_friction", "damping": "viscous_friction",
+         "armature": "armature"},
+        ".isaaclab.py", "PhysX holds by up to friction, half of that interval",
+    ),
+    "newton": Format(
+        "Newton",
+        {"frictionloss": "joint_friction", "damping": "joint_damping",
+         "armature": "joint_armature"},
+        ".newton.py", "SolverMuJoCo holds by up to joint_friction, softly",
+    ),
+    "pinocchio": Format(
+        "Pinocchio 4 (joint friction constraint)",
+        {"frictionloss": "dry friction", "damping": "damping", "armature": "armature"},
+        ".pinocchio.py", "its constraint holds by up to dry friction",
+    ),
     "cpp": Format(
         "C++ (a compensator that knows the load)",
         {"frictionloss": "Coulomb", "damping": "viscous", "armature": "rotor inertia"},
         ".hpp", "within its band the compensator goes from one end to the other",
     ),
 }  # fmt: skip
+_FRICTION_ALONE = (
+    "links, masses and geometry: it gives constants to a robot loaded from its own file"
+)
+#: What a format does not hold of any scene.
+_NOT_THERE = {
+    "ur": ("rotor inertia, fitted beside the friction and given at each joint",),
+    "mjcf": ("meshes (capsules stand for the links) and speed limits",),
+    "sdf": ("meshes and shapes",),
+    "isaaclab": (_FRICTION_ALONE,),
+    "newton": (_FRICTION_ALONE,),
+    "pinocchio": (_FRICTION_ALONE,),
+}
 #: Effects that no constant holds: what they are called here.
 _LEFT_OUT = {
     "load": "friction that grows with a bearing's load",
@@ -154,8 +191,9 @@ def export(
         scene: an open chain with drives at its joints.
         trajectory: or a simulated motion, with the payloads it carries; None takes 1000 seeded
             random states inside the limits.
-        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots), "cpp" (a
-            header for controllers, which knows the load and needs no constants).
+        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots), "sdf",
+            "isaaclab", "newton", "pinocchio" (of its version 4), "cpp" (a header for controllers,
+            which knows the load and needs no constants).
         frames: of "cpp", links for payloads and wrenches at run time; none: those that carry
             payloads and the last of each branch.
         posterior: of "cpp", the table that `identify` wrote; None: `posterior.csv` beside the
@@ -200,8 +238,7 @@ def export(
         "Where a joint stands still the scene has an interval of torques, given at each joint: "
         f"{form.at_rest}.",
     ]
-    write = {"mjcf": _mjcf, "urdf": urdf, "ur": ur_script}[to]
-    text = write(scene, joints, lines, header)
+    text = _WRITERS[to](scene, joints, lines, header)
     return Exported(scene.source, name, to, len(result.status), joints, left_out, text)
 
 
@@ -222,6 +259,10 @@ def _mjcf(
     ]  # fmt: skip
     name = Path(scene.source).stem
     return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
+
+
+_WRITERS = {"mjcf": _mjcf, "urdf": urdf, "ur": ur_script, "sdf": sdf, "isaaclab": isaaclab,
+            "newton": newton, "pinocchio": pinocchio}  # fmt: skip
 
 
 def joint_line(joint: JointConstants, form: Format) -> str:
@@ -251,23 +292,21 @@ def joint_line(joint: JointConstants, form: Format) -> str:
 
 def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
     """What the scene has and the file has not, with the key of the first place."""
-    lines = [f"{_LEFT_OUT[effect.name]} ({effect.why})"
-             for effect in effects(scene) if effect.on and effect.name in _LEFT_OUT]  # fmt: skip
+    held = {"static"} if to == "isaaclab" else set()
+    lines = [f"{_LEFT_OUT[effect.name]} ({effect.why})" for effect in effects(scene)
+             if effect.on and effect.name in _LEFT_OUT.keys() - held]  # fmt: skip
     for name, friction in scene.friction.items():
         lines += [f"the direction of friction.{name}.{term.key}: one constant for both ways"
                   for term in friction.terms if term.directed]  # fmt: skip
     for name, payload in scene.payloads.items():
-        if not payload.attached and to != "ur":
+        if not payload.attached and to in ("mjcf", "urdf", "sdf"):
             lines.append(f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
                          "scene does not carry by default")  # fmt: skip
-    if to == "ur":
-        lines.append("rotor inertia, fitted beside the friction and given at each joint")
-    if to == "mjcf":
-        lines.append("meshes (capsules stand for the links) and speed limits")
-    if to == "urdf":
+    lines += _NOT_THERE.get(to, ())
+    if to in ("urdf", "sdf"):
         gravity = scene.model.gravity.linear
         if not np.allclose(gravity, [0.0, 0.0, -9.81]):
             lines.append(f"gravity, {gravity.tolist()} m/s^2")
         if any(drive.transmission is not None for drive in scene.drives):
-            lines.append("ratios and rotor inertias of the drives, for which a URDF has no place")
+            lines.append("ratios and rotor inertias of the drives, for which it has no place")
     return tuple(lines)
