@@ -114,7 +114,6 @@ def drake_run(scene):
     plant = MultibodyPlant(STEP)
     with tempfile.TemporaryDirectory() as folder:
         Parser(plant).AddModels(str(pf.export(scene, to="sdf").write(Path(folder) / "hinge.sdf")))
-    plant.AddJointActuator("motor", plant.GetJointByName("hinge"))
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
     plant.Finalize()
     simulator = Simulator(plant)

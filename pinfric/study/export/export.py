@@ -10,6 +10,7 @@ import numpy as np
 
 from pinfric.dynamics.forward.compensation import check_compensated
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.problem.states import MotionLike
 from pinfric.errors import PinfricError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
@@ -205,29 +206,13 @@ def export(
     expect_scene(scene, "export")
     if to not in FORMATS:
         raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
-    if to != "cpp" and (frames or posterior is not None):
+    if to == "cpp":
+        return _for_cpp(scene, trajectory, frames, posterior)
+    if frames or posterior is not None:
         raise PinfricError(f"export: frames and posterior belong to 'cpp', not to {to!r}")
-    if to == "cpp":
-        check_compensated(scene)
-        check_frames(scene, frames)
-    coupled = to == "cpp" and any(drive.couples for drive in scene.drives)
-    columns = () if coupled else check_plain_tree(scene)
-    form = FORMATS[to]
-    if trajectory is None:
-        q, v, a = random_states(scene)
-        result = inverse_dynamics(scene, q, v, a)
-        name = f"{len(q)} random states inside the limits"
-    else:
-        result = inverse_dynamics(scene, trajectory)
-        name = str(getattr(trajectory, "source", "a simulated motion"))
-    joints = joint_constants(result, columns, tuple(form.terms))
-    if to == "cpp":
-        unknown = level_uncertainty(scene, result, posterior)
-        files = compensator(scene, result, frames, unknown)
-        beside = {f"{namespace(scene.source)}_test.cpp": files.test}
-        count = len(result.status)
-        return Exported(scene.source, name, to, count, joints, (), files.header, beside, unknown)
-    left_out = _left_out(scene, to)
+    columns, form = check_plain_tree(scene), FORMATS[to]
+    result, name = _along(scene, trajectory)
+    joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
     header = [
         f"{file_name(scene.source)} for {form.title}, written by pinfric.",
@@ -240,6 +225,36 @@ def export(
     ]
     text = _WRITERS[to](scene, joints, lines, header)
     return Exported(scene.source, name, to, len(result.status), joints, left_out, text)
+
+
+def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, str]:
+    """Inverse dynamics along a motion, or of random states, and what it is called."""
+    if trajectory is None:
+        q, v, a = random_states(scene)
+        found = inverse_dynamics(scene, q, v, a)
+        return found, f"{len(q)} random states inside the limits"
+    found = inverse_dynamics(scene, trajectory)
+    return found, str(getattr(trajectory, "source", "a simulated motion"))
+
+
+def _for_cpp(
+    scene: Scene,
+    trajectory: MotionLike | None,
+    frames: Sequence[str],
+    posterior: str | Path | None,
+) -> Exported:
+    """A compensator; its constants are what a controller would have without it."""
+    check_compensated(scene)
+    check_frames(scene, frames)
+    coupled = any(drive.couples for drive in scene.drives)  # no joint has constants of its own
+    result, name = _along(scene, trajectory)
+    columns = () if coupled else check_plain_tree(scene)
+    joints = joint_constants(result, columns, tuple(FORMATS["cpp"].terms))
+    unknown = level_uncertainty(scene, result, posterior)
+    files = compensator(scene, result, frames, unknown)
+    beside = {f"{namespace(scene.source)}_test.cpp": files.test}
+    samples = len(result.status)
+    return Exported(scene.source, name, "cpp", samples, joints, (), files.header, beside, unknown)
 
 
 def _mjcf(

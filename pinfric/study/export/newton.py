@@ -1,7 +1,7 @@
 """Newton's joints: `joint_friction`, `joint_damping` and `joint_armature` of a `ModelBuilder`.
 
-SolverMuJoCo takes all three (Newton 1.8: frictionloss, damping, armature of MuJoCo, with MuJoCo's
-soft constraint; its times and impedances are set as in MJCF).
+SolverMuJoCo takes all three (Newton 1.8: frictionloss, damping and armature of MuJoCo, by default
+with MuJoCo's soft constraint, which creeps where friction holds).
 """
 
 from __future__ import annotations
