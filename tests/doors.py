@@ -86,6 +86,7 @@ for method in ("event", "timestepping", "regularized"):
     "identify": "pf.identify(pf.load_scene('pendulum'), ['log.csv'], effort_at='joint')",
     "Path": "pf.Path.from_trajectory(motion())",
     "LiveReplay": "pf.LiveReplay(arm).close()",
+    "CompensationOptions": "pf.CompensationOptions(scale=1.0)",
 }  # fmt: skip
 #: Arguments of every command.
 COMMANDS = {
