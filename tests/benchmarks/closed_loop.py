@@ -1,6 +1,6 @@
 """An arm in closed loop at 1 kHz without friction compensation, with tanh, and with the load known.
 
-    python tests/benchmarks/closed_loop.py [--seconds 4]
+    python tests/benchmarks/closed_loop.py [--seconds 4] [--stability]
 
 A UR10 with 2.8 kg in its hand, gears that lose 5-7 % of their load, break-away 1.25 times kinetic
 friction. PD control of positions of 19 bits with a delay of 1 ms; rigid body, payload and friction
@@ -142,12 +142,97 @@ def laws(scene, q, v, a, fitted):
             "load-aware, scale 0.8": knowing_the_load(scene, q, v, a, 0.8)}  # fmt: skip
 
 
+class Guided:
+    """Gravity and friction compensated at the measured velocity; the lift is pushed for 0.3 s."""
+
+    def __init__(self, scene, scale):
+        self.solver, self.model = scene.solver(["load"]), scene.loaded_model(["load"])
+        self.options = pf.CompensationOptions(scale=scale, viscous_scale=scale)
+        self.data, self.rate, self.tick, self.torque = self.model.createData(), np.zeros(6), -1, 0.0
+        self.last = HOME
+
+    def __call__(self, t, q, v):
+        tick = int(t / PERIOD + 1e-6)
+        if tick > self.tick:
+            step, share = 2 * np.pi / 2**BITS, 1.0 - np.exp(-2 * np.pi * LOW_PASS * PERIOD)
+            measured = np.round(q / step) * step
+            self.rate = self.rate + share * ((measured - self.last) / PERIOD - self.rate)
+            self.last, self.tick = measured, tick
+            u = pin.computeGeneralizedGravity(self.model, self.data, measured)
+            u = u + self.solver.compensate(measured, None, None, self.rate, options=self.options)
+            u[1] += 25.0 if t < 0.3 else 0.0
+            self.torque = u / RATIO
+        return self.torque
+
+
+def guided(scene, scale, seconds=2.8):
+    """Return the lift's speed (mrad/s) at the end of a push, and 2.5 s later."""
+    motion = pf.simulate(scene, HOME, np.zeros(6), motor_torque=Guided(scene, scale), t_end=seconds,
+                         method="timestepping", dt=PERIOD, attached=["load"], progress=False,
+                         sample_step=PERIOD)  # fmt: skip
+    return [1e3 * float(np.interp(t, motion.t, motion.v[:, 1])) for t in (0.3, seconds)]
+
+
+class Integrating(Controller):
+    """PID that steps by 20 mrad and holds; friction at the desired or the measured velocity."""
+
+    def __init__(self, scene, measured):
+        self.target = HOME + 0.02 * (AMPLITUDE > 0.0)
+        super().__init__(np.repeat(self.target[None], 1, axis=0), np.zeros((1, 6)))
+        self.solver, self.model = scene.solver(["load"]), scene.loaded_model(["load"])
+        self.options = pf.CompensationOptions(scale=0.8, viscous_scale=0.8)
+        self.data, self.measured, self.sum = self.model.createData(), measured, np.zeros(6)
+        self.ticks = -1
+
+    def __call__(self, t, q, v):
+        tick = int(t / PERIOD + 1e-6)
+        if tick > self.ticks:
+            step, share = 2 * np.pi / 2**BITS, 1.0 - np.exp(-2 * np.pi * LOW_PASS * PERIOD)
+            error = self.target - np.round(q / step) * step
+            if self.ticks >= 0:
+                self.rate = self.rate + share * ((error - self.last) / PERIOD - self.rate)
+            self.last, self.ticks, self.now = error, tick, self.late
+            self.sum = self.sum + PERIOD * error
+            u = pin.computeGeneralizedGravity(self.model, self.data, q)
+            u = u + STIFFNESS * (error + 5.0 * self.sum) + DAMPING * self.rate
+            if self.measured:
+                u = u + self.solver.compensate(q, None, None, -self.rate, options=self.options)
+            self.late = u / RATIO
+        return self.now
+
+
+def hunted(scene, measured, seconds=8.0):
+    """Return the peak-to-peak motion (3,) in mrad of joints 1-3 over the last 3 s of a hold."""
+    controller = Integrating(scene, measured)
+    motion = pf.simulate(scene, HOME, np.zeros(6), motor_torque=controller, t_end=seconds,
+                         method="timestepping", dt=0.5e-3, attached=["load"], progress=False,
+                         sample_step=PERIOD)  # fmt: skip
+    last = motion.q[motion.t > seconds - 3.0, :3]
+    return 1e3 * np.ptp(last, axis=0)
+
+
+def stability(scene):
+    """Print what the measured velocity does to a free arm, and to an integrator."""
+    print("a free arm, compensated at the measured velocity; the lift pushed for 0.3 s:")
+    for scale in (0.6, 0.8, 0.9, 0.95, 1.0, 1.05):
+        pushed, later = guided(scene, scale)
+        print(f"scale {scale:4}: {pushed:6.0f} mrad/s after the push, {later:6.0f} 2.5 s later")
+    print("PID after a step of 20 mrad, peak to peak over 3 s of hold, joints 1-3, mrad:")
+    for name, measured in (("no friction at rest (desired velocity)", False),
+                           ("friction at the measured velocity", True)):  # fmt: skip
+        print(f"{name:40} {'  '.join(f'{x:6.2f}' for x in hunted(scene, measured))}")
+
+
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=4.0, help="of each run")
-    seconds = parser.parse_args().seconds
-    scene = arm()
+    parser.add_argument("--stability", action="store_true", help="of the measured velocity")
+    given, scene = parser.parse_args(), arm()
+    if given.stability:
+        stability(scene)
+        return
+    seconds = given.seconds
     fitted = tanh_of(scene, *desired("fast", seconds))
     print("RMS error of joints 1-3, mrad")
     for kind in ("fast", "slow"):

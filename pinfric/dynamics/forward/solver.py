@@ -364,7 +364,8 @@ class Solver:
         """Return the friction that a controller adds to its own torque, with the load of now.
 
         out = scale D(v_ref) + viscous_scale (P drag + motor's drag)(v_ref); see `compensation`. It
-        is what the header of `pinfric export --to cpp` computes.
+        is what the header of `pinfric export --to cpp` computes. Its kernels are compiled at the
+        first call.
 
         Args:
             q, v, a: (nq,), (nv,), (nv,) state whose load counts; v, a None: the load of gravity.
@@ -409,7 +410,13 @@ class Solver:
 
     @cached_property
     def _compensated(self) -> Compensated:
-        return make_compensated(self.scene)
+        """What `compensate` reads; its kernels are compiled with it, at the first call."""
+        tables, nv, ns = make_compensated(self.scene), self._ws.nv, len(self.scene.sites)
+        motion = {"v_ref": np.zeros(nv), "error": None, "v_now": None}
+        still = np.zeros(nv), np.zeros((1, ns, 6)), np.zeros((1, ns))
+        with compiling():
+            compensate_state(self.scene, tables, *still, motion, CompensationOptions())
+        return tables
 
     def _mend(self) -> None:
         """Bring q to its manifold, or say what is wrong with the state, or with what it causes."""

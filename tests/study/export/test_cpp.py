@@ -237,10 +237,10 @@ def test_it_is_inverse_dynamics_of_bundled_arms(headers, name):
     assert_is_inverse(headers.ask(scene, q, v, a), result)
 
 
-@pytest.mark.parametrize("name", [name for name in BUNDLED if name != "so101"])
+@pytest.mark.parametrize("name", BUNDLED)
 def test_it_is_inverse_dynamics_along_trajectories(headers, name):
     scene = bundled(name)
-    motion = pf.load_trajectory(name if "ur10" in name else f"{name}.csv", scene)
+    motion = pf.load_trajectory(f"{name}.csv" if "pick" in name else name, scene)
     q = motion.joint_positions()
     result = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a)
     found = headers.ask(scene, q, motion.v, motion.a)
