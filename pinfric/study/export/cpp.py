@@ -90,7 +90,7 @@ def cpp_files(
     check_frames(scene, frames)
     frames = tuple(dict.fromkeys(frames)) or default_frames(scene)
     name = namespace(scene.source)
-    title = "".join(f"// {_comment(line)}\n" for line in lines).removeprefix("// ").rstrip("\n")
+    title = "\n".join(f"// {_comment(line)}".rstrip() for line in lines).removeprefix("// ")
     constants = "\n".join(_constants(scene, frames, limits))
     header = _text("compensator.hpp").replace("// @@CONSTANTS\n", constants + "\n")
     header = _named(header.replace("@@TITLE", title), name)

@@ -671,7 +671,7 @@ def narrow():
 
 
 REFUSED = [
-    (lambda: four_bar()[0], "the loop 'B'|the loop", ()),
+    (lambda: four_bar()[0], "the loop '", ()),
     (lambda: pf.load_scene("excavator"), "the drive off the joints 'boom_cylinder'", ()),
     (lambda: drawer_scene(0.3), "the drive off the joints", ()),
     (planar, "'skates' has several degrees of freedom", ()),
