@@ -426,7 +426,7 @@ BLENDED_LOAD = (
 @needs_compiler
 def test_blending_the_load_in_place_of_the_ends_would_not_be_passive(tmp_path):
     """The mutant that the test above is for: F(t(s)) gives more than friction takes."""
-    scenes = [scene for scene in PASSIVE if "rich" in scene.source]
+    scenes = PASSIVE[:2]  # each has a self-locking gear
     mutant = Headers(tmp_path, scenes, edit=lambda text: text.replace(ENDS, BLENDED_LOAD))
     options = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=0.05)
     beyond = [excess / size for excess, size, _ in
@@ -543,7 +543,7 @@ def test_an_option_that_is_none_gives_false_and_zeros(headers, monkeypatch):
 
 @needs_compiler
 def test_sanitizers_find_nothing(tmp_path):
-    scenes = [RICH[2], RICH[4], RICH[7]]
+    scenes = [RICH[4], RICH[7]]
     made = Headers(tmp_path, scenes, ("-O1", "-g", "-fsanitize=address,undefined",
                                       "-fno-sanitize-recover=all"))  # fmt: skip
     for scene in scenes:
