@@ -78,6 +78,16 @@ def _gear(rng, k):
     ][k % 6]  # fmt: skip
 
 
+def worm():
+    """A self-locking hinge whose friction is about as large as its weight, which drives it."""
+    body = pin.Inertia(1.0, np.array([0.6, 0.0, 0.0]), 0.1 * np.eye(3))
+    gear = {"ratio": 40.0, "efficiency": 0.5, "back_efficiency": -0.6}
+    friction = {"hinge": {"coulomb": {"static": 5.0, "kinetic": 5.0}}}
+    actuators = [{"joint": "hinge", "transmission": gear}]
+    model = chain(("hinge", pin.JointModelRY(), body))
+    return pf.Scene(model, friction=friction, actuators=actuators, source="worm.yaml")
+
+
 RICH = [*(rich(seed) for seed in range(4)), rich(4, mimic=True), rich(6, mimic=True),
         rich(7, couples=True), rich(8, couples=True)]  # fmt: skip
 
@@ -197,7 +207,7 @@ def bundled(name):
 def headers(tmp_path_factory):
     if COMPILER is None:
         pytest.skip("no C++ compiler (g++, clang++, c++)")
-    scenes = [*RICH, *(bundled(name) for name in BUNDLED), loadable()]
+    scenes = [worm(), *RICH, *(bundled(name) for name in BUNDLED), loadable()]
     return Headers(tmp_path_factory.mktemp("cpp"), scenes)
 
 
@@ -384,7 +394,7 @@ def judge_passive(headers, scene, options, states=40):
     return excess.max(), np.abs(found["friction"]).max(), (lost["friction"] * rate).min()
 
 
-PASSIVE = [*RICH[:6], bundled("ur10_machine_tending"), bundled("panda_pick_and_place")]
+PASSIVE = [worm(), *RICH[:6], bundled("ur10_machine_tending"), bundled("panda_pick_and_place")]
 
 
 @pytest.mark.parametrize("scene", PASSIVE, ids=lambda scene: scene.source)
@@ -426,12 +436,10 @@ BLENDED_LOAD = (
 @needs_compiler
 def test_blending_the_load_in_place_of_the_ends_would_not_be_passive(tmp_path):
     """The mutant that the test above is for: F(t(s)) gives more than friction takes."""
-    scenes = PASSIVE[:2]  # each has a self-locking gear
-    mutant = Headers(tmp_path, scenes, edit=lambda text: text.replace(ENDS, BLENDED_LOAD))
+    mutant = Headers(tmp_path, [worm()], edit=lambda text: text.replace(ENDS, BLENDED_LOAD))
     options = CompensationOptions(scale=1.0, viscous_scale=1.0, switch_velocity=0.05)
-    beyond = [excess / size for excess, size, _ in
-              (judge_passive(mutant, scene, options) for scene in scenes)]  # fmt: skip
-    assert max(beyond) > 1e-6
+    excess, size, _ = judge_passive(mutant, worm(), options)
+    assert excess > 1e-4 * size
 
 
 @pytest.mark.parametrize("scene", RICH, ids=lambda scene: scene.source)
