@@ -27,6 +27,7 @@ _PUBLIC = {
     "Instant": "pinfric.dynamics.forward.forward",
     "Solver": "pinfric.dynamics.forward.solver",
     "InverseInstant": "pinfric.dynamics.forward.solver",
+    "CompensationOptions": "pinfric.dynamics.forward.compensation",
     "warm_up": "pinfric.study.warm_up",
     "holds": "pinfric.dynamics.forward.holds",
     "StaticHold": "pinfric.dynamics.forward.holds",
@@ -65,6 +66,7 @@ _PUBLIC = {
 __all__ = [*_PUBLIC, "__version__"]
 
 if TYPE_CHECKING:  # the same names for type checkers, which do not run __getattr__
+    from pinfric.dynamics.forward.compensation import CompensationOptions as CompensationOptions
     from pinfric.dynamics.forward.forward import Instant as Instant
     from pinfric.dynamics.forward.forward import forward_dynamics as forward_dynamics
     from pinfric.dynamics.forward.holds import StaticHold as StaticHold

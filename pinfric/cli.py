@@ -642,7 +642,14 @@ def explain(
 def export(
     *,
     scene_name: SceneName,
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="mjcf, urdf or ur.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            help="mjcf, urdf, ur, sdf, isaaclab, newton, pinocchio or cpp.",
+        ),
+    ],
     trajectory_name: Annotated[
         str | None,
         typer.Option(
@@ -653,19 +660,30 @@ def export(
         Path | None,
         typer.Option("--out", metavar="FILE | DIR", help="By default SCENE.mjcf.xml, ... here."),
     ] = None,
+    frame: Annotated[
+        list[str] | None,
+        typer.Option("--frame", metavar="LINK", help="cpp: for payloads and wrenches at run time."),
+    ] = None,
     as_json: AsJson = False,
     log: Any,
 ) -> None:
-    """Write the robot for MuJoCo, as a URDF or for UR, with constants in place of its friction.
+    """Write the robot for other engines, with constants in place of its friction, or for C++.
 
-    Beside each constant stands the error it makes against the scene along the trajectory.
+    Beside each constant stands the error it makes against the scene along the trajectory. `--to
+    cpp` writes a header for controllers, which knows the load and needs no constants, and its test;
+    it prints what constants would miss.
     """
     scene, trajectory = load(scene_name, trajectory_name, log)
     from pinfric.model.files import check_writable
     from pinfric.show.report.export import export_json, export_report
     from pinfric.study.export.export import export as make
 
-    made = make(scene, trajectory, to)
+    made = make(scene, trajectory, to, frames=frame or ())
+    if to == "cpp":
+        written = made.write(out or Path())
+        say(f"wrote {written} and {', '.join(made.beside)}")
+        answer(export_json(made, written, noticed), lambda: export_report(made), as_json)
+        return
     folder = out is None or out.is_dir() or not out.suffix
     file = (out or Path()) / made.default_name if folder else Path(str(out))
     check_writable(file.parent, [file.name])

@@ -74,7 +74,7 @@ for method in ("event", "timestepping", "regularized"):
     "run_scene": "pf.run_scene(arm, t_end=0.02).save('m.npz')",
     "load_motion": "pf.run_scene(arm, t_end=0.02).save('m.npz'); pf.load_motion('m.npz', arm)",
     "load_trajectory": "motion()",
-    "export": "pf.export(arm, motion())",
+    "export": "pf.export(arm, motion()); pf.export(arm, motion(), 'cpp')",
     "size": "pf.size(arm, motion())",
     "load_catalog": "pf.load_catalog('default')",
     "check": "pf.check('robots/three_link.urdf')",
@@ -86,6 +86,7 @@ for method in ("event", "timestepping", "regularized"):
     "identify": "pf.identify(pf.load_scene('pendulum'), ['log.csv'], effort_at='joint')",
     "Path": "pf.Path.from_trajectory(motion())",
     "LiveReplay": "pf.LiveReplay(arm).close()",
+    "CompensationOptions": "pf.CompensationOptions(scale=1.0)",
 }  # fmt: skip
 #: Arguments of every command.
 COMMANDS = {

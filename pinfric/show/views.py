@@ -155,7 +155,8 @@ def _(result: Motion) -> pd.DataFrame:
 
 @summary.register(Exported)
 def _(result: Exported) -> pd.DataFrame:
-    return pd.DataFrame([asdict(joint) for joint in result.joints]).set_index("joint")
+    rows = [asdict(joint) for joint in result.joints]  # none of coupled drives
+    return pd.DataFrame(rows or {"joint": []}).set_index("joint")
 
 
 @summary.register(RetimeResult)

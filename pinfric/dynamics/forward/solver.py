@@ -12,10 +12,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from pinfric.dynamics.forward.compensation import (
+    Compensated,
+    CompensationOptions,
+    compensate_state,
+    make_compensated,
+)
 from pinfric.dynamics.forward.forward import Instant, one_of, solution, solve_state, vector
 from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, rehearse
 from pinfric.dynamics.inverse.linkage import solve_linkage
@@ -25,6 +32,11 @@ from pinfric.dynamics.problem.maps import is_normalized
 from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.problem.motor_torques import scene_gears
 from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.problem.reactions import (
+    applied_wrenches,
+    generalized_effort,
+    state_wrenches,
+)
 from pinfric.dynamics.problem.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
@@ -311,6 +323,75 @@ class Solver:
             self._motors = ws = self._motors or Workspace(self.scene, self._carried, motors=True)
         solve_state(ws, q, v, given)
         return solution(ws)
+
+    def compensate(
+        self,
+        q: np.ndarray,
+        v: np.ndarray | None,
+        a: np.ndarray | None,
+        v_ref: np.ndarray,
+        *,
+        error: np.ndarray | None = None,
+        v_now: np.ndarray | None = None,
+        options: CompensationOptions = CompensationOptions(),  # noqa: B008 - frozen
+        external: Mapping[str, np.ndarray] | None = None,
+    ) -> np.ndarray:
+        """Return the friction that a controller adds to its own torque, with the load of now.
+
+        out = scale D(v_ref) + viscous_scale (P drag + motor's drag)(v_ref); see `compensation`. It
+        is what the header of `pinfric export --to cpp` computes. Its kernels are compiled at the
+        first call.
+
+        Args:
+            q, v, a: (nq,), (nv,), (nv,) state whose load counts; v, a None: the load of gravity.
+            v_ref: (nv,) velocity whose friction is compensated: desired, or measured.
+            error: (nv,) desired less actual position, for `hold_error`.
+            v_now: (nv,) measured velocity, for `hold_error` and `power`.
+            options: scales, band, hold, limits.
+            external: link -> (6,) wrench on it, in its axes at its origin, linear first (N, N m).
+
+        Returns:
+            (na,) N m or N at the joints, a new array.
+
+        Raises:
+            StateError: not real numbers, a wrong shape, a value not finite.
+            PinfricError: loops, drives off the joints, freedoms without a drive or with several.
+        """
+        nv, tables = self._ws.nv, self._compensated
+        still = np.zeros(nv)
+        given = {"v": v, "a": a, "v_ref": v_ref, "error": error, "v_now": v_now}
+        motion = {name: None if x is None else vector(name, x, nv, "nv")
+                  for name, x in given.items()}  # fmt: skip
+        rate, bend = (still if x is None else x for x in (motion["v"], motion["a"]))
+        carried = None
+        if self._carried is not None:
+            carried = np.array([[name in self._carried for name in self.scene.payloads]])
+        q = vector("q", q, self._ws.nq, "nq")
+        states = States.of(self.scene, q, rate, bend, None, carried)
+        if external:
+            twin, applied = self._ws.twin, applied_wrenches(self.scene, external, 1)
+            wrench = state_wrenches(self.scene, states, applied)
+            effort = np.empty((1, nv))
+            generalized_effort(twin, wrench, states.a, effort)
+            wrench, effort = wrench[:, tables.joint], effort[0]
+        else:
+            self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
+            supply = self._ws.supplier.supply
+            wrench, effort = supply.force[1 + tables.joint][None], supply.h
+        displacement = self._ws.twin.displacements(tables.joint, states.q)
+        found = compensate_state(self.scene, tables, effort, wrench, displacement, motion, options)
+        check_finite(self.scene, (found[None], found[None]), 0)
+        return found
+
+    @cached_property
+    def _compensated(self) -> Compensated:
+        """What `compensate` reads; its kernels are compiled with it, at the first call."""
+        tables, nv, ns = make_compensated(self.scene), self._ws.nv, len(self.scene.sites)
+        motion = {"v_ref": np.zeros(nv), "error": None, "v_now": None}
+        still = np.zeros(nv), np.zeros((1, ns, 6)), np.zeros((1, ns))
+        with compiling():
+            compensate_state(self.scene, tables, *still, motion, CompensationOptions())
+        return tables
 
     def _mend(self) -> None:
         """Bring q to its manifold, or say what is wrong with the state, or with what it causes."""

@@ -11,6 +11,7 @@ from pinfric.model.brief import file_name
 from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
 from pinfric.show.report.values import digits, json_safe
 from pinfric.study.export.constants import JointConstants
+from pinfric.study.export.controller import stable_scale
 from pinfric.study.export.export import FORMATS, Exported
 
 
@@ -20,7 +21,8 @@ def export_json(exported: Exported, file: Path, warnings: Sequence[str] = ()) ->
         "scene": exported.scene, "trajectory": exported.trajectory, "to": exported.to,
         "file": str(file), "samples": exported.samples,
         "joints": [asdict(joint) for joint in exported.joints],
-        "left_out": list(exported.left_out), "warnings": list(warnings),
+        "left_out": list(exported.left_out), "uncertainty": dict(exported.uncertainty),
+        "warnings": list(warnings),
     })  # fmt: skip
 
 
@@ -33,7 +35,11 @@ def export_report(exported: Exported) -> Report:
     columns = (*key, *map(Column, form.terms.values()), *figures,
                Column(f"standing\nstill\n{unit}".rstrip(), Kind.LABEL))  # fmt: skip
     title = f"{Path(exported.scene).stem} · {file_name(exported.trajectory)}: {form.title}"
-    lines = [
+    lines = [] if exported.to != "cpp" else [
+        "the header knows the load and needs no constants: these are what a controller would have "
+        "without it, and `error` what they miss along this motion"
+    ]  # fmt: skip
+    lines += [
         "constants in the joint's unit, per rad/s or m/s, and in kg m^2 or kg; error: theirs "
         "against the scene's torque (motor's x ratio) where the joint moves",
         f"standing still the scene has an interval beyond the load: {form.at_rest}",
@@ -41,6 +47,13 @@ def export_report(exported: Exported) -> Report:
     ]
     if alike := [joint.joint for joint in exported.joints if not joint.apart]:
         lines.append(f"the motion does not tell the constants apart of {', '.join(alike)}")
+    lines += [
+        f"{drive}: friction known to {e:.1%} (e); stable scale 1/(1+e) = {stable_scale(e):.3f}"
+        for drive, e in exported.uncertainty.items()
+    ]
+    if not exported.joints:
+        missing = f"{title}: drives are coupled, so constants of single joints do not compare"
+        return [missing, *lines[len(lines) - len(exported.uncertainty) :]]
     rows = [(joint.joint, *([] if unit else [joint.unit]), *_figures(joint, form.terms))
             for joint in exported.joints]  # fmt: skip
     table = Table(title, columns, rows, keys=len(key))

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from pinfric.dynamics.forward.compensation import check_compensated
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
+from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.problem.states import MotionLike
 from pinfric.errors import PinfricError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.effects import effects
-from pinfric.model.files import write_file
+from pinfric.model.files import write_file, write_folder
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
 from pinfric.study.export.constants import JointConstants, joint_constants
+from pinfric.study.export.controller import compensator, level_uncertainty
+from pinfric.study.export.cpp import check_frames, namespace
+from pinfric.study.export.isaaclab import isaaclab
 from pinfric.study.export.mjcf import MjcfJoint, mjcf
+from pinfric.study.export.newton import newton
+from pinfric.study.export.pinocchio import pinocchio
+from pinfric.study.export.sdf import sdf
 from pinfric.study.export.tree import bodies, check_plain_tree
 from pinfric.study.export.ur import ur_script
 from pinfric.study.export.urdf import urdf
@@ -58,7 +66,45 @@ FORMATS = {
         {"frictionloss": "coulomb", "damping": "viscous", "armature": "rotor inertia"},
         ".ur.script", "nothing is added there",
     ),
+    "sdf": Format(
+        "SDF (Gazebo, Drake)", {"frictionloss": "friction", "damping": "damping"}, ".sdf",
+        "Gazebo holds by up to friction, Drake does not hold",
+    ),
+    "isaaclab": Format(
+        "Isaac Lab (actuator configuration)",
+        {"frictionloss": "dynamic_friction", "damping": "viscous_friction",
+         "armature": "armature"},
+        ".isaaclab.py", "PhysX holds by up to friction, half of that interval",
+    ),
+    "newton": Format(
+        "Newton",
+        {"frictionloss": "joint_friction", "damping": "joint_damping",
+         "armature": "joint_armature"},
+        ".newton.py", "SolverMuJoCo holds by up to joint_friction, softly",
+    ),
+    "pinocchio": Format(
+        "Pinocchio 4 (joint friction constraint)",
+        {"frictionloss": "dry friction", "damping": "damping", "armature": "armature"},
+        ".pinocchio.py", "its constraint holds by up to dry friction",
+    ),
+    "cpp": Format(
+        "C++ (a compensator that knows the load)",
+        {"frictionloss": "Coulomb", "damping": "viscous", "armature": "rotor inertia"},
+        ".hpp", "within its band the compensator goes from one end to the other",
+    ),
 }  # fmt: skip
+_FRICTION_ALONE = (
+    "links, masses and geometry: it gives constants to a robot loaded from its own file"
+)
+#: What a format does not hold of any scene.
+_NOT_THERE = {
+    "ur": ("rotor inertia, fitted beside the friction and given at each joint",),
+    "mjcf": ("meshes (capsules stand for the links) and speed limits",),
+    "sdf": ("meshes and shapes",),
+    "isaaclab": (_FRICTION_ALONE,),
+    "newton": (_FRICTION_ALONE,),
+    "pinocchio": (_FRICTION_ALONE,),
+}
 #: Effects that no constant holds: what they are called here.
 _LEFT_OUT = {
     "load": "friction that grows with a bearing's load",
@@ -76,9 +122,12 @@ class Exported(Shown):
         scene, trajectory: names of their files.
         to: the format, of `FORMATS`.
         samples: of the trajectory.
-        joints: the constants and their errors, in the model's order.
+        joints: the constants and their errors, in the model's order; of "cpp", what constants
+            would miss that the file does not.
         left_out: what the scene has and the file has not, a line each.
         text: the file.
+        beside: name -> text of further files.
+        uncertainty: drive -> relative uncertainty e of its friction, where that is known.
     """
 
     scene: str
@@ -88,6 +137,8 @@ class Exported(Shown):
     joints: tuple[JointConstants, ...]
     left_out: tuple[str, ...]
     text: str
+    beside: Mapping[str, str] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         moved = [joint for joint in self.joints if joint.moving]
@@ -102,18 +153,36 @@ class Exported(Shown):
     @property
     def default_name(self) -> str:
         """What the file is called where nobody names it."""
-        return f"{Path(self.scene).stem}{FORMATS[self.to].suffix}"
+        stem = namespace(self.scene) if self.to == "cpp" else Path(self.scene).stem
+        return f"{stem}{FORMATS[self.to].suffix}"
 
     def write(self, path: str | Path) -> Path:
-        """Write the file; it appears complete or not at all.
+        """Write the file, and those beside it; they appear complete or not at all.
+
+        Args:
+            path: the file; of "cpp" the folder, for the test includes the header by its name.
 
         Raises:
             PinfricError: it cannot be written.
         """
-        return write_file(path, lambda file: file.write_text(self.text, encoding="utf-8"))
+        if self.to != "cpp":
+            return write_file(path, _writer(self.text))
+        texts = {self.default_name: self.text, **self.beside}
+        return write_folder(path, {name: _writer(text) for name, text in texts.items()})[0]
 
 
-def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf") -> Exported:
+def _writer(text: str) -> Callable[[Path], object]:
+    return lambda file: file.write_text(text, encoding="utf-8")
+
+
+def export(
+    scene: Scene,
+    trajectory: MotionLike | None = None,
+    to: str = "mjcf",
+    *,
+    frames: Sequence[str] = (),
+    posterior: str | Path | None = None,
+) -> Exported:
     """Return the scene for another engine: constants in place of friction, each with its error.
 
     min sum (r T_m - tau_id - frictionloss sign(v) - damping v - armature a)^2 over the samples of
@@ -123,7 +192,13 @@ def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf")
         scene: an open chain with drives at its joints.
         trajectory: or a simulated motion, with the payloads it carries; None takes 1000 seeded
             random states inside the limits.
-        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots).
+        to: "mjcf" (MuJoCo), "urdf" (`<dynamics>`), "ur" (URScript of Universal Robots), "sdf",
+            "isaaclab", "newton", "pinocchio" (of its version 4), "cpp" (a header for controllers,
+            which knows the load and needs no constants).
+        frames: of "cpp", links for payloads and wrenches at run time; none: those that carry
+            payloads and the last of each branch.
+        posterior: of "cpp", the table that `identify` wrote; None: `posterior.csv` beside the
+            scene's file, if there is one.
 
     Raises:
         PinfricError: no such format, or one that cannot hold what the scene has; named.
@@ -131,17 +206,13 @@ def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf")
     expect_scene(scene, "export")
     if to not in FORMATS:
         raise PinfricError(f"export: to {to!r}: {choose_from(to, FORMATS)}")
-    columns = check_plain_tree(scene)
-    form = FORMATS[to]
-    if trajectory is None:
-        q, v, a = random_states(scene)
-        result = inverse_dynamics(scene, q, v, a)
-        name = f"{len(q)} random states inside the limits"
-    else:
-        result = inverse_dynamics(scene, trajectory)
-        name = str(getattr(trajectory, "source", "a simulated motion"))
-    joints = joint_constants(result, columns, tuple(form.terms))
-    left_out = _left_out(scene, to)
+    if to == "cpp":
+        return _for_cpp(scene, trajectory, frames, posterior)
+    if frames or posterior is not None:
+        raise PinfricError(f"export: frames and posterior belong to 'cpp', not to {to!r}")
+    columns, form = check_plain_tree(scene), FORMATS[to]
+    result, name = _along(scene, trajectory)
+    joints, left_out = joint_constants(result, columns, tuple(form.terms)), _left_out(scene, to)
     lines = {joint.joint: joint_line(joint, form) for joint in joints}
     header = [
         f"{file_name(scene.source)} for {form.title}, written by pinfric.",
@@ -152,9 +223,38 @@ def export(scene: Scene, trajectory: MotionLike | None = None, to: str = "mjcf")
         "Where a joint stands still the scene has an interval of torques, given at each joint: "
         f"{form.at_rest}.",
     ]
-    write = {"mjcf": _mjcf, "urdf": urdf, "ur": ur_script}[to]
-    text = write(scene, joints, lines, header)
+    text = _WRITERS[to](scene, joints, lines, header)
     return Exported(scene.source, name, to, len(result.status), joints, left_out, text)
+
+
+def _along(scene: Scene, trajectory: MotionLike | None) -> tuple[InverseResult, str]:
+    """Inverse dynamics along a motion, or of random states, and what it is called."""
+    if trajectory is None:
+        q, v, a = random_states(scene)
+        found = inverse_dynamics(scene, q, v, a)
+        return found, f"{len(q)} random states inside the limits"
+    found = inverse_dynamics(scene, trajectory)
+    return found, str(getattr(trajectory, "source", "a simulated motion"))
+
+
+def _for_cpp(
+    scene: Scene,
+    trajectory: MotionLike | None,
+    frames: Sequence[str],
+    posterior: str | Path | None,
+) -> Exported:
+    """A compensator; its constants are what a controller would have without it."""
+    check_compensated(scene)
+    check_frames(scene, frames)
+    coupled = any(drive.couples for drive in scene.drives)  # no joint has constants of its own
+    result, name = _along(scene, trajectory)
+    columns = () if coupled else check_plain_tree(scene)
+    joints = joint_constants(result, columns, tuple(FORMATS["cpp"].terms))
+    unknown = level_uncertainty(scene, result, posterior)
+    files = compensator(scene, result, frames, unknown)
+    beside = {f"{namespace(scene.source)}_test.cpp": files.test}
+    samples = len(result.status)
+    return Exported(scene.source, name, "cpp", samples, joints, (), files.header, beside, unknown)
 
 
 def _mjcf(
@@ -174,6 +274,10 @@ def _mjcf(
     ]  # fmt: skip
     name = Path(scene.source).stem
     return mjcf(name, tree, entries, scene.model.gravity.linear, comment=header)
+
+
+_WRITERS = {"mjcf": _mjcf, "urdf": urdf, "ur": ur_script, "sdf": sdf, "isaaclab": isaaclab,
+            "newton": newton, "pinocchio": pinocchio}  # fmt: skip
 
 
 def joint_line(joint: JointConstants, form: Format) -> str:
@@ -203,23 +307,21 @@ def joint_line(joint: JointConstants, form: Format) -> str:
 
 def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
     """What the scene has and the file has not, with the key of the first place."""
-    lines = [f"{_LEFT_OUT[effect.name]} ({effect.why})"
-             for effect in effects(scene) if effect.on and effect.name in _LEFT_OUT]  # fmt: skip
+    held = {"static"} if to == "isaaclab" else set()
+    lines = [f"{_LEFT_OUT[effect.name]} ({effect.why})" for effect in effects(scene)
+             if effect.on and effect.name in _LEFT_OUT.keys() - held]  # fmt: skip
     for name, friction in scene.friction.items():
         lines += [f"the direction of friction.{name}.{term.key}: one constant for both ways"
                   for term in friction.terms if term.directed]  # fmt: skip
     for name, payload in scene.payloads.items():
-        if not payload.attached and to != "ur":
+        if not payload.attached and to in ("mjcf", "urdf", "sdf"):
             lines.append(f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "
                          "scene does not carry by default")  # fmt: skip
-    if to == "ur":
-        lines.append("rotor inertia, fitted beside the friction and given at each joint")
-    if to == "mjcf":
-        lines.append("meshes (capsules stand for the links) and speed limits")
-    if to == "urdf":
+    lines += _NOT_THERE.get(to, ())
+    if to in ("urdf", "sdf"):
         gravity = scene.model.gravity.linear
         if not np.allclose(gravity, [0.0, 0.0, -9.81]):
             lines.append(f"gravity, {gravity.tolist()} m/s^2")
         if any(drive.transmission is not None for drive in scene.drives):
-            lines.append("ratios and rotor inertias of the drives, for which a URDF has no place")
+            lines.append("ratios and rotor inertias of the drives, for which it has no place")
     return tuple(lines)

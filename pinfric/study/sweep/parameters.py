@@ -235,14 +235,23 @@ def apply(
         targets: of `resolve`.
         values: (number of targets,) in their order.
     """
+    for target, value in zip(targets, map(float, values), strict=True):
+        if target.section == "speed":
+            trajectory = trajectory.with_speed(value)
+    return vary(scene, targets, values), trajectory
+
+
+def vary(scene: Scene, targets: Sequence[Target], values: Sequence[float]) -> Scene:
+    """Return the scene with one sample's values in it; speeds are the trajectory's.
+
+    Args: see `apply`.
+    """
     friction = dict(scene.friction)
     payloads = dict(scene.payloads)
     losses: dict[str, dict[str, float]] = {}
     angles = dict.fromkeys(_ANGLES, 0.0)
     for target, value in zip(targets, map(float, values), strict=True):
-        if target.section == "speed":
-            trajectory = trajectory.with_speed(value)
-        elif target.section == "mounting":
+        if target.section == "mounting":
             angles[target.key] = value
         elif target.section == "payload":
             name = target.names[0]
@@ -250,7 +259,7 @@ def apply(
         elif target.section == "friction":
             for name in target.names:
                 friction[name] = _scaled(friction[name], target.key, value)
-        else:
+        elif target.section == "transmission":
             for name in target.names:
                 factors = losses.setdefault(name, {})
                 before = 1.0 if target.key in SET else factors.get(target.key, 1.0)
@@ -265,7 +274,7 @@ def apply(
         change["actuators"] = [_with_losses(a, losses) for a in scene.actuators or ()]
     if "mounting" in sections:
         change["model"] = mounted(scene.model, angles["roll"], angles["pitch"])
-    return (_varied(scene, change) if change else scene), trajectory
+    return _varied(scene, change) if change else scene
 
 
 def _varied(scene: Scene, change: dict[str, Any]) -> Scene:

@@ -373,7 +373,7 @@ def changed():
         (changed, "urdf", r"not the one of three_link.urdf \(inertias\)"),
         (lambda: pf.load_scene("panda_pick_and_place"), "ur", "'panda_joint1' is none of a UR"),
         (lambda: pf.Scene(model=random_tree(0, joints=0)), "ur", "no joint 'shoulder_pan_joint'"),
-        (lambda: pf.Scene(model=block()), "sdf", "'sdf': there are: mjcf, urdf, ur"),
+        (lambda: pf.Scene(model=block()), "stl", "'stl': there are: mjcf, urdf, ur, sdf"),
     ],
 )
 def test_what_cannot_be_exported_is_named(scene, to, message):

@@ -1,0 +1,368 @@
+"""Friction for a controller to compensate: with the load that the joints carry now, and passive.
+
+With the load c(q, v, a) of the bearings, what passes a gear in a direction s = +-1 of motion is
+
+    t(s) = tau + sum_k |r_k| s (mu_k c_k + coulomb_k) + drag(v)
+
+and what must arrive at it F_s(t), `drives.gear_line`. Compensated is, at the reference velocity v,
+
+    D(v) = (1+s)/2 F_+(P t(+)) + (1-s)/2 F_-(P t(-)) - P tau - P drag(v),     s = S(v / v_s)
+    out  = scale D(v) + viscous_scale (P drag + drag of the motor)(v)
+
+S(x) = x (3 - x^2)/2 within |x| < 1, the sign of x beyond. For a drive that is not coupled out v is
+never more than the power that the model's friction takes (`notebooks/theory/compensation`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.errors import PinfricError, StateError
+from pinfric.kernels.compiled import kernel
+from pinfric.model.arrays import real_numbers
+from pinfric.model.bearings import Contacts, normal_loads
+from pinfric.model.couples import delivery, rate_rows, taking_part
+from pinfric.model.drives import Gears, gear_drag, gear_line
+from pinfric.model.laws import Laws, friction_at
+from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
+from pinfric.model.scene import Scene
+
+
+@dataclass(frozen=True)
+class CompensationOptions:
+    """How friction is compensated; each a number, or one per drive.
+
+    Attributes:
+        scale: of dry friction and gear losses; at the measured velocity at most 1/(1 + e), with e
+            the relative error of the friction's level.
+        viscous_scale: of friction that vanishes at rest.
+        switch_velocity: v_s, within which the direction changes (rad/s or m/s).
+        hold_error: position error that asks for all of break-away friction (rad or m); 0: none.
+        limit: of what is compensated (N m or N).
+        power: that it may inject beyond what friction takes (W); infinite: not watched.
+    """
+
+    scale: Any = 0.8
+    viscous_scale: Any = 0.8
+    switch_velocity: Any = 0.02
+    hold_error: Any = 0.0
+    limit: Any = np.inf
+    power: Any = np.inf
+
+    def table(self, scene: Scene) -> np.ndarray:
+        """Return the options as rows (6, na).
+
+        Raises:
+            StateError: not numbers of the drives, or below 0.
+        """
+        rows = np.empty((6, len(scene.drives)))
+        for row, entry in zip(rows, fields(self), strict=True):
+            where = f"{scene.source}: CompensationOptions.{entry.name}"
+            given = real_numbers(where, getattr(self, entry.name))
+            if given.shape not in ((), row.shape) or not (given >= 0.0).all():
+                raise StateError(
+                    f"{where}: should be one number, or {row.size} (one per drive), not below 0; "
+                    f"found {np.array2string(given, threshold=9)}"
+                )
+            row[:] = given
+        return rows
+
+
+class Compensated(NamedTuple):
+    """What of a scene the kernels read; nothing in it changes.
+
+    Attributes:
+        velocity_index, ratio: (ns,) of the sites.
+        joint, place: (ns,) row of each site's joint, and of the site itself.
+        contacts, laws, gears: of the scene.
+        rate, delivery: (na, nv), (na, na) of drives, see `couples`.
+        together: (na,) whether a drive's joint turns with other drives: its directions differ.
+    """
+
+    velocity_index: np.ndarray
+    ratio: np.ndarray
+    joint: np.ndarray
+    place: np.ndarray
+    contacts: Contacts
+    laws: Laws
+    gears: Gears
+    rate: np.ndarray
+    delivery: np.ndarray
+    together: np.ndarray
+
+
+class Directions(NamedTuple):
+    """Directions in [-1, 1] and shares of break-away in [0, 1].
+
+    Attributes:
+        joint, joint_leaving: (nv,). drive, drive_leaving: (na,).
+    """
+
+    joint: np.ndarray
+    joint_leaving: np.ndarray
+    drive: np.ndarray
+    drive_leaving: np.ndarray
+
+
+def check_compensated(scene: Scene) -> None:
+    """Refuse a scene whose compensation has no bound in time, or is not determined.
+
+    Raises:
+        PinfricError: loops, drives off the joints, joints of several degrees of freedom, freedoms
+            without a drive or with several, a guide without width; named.
+    """
+    off_joint = [x for a in scene.actuators or () if (x := a.cylinder or a.force)]
+    reason = "there friction and reactions depend on each other, and solving that has no time limit"
+    for what, named in (("the loop", scene.loops), ("the drive off the joints", off_joint)):
+        if named:
+            raise PinfricError(f"{scene.source}: {what} {named[0].name!r}: {reason}; a compensator "
+                               "takes open chains with drives at their joints")  # fmt: skip
+    if not scene.joint_names:
+        raise PinfricError(f"{scene.source}: has no joint that a compensator could act on")
+    for name, components in zip(scene.joint_names, scene.twin().components, strict=True):
+        if components[0] >= 0:
+            raise PinfricError(
+                f"{scene.source}: joint {name!r} has several degrees of freedom; a compensator "
+                "takes joints of one, each with its drive; lock it (robot.locked)"
+            )
+    own, names = [drive.velocity_index for drive in scene.drives], freedom_names(scene)
+    for v, name in enumerate(names):
+        if own.count(v) != 1:
+            raise PinfricError(
+                f"{scene.source}: actuators: joint {name!r} has "
+                f"{'several drives' if own.count(v) else 'no drive'}; a compensator needs one "
+                "drive for each freedom"
+            )
+    for site in scene.sites:
+        if site.friction.bearing is not None and site.friction.bearing.roll_lever() is not None:
+            raise PinfricError(
+                f"{scene.source}: friction.{site.name}.bearing.width: missing; a compensator "
+                "cannot stop at a moment about the axis, which a guide without width does not "
+                "carry; give it"
+            )
+
+
+def freedom_names(scene: Scene) -> list[str]:
+    """Return the joint of each velocity of an open chain of joints of one degree of freedom."""
+    twin, names = scene.twin(), [""] * scene.model.nv
+    for row, name in reversed(list(enumerate(scene.joint_names))):
+        names[twin.v_index[row]] = name  # a joint stands before those that mimic it
+    return names
+
+
+def make_compensated(scene: Scene) -> Compensated:
+    """Tabulate a scene.
+
+    Raises:
+        PinfricError: see `check_compensated`.
+    """
+    check_compensated(scene)
+    tables, nv, drives = scene.site_tables, scene.model.nv, scene.drives
+    P, part = delivery(drives, nv), taking_part(drives)
+    return Compensated(
+        velocity_index=tables.velocity_index,
+        ratio=tables.ratio,
+        joint=tables.joint,
+        place=np.arange(len(scene.sites)),
+        contacts=tables.contacts,
+        laws=tables.laws,
+        gears=scene_gears(scene),
+        rate=rate_rows(drives, nv),
+        delivery=P if P.size else np.eye(len(drives)),
+        together=np.isin(np.arange(len(drives)), part),
+    )
+
+
+def compensate_state(
+    scene: Scene,
+    tables: Compensated,
+    effort: np.ndarray,
+    wrench: np.ndarray,
+    displacement: np.ndarray,
+    motion: Mapping[str, np.ndarray | None],
+    options: CompensationOptions,
+) -> np.ndarray:
+    """Return the compensation (na,) at one state (N m or N at the joints).
+
+    Args:
+        scene, tables: `make_compensated`.
+        effort: (nv,) tau, without friction.
+        wrench: (1, ns, 6) of the sites' joints.
+        displacement: (1, ns) along them.
+        motion: v_ref, and error and v_now or None: (nv,) each.
+        options: how.
+
+    Raises:
+        StateError: a value not finite, or an option that is none.
+    """
+    for name, given in motion.items():
+        if given is not None and impossible(given).any():
+            raise StateError(f"{name}: holds NaN, Inf or more than {LARGEST_OF_A_MOTION:g}")
+    load = np.zeros((1, len(scene.sites)))
+    normal_loads(wrench, tables.place, tables.contacts, displacement, load)
+    v_ref, error, v_now = (motion[name] for name in ("v_ref", "error", "v_now"))
+    assert v_ref is not None
+    rows, nothing = options.table(scene), np.zeros(len(v_ref))
+    out = np.empty(len(scene.drives))
+    compensate(
+        tables,
+        effort,
+        load[0],
+        v_ref,
+        nothing if error is None else error,
+        nothing if v_now is None else v_now,
+        np.array([error is not None and v_now is not None, v_now is not None]),
+        rows,
+        out,
+    )
+    return out
+
+
+@kernel
+def smooth_sign(x: float) -> float:
+    """Return S(x) = x (3 - x^2)/2 within |x| < 1, the sign of x beyond."""
+    return min(max(0.5 * x * (3.0 - x * x), -1.0), 1.0) if abs(x) < 1.0 else np.sign(x)
+
+
+@kernel
+def _bell(x: float) -> float:
+    """(1 - x^2)^2 within |x| < 1, 0 beyond."""
+    return max(1.0 - x * x, 0.0) ** 2
+
+
+@kernel
+def _direct(
+    v_ref: float, band: float, error: float, hold: float, v_now: float
+) -> tuple[float, float]:
+    """Return a direction and its share of break-away, which fades as the joint slips.
+
+    Args:
+        v_ref, band: reference velocity, v_s. error, hold: position error, `hold_error` or 0.
+        v_now: measured velocity.
+    """
+    if not band > 0.0:
+        return np.sign(v_ref), 0.0
+    x = v_ref / band
+    if not hold > 0.0:
+        return smooth_sign(x), 0.0
+    direction = smooth_sign(x + _bell(x) * smooth_sign(error / hold))
+    return direction, _bell(v_now / band) * abs(direction)
+
+
+@kernel
+def friction_of(
+    t: Compensated,
+    effort: np.ndarray,
+    load: np.ndarray,
+    v: np.ndarray,
+    to: Directions,
+    dry: np.ndarray,
+    drag: np.ndarray,
+) -> None:
+    """Write D of each drive, and what of its friction vanishes at rest, at the velocities v.
+
+    Args:
+        t: `make_compensated`. effort: (nv,) tau. load: (ns,) normal loads. v: (nv,).
+        to: directions.
+        dry, drag: (na,) N m or N, overwritten.
+    """
+    ahead, back, rest, slow = np.zeros((4, v.size))
+    for s in range(t.ratio.size):
+        i, r = t.velocity_index[s], t.ratio[s]
+        rate, size, leaving, c = r * v[i], abs(r), to.joint_leaving[i], load[s]
+        now = friction_at(t.laws, s, abs(rate))
+        mu = (1.0 - leaving) * now.mu + leaving * t.laws.mu_static[s]
+        static = t.laws.coulomb_static[s]
+        forward = (1.0 - leaving) * now.forward + leaving * static[0]
+        backward = (1.0 - leaving) * now.backward + leaving * static[1]
+        ahead[i] += size * (mu * c + (forward if r >= 0.0 else backward))
+        back[i] += size * (mu * c + (backward if r >= 0.0 else forward))
+        directed = now.drag_mu * c + (now.drag_forward if rate > 0.0 else now.drag_backward)
+        slow[i] += r * (t.laws.viscous[s] * rate + np.copysign(directed, rate))
+    for i in range(v.size):
+        s = to.joint[i]
+        rest[i] = effort[i] + slow[i]
+        if t.together[i]:  # its gears' directions are not the joint's
+            blend = 0.5 * (1.0 + s) * ahead[i] - 0.5 * (1.0 - s) * back[i]
+            ahead[i], back[i] = blend, -blend
+    for d in range(dry.size):
+        s, leaving, rate = to.drive[d], to.drive_leaving[d], 0.0
+        plus = minus = without = damping = 0.0
+        for i in range(v.size):
+            rate += t.rate[d, i] * v[i]
+        for i in range(dry.size):
+            P = t.delivery[d, i]
+            plus += P * (rest[i] + ahead[i])
+            minus += P * (rest[i] - back[i])
+            without += P * rest[i]
+            damping += P * slow[i]
+        forward = 0.5 * (1.0 + s) * _arriving(t.gears, d, 1.0, abs(rate), leaving, plus)
+        backward = 0.5 * (1.0 - s) * _arriving(t.gears, d, -1.0, abs(rate), leaving, minus)
+        dry[d] = forward + backward - without
+        drag[d] = damping + gear_drag(t.gears, d, rate)
+
+
+@kernel
+def _arriving(
+    gears: Gears, d: int, direction: float, speed: float, leaving: float, effort: float
+) -> float:
+    """Return F(t), by the share `leaving` with what it takes to leave rest."""
+    slope, offset, _, _ = gear_line(gears, d, direction, speed, False, effort)
+    if leaving > 0.0:
+        _, static, _, _ = gear_line(gears, d, direction, speed, True, effort)
+        offset = (1.0 - leaving) * offset + leaving * static
+    return slope * effort + offset
+
+
+@kernel
+def compensate(
+    t: Compensated,
+    effort: np.ndarray,
+    load: np.ndarray,
+    v_ref: np.ndarray,
+    error: np.ndarray,
+    v_now: np.ndarray,
+    given: np.ndarray,
+    options: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Write the compensation of each drive; see the module's text.
+
+    Args:
+        t, effort, load: see `friction_of`.
+        v_ref, error, v_now: (nv,).
+        given: (2,) bool: whether a hold may be asked for; whether v_now is measured.
+        options: (6, na), the fields of `CompensationOptions`.
+        out: (na,) N m or N at the joints, overwritten.
+    """
+    nv, na = v_ref.size, out.size
+    dry, drag, now = np.empty(na), np.empty(na), np.zeros(na)
+    to = Directions(np.empty(nv), np.empty(nv), np.empty(na), np.empty(na))
+    for d in range(na):
+        band, hold = options[2, d], options[3, d] if given[0] else 0.0
+        rate = wrong = 0.0
+        for i in range(nv):
+            rate += t.rate[d, i] * v_ref[i]
+            wrong += t.rate[d, i] * error[i]
+            now[d] += t.rate[d, i] * v_now[i]
+        to.joint[d], to.joint_leaving[d] = _direct(v_ref[d], band, error[d], hold, v_now[d])
+        to.drive[d], to.drive_leaving[d] = _direct(rate, band, wrong, hold, now[d])
+    friction_of(t, effort, load, v_ref, to, dry, drag)
+    for d in range(na):
+        total = options[0, d] * dry[d] + options[1, d] * drag[d]
+        out[d] = min(max(total, -options[4, d]), options[4, d])
+    if not (given[1] and options[5].min() < np.inf):
+        return
+    for d in range(na):
+        to.joint[d], to.drive[d] = np.sign(v_now[d]), np.sign(now[d])
+        to.joint_leaving[d] = to.drive_leaving[d] = 0.0
+    friction_of(t, effort, load, v_now, to, dry, drag)
+    for d in range(na):
+        lost = dry[d] + drag[d]
+        if out[d] * now[d] > lost * now[d] + options[5, d]:
+            out[d] = lost + options[5, d] / now[d]

@@ -1,0 +1,87 @@
+// Answers what test_cpp.py asks of several compensators at once; see `Headers` there.
+#include <cstddef>
+#include <cstdio>
+#include <cstring>
+#include <vector>
+
+// @@INCLUDES
+
+namespace {
+
+void put(std::vector<double>& out, const double* values, int count) {
+  out.insert(out.end(), values, values + count);
+}
+
+// One scene: payloads, wrenches, then states of q, v, a, v_ref, error, v_now; see `Headers.ask`.
+template <class Robot, class Compensator, class Options, class Instant>
+bool answer(std::FILE* in, std::FILE* out) {
+  double counts[6];  // payloads, wrenches, states, and whether v and a, error, v_now are given
+  if (std::fread(counts, sizeof(double), 6, in) != 6) return false;
+  Compensator compensator;
+  double accepted = 1.0;
+  for (int i = 0; i < static_cast<int>(counts[0]); ++i) {
+    double x[11];
+    if (std::fread(x, sizeof(double), 11, in) != 11) return false;
+    if (!compensator.add_payload(static_cast<int>(x[0]), x[1], x + 2, x + 5)) accepted = 0.0;
+  }
+  for (int i = 0; i < static_cast<int>(counts[1]); ++i) {
+    double x[7];
+    if (std::fread(x, sizeof(double), 7, in) != 7) return false;
+    if (!compensator.set_wrench(static_cast<int>(x[0]), x + 1)) accepted = 0.0;
+  }
+  constexpr int nv = Robot::freedoms, na = Robot::drives, ns = Robot::sites;
+  std::vector<double> row(std::size_t{6 * nv + 6 * na}), found;
+  for (int i = 0; i < static_cast<int>(counts[2]); ++i) {
+    if (std::fread(row.data(), sizeof(double), row.size(), in) != row.size()) return false;
+    const double *q = row.data(), *v = q + nv, *a = v + nv, *v_ref = a + nv, *error = v_ref + nv,
+                 *v_now = error + nv, *settings = v_now + nv;
+    if (counts[3] == 0.0) v = a = nullptr;
+    if (counts[4] == 0.0) error = nullptr;
+    if (counts[5] == 0.0) v_now = nullptr;
+    Options options;
+    double* const fields[] = {options.scale, options.viscous_scale, options.switch_velocity,
+                              options.hold_error, options.limit, options.power};
+    for (int f = 0; f < 6; ++f)
+      for (int d = 0; d < na; ++d) fields[f][d] = settings[f * na + d];
+    Instant instant, other;
+    using Size = std::size_t;  // arrays of a template's sizes: g++ warns of any other
+    double effort[Size{Robot::freedoms}], friction[Size{Robot::drives}], motor[Size{Robot::drives}];
+    double flags[Size{Robot::sites} + 1], good[5];
+    good[0] = accepted;
+    good[1] = compensator.rigid_body(q, v, a, effort);
+    good[2] = compensator.inverse(q, v, a, instant);
+    good[3] = compensator.friction(q, v, a, v_ref, error, v_now, options, friction);
+    good[4] = compensator.motor_torque(q, v, a, error, v_now, options, motor, other);
+    for (int s = 0; s < ns; ++s) flags[s] = instant.sticking[s];
+    found.clear();
+    put(found, good, 5);
+    put(found, effort, nv);
+    put(found, friction, na);
+    put(found, motor, na);
+    put(found, instant.effort_frictionless, na);
+    put(found, instant.effort_lower, na);
+    put(found, instant.effort_upper, na);
+    put(found, instant.motor_torque_lower, na);
+    put(found, instant.motor_torque_upper, na);
+    put(found, instant.normal_load, ns);
+    put(found, instant.friction_lower, ns);
+    put(found, instant.friction_upper, ns);
+    put(found, flags, ns);
+    put(found, instant.wrench[0], 6 * ns);
+    std::fwrite(found.data(), sizeof(double), found.size(), out);
+  }
+  return true;
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  if (count != 4) return 2;
+  std::FILE* in = std::fopen(arguments[2], "rb");
+  std::FILE* out = std::fopen(arguments[3], "wb");
+  bool good = in != nullptr && out != nullptr;
+  // @@SCENES
+  if (in) std::fclose(in);
+  if (out) std::fclose(out);
+  return good ? 0 : 1;
+}

@@ -1,0 +1,99 @@
+"""SDF: read back by its own rules, and by Drake where it is installed."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import random_states, random_tree
+
+import pinfric as pf
+
+
+def numbers(element, path):
+    return np.array([float(x) for x in element.find(path).text.split()])
+
+
+def read(text):
+    """The model of an SDF file, by its rules: poses relative to named frames."""
+    root = ElementTree.fromstring(text).find("model")
+    joints = {joint.find("child").text: joint for joint in root.findall("joint")}
+    model, built = pin.Model(), {"world": 0}
+    for link in root.findall("link"):
+        name = link.get("name")
+        joint = joints[name]
+        assert link.find("pose").get("relative_to") == joint.get("name")
+        assert not numbers(link, "pose").any()
+        parent, axis = joint.find("parent").text, numbers(joint, "axis/xyz")
+        stands = joint.find("pose").get("relative_to")
+        assert stands == ("__model__" if parent == "world" else parent)
+        x, y, z, *angles = numbers(joint, "pose")
+        place = pin.SE3(pin.rpy.rpyToMatrix(*angles), np.array([x, y, z]))
+        kind = pin.JointModelPrismaticUnaligned if joint.get("type") == "prismatic" else (
+            pin.JointModelRevoluteUnaligned)  # fmt: skip
+        built[name] = model.addJoint(built[parent], kind(axis), place, joint.get("name"))
+        inertia = np.zeros((3, 3))
+        for i in range(3):
+            for k in range(i, 3):
+                moment = numbers(link, f"inertial/inertia/i{'xyz'[i]}{'xyz'[k]}")[0]
+                inertia[i, k] = inertia[k, i] = moment
+        body = pin.Inertia(numbers(link, "inertial/mass")[0], numbers(link, "inertial/pose")[:3],
+                           inertia)  # fmt: skip
+        model.appendBodyToJoint(built[name], body, pin.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_is_the_same_robot(seed):
+    model = random_tree(seed)
+    made = read(pf.export(pf.Scene(model), to="sdf").text)
+    made.gravity = model.gravity
+    (q, v, a), data = random_states(model, seed, 5), model.createData()
+    scene = pf.Scene(model)
+    angles = pf.Trajectory.from_arrays(scene, np.arange(5.0), q, v, a).joint_positions()
+    for k in range(5):
+        wanted = pin.rnea(model, data, q[k], v[k], a[k])
+        found = pin.rnea(made, made.createData(), angles[k], v[k], a[k])
+        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_constants_limits_and_errors_are_there():
+    scene = pf.load_scene("ur5_pick_and_place")
+    made = pf.export(scene, pf.load_trajectory("ur5_pick_and_place.csv", scene), "sdf")
+    root = ElementTree.fromstring(made.text).find("model")
+    for joint in made.joints:
+        dynamics = root.find(f"joint[@name='{joint.joint}']/axis/dynamics")
+        assert numbers(dynamics, "friction")[0] == joint.frictionloss
+        assert numbers(dynamics, "damping")[0] == joint.damping
+    lower = [numbers(joint, "axis/limit/lower")[0] for joint in root.findall("joint")]
+    np.testing.assert_allclose(lower, scene.model.lowerPositionLimit)
+    assert made.text.count("; error rms ") == 5  # the sixth never moves
+    names = [x.get("name") for x in (*root.findall("link"), *root.findall("joint"))]
+    assert len(set(names)) == len(names)
+
+
+def test_drake_reads_it(tmp_path):
+    """Drake 1.51 takes masses, limits and damping, and no dry friction."""
+    plants = pytest.importorskip("pydrake.multibody.plant", reason="Drake is not installed")
+    parsing = pytest.importorskip("pydrake.multibody.parsing")
+    scene = pf.load_scene("ur5_pick_and_place")
+    made = pf.export(scene, pf.load_trajectory("ur5_pick_and_place.csv", scene), "sdf")
+    file = made.write(tmp_path / "ur5.sdf")
+    plant = plants.MultibodyPlant(0.0)
+    parsing.Parser(plant).AddModels(str(file))
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    q, v, a = (x[0] for x in random_states(scene.model, 1, 1))
+    plant.SetPositions(context, q)
+    plant.SetVelocities(context, v)
+    forces = plants.MultibodyForces_[float](plant) if hasattr(plants, "MultibodyForces_") else None
+    if forces is None:
+        forces = pytest.importorskip("pydrake.multibody.tree").MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, forces)
+    found = plant.CalcInverseDynamics(context, a, forces)
+    model = scene.loaded_model()
+    wanted = pin.rnea(model, model.createData(), q, v, a)
+    damping = np.array([joint.damping for joint in made.joints])
+    np.testing.assert_allclose(found, wanted + damping * v, rtol=1e-9, atol=1e-9)
