@@ -45,6 +45,7 @@ def load_scene(path: str | Path) -> Scene:
         loops=entries.loops,
         loop_tolerance=entries.loop_tolerance,
         redundancy_length=entries.redundancy.length,
+        tool=entries.tool,
     )
 
 
