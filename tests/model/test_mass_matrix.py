@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, random_inertia, random_states, random_tree
 
 import pinfric as pf
-from builders import chain, random_inertia, random_states, random_tree
 from pinfric.model.mass_matrix import frame_jacobians, mass_matrices
 from pinfric.model.twin import make_twin
 
@@ -31,12 +31,15 @@ def test_random_trees(seed):
 
 def test_joints_of_many_degrees_and_mimic_joints():
     model = pin.buildSampleModelHumanoidRandom()
-    q = np.array([pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq))
-                  for _ in range(3)])  # fmt: skip
+    q = np.array(
+        [pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)) for _ in range(3)]
+    )
     found = mass_matrices(make_twin(model), q)
     np.testing.assert_allclose(found, [by_rnea(model, x) for x in q], atol=1e-10)
-    links = [(f"joint_{k}", turn(), random_inertia(np.random.default_rng(k)), [0.1, 0.2, 0.3])
-             for k, turn in enumerate((pin.JointModelRX, pin.JointModelRY, pin.JointModelRX))]
+    links = [
+        (f"joint_{k}", turn(), random_inertia(np.random.default_rng(k)), [0.1, 0.2, 0.3])
+        for k, turn in enumerate((pin.JointModelRX, pin.JointModelRY, pin.JointModelRX))
+    ]
     led = pin.transformJointIntoMimic(chain(*links), 1, 3, -0.7, 0.1)
     q = random_states(led, 2, 4)[0]
     found = mass_matrices(make_twin(led), q)
@@ -57,7 +60,8 @@ def test_frames():
     frame = model.addFrame(pin.Frame("tip", 6, 0, pin.SE3.Random(), pin.FrameType.BODY))
     ground = model.addFrame(pin.Frame("floor", 0, 0, pin.SE3.Random(), pin.FrameType.BODY))
     q, twin, data = random_states(model, 1, 5)[0], make_twin(model), model.createData()
-    expected = [pin.computeFrameJacobian(model, data, x, frame, pin.LOCAL_WORLD_ALIGNED).copy()
-                for x in q]  # fmt: skip
+    expected = [
+        pin.computeFrameJacobian(model, data, x, frame, pin.LOCAL_WORLD_ALIGNED).copy() for x in q
+    ]
     np.testing.assert_allclose(frame_jacobians(twin, q, frame), expected, atol=1e-13)
     assert not frame_jacobians(twin, q, ground).any()

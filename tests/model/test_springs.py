@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 
 import pinfric as pf
-from builders import chain
 from pinfric.model.springs import (
     LostMotionStiffness,
     StiffnessLines,
@@ -39,8 +39,9 @@ def test_three_lines_their_tangents_and_back():
     np.testing.assert_allclose(angle, -spring.wind_up(-torque))
     assert (np.diff(angle) > 0).all()
     above = spring.tangent(torque)
-    np.testing.assert_array_equal(above, [1.2e5, 1.2e5, 1.1e5, *[6.7e4] * 4, 1.1e5, 1.1e5, 1.2e5,
-                                          1.2e5])  # fmt: skip
+    np.testing.assert_array_equal(
+        above, [1.2e5, 1.2e5, 1.1e5, *[6.7e4] * 4, 1.1e5, 1.1e5, 1.2e5, 1.2e5]
+    )
     third = 29 / 6.7e4 + 79 / 1.1e5 + 192 / 1.2e5
     assert spring.wind_up(300.0) == pytest.approx(third, rel=1e-14)
 
@@ -73,8 +74,9 @@ def test_hysteresis_and_friction_are_each_others_inverse():
     assert largest_friction(spring, ARCMIN) == pytest.approx(0.5 * ARCMIN * 3.1e4)
 
 
-@pytest.mark.parametrize("given", [CSG_25, LostMotionStiffness(k=4e5, lost_motion=3e-4,
-                                                               rated_torque=400.0)])  # fmt: skip
+@pytest.mark.parametrize(
+    "given", [CSG_25, LostMotionStiffness(k=4e5, lost_motion=3e-4, rated_torque=400.0)]
+)
 def test_scaled_lines_wind_up_in_proportion(given):
     torque = np.linspace(-300, 300, 61)
     twice = spring_of(given.scaled(2.0)).wind_up(torque)

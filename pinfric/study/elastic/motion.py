@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,6 +37,9 @@ from pinfric.study.elastic.vibration import (
     mobility,
 )
 from pinfric.study.sizing.demand import hold_samples
+
+#: Wind-up that the approach leaves, and the opposite one.
+_Ways = tuple[np.ndarray | None, np.ndarray | None]
 
 
 @dataclass(frozen=True)
@@ -184,11 +188,11 @@ def elasticity(result: InverseResult) -> Elasticity:
         raise StateError("elasticity needs times: give `t` to inverse_dynamics")
     notes = list(_notes(scene))
     found = _rest_samples(result)
-    ways = _approaches(result, found, notes) if found else None
+    ways = _approaches(result, found, notes)
     modes = modes_of(result, [last for *_, last in found], _least_torque(result))
     stiffest = modes_of(result, [last for *_, last in found], _worst_torque(result))
     rests = tuple(
-        _rest(result, n, span, ways, (modes[n], stiffest[n].frequency))
+        _rest(result, span, ways[n], (modes[n], stiffest[n].frequency))
         for n, span in enumerate(found)
     )
     names = tuple(scene.drives[d].name for d in scene.elastic)
@@ -199,16 +203,22 @@ def _notes(scene: Scene) -> list[str]:
     notes = []
     at_joint = [scene.drives[d].name for d in scene.elastic if scene.drives[d].encoder == "joint"]
     if at_joint:
-        notes.append(f"encoder at the joint: {', '.join(at_joint)}: the controller takes out what "
-                     "these gears wind up, so no sag and no interval of theirs reaches the tool")  # fmt: skip
+        notes.append(
+            f"encoder at the joint: {', '.join(at_joint)}: the controller takes out what "
+            "these gears wind up, so no sag and no interval of theirs reaches the tool"
+        )
     if scene.tool is None:
         notes.append("no `tool` in the scene: name its link for the tool's place at rest")
     elif scene.mobility.undriven or scene.mobility.redundant:
-        notes.append("joints without drive, or redundant drives: the tool's place does not follow "
-                     "from the drives' wind-up")  # fmt: skip
+        notes.append(
+            "joints without drive, or redundant drives: the tool's place does not follow "
+            "from the drives' wind-up"
+        )
     if scene.linkage is not None or taking_part(scene.drives):
-        notes.append("loops or couples: intervals of drives depend on each other, so the tool's "
-                     "interval is a bound")  # fmt: skip
+        notes.append(
+            "loops or couples: intervals of drives depend on each other, so the tool's "
+            "interval is a bound"
+        )
     return notes
 
 
@@ -267,10 +277,13 @@ def free_frequencies(result: InverseResult, sample: int) -> np.ndarray | None:
 
 def stiffness_at(scene: Scene, torque: np.ndarray) -> np.ndarray:
     """Return the tangents (n, ne) of the elastic gears at torques (n, na) of all drives."""
-    return np.column_stack([
-        spring.tangent(torque[:, d]) for d in scene.elastic
-        if (spring := scene.drives[d].spring) is not None
-    ])  # fmt: skip
+    return np.column_stack(
+        [
+            spring.tangent(torque[:, d])
+            for d in scene.elastic
+            if (spring := scene.drives[d].spring) is not None
+        ]
+    )
 
 
 def inertias_about(scene: Scene, mass: np.ndarray) -> np.ndarray:
@@ -384,39 +397,46 @@ def _rest_samples(result: InverseResult) -> list[tuple[int, int, int]]:
     found = []
     for first, last in runs(still):
         cuts = [first, *(start for start in starts if first < start <= last), last + 1]
-        found += [(first, a, b - 1) for a, b in zip(cuts, cuts[1:], strict=False)]
+        found += [(first, a, b - 1) for a, b in pairwise(cuts)]
     return found
 
 
 def _approaches(
     result: InverseResult, found: list[tuple[int, int, int]], notes: list[str]
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Wind-up (rests, na) that the approach leaves, and the opposite one: quasi-static, just moving.
+) -> list[_Ways]:
+    """Wind-up (na,) that the approach to each rest leaves, and the opposite one: just moving.
 
-    None, and a note, where no such motion can be computed.
+    None where nothing has moved before; and, with a note, where no such motion can be computed.
     """
     scene, states = result.scene, result.states
-    if result.external:
-        notes.append("external wrenches: places by approach are left out")
-        return None
+    nothing: list[_Ways] = [(None, None)] * len(found)
+    if result.external or not found:
+        if result.external:
+            notes.append("external wrenches: places by approach are left out")
+        return nothing
     last = [sample for *_, sample in found]
     way = np.array([_direction(result, hold) for hold, _, _ in found])
-    if scene.loops:
-        N = free_motions(closure_jacobian(scene.twin(), scene.linkage, states.q[last]),
-                         scene.model.nv)  # fmt: skip
+    if scene.linkage is not None:
+        N = free_motions(
+            closure_jacobian(scene.twin(), scene.linkage, states.q[last]), scene.model.nv
+        )
         way = np.einsum("nik,njk,nj->ni", N, N, way)
     attached = None if states.attached is None else states.attached[last]
-    wind_ups = []
+    wind_ups: list[np.ndarray] = []
     for sign in (1.0, -1.0):
         try:
-            moving = inverse_dynamics(scene, states.q[last], sign * way, 0.0 * way,
-                                      attached=attached)  # fmt: skip
+            moving = inverse_dynamics(
+                scene, states.q[last], sign * way, 0.0 * way, attached=attached
+            )
         except PinfricError as problem:
             notes.append(f"places by approach are left out: {problem}")
-            return None
-        ends = (_wind_ups(scene, end) for end in (moving.effort_lower, moving.effort_upper))
-        wind_ups.append(0.5 * sum(ends))
-    return wind_ups[0], wind_ups[1]
+            return nothing
+        lower, upper = (_wind_ups(scene, x) for x in (moving.effort_lower, moving.effort_upper))
+        wind_ups.append(0.5 * (lower + upper))
+    return [
+        (one, other) if moved.any() else (None, None)
+        for one, other, moved in zip(*wind_ups, way, strict=True)
+    ]
 
 
 def _direction(result: InverseResult, hold: int) -> np.ndarray:
@@ -436,34 +456,36 @@ def _direction(result: InverseResult, hold: int) -> np.ndarray:
             return np.zeros(scene.model.nv)
         before = v[some[-1]]
         return np.asarray(before * (1e3 * stick.max() / np.abs(before).max()))
-    at = np.where(moving.any(axis=0), len(v) - 1 - np.argmax(moving[::-1], axis=0), -1) if len(
-        v
-    ) else np.full(scene.model.nv, -1)  # fmt: skip
-    signs = np.array([np.sign(v[k, j]) if k >= 0 else 0.0 for j, k in enumerate(at)])
+    last = [np.flatnonzero(column)[-1:] for column in moving.T]
+    signs = np.array([np.sign(v[k, j]).sum() for j, k in enumerate(last)])
     return np.asarray(2.0 * np.maximum(stick, 1e-9) * signs)
 
 
 def _rest(
     result: InverseResult,
-    n: int,
     span: tuple[int, int, int],
-    ways: tuple[np.ndarray, np.ndarray] | None,
+    ways: _Ways,
     swing: tuple[Mode, float],
 ) -> Rest:
     scene, (_, first, last), t = result.scene, span, result.t
     assert t is not None  # elasticity refuses a result without
     torque = [result.effort_lower, result.effort_upper, result.effort_frictionless]
     lower, upper, sag = (_wind_ups(scene, x[[last]])[0] for x in torque)
-    approach, opposite = (None, None) if ways is None else (ways[0][n], ways[1][n])
     mode, stiffest = swing
     return Rest(
-        start=float(t[first]), end=float(t[last]), sample=last,
+        start=float(t[first]),
+        end=float(t[last]),
+        sample=last,
         payloads=_carried(result, last),
-        wind_up_lower=lower, wind_up_upper=upper, wind_up_sag=sag,
-        wind_up_approach=approach, wind_up_opposite=opposite,
-        frequency=(mode.frequency, stiffest), mode=mode,
-        tool=_tool(result, last, (lower, upper, sag), (approach, opposite)),
-    )  # fmt: skip
+        wind_up_lower=lower,
+        wind_up_upper=upper,
+        wind_up_sag=sag,
+        wind_up_approach=ways[0],
+        wind_up_opposite=ways[1],
+        frequency=(mode.frequency, stiffest),
+        mode=mode,
+        tool=_tool(result, last, (lower, upper, sag), ways),
+    )
 
 
 def _carried(result: InverseResult, sample: int) -> tuple[str, ...]:
@@ -477,7 +499,7 @@ def _tool(
     result: InverseResult,
     sample: int,
     ends: tuple[np.ndarray, np.ndarray, np.ndarray],
-    ways: tuple[np.ndarray | None, np.ndarray | None],
+    ways: _Ways,
 ) -> ToolPlace | None:
     scene, q = result.scene, result.states.q[[sample]]
     if scene.tool is None or scene.mobility.undriven or scene.mobility.redundant:
@@ -492,6 +514,9 @@ def _tool(
     lower, upper, sag = ends
     approach, opposite = (None if way is None else answer @ way for way in ways)
     return ToolPlace(
-        answer @ (0.5 * (lower + upper)), answer @ sag, answer * (0.5 * (upper - lower)),
-        approach, opposite,
-    )  # fmt: skip
+        answer @ (0.5 * (lower + upper)),
+        answer @ sag,
+        answer * (0.5 * (upper - lower)),
+        approach,
+        opposite,
+    )

@@ -1,7 +1,8 @@
 """Natural frequencies of a mechanism whose drives are springs, in the drives' coordinates.
 
-With s = S q the drives' own rates integrated, theta the motors' angles over their ratios,
-delta = theta - s and I = r^2 J_rotor (Spong's reduced model: rotors turn about their own axes only),
+With S v the drives' rates (s = S q in an open chain), theta the motors' angles over their ratios,
+delta = theta - s and I = r^2 J_rotor (Spong's reduced model: rotors turn about their own axes
+only),
 
     M q'' = S^T K delta + J_c^T lambda,     J_c q' = 0,     S_rigid q' = 0
     I theta'' = -K delta + motor

@@ -1,13 +1,13 @@
-"""Elastic gears along motions: closed forms, loops, couples, and 200 histories of an elastic arm."""
+"""Elastic gears along motions: closed forms, loops, couples, 200 histories of an elastic arm."""
 
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain, gantry, geared_arm
 
 import pinfric as pf
-from builders import chain, gantry, geared_arm
 from pinfric.study.elastic.motion import elasticity, free_frequencies, trajectory_frequencies
 
 G, TAU = 9.81, 2 * np.pi
@@ -26,14 +26,20 @@ def planar_arm(friction: dict | None = None, **more: object) -> pf.Scene:
     """Two links of 0.5 and 0.4 m that turn about y, point masses at 0.3 and 0.25 m, a tool."""
     links = [
         ("a", pin.JointModelRY(), pin.Inertia(6.0, np.array([0.3, 0, 0]), 0.1 * np.eye(3))),
-        ("b", pin.JointModelRY(), pin.Inertia(3.0, np.array([0.25, 0, 0]), 0.04 * np.eye(3)),
-         [0.5, 0.0, 0.0]),
-    ]  # fmt: skip
+        (
+            "b",
+            pin.JointModelRY(),
+            pin.Inertia(3.0, np.array([0.25, 0, 0]), 0.04 * np.eye(3)),
+            [0.5, 0.0, 0.0],
+        ),
+    ]
     model = chain(*links)
     place = pin.SE3(np.eye(3), np.array([0.4, 0.0, 0.0]))
     model.addFrame(pin.Frame("tool", 2, 0, place, pin.FrameType.BODY))
-    actuators = [{"joint": "a", "transmission": gear(LINES)},
-                 {"joint": "b", "transmission": gear(2e3)}]  # fmt: skip
+    actuators = [
+        {"joint": "a", "transmission": gear(LINES)},
+        {"joint": "b", "transmission": gear(2e3)},
+    ]
     given = {"friction": friction or {}, "actuators": actuators, "tool": "tool"} | more
     return pf.Scene(model=model, **given)
 
@@ -59,15 +65,21 @@ def test_sag_interval_and_reversal_of_one_axis():
     """A horizontal bar with stiction: delta = f(m g l -+ b), at the tool l delta."""
     body = pin.Inertia(4.0, np.array([0.5, 0, 0]), 0.2 * np.eye(3))
     model = chain(("pin", pin.JointModelRY(), body))
-    model.addFrame(pin.Frame("tip", 1, 0, pin.SE3(np.eye(3), np.array([0.8, 0, 0])),
-                             pin.FrameType.BODY))  # fmt: skip
-    scene = pf.Scene(model, friction={"pin": {"coulomb": {"static": 3.0, "kinetic": 2.0}}},
-                     actuators=[{"joint": "pin", "transmission": gear(1e3)}], tool="tip")  # fmt: skip
+    model.addFrame(
+        pin.Frame("tip", 1, 0, pin.SE3(np.eye(3), np.array([0.8, 0, 0])), pin.FrameType.BODY)
+    )
+    scene = pf.Scene(
+        model,
+        friction={"pin": {"coulomb": {"static": 3.0, "kinetic": 2.0}}},
+        actuators=[{"joint": "pin", "transmission": gear(1e3)}],
+        tool="tip",
+    )
     rest = elasticity(stand(scene, np.zeros(1), np.array([0.5]))).rests[0]
     h = -4.0 * G * 0.5
     np.testing.assert_allclose(rest.wind_up_sag, h / 1e3)
-    np.testing.assert_allclose([rest.wind_up_lower, rest.wind_up_upper],
-                               [[(h - 3) / 1e3], [(h + 3) / 1e3]])  # fmt: skip
+    np.testing.assert_allclose(
+        [rest.wind_up_lower, rest.wind_up_upper], [[(h - 3) / 1e3], [(h + 3) / 1e3]]
+    )
     np.testing.assert_allclose(rest.wind_up_approach, (h + 2) / 1e3)  # came forward
     np.testing.assert_allclose(rest.wind_up_opposite, (h - 2) / 1e3)
     assert rest.tool is not None
@@ -103,9 +115,11 @@ def test_places_of_two_axes_by_finite_rotation():
 
     exact = tip(q - rest.wind_up_sag) - tip(q)
     np.testing.assert_allclose(rest.tool.sag[:3], exact, atol=2e-2 * np.abs(exact).max())
-    corner = [tip(q - np.array([a, b])) - tip(q) - rest.tool.middle[:3]
-              for a in (rest.wind_up_lower[0], rest.wind_up_upper[0])
-              for b in (rest.wind_up_lower[1], rest.wind_up_upper[1])]  # fmt: skip
+    corner = [
+        tip(q - np.array([a, b])) - tip(q) - rest.tool.middle[:3]
+        for a in (rest.wind_up_lower[0], rest.wind_up_upper[0])
+        for b in (rest.wind_up_lower[1], rest.wind_up_upper[1])
+    ]
     largest = np.linalg.norm(corner, axis=1).max()
     assert rest.tool.farthest == pytest.approx(largest, rel=2e-2)
 
@@ -137,8 +151,12 @@ def test_without_a_tool_or_stiffness_or_times():
 
 
 def test_a_rigid_drive_beside_an_elastic_one_is_locked():
-    scene = planar_arm(actuators=[{"joint": "a", "transmission": {"ratio": 100.0}},
-                                  {"joint": "b", "transmission": gear(2e3)}])  # fmt: skip
+    scene = planar_arm(
+        actuators=[
+            {"joint": "a", "transmission": {"ratio": 100.0}},
+            {"joint": "b", "transmission": gear(2e3)},
+        ]
+    )
     result = stand(scene, np.array([0.3, 0.5]))
     far = 0.04 + 3 * 0.25**2
     np.testing.assert_allclose(trajectory_frequencies(result), np.sqrt(2e3 / far) / TAU)
@@ -209,16 +227,26 @@ def test_couples_and_drives_along_the_belts_swing_alike():
 def test_random_arms_by_pinocchios_own_matrices():
     for seed in range(4):
         scene, rng = geared_arm(seed)
-        actuators = [a.model_copy(update={"transmission": a.transmission.model_copy(
-            update={"stiffness": float(rng.uniform(1e3, 1e5))})}) for a in scene.actuators]
+        actuators = [
+            a.model_copy(
+                update={
+                    "transmission": a.transmission.model_copy(
+                        update={"stiffness": float(rng.uniform(1e3, 1e5))}
+                    )
+                }
+            )
+            for a in scene.actuators
+        ]
         scene = scene.with_(actuators=actuators)
         result = stand(scene, pin.neutral(scene.model))
         model, nv = scene.model, scene.model.nv
         data, zero = model.createData(), np.zeros(nv)
         M = np.array([pin.rnea(model, data, result.states.q[0], zero, x) for x in np.eye(nv)])
         M -= np.array([pin.rnea(model, data, result.states.q[0], zero, zero)] * nv)
-        K = [a.transmission.stiffness for a in sorted(
-            actuators, key=lambda a: model.getJointId(a.joint))]  # fmt: skip
+        K = [
+            a.transmission.stiffness
+            for a in sorted(actuators, key=lambda a: model.getJointId(a.joint))
+        ]
         squares = np.linalg.eigvals(np.linalg.solve(M, np.diag(K))).real
         expected = np.sqrt(squares.min()) / TAU
         assert trajectory_frequencies(result)[0] == pytest.approx(expected, rel=1e-7)
@@ -232,8 +260,11 @@ def twist(delta: np.ndarray) -> np.ndarray:
     """Torques of the two springs, written out: the lines of `LINES`, and 2e3 N m/rad."""
     size = np.abs(delta[:, 0])
     first, second = 5 / 3e3, 5 / 3e3 + 15 / 5e3
-    one = np.where(size < first, 3e3 * size, np.where(
-        size < second, 5 + 5e3 * (size - first), 20 + 6e3 * (size - second)))  # fmt: skip
+    one = np.where(
+        size < first,
+        3e3 * size,
+        np.where(size < second, 5 + 5e3 * (size - first), 20 + 6e3 * (size - second)),
+    )
     return np.stack([np.sign(delta[:, 0]) * one, 2e3 * delta[:, 1]], axis=1)
 
 
@@ -261,29 +292,47 @@ def histories(n: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         c, s2 = np.cos(q[:, 1]), np.sin(q[:, 1])
         far, cross = 0.04 + 3 * 0.25**2, 3 * 0.5 * 0.25
         a, b = one + far + 2 * cross * c, far + cross * c
-        bias = cross * s2[:, None] * np.stack(
-            [-v[:, 1] * (2 * v[:, 0] + v[:, 1]), v[:, 0] ** 2], axis=1)  # fmt: skip
+        bias = (
+            cross
+            * s2[:, None]
+            * np.stack([-v[:, 1] * (2 * v[:, 0] + v[:, 1]), v[:, 0] ** 2], axis=1)
+        )
         push = twist(theta - q) + DAMPING * (speed - v) - bias - gravity_torque(q)
         det = a * far - b * b
         W = np.stack([far / det, -b / det, a / det], axis=1)  # M^-1: 11, 12, 22
         bound = LIMIT * np.where(v == 0.0, RATIO, 1.0) * dt
-        free = np.stack([W[:, 0] * push[:, 0] + W[:, 1] * push[:, 1],
-                         W[:, 1] * push[:, 0] + W[:, 2] * push[:, 1]], axis=1) * dt + v  # fmt: skip
+        free = (
+            np.stack(
+                [
+                    W[:, 0] * push[:, 0] + W[:, 1] * push[:, 1],
+                    W[:, 1] * push[:, 0] + W[:, 2] * push[:, 1],
+                ],
+                axis=1,
+            )
+            * dt
+            + v
+        )
         for _ in range(6):
-            rub[:, 0] = np.clip(-(free[:, 0] + W[:, 1] * rub[:, 1]) / W[:, 0],
-                                -bound[:, 0], bound[:, 0])  # fmt: skip
-            rub[:, 1] = np.clip(-(free[:, 1] + W[:, 1] * rub[:, 0]) / W[:, 2],
-                                -bound[:, 1], bound[:, 1])  # fmt: skip
-        v = free + np.stack([W[:, 0] * rub[:, 0] + W[:, 1] * rub[:, 1],
-                             W[:, 1] * rub[:, 0] + W[:, 2] * rub[:, 1]], axis=1)  # fmt: skip
+            rub[:, 0] = np.clip(
+                -(free[:, 0] + W[:, 1] * rub[:, 1]) / W[:, 0], -bound[:, 0], bound[:, 0]
+            )
+            rub[:, 1] = np.clip(
+                -(free[:, 1] + W[:, 1] * rub[:, 0]) / W[:, 2], -bound[:, 1], bound[:, 1]
+            )
+        v = free + np.stack(
+            [W[:, 0] * rub[:, 0] + W[:, 1] * rub[:, 1], W[:, 1] * rub[:, 0] + W[:, 2] * rub[:, 1]],
+            axis=1,
+        )
         v[np.abs(rub) < bound * (1 - 1e-9)] = 0.0  # it holds: what is left is the iteration's
         q = q + dt * v
     return end, q, v
 
 
 def test_two_hundred_histories_rest_inside_the_interval():
-    static = {n: {"coulomb": {"static": RATIO * b, "kinetic": b}}
-              for n, b in zip("ab", LIMIT, strict=True)}  # fmt: skip
+    static = {
+        n: {"coulomb": {"static": RATIO * b, "kinetic": b}}
+        for n, b in zip("ab", LIMIT, strict=True)
+    }
     scene = planar_arm(static)
     end, q, v = histories(200, 0)
     assert not v.any()  # all have come to rest

@@ -156,16 +156,27 @@ def arm_mass(elbow: float) -> np.ndarray:
 def test_mujoco_linearizes_the_same_arm_to_six_digits(elbow):
     K, rotor = np.array([3.1e4, 1.0e4]), np.array([0.68, 0.13])
     q = {"q2": elbow, "r2": elbow}
-    springs = {f"spring{n}": f'stiffness="{k}" springref="{ref}"'
-               for n, k, ref in ((1, K[0], 0.0), (2, K[1], np.degrees(elbow)))}  # fmt: skip
+    springs = {
+        f"spring{n}": f'stiffness="{k}" springref="{ref}"'
+        for n, k, ref in ((1, K[0], 0.0), (2, K[1], np.degrees(elbow)))
+    }
     held_model = ARM.format(rotor1="", rotor2="", tendons="", **springs)
     held = by_mujoco(held_model, {"q2": elbow})
     tendons = "".join(_TENDON.format(n=n, K=k) for n, k in zip((1, 2), K, strict=True))
-    rotors = [_ROTOR.format(n=n, I=i, at=at) for n, i, at in ((1, rotor[0], ""),
-                                                              (2, rotor[1], ' pos="0 0 .7"'))]
-    free = by_mujoco(ARM.format(rotor1=rotors[0], rotor2=rotors[1], spring1="", spring2="",
-                                tendons=f"<tendon>{tendons}</tendon>"), q)  # fmt: skip
+    rotors = [
+        _ROTOR.format(n=n, I=i, at=at)
+        for n, i, at in ((1, rotor[0], ""), (2, rotor[1], ' pos="0 0 .7"'))
+    ]
+    free = by_mujoco(
+        ARM.format(
+            rotor1=rotors[0],
+            rotor2=rotors[1],
+            spring1="",
+            spring2="",
+            tendons=f"<tendon>{tendons}</tendon>",
+        ),
+        q,
+    )
     moved = mobility(arm_mass(elbow)[None], np.eye(2)[None], none(1, 2))
     np.testing.assert_allclose(held, frequencies(moved, K[None])[0], rtol=1e-6)
-    np.testing.assert_allclose(free, frequencies(moved + np.diag(1 / rotor), K[None])[0],
-                               rtol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(free, frequencies(moved + np.diag(1 / rotor), K[None])[0], rtol=1e-6)
