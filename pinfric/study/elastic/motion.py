@@ -241,6 +241,21 @@ def trajectory_frequencies(result: InverseResult) -> np.ndarray:
     return found
 
 
+def unloaded_frequency(scene: Scene) -> float:
+    """Return the lowest natural frequency, Hz, where the scene starts, each gear at its softest.
+
+    Motors held, with the payloads attached by default; NaN where the loops do not close there.
+    """
+    try:
+        q = scene.close(scene.start_configuration)[None]
+    except PinfricError:
+        return np.nan
+    nothing = np.zeros((1, len(scene.drives)))
+    S, closed = _rows(scene, q)
+    moved = mobility(_with_armature(scene, mass_matrices(scene.twin(), q)), S, closed)
+    return float(frequencies(moved, stiffness_at(scene, nothing))[0, 0])
+
+
 def modes_of(result: InverseResult, samples: list[int], torque: np.ndarray) -> list[Mode]:
     """Return the slowest mode at each of some samples, motors held.
 
@@ -262,7 +277,7 @@ def free_frequencies(result: InverseResult, sample: int) -> np.ndarray | None:
     Rotors of elastic drives swing against their joints, those of rigid ones turn with them.
     """
     scene = result.scene
-    rotors = [_rotor(scene, d) for d in range(len(scene.drives))]
+    rotors = [rotor_inertia(scene, d) for d in range(len(scene.drives))]
     if any(rotors[d] == 0.0 for d in scene.elastic):
         return None
     S, closed = _rows(scene, result.states.q[[sample]], rigid=False)
@@ -303,8 +318,8 @@ def inertias_about(scene: Scene, mass: np.ndarray) -> np.ndarray:
     return np.asarray(np.einsum("da,nab,db->nd", moved, mass[:, every][:, :, every], moved))
 
 
-def _rotor(scene: Scene, d: int) -> float:
-    """r^2 J_rotor of a drive, and Pinocchio's armature of its joint, at the joint."""
+def rotor_inertia(scene: Scene, d: int) -> float:
+    """Return r^2 J_rotor of a drive and Pinocchio's armature of its joint, kg m^2 (kg)."""
     drive = scene.drives[d]
     own = 0.0 if drive.transmission is None else drive.transmission.rotor_inertia
     armature = scene.model.armature[drive.velocity_index] if drive.velocity_index >= 0 else 0.0
@@ -343,11 +358,14 @@ def _masses(result: InverseResult, samples: np.ndarray | list[int]) -> np.ndarra
         order = np.concatenate([inside for inside, _ in parts])
         if not np.array_equal(order, at):
             found = found[np.searchsorted(order, at)]
-    armature = np.array(result.scene.model.armature)
-    if armature.any():  # a driven joint's is its rotor's: on the motor's side of the spring
-        armature[[d.velocity_index for d in result.scene.drives if d.velocity_index >= 0]] = 0.0
-        found = found + np.diag(armature)
-    return found
+    return _with_armature(result.scene, found)
+
+
+def _with_armature(scene: Scene, mass: np.ndarray) -> np.ndarray:
+    """Add the armature of joints without drive; a driven joint's is on its motor's side."""
+    armature = np.array(scene.model.armature)
+    armature[[d.velocity_index for d in scene.drives if d.velocity_index >= 0]] = 0.0
+    return mass + np.diag(armature) if armature.any() else mass
 
 
 def _rows(
