@@ -230,9 +230,7 @@ class Transmission(Entry):
                 "rotor_inertia", self.rotor_inertia, 0.1, "kg m^2", "kg cm^2 entered?"
             )
         yield from unlikely("ratio", abs(self.ratio), 1000.0, "")
-        yield from unlikely(
-            "hysteresis", self.hysteresis, 0.01, "rad", "arcmin entered?"
-        )
+        yield from unlikely("hysteresis", self.hysteresis, 0.01, "rad", "arcmin entered?")
 
 
 class LoadLoss(NamedTuple):

@@ -68,7 +68,7 @@ def elastic_lines(effect: ElasticEffect) -> list[str]:
     ratio = effect.bandwidth / effect.frequency
     lines = [
         f"elastic gears: lowest frequency {digits(effect.frequency)} Hz, motion up to "
-        f"{digits(effect.bandwidth)} Hz (95 % of its accelerations): dynamic wind-up is off by some "
+        f"{digits(effect.bandwidth)} Hz (95 % of its accelerations): dynamic wind-up off by some "
         f"{100 * ratio**2:.2g} %",
         f"  motor torque: winding the gears up takes {100 * effect.motor_share:.2g} % of the RMS "
         f"({effect.drive}), left out everywhere",

@@ -389,7 +389,7 @@ class _Sizing:
         beyond = {k: a for k, a in taken.items() if _loads(self.scene, k, i)}
         load = tuple(sorted((k, a.candidate.mass) for k, a in beyond.items()))
         solved = self._solve(load, beyond)
-        self.beyond[i] = yielding(beyond, solved[1])
+        self.beyond[i] = yielding(self.scene, i, _softest(beyond), solved[1])
         key = i, load, self.beyond[i]
         if key not in self.judged:
             self.judged[key] = self._judge(i, *solved)
@@ -401,9 +401,7 @@ class _Sizing:
         (result, inertias), found = self._solve(load, taken), []
         for i, assessment in taken.items():
             cycle, inertia = self._cycle(i, result, inertias)
-            self.beyond[i] = yielding(
-                {k: a for k, a in taken.items() if _loads(self.scene, k, i)}, inertias
-            )
+            self.beyond[i] = yielding(self.scene, i, _softest(taken), inertias)
             case = self._case(i, gear_demand(result, i, cycle), cycle, inertia)
             found.append((judged(assessment.candidate, case), cycle))
         return found
@@ -533,18 +531,24 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     return found
 
 
-def yielding(taken: Mapping[int, Assessment], inertias: np.ndarray) -> float:
-    """Return the sum of J/K_1 over drives whose gears' stiffness is known, s^2 (`Case.beyond`).
+def yielding(
+    scene: Scene, actuator: int, softest: Mapping[int, float], inertias: np.ndarray
+) -> float:
+    """Return the sum of J/K_1 over the elastic drives beyond a joint, s^2 (`Case.beyond`).
 
     Args:
-        taken: drives by their columns. inertias: (na,) of `load_inertias`.
+        scene: the robot. actuator: the joint's column.
+        softest: column -> K_1 of the drives whose gears' stiffness is known, N m/rad.
+        inertias: (na,) of `load_inertias`.
     """
-    found = 0.0
-    for k, assessment in taken.items():
-        gear = assessment.candidate.gear
-        if gear is not None and gear.stiffness is not None:
-            found += float(inertias[k]) / softest(gear.stiffness)
-    return found
+    there = {k: K for k, K in softest.items() if _loads(scene, k, actuator)}
+    return sum(float(inertias[k]) / K for k, K in there.items())
+
+
+def _softest(taken: Mapping[int, Assessment]) -> dict[int, float]:
+    """K_1 of the drives' gears, as far as it is known."""
+    gears = {k: assessment.candidate.gear for k, assessment in taken.items()}
+    return {k: softest(g.stiffness) for k, g in gears.items() if g and g.stiffness is not None}
 
 
 def with_masses(

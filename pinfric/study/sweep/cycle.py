@@ -24,7 +24,7 @@ from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import Case, Status, check
 from pinfric.study.sizing.demand import drive_cycle, gear_demand
 from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
-from pinfric.study.sizing.size import holds, load_inertias
+from pinfric.study.sizing.size import holds, load_inertias, yielding
 from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.sweep.parameters import Target, apply
 from pinfric.study.sweep.superposition import Solved, Superposition
@@ -57,7 +57,12 @@ class Judge:
     criteria: tuple[str, ...]
 
     def verdict(
-        self, result: InverseResult, actuator: int, holding: np.ndarray, inertia: float | None
+        self,
+        result: InverseResult,
+        actuator: int,
+        holding: np.ndarray,
+        inertia: float | None,
+        beyond: float,
     ) -> tuple[float, float, float]:
         """Return the figures of `VERDICT` for one cycle.
 
@@ -65,6 +70,7 @@ class Judge:
             result: of the cycle. actuator: the drive's column.
             holding: (T,) the samples of the holds.
             inertia: largest about the joint over the cycle, kg m^2 (kg); None: not known.
+            beyond: of the elastic drives beyond it, `size.yielding`.
         """
         drive = result.scene.drives[actuator]
         assert isinstance(drive, Drive)
@@ -74,7 +80,8 @@ class Judge:
         cycle = drive_cycle(result, actuator, holding)
         demand = gear_demand(result, actuator, cycle, carried=candidate.bearing is not None)
         motor = motor_cycle(candidate, cycle, self.conditions)
-        found = check(candidate, motor, Case(demand, cycle, inertia, self.hand, self.conditions))
+        case = Case(demand, cycle, inertia, self.hand, self.conditions, beyond)
+        found = check(candidate, motor, case)
         bits = {name: 2.0**k for k, name in enumerate(self.criteria)}
         failed, unchecked = (
             sum(bits[c.name] for c in found if c.status == status)
@@ -211,10 +218,16 @@ def _verdicts(study: Study, result: InverseResult, inertias: np.ndarray | None) 
         return verdicts
     # a path at another speed holds where it held
     holding = holds(result.scene, study.trajectory, result.states.v)
+    soft = {
+        d: float(spring.stiffness[0])
+        for d in result.scene.elastic
+        if (spring := result.scene.drives[d].spring) is not None
+    }
     for i, judge in study.judges.items():
         if np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
             inertia = None if inertias is None else float(inertias[i])
-            verdicts[i] = judge.verdict(result, i, holding, inertia)
+            beyond = 0.0 if inertias is None else yielding(result.scene, i, soft, inertias)
+            verdicts[i] = judge.verdict(result, i, holding, inertia, beyond)
         else:
             verdicts[i] = np.nan
     return verdicts
