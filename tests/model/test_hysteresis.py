@@ -31,9 +31,7 @@ def test_fifteen_newton_metres_imply_three_arcmin_where_one_is_stated():
     (found,) = excessive_friction(rubs(15.0), [actuator()])
     assert found.implied / ARCMIN == pytest.approx(3.24, abs=0.005)
     assert found.most == pytest.approx(4.51, abs=0.005)
-    assert found.text.startswith(
-        "0.000291 rad (1 arcmin) stated, 0.000943 rad (3.2 arcmin) implied"
-    )
+    assert "0.000291 rad (1 arcmin) stated, 0.000943 rad (3.2 arcmin) implied" in found.text
     assert not list(excessive_friction(rubs(4.5), [actuator()]))
     assert not list(excessive_friction({}, [actuator()]))
     assert not list(excessive_friction(rubs(15.0), [actuator(4 * ARCMIN)]))
