@@ -93,7 +93,7 @@ def test_check_asks_about_frequencies_that_no_robot_has(factor, hertz, tmp_path)
         content = yaml.safe_load(file)
     for entry in content["actuators"]:
         gear = entry["transmission"]
-        gear["stiffness"] = factor * gear["stiffness"]["k1"]
+        gear["stiffness"] = factor * float(gear["stiffness"]["k1"])
         del gear["hysteresis"]
     file = tmp_path / "arm.yaml"
     file.write_text(yaml.safe_dump(content))
