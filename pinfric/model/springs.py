@@ -29,9 +29,9 @@ class StiffnessLines(Entry):
     Source: Harmonic Drive engineering data 1018854 8/2018, tables 54.3, 54.4.
 
     Attributes:
-        k1 (N m/rad or N/m): up to `t1`, e.g. 3.1e4
-        k2 (N m/rad or N/m): from `t1` on, e.g. 5.0e4
-        k3 (N m/rad or N/m): from `t2` on, e.g. 5.7e4
+        k1 (N m/rad or N/m): up to `t1`, e.g. 31000.0
+        k2 (N m/rad or N/m): from `t1` on, e.g. 50000.0
+        k3 (N m/rad or N/m): from `t2` on, e.g. 57000.0
         t1 (N m or N): torque at the joint where the second line begins, e.g. 14.0
         t2 (N m or N): where the third begins, e.g. 48.0
     """
@@ -67,7 +67,7 @@ class LostMotionStiffness(Entry):
         stiffness: {k: 3.9e5, lost_motion: 2.9e-4, rated_torque: 412, share: 0.03}
 
     Attributes:
-        k (N m/rad or N/m): torsional rigidity beyond the lost motion (b/a), e.g. 3.9e5
+        k (N m/rad or N/m): torsional rigidity beyond the lost motion (b/a), e.g. 390000.0
         lost_motion (rad or m): Phi, e.g. 2.9e-4
         rated_torque (N m or N): T_N, at the joint, e.g. 412.0
         share (1): of the rated torque at which the lost motion is measured, e.g. 0.03

@@ -181,7 +181,7 @@ class Transmission(Entry):
         rotor_inertia (kg m^2): of all that turns with the motor, e.g. 5.0e-5
         stiffness (N m/rad or N/m): of the gear's output against a held motor, at the joint: one
             number, a strain wave gear's lines, or those of a gear with lost motion, e.g. {k1:
-            3.1e4, k2: 5.0e4, k3: 5.7e4, t1: 14, t2: 48}
+            31000, k2: 50000, k3: 57000, t1: 14, t2: 48}
         hysteresis (rad or m): the gear's hysteresis loss, the whole width at zero torque: it bounds
             the friction behind the spring, e.g. 2.9e-4
     """

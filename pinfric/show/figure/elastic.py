@@ -26,8 +26,8 @@ def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) ->
     """Draw where elastic gears let the tool stand at one rest: seen along three axes, in mm.
 
     Blue is every place that static friction can hold (projections of the zonotope), to one scale;
-    the cross marks the commanded place, the dot that without friction, the triangles those that
-    a slow approach leaves, from the motion's side and from the opposite one.
+    a cross, or an arrow towards it, marks the commanded place, the dot that without friction, the
+    triangles those that a slow approach leaves, from the motion's side and from the opposite one.
 
     Args:
         found: of `elasticity`.
@@ -47,12 +47,14 @@ def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) ->
         figure = Figure(figsize=(10.0, 4.4))
         grid = figure.add_gridspec(1, 3, left=0.06, right=0.985, top=0.82, bottom=0.2, wspace=0.26)
         low, high = _box(rest.tool)
-        half = 0.56 * (high - low).max()
+        half = max(0.8 * (high - low).max(), 1e-6)
         for place, plane in enumerate(combinations(range(3), 2)):
             axes = figure.add_subplot(grid[place])
             _draw(axes, rest.tool, *plane)
-            (x, y) = 0.5 * (low + high)[list(plane)]
+            centre = 0.5 * (low + high)[list(plane)]
+            (x, y) = centre
             axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), aspect="equal")
+            _point_to_command(axes, centre, half)
         carried = f", carries {', '.join(rest.payloads)}" if rest.payloads else ""
         name = found.result.scene.tool
         figure.text(
@@ -81,15 +83,36 @@ def _figures(tool: ToolPlace) -> str:
 
 
 def _box(tool: ToolPlace) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest (3,) of all that is drawn, mm."""
+    """Least and greatest (3,) of all that is drawn but the commanded place, mm."""
     places = [
-        np.zeros(3),
         tool.sag[:3],
         tool.middle[:3] - tool.extents[:3],
         tool.middle[:3] + tool.extents[:3],
     ]
     places += [way[:3] for way in (tool.approach, tool.opposite) if way is not None]
     return MM * np.min(places, axis=0), MM * np.max(places, axis=0)
+
+
+def _point_to_command(axes: Axes, centre: np.ndarray, half: float) -> None:
+    """Draw an arrow towards the commanded place (0, 0) where it is outside, and how far it is."""
+    away = float(np.abs(centre).max())
+    if away <= 0.96 * half:
+        return
+    towards = -centre / away
+    tip = centre + 0.95 * half * towards
+    start = centre + 0.72 * half * towards
+    axes.annotate("", tip, start, arrowprops={"arrowstyle": "->", "color": INK, "lw": 1.2})
+    distance = digits(float(np.linalg.norm(centre)))
+    axes.annotate(
+        f"commanded: {distance} mm",
+        start,
+        (0, 4 if towards[1] < 0 else -4),
+        textcoords="offset points",
+        ha="left" if towards[0] < -0.5 else "right" if towards[0] > 0.5 else "center",
+        va="bottom" if towards[1] < 0 else "top",
+        color=INK,
+        fontsize=7.5,
+    )
 
 
 def _draw(axes: Axes, tool: ToolPlace, i: int, j: int) -> None:

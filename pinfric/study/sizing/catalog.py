@@ -231,8 +231,8 @@ class Gear(Sourced):
         starting_torque (N m): at the input, that starts it without load, e.g. 0.037
         back_driving_torque (N m or N): at the output, that starts it without load, e.g. 3.9
         stiffness (N m/rad): of the output, N/m of a linear one: a number (K1, where several are
-            printed), or lines as a scene's transmission takes them, e.g. {k1: 1.6e4, k2: 2.5e4, k3:
-            2.9e4, t1: 7.0, t2: 25.0}
+            printed), or lines as a scene's transmission takes them, e.g. {k1: 16000, k2: 25000,
+            k3: 29000, t1: 7.0, t2: 25.0}
         hysteresis (rad): hysteresis loss, the whole width at zero torque, e.g. 2.9e-4
         stroke (m): of a linear output, e.g. 0.3
         bearing: of its output; of a screw, its nut, e.g. {kind: crossed roller, max_moment: 91.0}
