@@ -99,17 +99,17 @@ def _point_to_command(axes: Axes, centre: np.ndarray, half: float) -> None:
     if away <= 0.96 * half:
         return
     towards = -centre / away
-    tip = centre + 0.95 * half * towards
-    start = centre + 0.72 * half * towards
-    axes.annotate("", tip, start, arrowprops={"arrowstyle": "->", "color": INK, "lw": 1.2})
+    x, y = centre + 0.95 * half * towards
+    start_x, start_y = centre + 0.72 * half * towards
+    arrow = {"arrowstyle": "->", "color": INK, "lw": 1.2}
+    axes.annotate("", (x, y), (start_x, start_y), arrowprops=arrow)
     distance = digits(float(np.linalg.norm(centre)))
-    axes.annotate(
-        f"commanded: {distance} mm",
-        start,
-        (0, 4 if towards[1] < 0 else -4),
-        textcoords="offset points",
-        ha="left" if towards[0] < -0.5 else "right" if towards[0] > 0.5 else "center",
-        va="bottom" if towards[1] < 0 else "top",
+    axes.text(
+        0.97,
+        0.03,
+        f"commanded: {distance} mm away",
+        transform=axes.transAxes,
+        ha="right",
         color=INK,
         fontsize=7.5,
     )
