@@ -25,7 +25,7 @@ def elasticity_json(found: Elasticity) -> dict[str, Any]:
             "drives": list(found.drives),
             "lowest_frequency": {
                 "least": found.frequency[found.slowest],
-                "greatest": np.nanmax(found.frequency),
+                "greatest": np.fmax.reduce(found.frequency),
                 "time": _times(found)[found.slowest],
                 "bracket": [low, high],
                 "strain_energy": dict(zip(found.drives, found.mode.shares, strict=True)),
@@ -176,7 +176,7 @@ def frequency_lines(found: Elasticity) -> list[str]:
     time = _times(found)[found.slowest]
     lines = [
         f"lowest frequency, motors held: {digits(first)} Hz at {time:.2f} s, strain energy in"
-        f" {energy}; over the motion {span(first, np.nanmax(found.frequency))} Hz",
+        f" {energy}; over the motion {span(first, np.fmax.reduce(found.frequency))} Hz",
     ]
     low, high = found.bracket
     if np.isfinite(high) and len(found.drives) > 1:

@@ -19,7 +19,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError, StateError
-from pinfric.model.closure import action_maps, closure_jacobian
+from pinfric.model.closure import action_maps, closure_jacobian, loop_state
 from pinfric.model.couples import delivery, rate_rows, taking_part
 from pinfric.model.mass_matrix import frame_jacobians, link_poses, mass_matrices
 from pinfric.model.robot import link_frame
@@ -146,7 +146,7 @@ class Elasticity(Shown):
     @cached_property
     def slowest(self) -> int:
         """The sample of the lowest frequency."""
-        return int(np.nanargmin(self.frequency))
+        return int(np.argmin(np.where(np.isnan(self.frequency), np.inf, self.frequency)))
 
     @cached_property
     def mode(self) -> Mode:
@@ -179,14 +179,24 @@ def elasticity(result: InverseResult) -> Elasticity:
         result: of inverse dynamics, with times.
 
     Raises:
-        StateError: it has no times, or no drive of its scene has a `stiffness`.
+        StateError: it has no times, no drive of its scene has a `stiffness`, or something moves
+            without inertia.
     """
     scene = result.scene
     if not scene.elastic:
         raise StateError(f"{scene.source}: no gear has a stiffness; give transmission.stiffness")
     if result.t is None:
         raise StateError("elasticity needs times: give `t` to inverse_dynamics")
-    notes = list(_notes(scene))
+    try:
+        return _elasticity(result)
+    except np.linalg.LinAlgError:
+        raise StateError(
+            f"{scene.source}: a joint moves no inertia: no natural frequency; give its link a mass"
+        ) from None
+
+
+def _elasticity(result: InverseResult) -> Elasticity:
+    scene, notes = result.scene, _notes(result.scene)
     found = _rest_samples(result)
     ways = _approaches(result, found, notes)
     modes = modes_of(result, [last for *_, last in found], _least_torque(result))
@@ -214,7 +224,7 @@ def _notes(scene: Scene) -> list[str]:
             "joints without drive, or redundant drives: the tool's place does not follow "
             "from the drives' wind-up"
         )
-    if scene.linkage is not None or taking_part(scene.drives):
+    elif scene.linkage is not None or taking_part(scene.drives):
         notes.append(
             "loops or couples: intervals of drives depend on each other, so the tool's "
             "interval is a bound"
@@ -434,18 +444,19 @@ def _approaches(
         return nothing
     last = [sample for *_, sample in found]
     way = np.array([_direction(result, hold) for hold, _, _ in found])
+    a = np.zeros_like(way)
     if scene.linkage is not None:
-        N = free_motions(
-            closure_jacobian(scene.twin(), scene.linkage, states.q[last]), scene.model.nv
-        )
+        q, twin = states.q[last], scene.twin()
+        rows = closure_jacobian(twin, scene.linkage, q)
+        N = free_motions(rows, scene.model.nv)
         way = np.einsum("nik,njk,nj->ni", N, N, way)
+        bias = loop_state(twin, scene.linkage, q, way, a).rate_derivative[:, scene.linkage.lambdas]
+        a = -np.einsum("nij,nj->ni", np.linalg.pinv(rows), bias)
     attached = None if states.attached is None else states.attached[last]
     wind_ups: list[np.ndarray] = []
     for sign in (1.0, -1.0):
         try:
-            moving = inverse_dynamics(
-                scene, states.q[last], sign * way, 0.0 * way, attached=attached
-            )
+            moving = inverse_dynamics(scene, states.q[last], sign * way, a, attached=attached)
         except PinfricError as problem:
             notes.append(f"places by approach are left out: {problem}")
             return nothing

@@ -8,6 +8,7 @@ import pytest
 from builders import chain, gantry, geared_arm
 
 import pinfric as pf
+from pinfric.model.transmission import Transmission
 from pinfric.study.elastic.motion import elasticity, free_frequencies, trajectory_frequencies
 
 G, TAU = 9.81, 2 * np.pi
@@ -206,6 +207,33 @@ def test_a_four_bar_with_an_elastic_crank():
     moved = places[1] - places[0]
     np.testing.assert_allclose(rest.tool.sag[:3], moved, atol=0.03 * np.linalg.norm(moved))
     assert rest.tool.farthest > 0
+
+
+def test_loops_keep_the_place_that_their_approach_left():
+    """Of a four-bar and of a delta robot: inside the interval, on its own side of the middle."""
+    for name, tool in (("four_bar", "coupler"), ("delta", "platform")):
+        scene = pf.load_scene(name)
+        motion = pf.load_trajectory(name, scene)
+        drives = [
+            a.model_copy(update={"transmission": Transmission(ratio=100.0, stiffness=1e4)})
+            for a in scene.actuators
+        ]
+        elastic = scene.with_(actuators=drives, tool=tool)
+        found = elasticity(pf.inverse_dynamics(elastic, motion))
+        assert found.free is None  # rotors are not known
+        for rest in found.rests[1:]:
+            assert rest.tool.reversal > 0
+            for way in (rest.wind_up_approach, rest.wind_up_opposite):
+                slack = 1e-9 + 1e-3 * (rest.wind_up_upper - rest.wind_up_lower)
+                assert (way >= rest.wind_up_lower - slack).all()
+                assert (way <= rest.wind_up_upper + slack).all()
+
+
+def test_what_has_no_inertia_has_no_frequency():
+    model = chain(("pin", pin.JointModelRY(), pin.Inertia.Zero()))
+    scene = pf.Scene(model, actuators=[{"joint": "pin", "transmission": gear(1e3)}])
+    with pytest.raises(pf.PinfricError, match="a joint moves no inertia: no natural frequency"):
+        elasticity(stand(scene, np.zeros(1)))
 
 
 def test_couples_and_drives_along_the_belts_swing_alike():
