@@ -173,26 +173,27 @@ def sizing_report(report: SizingReport) -> Report:
     notes = [f"note: {line}" for line in report.notes]
     if report.catalog is None:
         failing = [Text(f"! {line}", style="bold red") for line in report.short]
-        return paragraphs(_demand_table(report), _elastic_lines(report), failing, notes)
+        return paragraphs(_demand_table(report), elastic_lines(report), failing, notes)
     return paragraphs(
         _demand_table(report), _choice_table(report),
         [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"],
         _heavier(report), smaller_table(report), sets_table(report), brake_table(report),
-        bus_lines(report), _changes(report), _elastic_lines(report),
+        bus_lines(report), _changes(report), elastic_lines(report),
         [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)], notes,
     )  # fmt: skip
 
 
-def _elastic_lines(report: SizingReport) -> list[str]:
-    """The lowest frequency on the chosen gears, and what conditions ask of the tool's place."""
+def elastic_lines(report: SizingReport) -> list[str]:
+    """Return the lowest frequency on the chosen gears, and what conditions ask of the robot."""
+    asked = [c.why for c in report.arm_criteria if c.status != Status.FAILS]
     if report.elastic is None:
-        return []
+        return asked
     rigid = [drive.name for drive in report.scene.drives if drive.spring is None]
     lines = frequency_lines(report.elastic)
     if rigid:
         lines.append(f"stiffness not known: {', '.join(rigid)}: taken as rigid, so these "
                      "frequencies are upper bounds")  # fmt: skip
-    return [*lines, *(c.why for c in report.arm_criteria if c.status != Status.FAILS)]
+    return [*lines, *asked]
 
 
 def repetition(report: SizingReport) -> str:

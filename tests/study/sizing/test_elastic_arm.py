@@ -12,6 +12,7 @@ import pinfric as pf
 from pinfric.cli import main
 from pinfric.errors import CatalogError, SizingError
 from pinfric.model.springs import StiffnessLines
+from pinfric.show.sizing_page.page import sizing_page
 from pinfric.study.sizing.catalog import load_catalog
 from pinfric.study.sizing.criteria import Status
 from pinfric.study.sizing.size import joint_inertias
@@ -143,10 +144,18 @@ def test_the_scenes_own_gears_are_judged_without_a_catalogue(capsys):
     assert "lowest frequency, motors held: 8.17 Hz" in capsys.readouterr().out
 
 
-def test_sizing_of_rigid_gears_says_nothing_of_it(capsys):
+def test_the_page_says_it_too(arm, tmp_path):
+    page = sizing_page(sized(arm, tmp_path, gear={"stiffness": LINES}, tool_sag=1e-3))
+    assert "<h2>Elastic gears</h2>" in page
+    assert "<li>lowest frequency, motors held: " in page
+    assert "<li>tool sag: needs 0 m, has 0.001 m" in page
+
+
+def test_sizing_of_rigid_gears_says_nothing_of_it(capsys, tmp_path):
     with pytest.raises(SystemExit):
-        main(["size", "pendulum", "pendulum", "--json"])
+        main(["size", "pendulum", "pendulum", "--json", "--out", str(tmp_path)])
     found = capsys.readouterr().out
+    assert "Elastic gears" not in (tmp_path / "report.html").read_text()
     assert '"elasticity"' not in found
     assert '"robot"' not in found
 
