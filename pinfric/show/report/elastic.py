@@ -15,6 +15,10 @@ from pinfric.study.elastic.motion import Elasticity, Rest, ToolPlace
 ARCMIN, MM = 60.0 * 180.0 / np.pi, 1e3
 #: Below it a wind-up or a displacement is rounding (rad, m).
 _ZERO = 1e-12
+_THREE_WORDS = (
+    "interval: where static friction can hold it; reversal error: between approaches from "
+    "opposite sides; a maker's repeatability is of approaches from one side, a third figure"
+)
 
 
 def elasticity_json(found: Elasticity) -> dict[str, Any]:
@@ -81,7 +85,8 @@ def elasticity_parts(found: Elasticity) -> list[Table | list[str]]:
     worst = found.worst or (found.rests[-1] if found.rests else None)
     if worst is not None:
         parts.append(_wind_up_table(found, worst))
-    return [*parts, [*frequency_lines(found), *found.notes]]
+    words = [_THREE_WORDS] if any(rest.tool is not None for rest in found.rests) else []
+    return [*parts, [*frequency_lines(found), *words, *found.notes]]
 
 
 def _tool_table(found: Elasticity) -> Table:
@@ -187,11 +192,6 @@ def frequency_lines(found: Elasticity) -> list[str]:
     if found.free is not None:
         listed = ", ".join(digits(f) for f in found.free if np.isfinite(f))
         lines.append(f"frequencies there, motors free: {listed} Hz")
-    if any(rest.tool is not None for rest in found.rests):
-        lines.append(
-            "interval: where static friction can hold it; reversal error: between approaches from "
-            "opposite sides; a maker's repeatability is of approaches from one side, a third figure"
-        )
     return lines
 
 
