@@ -39,6 +39,8 @@ _PUBLIC = {
     "load_trajectory": "pinfric.study.trajectory.trajectory",
     "Log": "pinfric.study.trajectory.log.arrays",
     "ReadingOptions": "pinfric.study.trajectory.log.reading",
+    "elasticity": "pinfric.study.elastic.motion",
+    "Elasticity": "pinfric.study.elastic.motion",
     "export": "pinfric.study.export.export",
     "Exported": "pinfric.study.export.export",
     "identify": "pinfric.study.identify.identify",
@@ -92,6 +94,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.show.views import summary as summary
     from pinfric.study.check.findings import CheckReport as CheckReport
     from pinfric.study.check.plausibility import check as check
+    from pinfric.study.elastic.motion import Elasticity as Elasticity
+    from pinfric.study.elastic.motion import elasticity as elasticity
     from pinfric.study.export.export import Exported as Exported
     from pinfric.study.export.export import export as export
     from pinfric.study.identify.identify import Identified as Identified

@@ -114,19 +114,23 @@ def inverse(
 ) -> None:
     """Give the efforts that a motion takes.
 
-    One value while a joint slides, an interval while it sticks. --out writes efforts.csv,
-    efforts.png, summary.json and, of a log with efforts, measured.png.
+    One value while a joint slides, an interval while it sticks; of elastic gears where the tool
+    stands at rest, and natural frequencies. --out writes efforts.csv, efforts.png, summary.json
+    and, of a log with efforts, measured.png, of elastic gears tool.png.
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.dynamics.inverse.inverse import inverse_dynamics
     from pinfric.show.figure.efforts import effort_figure
+    from pinfric.show.figure.elastic import tool_figure
     from pinfric.show.figure.measured import measured_figure
     from pinfric.show.report.inverse import inverse_json, inverse_report
+    from pinfric.study.elastic.motion import elasticity
     from pinfric.study.trajectory.log.judged import judge_log
 
     name = Path(trajectory.source).name
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
         result = inverse_dynamics(scene, trajectory, threads=threads)
+        elastic = elasticity(result) if scene.elastic else None
     judged = (
         None if trajectory.reading is None else (judge_log(result, trajectory.reading, effort_at))
     )
@@ -136,8 +140,10 @@ def inverse(
     }
     if judged is not None and judged.measured:
         files["measured.png"] = lambda path: measured_figure(result, judged, name).savefig(path)
-    summary = inverse_json(result, trajectory.source, noticed, judged)
-    answer(summary, lambda: inverse_report(result, name, judged), as_json, out, files)
+    if elastic is not None and elastic.worst is not None:
+        files["tool.png"] = lambda path: tool_figure(elastic, name).savefig(path)
+    summary = inverse_json(result, trajectory.source, noticed, judged, elastic)
+    answer(summary, lambda: inverse_report(result, name, judged, elastic), as_json, out, files)
 
 
 @app.command()

@@ -74,6 +74,12 @@ for method in ("event", "timestepping", "regularized"):
     "run_scene": "pf.run_scene(arm, t_end=0.02).save('m.npz')",
     "load_motion": "pf.run_scene(arm, t_end=0.02).save('m.npz'); pf.load_motion('m.npz', arm)",
     "load_trajectory": "motion()",
+    "elasticity": """
+lines = {"k1": 3e4, "k2": 5e4, "t1": 14}
+gear = {"ratio": 100, "stiffness": lines}
+elastic = [{"joint": name, "transmission": gear} for name in arm.joint_names]
+pf.elasticity(pf.inverse_dynamics(arm.with_(actuators=elastic), motion())).summary()
+""",
     "export": "pf.export(arm, motion()); pf.export(arm, motion(), 'cpp')",
     "size": "pf.size(arm, motion())",
     "load_catalog": "pf.load_catalog('default')",

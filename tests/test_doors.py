@@ -15,9 +15,9 @@ from pinfric.cli import app
 COMPILING = {"Solver", "warm_up", "pinfric warm-up"}
 #: What the functions return, take or raise.
 CLASSES = {"InverseResult", "StickInterval", "Instant", "InverseInstant", "StaticHold", "Motion",
-           "Trajectory", "Log", "ReadingOptions", "Exported", "Identified", "SizingReport", "Duty",
-           "CheckReport", "RetimeResult", "RetimeError", "SweepResult", "PinfricError",
-           "PinfricWarning", "__version__"}  # fmt: skip
+           "Trajectory", "Log", "ReadingOptions", "Exported", "Elasticity", "Identified",
+           "SizingReport", "Duty", "CheckReport", "RetimeResult", "RetimeError", "SweepResult",
+           "PinfricError", "PinfricWarning", "__version__"}  # fmt: skip
 
 
 def test_every_public_function_and_every_command_is_a_door():

@@ -18,13 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from pinfric.kernels.compiled import inlined_kernel, kernel
 from pinfric.model.friction_terms import ViscousFriction
 from pinfric.model.laws import power_of
+from pinfric.model.springs import Spring, spring_of
 from pinfric.model.transmission import Transmission, driven_loss, driving_loss
 
 
@@ -39,6 +40,7 @@ class Drive:
         share: w of the sum of effort^2 / w that redundant drives make least; None: not said.
         couples: (column of v, factor) of other joints that turn it, too (`couples`).
         column: of a drive off the joints, its column among the actions; -1 of one on a joint.
+        encoder: where the controller measures, at the motor or at the joint.
     """
 
     name: str
@@ -47,6 +49,13 @@ class Drive:
     share: float | None = None
     couples: tuple[tuple[int, float], ...] = ()
     column: int = -1
+    encoder: Literal["motor", "joint"] = "motor"
+
+    @property
+    def spring(self) -> Spring | None:
+        """The line from torque to wind-up of an elastic gear; None of a rigid one."""
+        gear = self.transmission
+        return None if gear is None or gear.stiffness is None else spring_of(gear.stiffness)
 
     @property
     def ratio(self) -> float:

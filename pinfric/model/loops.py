@@ -316,6 +316,7 @@ def _drives(
                 actuator.transmission,
                 actuator.share,
                 column=len(drives),
+                encoder=actuator.encoder,
                 unit=kind,
             )
         )

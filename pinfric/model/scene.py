@@ -132,6 +132,7 @@ class Scene:
             |F|^2 + |M/l|^2 is least.
         loop_tolerance: by how much axes along loops may miss being parallel or perpendicular, and
             frames each other, where they are then made to fit (`alignment`).
+        tool: link whose frame is the tool's: where elastic gears let it stand is asked of it.
 
     Attributes:
         mobility: its freedoms, and which of them no drive moves, or more than one.
@@ -151,6 +152,7 @@ class Scene:
     loops: Sequence[Loop] = ()
     redundancy_length: float = 0.1
     loop_tolerance: LoopTolerance = field(default_factory=LoopTolerance)
+    tool: str | None = None
     mobility: Mobility = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -185,6 +187,7 @@ class Scene:
             set_(self, "simulation", parse(Simulation, self.simulation, where))
         self._check_bodies()
         self._check_payloads()
+        self._check_tool()
         doubts = self._align() if self.loops else {}
         # what cannot be is said now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
@@ -463,6 +466,11 @@ class Scene:
         return tuple(found)
 
     @property
+    def elastic(self) -> tuple[int, ...]:
+        """Places of the drives whose gears have a `stiffness`."""
+        return tuple(d for d, drive in enumerate(self.drives) if drive.spring is not None)
+
+    @property
     def one_drive_each(self) -> bool:
         """Whether every freedom has exactly one drive, which moves nothing else."""
         mobility = self.mobility
@@ -540,6 +548,16 @@ class Scene:
             if problem_text := implausible_body(payload.mass, inertia_matrix(payload)):
                 raise SceneError(f"{where}: {problem_text}")
 
+    def _check_tool(self) -> None:
+        if self.tool is None:
+            return
+        if not isinstance(self.tool, str):
+            raise SceneError(f"{self.source}: tool: should be a link's name, found {self.tool!r}")
+        try:
+            link_frame(self.model, self.tool)
+        except RobotError as problem:
+            raise SceneError(f"{self.source}: tool: {problem}") from None
+
     def _site(self, name: str, row: int, twin: Twin) -> Site:
         friction = self.friction[name]
         where = f"{self.source}: friction.{name}"
@@ -613,6 +631,7 @@ class Scene:
             actuator.transmission,
             actuator.share,
             couples,
+            encoder=actuator.encoder,
         )
 
     def _velocity(self, name: str, where: str) -> int:

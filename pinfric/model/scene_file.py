@@ -12,6 +12,7 @@ import numpy as np
 from pinfric.errors import PinfricWarning, RobotError, SceneError, choose_from
 from pinfric.model.entry import parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
+from pinfric.model.hysteresis import excessive_friction
 from pinfric.model.robot import Robot, locate_urdf, mention_reductions, read_robot
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Friction, SceneFile
@@ -26,6 +27,9 @@ def load_scene(path: str | Path) -> Scene:
 
     Raises:
         SceneError: the file or an entry is wrong; RobotError: its URDF is.
+
+    Warns:
+        PinfricWarning: a joint's friction contradicts the hysteresis of its gear, and the like.
     """
     file = find_file(path, (".yaml", ".yml"), SceneError)
     entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError), str(file))
@@ -33,9 +37,13 @@ def load_scene(path: str | Path) -> Scene:
     if entries.actuators is None:
         mention_reductions(robot, str(file))
     robot.model.gravity.linear = np.array(entries.robot.gravity)
+    friction = _with_urdf_dynamics(entries, robot, str(file))
+    for excess in excessive_friction(friction, entries.actuators):
+        where = f"{file}: actuators.{excess.drive}.transmission.hysteresis"
+        warnings.warn(f"{where}: {excess.text}", PinfricWarning, stacklevel=2)
     return Scene(
         model=robot.model,
-        friction=_with_urdf_dynamics(entries, robot, str(file)),
+        friction=friction,
         actuators=entries.actuators,
         payloads=entries.robot.payloads,
         stick_velocity=entries.stick.velocity,
@@ -45,6 +53,7 @@ def load_scene(path: str | Path) -> Scene:
         loops=entries.loops,
         loop_tolerance=entries.loop_tolerance,
         redundancy_length=entries.redundancy.length,
+        tool=entries.tool,
     )
 
 

@@ -309,6 +309,8 @@ class Actuator(Entry):
         share (1): w, of the work that redundant drives share, e.g. 2.0
         couples: other joints that turn this drive, with their factors, e.g. {joint_2: 1.0}
         transmission: gear and motor; left out, an ideal drive, e.g. {ratio: 100}
+        encoder: what the controller measures, the motor's angle or the joint's: behind an elastic
+            gear only the first lets the load move the joint, e.g. joint
         cylinder: a drive between two points, e.g. {name: boom, a: {link: base}, b: {link: boom}}
         force: a drive at a point, e.g. {name: push, link: drawer, direction: [1, 0, 0]}
     """
@@ -318,6 +320,7 @@ class Actuator(Entry):
     share: Positive | None = None
     couples: dict[str, Number] = Field(default_factory=dict)
     transmission: Transmission | None = None
+    encoder: Literal["motor", "joint"] = "motor"
     cylinder: Cylinder | None = None
     force: PointForce | None = None
 
@@ -444,6 +447,7 @@ class SceneFile(Entry):
         redundancy: for mechanisms with more closures than they need, e.g. {length: 0.1}
         actuators: the drives; left out, one ideal drive per joint, e.g. [{joint: joint_1}]
         stick: when a joint stands still, e.g. {velocity: 1.0e-6}
+        tool: link whose frame is the tool's, for where elastic gears let it stand, e.g. tool0
         simulation: what `pinfric simulate` runs, e.g. {t_end: 1.0}
     """
 
@@ -455,4 +459,5 @@ class SceneFile(Entry):
     redundancy: Redundancy = Redundancy()
     actuators: list[Actuator] | None = None
     stick: Stick = Stick()
+    tool: str | None = None
     simulation: Simulation | None = None

@@ -36,6 +36,7 @@ from pinfric.model.friction_terms import (
     constant_friction,
     coulomb_of,
 )
+from pinfric.model.springs import Stiffness
 
 Share = Annotated[Positive, Field(le=1)]
 #: A number is the same both ways, at rest as in motion.
@@ -178,6 +179,11 @@ class Transmission(Entry):
         no_load_torque (N m): that the gear takes without load, e.g. 0.037
         motor_viscous (N m at 1 rad/s): friction that grows with the motor's speed, e.g. 5.0e-5
         rotor_inertia (kg m^2): of all that turns with the motor, e.g. 5.0e-5
+        stiffness (N m/rad or N/m): of the gear's output against a held motor, at the joint: one
+            number, a strain wave gear's lines, or those of a gear with lost motion, e.g. {k1:
+            31000, k2: 50000, k3: 57000, t1: 14, t2: 48}
+        hysteresis (rad or m): the gear's hysteresis loss, the whole width at zero torque: it bounds
+            the friction behind the spring, e.g. 2.9e-4
     """
 
     ratio: Number
@@ -186,12 +192,16 @@ class Transmission(Entry):
     no_load_torque: NoLoadTorque = None
     motor_viscous: Viscous = None
     rotor_inertia: NonNegative = 0.0
+    stiffness: Stiffness = None
+    hysteresis: Positive | None = None
 
     @model_validator(mode="after")
     def _plausible(self) -> Transmission:
         if self.ratio == 0:
             raise ValueError("ratio 0 connects nothing; give motor turns per joint turn")
         not_vanishing(abs(self.ratio))
+        if self.hysteresis is not None and self.stiffness is None:
+            raise ValueError("`hysteresis` bounds the friction behind a spring: needs `stiffness`")
         driving_loss(self)  # refuses efficiencies that cannot be
         if self.efficiency != 1 and self.back_efficiency is None:
             equal = (
@@ -220,6 +230,7 @@ class Transmission(Entry):
                 "rotor_inertia", self.rotor_inertia, 0.1, "kg m^2", "kg cm^2 entered?"
             )
         yield from unlikely("ratio", abs(self.ratio), 1000.0, "")
+        yield from unlikely("hysteresis", self.hysteresis, 0.01, "rad", "arcmin entered?")
 
 
 class LoadLoss(NamedTuple):

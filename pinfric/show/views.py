@@ -17,10 +17,12 @@ from pinfric.dynamics.problem.closure import working_rates
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import StateError
 from pinfric.show.figure.efforts import effort_figure
+from pinfric.show.figure.elastic import tool_figure
 from pinfric.show.figure.measured import measured_figure
 from pinfric.show.figure.motion import motion_figure
 from pinfric.show.figure.retime import retime_figure
 from pinfric.show.figure.sweep import sweep_figure
+from pinfric.study.elastic.motion import Elasticity
 from pinfric.study.export.export import Exported
 from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.retime.limits import KINDS
@@ -40,7 +42,8 @@ def plot(result: Any, **options: Any) -> Figure:
 
     Args:
         result: of `inverse_dynamics` (options: `trajectory`, a name for the title; `drives`, the
-            names of those to draw), `simulate`, `size` (the efforts of the cycle with the chosen
+            names of those to draw), `elasticity` (the tool's places at rest; options: `title`,
+            `rest`), `simulate`, `size` (the efforts of the cycle with the chosen
             drives' masses; the same options), `sweep`, or `identify` (measured efforts over those
             of the scene found; option: `log`, its number).
         options: see there.
@@ -59,7 +62,8 @@ def summary(result: Any) -> pd.DataFrame:
         result: of `inverse_dynamics` (`peak`, `rms`, ... as `--json` names them), `simulate`
             (efforts, their work, and at its joint heat and time at rest), `size` (demand and
             choice), `retime` (largest part of each limit used), `sweep` (percentiles, `peak_95`
-            and so on), `export` (a row a joint) or `identify` (a row a coefficient).
+            and so on), `elasticity` (wind-up at the worst rest), `export` (a row a joint)
+            or `identify` (a row a coefficient).
 
     Raises:
         StateError: it is none of these, or has no times.
@@ -75,6 +79,11 @@ def _nothing(what: str, result: Any) -> StateError:
 @plot.register(InverseResult)
 def _(result: InverseResult, **options: Any) -> Figure:
     return effort_figure(result, **options)
+
+
+@plot.register(Elasticity)
+def _(result: Elasticity, **options: Any) -> Figure:
+    return tool_figure(result, **options)
 
 
 @plot.register(SizingReport)
@@ -109,6 +118,20 @@ def _by_drive(rows: list[dict[str, Any]]) -> pd.DataFrame:
 @summary.register(InverseResult)
 def _(result: InverseResult) -> pd.DataFrame:
     return _by_drive([asdict(drive) for drive in summarize(result)])
+
+
+@summary.register(Elasticity)
+def _(result: Elasticity) -> pd.DataFrame:
+    names, worst = result.result.actuator_names, result.worst
+    rows: list[dict[str, Any]] = []
+    for share, name in zip(result.mode.shares, result.drives, strict=True):
+        d = names.index(name)
+        row: dict[str, Any] = {"name": name, "strain_energy": float(share)}
+        if worst is not None:
+            row |= {"sag": float(worst.wind_up_sag[d]), "lower": float(worst.wind_up_lower[d]),
+                    "upper": float(worst.wind_up_upper[d])}  # fmt: skip
+        rows.append(row)
+    return _by_drive(rows)
 
 
 @summary.register(SizingReport)

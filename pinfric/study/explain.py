@@ -11,6 +11,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.model.effects import MOTOR_SIDE, Effect, effects, uncoupled, with_effects
 from pinfric.model.scene import Scene
+from pinfric.study.elastic.matters import ElasticEffect, elastic_effect
 from pinfric.study.random_states import random_states
 from pinfric.study.summary import ends_by_magnitude, known_rms
 from pinfric.study.timing import interleaved, repeated_times, timed_repeats
@@ -84,6 +85,7 @@ class Explanation:
         total_us: inverse dynamics with everything on, per sample, on one thread.
         plain_us: the same motion without any effect.
         samples: of the motion.
+        elastic: whether elastic gears matter; None where the scene has none.
     """
 
     effects: tuple[Explained, ...]
@@ -91,6 +93,7 @@ class Explanation:
     total_us: float
     plain_us: float
     samples: int
+    elastic: ElasticEffect | None = None
 
 
 def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
@@ -127,6 +130,7 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
     return Explanation(
         tuple(rows), _gear_losses(scene, motion, whole),
         seconds[""] * each, seconds["plain"] * each, len(motion.trajectory[0]),
+        elastic_effect(whole),
     )  # fmt: skip
 
 

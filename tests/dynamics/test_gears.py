@@ -17,6 +17,7 @@ from pinfric.errors import (
     SceneError,
     StateError,
 )
+from pinfric.model.friction_terms import CoulombFriction
 
 G = 9.81
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
@@ -235,7 +236,21 @@ def test_what_cannot_be_given_is_said():
 
 @pytest.fixture(scope="module")
 def ur10():
+    """All its Coulomb friction at the joints, none in the gears: so the states below are hard."""
     scene = pf.load_scene(ROBOTS / "ur10_machine_tending.yaml")
+    friction = {
+        name: entry.model_copy(update={"coulomb": CoulombFriction(static=1.2 * b, kinetic=b)})
+        for (name, entry), b in zip(
+            scene.friction.items(), (12.5, 13.3, 5.0, 2.0, 2.7, 2.3), strict=True
+        )
+    }
+    gears = [
+        a.model_copy(
+            update={"transmission": a.transmission.model_copy(update={"no_load_torque": None})}
+        )
+        for a in scene.actuators
+    ]
+    scene = scene.with_(friction=friction, actuators=gears)
     return Arm(scene, ["blank"]), pf.Solver(scene, ["blank"])
 
 

@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+from builders import chain
 
 import pinfric as pf
 from pinfric.errors import PinfricWarning, RobotError, SceneError

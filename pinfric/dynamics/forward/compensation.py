@@ -28,7 +28,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.bearings import Contacts, normal_loads
 from pinfric.model.couples import delivery, rate_rows, taking_part
 from pinfric.model.drives import Gears, gear_drag, gear_line
-from pinfric.model.laws import Laws, friction_at
+from pinfric.model.laws import Laws, law_at
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, impossible
 from pinfric.model.scene import Scene
 
@@ -275,15 +275,13 @@ def friction_of(
     for s in range(t.ratio.size):
         i, r = t.velocity_index[s], t.ratio[s]
         rate, size, leaving, c = r * v[i], abs(r), to.joint_leaving[i], load[s]
-        now = friction_at(t.laws, s, abs(rate))
-        mu = (1.0 - leaving) * now.mu + leaving * t.laws.mu_static[s]
-        static = t.laws.coulomb_static[s]
-        forward = (1.0 - leaving) * now.forward + leaving * static[0]
-        backward = (1.0 - leaving) * now.backward + leaving * static[1]
+        now = law_at(t.laws, s, rate)
+        mu = (1.0 - leaving) * now.mu + leaving * now.static_mu
+        forward = (1.0 - leaving) * now.forward + leaving * now.static_forward
+        backward = (1.0 - leaving) * now.backward + leaving * now.static_backward
         ahead[i] += size * (mu * c + (forward if r >= 0.0 else backward))
         back[i] += size * (mu * c + (backward if r >= 0.0 else forward))
-        directed = now.drag_mu * c + (now.drag_forward if rate > 0.0 else now.drag_backward)
-        slow[i] += r * (t.laws.viscous[s] * rate + np.copysign(directed, rate))
+        slow[i] += r * (now.viscous * rate + np.copysign(now.drag_mu * c + now.drag, rate))
     for i in range(v.size):
         s = to.joint[i]
         rest[i] = effort[i] + slow[i]

@@ -32,11 +32,7 @@ from pinfric.dynamics.problem.maps import is_normalized
 from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.problem.motor_torques import scene_gears
 from pinfric.dynamics.problem.outcome import Status
-from pinfric.dynamics.problem.reactions import (
-    applied_wrenches,
-    generalized_effort,
-    state_wrenches,
-)
+from pinfric.dynamics.problem.reactions import applied_wrenches, state_wrenches
 from pinfric.dynamics.problem.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
@@ -45,6 +41,7 @@ from pinfric.model.drives import Gears, write_motor_torques
 from pinfric.model.laws import Laws
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene, expect_scene
+from pinfric.model.twin import project
 
 
 class InverseInstant(NamedTuple):
@@ -372,7 +369,7 @@ class Solver:
             twin, applied = self._ws.twin, applied_wrenches(self.scene, external, 1)
             wrench = state_wrenches(self.scene, states, applied)
             effort = np.empty((1, nv))
-            generalized_effort(twin, wrench, states.a, effort)
+            project(wrench, twin.embedding, twin.armature, states.a, effort)
             wrench, effort = wrench[:, tables.joint], effort[0]
         else:
             self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])

@@ -10,6 +10,7 @@ from typing import Any
 
 from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, json_safe, signed
+from pinfric.study.elastic.matters import ElasticEffect
 from pinfric.study.explain import Explanation, GearLoss
 
 
@@ -23,7 +24,10 @@ def explain_json(
         scene: its file.
         warnings: what was noticed on the way.
     """
-    return json_safe({"scene": scene, **asdict(explanation), "warnings": list(warnings)})
+    found = asdict(explanation)
+    if explanation.elastic is None:
+        found.pop("elastic")
+    return json_safe({"scene": scene, **found, "warnings": list(warnings)})
 
 
 def explain_report(explanation: Explanation, scene: str) -> Report:
@@ -52,7 +56,27 @@ def explain_report(explanation: Explanation, scene: str) -> Report:
     ]
     if any(row.name == "coupling" and row.on for row in explanation.effects):
         lines.append("coupling: against one pass with the loads that there are without friction")
-    return paragraphs(called, measured, gears, lines)
+    elastic = [] if explanation.elastic is None else elastic_lines(explanation.elastic)
+    return paragraphs(called, measured, gears, lines, elastic)
+
+
+def elastic_lines(effect: ElasticEffect) -> list[str]:
+    """Return whether elastic gears matter: for motors, for the motion, for the tool's place."""
+    if effect.bandwidth is None or effect.motor_share is None:
+        return [f"elastic gears: lowest frequency {digits(effect.frequency)} Hz where the scene "
+                "starts; a motion says whether that matters"]  # fmt: skip
+    ratio = effect.bandwidth / effect.frequency
+    lines = [
+        f"elastic gears: lowest frequency {digits(effect.frequency)} Hz, motion up to "
+        f"{digits(effect.bandwidth)} Hz (95 % of its accelerations): dynamic wind-up off by some "
+        f"{100 * ratio**2:.2g} %",
+        f"  motor torque: winding the gears up takes {100 * effect.motor_share:.2g} % of the RMS "
+        f"({effect.drive}), left out everywhere",
+    ]
+    if effect.sag is not None and effect.interval is not None:
+        lines.append(f"  tool at rest: sags by up to {digits(1e3 * effect.sag)} mm, and stands "
+                     f"anywhere within ±{digits(1e3 * effect.interval)} mm")  # fmt: skip
+    return lines
 
 
 def _gear_table(gears: Sequence[GearLoss]) -> Table:

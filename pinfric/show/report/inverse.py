@@ -14,8 +14,10 @@ from pinfric import __version__
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.dynamics.problem.outcome import Status
 from pinfric.model.brief import counted
+from pinfric.show.report.elastic import elasticity_json, elasticity_parts
 from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
 from pinfric.show.report.values import digits, json_safe, rough, span
+from pinfric.study.elastic.motion import Elasticity
 from pinfric.study.summary import (
     ROUNDING,
     ActuatorSummary,
@@ -34,6 +36,7 @@ def inverse_json(
     trajectory: str,
     warnings: Sequence[str] = (),
     log: JudgedLog | None = None,
+    elastic: Elasticity | None = None,
 ) -> dict[str, Any]:
     """Return everything `pinfric inverse --json` prints; SI units, None for what is not a number.
 
@@ -42,6 +45,7 @@ def inverse_json(
         trajectory: its name or path.
         warnings: what was noticed on the way.
         log: how the trajectory was read, if it came from samples.
+        elastic: what its elastic gears do, where it has any.
 
     Raises:
         StateError: the result has no times.
@@ -68,6 +72,7 @@ def inverse_json(
         "status": {status.name.lower(): (result.status == status).sum() for status in Status},
         "warnings": list(warnings),
         "input": None if log is None else _input_json(log),
+        **({} if elastic is None else {"elasticity": elasticity_json(elastic)}),
     })  # fmt: skip
 
 
@@ -87,13 +92,19 @@ def _input_json(log: JudgedLog) -> dict[str, Any]:
     }
 
 
-def inverse_report(result: InverseResult, trajectory: str, log: JudgedLog | None = None) -> Report:
+def inverse_report(
+    result: InverseResult,
+    trajectory: str,
+    log: JudgedLog | None = None,
+    elastic: Elasticity | None = None,
+) -> Report:
     """Return the tables and lines that `pinfric inverse` prints, for a rich console.
 
     Args:
         result: with times.
         trajectory: its name, for the title.
         log: how the trajectory was read, if it came from samples.
+        elastic: what its elastic gears do, where it has any.
 
     Raises:
         StateError: the result has no times.
@@ -105,6 +116,7 @@ def inverse_report(result: InverseResult, trajectory: str, log: JudgedLog | None
         _effort_table(result, summaries, trajectory, log),
         _motor_table(geared) if geared else None,
         _measured_table(log) if log is not None and log.measured else None,
+        *(elasticity_parts(elastic) if elastic is not None else ()),
         [*_footer(result), *log_lines(log, {s.name: s.unit for s in summaries})],
     )
 

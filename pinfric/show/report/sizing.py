@@ -18,11 +18,12 @@ from pinfric.show.report.drives import (
     smaller_table,
     standstill_json,
 )
+from pinfric.show.report.elastic import elasticity_json, frequency_lines
 from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
 from pinfric.show.report.values import digits, json_safe, span
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.criteria import Criterion, load_factor, optimum_ratio
+from pinfric.study.sizing.criteria import Criterion, Status, load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import ends_by_magnitude
 
@@ -66,10 +67,18 @@ def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str,
             **drives_json(report),
             "misses": list(report.misses),
             "short": list(report.short),
+            **({} if report.elastic is None else {"elasticity": elasticity_json(report.elastic)}),
+            **_asked_json(report),
             "notes": list(report.notes),
             "warnings": list(warnings),
         }
     )
+
+
+def _asked_json(report: SizingReport) -> dict[str, Any]:
+    """The criteria of the whole robot, where conditions ask for some."""
+    criteria = report.arm_criteria
+    return {"robot": {"criteria": [asdict(c) for c in criteria]}} if criteria else {}
 
 
 def _joint_json(joint: JointSizing, still: Standstill) -> dict[str, Any]:
@@ -163,14 +172,28 @@ def sizing_report(report: SizingReport) -> Report:
 
     notes = [f"note: {line}" for line in report.notes]
     if report.catalog is None:
-        return paragraphs(_demand_table(report), notes)
+        failing = [Text(f"! {line}", style="bold red") for line in report.short]
+        return paragraphs(_demand_table(report), elastic_lines(report), failing, notes)
     return paragraphs(
         _demand_table(report), _choice_table(report),
         [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"],
         _heavier(report), smaller_table(report), sets_table(report), brake_table(report),
-        bus_lines(report), _changes(report),
+        bus_lines(report), _changes(report), elastic_lines(report),
         [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)], notes,
     )  # fmt: skip
+
+
+def elastic_lines(report: SizingReport) -> list[str]:
+    """Return the lowest frequency on the chosen gears, and what conditions ask of the robot."""
+    asked = [c.why for c in report.arm_criteria if c.status != Status.FAILS]
+    if report.elastic is None:
+        return asked
+    rigid = [drive.name for drive in report.scene.drives if drive.spring is None]
+    lines = frequency_lines(report.elastic)
+    if rigid:
+        lines.append(f"stiffness not known: {', '.join(rigid)}: taken as rigid, so these "
+                     "frequencies are upper bounds")  # fmt: skip
+    return [*lines, *asked]
 
 
 def repetition(report: SizingReport) -> str:

@@ -72,6 +72,11 @@ def sweep_json(result: SweepResult, warnings: Sequence[str] = ()) -> dict[str, A
                     for j, parameter in enumerate(result.parameter_names)
                 }
         content["joints"].append(joint)
+    if elastic := result.elastic_quantiles():
+        content["elastic"] = {
+            name: {f"{p:g}": x for p, x in zip(result.percentiles, values, strict=True)}
+            for name, values in elastic.items()
+        }
     return dict(json_safe(content))
 
 
@@ -102,9 +107,22 @@ def sweep_report(result: SweepResult) -> Report:
         if names == _AT_MOTOR:
             tables.append(_percentile_table(result, names, shaft_units(result), where[1:]))
         tables.append(_driver_table(result, names, where))
+    if elastic := result.elastic_quantiles():
+        tables.append(_elastic_table(result, elastic))
     if result.trials:
         tables.append(_motor_table(result))
     return paragraphs(title, *tables, _footer(result))
+
+
+def _elastic_table(result: SweepResult, found: dict[str, np.ndarray]) -> Table:
+    rows = []
+    for name, values in found.items():
+        scale, unit = (1.0, "Hz") if name == "lowest_frequency" else (1e3, "mm")
+        shown = (digits(scale * x) for x in values)
+        rows.append((name.replace("_", " "), unit, *shown))
+    columns = [Column("figure", Kind.LABEL), Column("unit", Kind.LABEL)]
+    columns += [Column(f"{p:g} %") for p in result.percentiles]
+    return Table("elastic gears: the worst of each cycle", columns, rows, keys=2)
 
 
 def _percentile_table(

@@ -15,6 +15,7 @@ from pinfric.show.report.drives import bus_lines, exchanged, holds_alone, shortf
 from pinfric.show.report.sizing import (
     ROUNDING,
     beside,
+    elastic_lines,
     passes,
     ratio_figures,
     repetition,
@@ -69,6 +70,7 @@ def sizing_page(report: SizingReport) -> str:
         matrix=_matrix(report),
         bus=bus_lines(report),
         turn=turn(report),
+        elastic=elastic_lines(report),
         priced=any(found.price is not None for found in report.sets),
         sets=[(found, exchanged(found, report)) for found in report.sets],
         passes=passes(report),

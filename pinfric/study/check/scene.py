@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from pinfric.model.entry import USUALLY
 from pinfric.model.friction_terms import CoulombFriction
+from pinfric.model.hysteresis import excessive_friction
 from pinfric.model.robot import payload_inertia
 from pinfric.model.scene import Scene, Site
 from pinfric.model.transmission import Transmission, driving_loss
@@ -23,6 +24,7 @@ from pinfric.study.check.findings import (
     likely_unit,
 )
 from pinfric.study.check.robot import BEYOND, RobotFacts
+from pinfric.study.elastic.motion import unloaded_frequency
 
 #: A bearing's radius over half the diagonal of the larger of the links it joins.
 _BEARING_OVER_LINK = 1.0
@@ -32,6 +34,8 @@ _ROLLING, _PLAIN = 0.03, 1.0
 _PAYLOAD = 2.0
 #: A rotor's inertia at its joint over the largest inertia that any joint moves.
 _ROTOR = 30.0
+#: Hz between which the lowest natural frequencies of robots lie.
+_FREQUENCIES = 3.0, 200.0
 
 
 def scene_findings(
@@ -53,6 +57,7 @@ def scene_findings(
     yield from _payloads(scene, facts)
     yield from _positions(scene, facts)
     yield from _drives(scene)
+    yield from _elastic_gears(scene)
 
 
 def _bearing(site: Site, scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
@@ -209,6 +214,33 @@ def _drives(scene: Scene) -> Iterator[Finding]:
                 f"if it is in kg cm^2: {1e-4 * transmission.rotor_inertia:.3g} kg m^2",
                 rotor / (_ROTOR * moved),
             )  # fmt: skip
+
+
+def _elastic_gears(scene: Scene) -> Iterator[Finding]:
+    """Hysteresis against friction, and a lowest frequency that no robot has."""
+    for excess in excessive_friction(scene.friction, scene.actuators):
+        yield Finding(
+            Severity.WARNING,
+            "hysteresis",
+            f"actuators.{excess.drive}.transmission.hysteresis",
+            excess.text,
+            "",
+            excess=excess.implied / excess.stated,
+        )
+    if not scene.elastic:
+        return
+    frequency = unloaded_frequency(scene)
+    low, high = _FREQUENCIES
+    if not low <= frequency <= high:  # also NaN
+        yield Finding(
+            Severity.WARNING,
+            "frequency",
+            "actuators.<name>.transmission.stiffness",
+            f"lowest natural frequency {frequency:.3g} Hz, motors held",
+            f"robots have {low:g} to {high:g} Hz: stiffness in N m/arcmin, or in N m/deg, entered "
+            "as N m/rad?",
+            excess=max(low / frequency, frequency / high),
+        )
 
 
 def _losses(transmission: Transmission, place: str, effort: float) -> Iterator[Finding]:

@@ -18,10 +18,11 @@ from pinfric.dynamics.forward.compensation import (
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
-from pinfric.dynamics.problem.reactions import generalized_effort, state_wrenches
+from pinfric.dynamics.problem.reactions import state_wrenches
 from pinfric.dynamics.problem.states import States
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene
+from pinfric.model.twin import project
 from pinfric.study.export.cpp import (
     CppFiles,
     EmbeddedState,
@@ -152,7 +153,7 @@ def _compensation_at(scene: Scene, states: States) -> np.ndarray:
     """(n, na) what is compensated at the states' own velocities, at scale 1."""
     tables, twin, count = make_compensated(scene), scene.twin(), len(states.q)
     wrench, effort = state_wrenches(scene, states), np.empty((count, scene.model.nv))
-    generalized_effort(twin, wrench, states.a, effort)
+    project(wrench, twin.embedding, twin.armature, states.a, effort)
     places = twin.displacements(tables.joint, states.q)
     options = CompensationOptions(scale=1.0, viscous_scale=1.0)
     return np.array([

@@ -24,6 +24,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pinfric.errors import CatalogError, PinfricWarning, choose_from
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, number_or, parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
+from pinfric.model.springs import Stiffness, softest
 from pinfric.model.transmission import (
     BackDriving,
     MakersEfficiency,
@@ -229,7 +230,10 @@ class Gear(Sourced):
         no_load_speed (rad/s): of the input, of the running torque, e.g. 209.4
         starting_torque (N m): at the input, that starts it without load, e.g. 0.037
         back_driving_torque (N m or N): at the output, that starts it without load, e.g. 3.9
-        stiffness (N m/rad): of the output, N/m of a linear one, e.g. 16000.0
+        stiffness (N m/rad): of the output, N/m of a linear one: a number (K1, where several are
+            printed), or lines as a scene's transmission takes them, e.g. {k1: 16000, k2: 25000,
+            k3: 29000, t1: 7.0, t2: 25.0}
+        hysteresis (rad): hysteresis loss, the whole width at zero torque, e.g. 2.9e-4
         stroke (m): of a linear output, e.g. 0.3
         bearing: of its output; of a screw, its nut, e.g. {kind: crossed roller, max_moment: 91.0}
     """
@@ -260,7 +264,8 @@ class Gear(Sourced):
     no_load_speed: Positive | None = None
     starting_torque: NonNegative | None = None
     back_driving_torque: Positive | None = None
-    stiffness: Positive | None = None
+    stiffness: Stiffness = None
+    hysteresis: Positive | None = None
     stroke: Positive | None = None
     bearing: BearingRatings | None = None
 
@@ -419,8 +424,14 @@ class Conditions(Entry):
         bus_limit (V): highest the bus may reach while motors brake, e.g. 56.0
         bus_capacitance (F): of the bus, e.g. 0.0047
         supply_power (W): most that the supply gives, e.g. 960.0
-        resonance_base (Hz): least resonance of the first three joints, e.g. 8.0
+        resonance_base (Hz): least resonance of the first three joints, each with the joints beyond
+            it, e.g. 8.0
         resonance_hand (Hz): of those beyond, e.g. 15.0
+        lowest_frequency (Hz): that the robot's lowest natural frequency must reach, motors held;
+            left out, any, e.g. 8.0
+        tool_sag (m): that the load may pull the scene's `tool` off its place at rest, e.g. 2.0e-3
+        tool_interval (m): half the width in which friction may hold the tool at rest, e.g. 2.0e-4
+        tool_reversal (m): most between places after opposite approaches, e.g. 2.0e-4
         mass_in_urdf (kg): of the drive that the URDF's link already has at the joint's origin, by
             joint; it is taken off there, e.g. {elbow: 1.4}
     """
@@ -444,6 +455,10 @@ class Conditions(Entry):
     supply_power: Positive | None = None
     resonance_base: Positive = 8.0
     resonance_hand: Positive = 15.0
+    lowest_frequency: Positive | None = None
+    tool_sag: Positive | None = None
+    tool_interval: Positive | None = None
+    tool_reversal: Positive | None = None
     mass_in_urdf: dict[str, NonNegative] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -630,6 +645,8 @@ def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
     usual = _USUAL | (_USUAL_OF_GEARS if section == "gears" else {})
     for key, (least, greatest, slip) in usual.items():
         value = getattr(entry, key, None)
+        if key == "stiffness" and value is not None:
+            value = softest(value)
         unit = "motor turns per output turn" if key == "ratio" else unit_of(key)
         if value is None or getattr(entry, "output", "") == "linear":
             continue

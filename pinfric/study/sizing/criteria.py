@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.model.springs import softest
 from pinfric.model.transmission import driven_efficiency
 from pinfric.study.sizing.bearing import (
     BALL,
@@ -152,6 +153,7 @@ class Case(NamedTuple):
         load_inertia: largest inertia about it over the cycle, kg m^2 (kg); None: not known.
         hand: it is one of the hand axes, beyond the third joint.
         conditions: what is demanded.
+        beyond: sum of J/K_1 over the joints beyond it whose gears' stiffness is known, s^2.
     """
 
     demand: GearDemand
@@ -159,6 +161,7 @@ class Case(NamedTuple):
     load_inertia: float | None
     hand: bool
     conditions: Conditions
+    beyond: float = 0.0
 
 
 def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[Criterion, ...]:
@@ -169,7 +172,7 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[C
         motor: of `motor_cycle`; None where figures for the motor's torque are missing.
         case: its joint.
     """
-    demand, _, load_inertia, hand, conditions = case
+    demand, _, load_inertia, _, conditions, _ = case
     units = dict(zip(("N m", "rad/s"), candidate.units, strict=True))  # N, m/s of a linear motor
     of_motor = _motor_criteria(candidate, motor, conditions)
     return (
@@ -180,7 +183,7 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[C
         *_gear_criteria(candidate.gear, candidate.ratio, demand, conditions),
         *_bearing_criteria(candidate, demand.bearing, conditions),
         _inertia_ratio(candidate, load_inertia, conditions),
-        _resonance(candidate.gear, load_inertia, hand, conditions),
+        _resonance(candidate.gear, case),
         _back_driving(candidate, conditions),
     )
 
@@ -495,18 +498,31 @@ def _inertia_ratio(
                    missing)  # fmt: skip
 
 
-def _resonance(
-    gear: Gear | None, load_inertia: float | None, hand: bool, conditions: Conditions
-) -> Criterion:
-    required = conditions.resonance_hand if hand else conditions.resonance_base
-    available = None
-    if gear is not None and gear.stiffness is not None and load_inertia is not None:
-        available = resonance(gear.stiffness, load_inertia) if load_inertia > 0 else np.inf
+def _resonance(gear: Gear | None, case: Case) -> Criterion:
+    """The joint and those beyond it swing, those nearer the base stand: Dunkerley's lower bound.
+
+    The maker's rule takes the other joints as rigid, which is an upper bound.
+    """
+    conditions, inertia = case.conditions, case.load_inertia
+    required = conditions.resonance_hand if case.hand else conditions.resonance_base
+    available, note = None, ""
+    if gear is not None and gear.stiffness is not None and inertia is not None:
+        stiffness = softest(gear.stiffness)
+        swing = inertia / stiffness + case.beyond
+        available = resonance(1.0, swing) if swing > 0 else np.inf
+        if case.beyond > 0 and inertia > 0:
+            alone = resonance(stiffness, inertia)
+            note = f"lower bound (Dunkerley); with all other joints rigid {alone:.3g} Hz"
     return compare(
-        "gear resonance", required, available, "Hz", "f = sqrt(K_1/max J_load)/(2 pi)",
+        "gear resonance",
+        required,
+        available,
+        "Hz",
+        "f = 1/(2 pi sqrt(sum of max J_load/K_1 over this joint and those beyond))",
         "rule of a maker of strain wave gears: 8 Hz base axes, 15 Hz hand axes (retyped)",
-        _LOOPS if load_inertia is None else "stiffness",
-    )  # fmt: skip
+        _LOOPS if inertia is None else "stiffness",
+        note,
+    )
 
 
 def _back_driving(candidate: Candidate, conditions: Conditions) -> Criterion:

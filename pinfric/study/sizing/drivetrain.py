@@ -382,7 +382,8 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
         back = 2 - 1 / eta
         text += f"{back:.3f} = 2 - 1/eta, the same loss both ways (assumed)"
     values |= {"ratio": ratio, "efficiency": eta, "back_efficiency": back,
-               "rotor_inertia": rotor_inertia}  # fmt: skip
+               "rotor_inertia": rotor_inertia, "stiffness": gear.stiffness,
+               "hysteresis": gear.hysteresis}  # fmt: skip
     return Transmission.model_construct(**values), text  # the figures were validated in the entry
 
 

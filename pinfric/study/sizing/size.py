@@ -26,10 +26,13 @@ from pinfric.dynamics.problem.states import MotionLike, States
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.couples import delivery, taking_part
+from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Actuator, Transmission
+from pinfric.model.springs import softest
 from pinfric.model.upward import Shown
 from pinfric.model.urdf import implausible_body
+from pinfric.study.elastic.motion import Elasticity, elasticity
 from pinfric.study.sizing.assess import (
     Assessment,
     assess,
@@ -41,7 +44,7 @@ from pinfric.study.sizing.assess import (
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
-from pinfric.study.sizing.criteria import Case, Status
+from pinfric.study.sizing.criteria import Case, Criterion, Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
     GearDemand,
@@ -56,6 +59,7 @@ from pinfric.study.sizing.demand import (
 )
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, candidates, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
+from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool
 from pinfric.study.sizing.front import DriveSet, Judge, trade_offs
 from pinfric.study.sizing.power import BusPower, bus_power
 from pinfric.study.summary import effort_unit
@@ -204,6 +208,16 @@ class SizingReport(Shown):
         return standstills(self.result, brakes, self.conditions)
 
     @cached_property
+    def elastic(self) -> Elasticity | None:
+        """What the gears' elasticity does over the cycle; None where no stiffness is known."""
+        return elasticity(self.result) if self.scene.elastic else None
+
+    @cached_property
+    def arm_criteria(self) -> tuple[Criterion, ...]:
+        """What conditions ask of the whole robot: lowest frequency, the tool's place at rest."""
+        return arm_criteria(self.scene, self.elastic, self.conditions)
+
+    @cached_property
     def bus(self) -> BusPower:
         """What the drives taken draw from their bus together, and what flows back."""
         drives = {joint.name: joint.motor for joint in self.joints}
@@ -228,14 +242,14 @@ class SizingReport(Shown):
 
     @property
     def short(self) -> tuple[str, ...]:
-        """One line for each brake and for all of the bus that a condition asks for in vain."""
+        """One line for what a condition asks in vain of a brake, of the bus or of the robot."""
+        whole = [("robot", self.arm_criteria)]
         if self.catalog is None:
-            return ()
+            return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
         found = [(joint.name, still.criteria)
                  for joint, still in zip(self.joints, wanted, strict=False)]  # fmt: skip
-        return tuple(f"{name}: {c.why}" for name, criteria in [*found, ("bus", self.bus.criteria)]
-                     for c in criteria if c.status == Status.FAILS)  # fmt: skip
+        return _failing([*found, ("bus", self.bus.criteria), *whole])
 
     def check(self) -> None:
         """Raise if a joint has no drive that fits, or a brake or the bus is short of a condition.
@@ -298,6 +312,7 @@ def size(
         catalog = load_catalog(catalog)
     wanted = parse_conditions(conditions, Conditions() if catalog is None else catalog.conditions)
     check_names(scene, wanted)
+    check_tool(scene, wanted)
     for joint in wanted.bearings:
         linear = effort_unit(scene, scene.actuator_names.index(joint)) == "N"
         own_bearing(catalog or Catalog("no catalogue"), wanted, joint, linear)
@@ -331,9 +346,10 @@ class _Sizing:
         self.scene, self.catalog = without_drives(scene, every), catalog
         self.conditions, self.progress = conditions, progress
         self.solved: dict[_Load, tuple[InverseResult, np.ndarray]] = {}
-        self.judged: dict[tuple[int, _Load], JointSizing] = {}
+        self.judged: dict[tuple[int, _Load, float], JointSizing] = {}
         self.offered: dict[tuple[str, str | None], tuple[Candidate, ...]] = {}
         self.hold: np.ndarray | None = None
+        self.beyond: dict[int, float] = {}
 
     def run(self) -> SizingReport:
         taken: dict[int, Assessment] = {}
@@ -372,9 +388,12 @@ class _Sizing:
         """Judge all candidates for one joint, with the drives beyond it in the model."""
         beyond = {k: a for k, a in taken.items() if _loads(self.scene, k, i)}
         load = tuple(sorted((k, a.candidate.mass) for k, a in beyond.items()))
-        if (i, load) not in self.judged:
-            self.judged[i, load] = self._judge(i, *self._solve(load, beyond))
-        return self.judged[i, load]
+        solved = self._solve(load, beyond)
+        self.beyond[i] = yielding(self.scene, i, _softest(beyond), solved[1])
+        key = i, load, self.beyond[i]
+        if key not in self.judged:
+            self.judged[key] = self._judge(i, *solved)
+        return self.judged[key]
 
     def judge(self, taken: Mapping[int, Assessment]) -> list[tuple[Assessment, DriveCycle]]:
         """Judge one drive for every joint, all of their masses in the model."""
@@ -382,13 +401,15 @@ class _Sizing:
         (result, inertias), found = self._solve(load, taken), []
         for i, assessment in taken.items():
             cycle, inertia = self._cycle(i, result, inertias)
+            self.beyond[i] = yielding(self.scene, i, _softest(taken), inertias)
             case = self._case(i, gear_demand(result, i, cycle), cycle, inertia)
             found.append((judged(assessment.candidate, case), cycle))
         return found
 
     def _case(self, i: int, demand: GearDemand, cycle: DriveCycle, inertia: float | None) -> Case:
         """What a joint's candidates are judged by."""
-        return Case(demand, cycle, inertia, depth(self.scene, i) > BASE_AXES, self.conditions)
+        hand = depth(self.scene, i) > BASE_AXES
+        return Case(demand, cycle, inertia, hand, self.conditions, self.beyond.get(i, 0.0))
 
     def _solve(
         self, load: _Load, taken: Mapping[int, Assessment]
@@ -450,8 +471,9 @@ class _Sizing:
         cycle = joint.cycle.without_friction()
         bare = gear_demand_frictionless(joint.demand, cycle)
         frictionless = lightest(offers, self._case(i, bare, cycle, joint.load_inertia))
-        if (i, ()) in self.judged:  # no drive weighs on it
-            demand, choice = self.judged[i, ()].demand, self.judged[i, ()].choice
+        alone_key = i, (), self.beyond.get(i, 0.0)
+        if alone_key in self.judged:  # no drive weighs on it
+            demand, choice = self.judged[alone_key].demand, self.judged[alone_key].choice
         else:
             result, inertias = self._solve((), {})
             alone, inertia = self._cycle(i, result, inertias)
@@ -502,19 +524,31 @@ def joint_inertias(scene: Scene, states: States) -> np.ndarray:
     own = np.array([drive.velocity_index for drive in scene.drives], dtype=np.int64)
     P, found = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
     for start, stop, carried in states.phases(scene):
-        model, q = scene.loaded_model(carried), states.q[start:stop]
-        data = model.createData()
-        moved = np.append(True, (q[1:] != q[:-1]).any(axis=1))
-        armature = np.asarray(model.armature)
-        inertias = np.array([pin.crba(model, data, at).diagonal()[own] for at in q[moved]])
-        inertias -= armature[own]
+        mass = mass_matrices(scene.twin(carried), states.q[start:stop])
+        found[start:stop] = mass[:, own, own]
         for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
-            v = np.zeros(model.nv)
-            v[own] = P[d]
-            energy = [pin.computeKineticEnergy(model, data, at, v) for at in q[moved]]
-            inertias[:, d] = 2.0 * np.array(energy) - armature @ v**2
-        found[start:stop] = inertias[moved.cumsum() - 1]  # in holds the inertia stays
+            found[start:stop, d] = np.einsum("a,nab,b->n", P[d], mass[:, own][:, :, own], P[d])
     return found
+
+
+def yielding(
+    scene: Scene, actuator: int, softest: Mapping[int, float], inertias: np.ndarray
+) -> float:
+    """Return the sum of J/K_1 over the elastic drives beyond a joint, s^2 (`Case.beyond`).
+
+    Args:
+        scene: the robot. actuator: the joint's column.
+        softest: column -> K_1 of the drives whose gears' stiffness is known, N m/rad.
+        inertias: (na,) of `load_inertias`.
+    """
+    there = {k: K for k, K in softest.items() if _loads(scene, k, actuator)}
+    return sum(float(inertias[k]) / K for k, K in there.items())
+
+
+def _softest(taken: Mapping[int, Assessment]) -> dict[int, float]:
+    """K_1 of the drives' gears, as far as it is known."""
+    gears = {k: assessment.candidate.gear for k, assessment in taken.items()}
+    return {k: softest(g.stiffness) for k, g in gears.items() if g and g.stiffness is not None}
 
 
 def with_masses(
@@ -596,6 +630,13 @@ def depth(scene: Scene, actuator: int) -> int:
     while joint:
         joint, count = int(scene.model.parents[joint]), count + 1
     return count
+
+
+def _failing(found: Sequence[tuple[str, tuple[Criterion, ...]]]) -> tuple[str, ...]:
+    """One line for each criterion that fails, with whose it is."""
+    return tuple(
+        f"{name}: {c.why}" for name, criteria in found for c in criteria if c.status == Status.FAILS
+    )
 
 
 def _names(taken: Mapping[int, Assessment]) -> dict[int, str]:

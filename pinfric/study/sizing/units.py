@@ -23,6 +23,8 @@ UNITS = {
     "K/W": ("K/W", 1.0), "C": ("C", 1.0),
     "s": ("s", 1.0), "ms": ("s", 1e-3), "min": ("s", 60.0), "h": ("h", 1.0),
     "N m/rad": ("N m/rad", 1.0), "N m/arcmin": ("N m/rad", 10800 / math.pi),
+    "rad": ("rad", 1.0), "arcmin": ("rad", math.pi / 10800),
+    "arcsec": ("rad", math.pi / 648000),
     "m": ("m", 1.0), "mm": ("m", 1e-3),
     "1": ("1", 1.0), "%": ("1", 1e-2),
     "rad/m": ("rad/m", 1.0), "mm/rev": ("rad/m", 1e-3), "m/rev": ("rad/m", 1.0),
@@ -39,14 +41,16 @@ _OF_UNIT = {
     "ohm": "resistance", "A": "continuous_current",
     "N m/A": "torque_constant", "C": "thermal.max_winding",
     "K/W": "thermal.winding_housing thermal.housing_ambient", "h": "nominal_life",
-    "s": "thermal.winding_time thermal.housing_time", "N m/rad": "stiffness", "price": "price",
+    "s": "thermal.winding_time thermal.housing_time", "N m/rad": "stiffness", "rad": "hysteresis",
+    "price": "price",
     "m": "stroke bearing.pitch_diameter bearing.spacing bearing.offset",
     "1": "ratio efficiency back_efficiency bearing.static_safety momentary_peaks",
 }  # fmt: skip
 #: Figure -> its unit; `thermal.` and `bearing.` lead into these parts of an entry.
 FIGURES = {figure: unit for unit, figures in _OF_UNIT.items() for figure in figures.split()}
 #: The same of what slides: the output of linear gears, all of linear motors.
-_LINEAR = {"N m": "N", "rad/s": "m/s", "N m/rad": "N/m", "N m/A": "N/A", "kg m^2": "kg", "1": "1"}
+_LINEAR = {"N m": "N", "rad/s": "m/s", "N m/rad": "N/m", "N m/A": "N/A", "kg m^2": "kg", "1": "1",
+           "rad": "m"}  # fmt: skip
 #: Figures of a linear gear that stay at its turning input.
 _AT_INPUT = ("no_load_running_torque", "starting_torque", "rated_speed", "no_load_speed",
              "average_input_speed", "max_input_speed", "input_inertia")  # fmt: skip

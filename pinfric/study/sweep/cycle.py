@@ -19,14 +19,15 @@ from pinfric.errors import PinfricError
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
+from pinfric.study.elastic.motion import elasticity
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import Case, Status, check
 from pinfric.study.sizing.demand import drive_cycle, gear_demand
 from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
-from pinfric.study.sizing.size import holds, load_inertias
+from pinfric.study.sizing.size import holds, load_inertias, yielding
 from pinfric.study.summary import ends_by_magnitude
-from pinfric.study.sweep.parameters import Target, apply
+from pinfric.study.sweep.parameters import ELASTIC, Target, apply
 from pinfric.study.sweep.superposition import Solved, Superposition
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -39,6 +40,10 @@ VERDICT = ("failed", "not_checked", "margin")
 _NO_TRIAL = (0.0, 0.0, 1.0)
 #: The figures of each drive, in the order of the last axis of `Block.figures`.
 FIGURES = (*DEMANDS, *VERDICT)
+
+
+#: What elastic gears do in a cycle, the worst of its rests: Hz, m, m, m; NaN where not known.
+ELASTIC_FIGURES = ("lowest_frequency", "tool_sag", "tool_interval", "tool_reversal")
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,12 @@ class Judge:
     criteria: tuple[str, ...]
 
     def verdict(
-        self, result: InverseResult, actuator: int, holding: np.ndarray, inertia: float | None
+        self,
+        result: InverseResult,
+        actuator: int,
+        holding: np.ndarray,
+        inertia: float | None,
+        beyond: float,
     ) -> tuple[float, float, float]:
         """Return the figures of `VERDICT` for one cycle.
 
@@ -65,6 +75,7 @@ class Judge:
             result: of the cycle. actuator: the drive's column.
             holding: (T,) the samples of the holds.
             inertia: largest about the joint over the cycle, kg m^2 (kg); None: not known.
+            beyond: of the elastic drives beyond it, `size.yielding`.
         """
         drive = result.scene.drives[actuator]
         assert isinstance(drive, Drive)
@@ -74,7 +85,8 @@ class Judge:
         cycle = drive_cycle(result, actuator, holding)
         demand = gear_demand(result, actuator, cycle, carried=candidate.bearing is not None)
         motor = motor_cycle(candidate, cycle, self.conditions)
-        found = check(candidate, motor, Case(demand, cycle, inertia, self.hand, self.conditions))
+        case = Case(demand, cycle, inertia, self.hand, self.conditions, beyond)
+        found = check(candidate, motor, case)
         bits = {name: 2.0**k for k, name in enumerate(self.criteria)}
         failed, unchecked = (
             sum(bits[c.name] for c in found if c.status == status)
@@ -121,6 +133,11 @@ class Study:
         gears = {i: drive.transmission for i, drive in enumerate(self.scene.drives)}
         return {i: g.judge for i, g in gears.items() if isinstance(g, JudgedTransmission)}
 
+    @property
+    def elastic(self) -> bool:
+        """Whether samples differ in stiffness or hysteresis: then `ELASTIC_FIGURES` are asked."""
+        return any(target.key in ELASTIC for target in self.targets)
+
     def load_inertias(self, result: InverseResult) -> np.ndarray:
         """Return (na,) the largest inertia about each joint over one sample's cycle, kg m^2 (kg).
 
@@ -146,12 +163,14 @@ class Block:
         figures: (k, na, number of `FIGURES`); NaN where there is no solution.
         unsolved: (k,) at how many instants of the cycle there is none.
         problems: (k,) why a sample could not be computed; empty where it could.
+        elastic: (k, number of `ELASTIC_FIGURES`), (k, 0) where nothing elastic varies.
     """
 
     rows: np.ndarray
     figures: np.ndarray
     unsolved: np.ndarray
     problems: tuple[str, ...]
+    elastic: np.ndarray
 
 
 def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> Block:
@@ -164,16 +183,17 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> Block:
     """
     k, na = len(rows), len(study.scene.drives)
     figures, unsolved = np.full((k, na, len(FIGURES)), np.nan), np.zeros(k, dtype=np.int64)
+    elastic = np.full((k, len(ELASTIC_FIGURES) * study.elastic), np.nan)
     problems = [""] * k
     if study.superposition is not None:
         _superposed_figures(study, study.superposition, values, figures)
     for i in np.flatnonzero(np.isnan(figures).any(axis=(1, 2))):
         try:
-            figures[i], unsolved[i] = cycle_figures(study, values[i])
+            figures[i], unsolved[i], elastic[i] = cycle_figures(study, values[i])
         except PinfricError as problem:  # of this sample: the others go on
             problems[i] = str(problem)
             unsolved[i] = len(study.trajectory.t)
-    return Block(rows, figures, unsolved, tuple(problems))
+    return Block(rows, figures, unsolved, tuple(problems), elastic)
 
 
 def _superposed_figures(
@@ -189,8 +209,11 @@ def _superposed_figures(
     demands[:] = sums.figures(values, judge if study.judges else None)
 
 
-def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> tuple[np.ndarray, int]:
-    """Return one cycle's figures (na, number of `FIGURES`) and its instants without solution.
+def cycle_figures(
+    study: Study, sample: Sequence[float] | np.ndarray
+) -> tuple[np.ndarray, int, tuple[float, ...]]:
+    """Return one cycle's figures (na, number of `FIGURES`), its instants without solution, and
+    `ELASTIC_FIGURES` where they are asked.
 
     By inverse dynamics of the scene and the trajectory with the sample's values in them.
     """
@@ -201,7 +224,21 @@ def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> tuple[n
     known = study.judges and not scene.loops
     verdicts = _verdicts(study, result, study.load_inertias(result) if known else None)
     figures = np.column_stack((reduce(result), verdicts))
-    return figures, int(np.isnan(result.effort_lower).any(axis=1).sum())
+    elastic = elastic_figures(result) if study.elastic else ()
+    return figures, int(np.isnan(result.effort_lower).any(axis=1).sum()), elastic
+
+
+def elastic_figures(result: InverseResult) -> tuple[float, ...]:
+    """Return `ELASTIC_FIGURES` of one cycle."""
+    found = elasticity(result)
+    tools = [rest.tool for rest in found.rests if rest.tool is not None]
+    reversal = [tool.reversal for tool in tools if tool.reversal is not None]
+    return (
+        float(np.nanmin(found.frequency)) if np.isfinite(found.frequency).any() else np.nan,
+        max((tool.sag_distance for tool in tools), default=np.nan),
+        max((tool.farthest for tool in tools), default=np.nan),
+        max(reversal, default=np.nan),
+    )
 
 
 def _verdicts(study: Study, result: InverseResult, inertias: np.ndarray | None) -> np.ndarray:
@@ -211,10 +248,16 @@ def _verdicts(study: Study, result: InverseResult, inertias: np.ndarray | None) 
         return verdicts
     # a path at another speed holds where it held
     holding = holds(result.scene, study.trajectory, result.states.v)
+    soft = {
+        d: float(spring.stiffness[0])
+        for d in result.scene.elastic
+        if (spring := result.scene.drives[d].spring) is not None
+    }
     for i, judge in study.judges.items():
         if np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
             inertia = None if inertias is None else float(inertias[i])
-            verdicts[i] = judge.verdict(result, i, holding, inertia)
+            beyond = 0.0 if inertias is None else yielding(result.scene, i, soft, inertias)
+            verdicts[i] = judge.verdict(result, i, holding, inertia, beyond)
         else:
             verdicts[i] = np.nan
     return verdicts

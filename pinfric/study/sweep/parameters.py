@@ -2,6 +2,10 @@
 
     friction.<joint>.mu, .coulomb, .viscous     factor on static and kinetic value alike
     transmission.<drive>.no_load_torque, .motor_viscous, .rotor_inertia     factor
+    transmission.<drive>.stiffness              factor; lines keep the torques at which they meet
+    transmission.<drive>.hysteresis             factor on it and on the friction behind the spring:
+                                                the joint's `coulomb` moves to or from the gear's
+                                                `no_load_torque`, their sum at the joint stays
     transmission.<drive>.efficiency, .back_efficiency     the value itself
     payload.<name>.mass                         kg; the inertia goes with it (same shape)
     payload.<name>.com.x, .y, .z                m, in the link's axes
@@ -28,8 +32,9 @@ import pandas as pd
 import pinocchio as pin
 
 from pinfric.errors import SweepError, choose_from, problems_line
+from pinfric.model.friction_terms import CoulombFriction
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Payload, added_terms
+from pinfric.model.schema import Actuator, Friction, Payload, added_terms
 from pinfric.model.transmission import MakersEfficiency
 from pinfric.study.sweep.distributions import Column, Distribution
 from pinfric.study.sweep.file import MOST_SAMPLES, SweepFile
@@ -39,9 +44,16 @@ from pinfric.study.trajectory.trajectory import Trajectory
 SET = ("efficiency", "back_efficiency")
 _DIRECTIONS = ("positive", "negative")
 _TRANSMISSION_KEYS = (
-    *(f"no_load_torque.{way}" for way in _DIRECTIONS), "no_load_torque", "motor_viscous",
-    "rotor_inertia", *reversed(SET),
-)  # fmt: skip
+    *(f"no_load_torque.{way}" for way in _DIRECTIONS),
+    "no_load_torque",
+    "motor_viscous",
+    "rotor_inertia",
+    "stiffness",
+    "hysteresis",
+    *reversed(SET),
+)
+#: What changes elastic gears, and so the tool's place and frequencies.
+ELASTIC = ("stiffness", "hysteresis")  # fmt: skip
 _PAYLOAD_KEYS = ("mass", "com.x", "com.y", "com.z")
 _ANGLES = ("roll", "pitch")
 _FORMS = ("friction.<joint>.mu", "friction.<joint>.coulomb", "friction.<joint>.viscous",
@@ -161,13 +173,29 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
     if not found:
         raise SweepError(f"there is no {what} that is called {pattern!r}; "
                          f"{choose_from(pattern, there)}")  # fmt: skip
-    for drive in scene.drives if section == "transmission" else ():
+    for name in found if key == "hysteresis" else ():
+        _check_split(scene, name)
+    for drive in scene.drives if section == "transmission" and key != "stiffness" else ():
         if drive.name in found and isinstance(_transmission(drive).efficiency, MakersEfficiency):
             raise SweepError(f"the efficiency of {drive.name} has the loss without load in it: "
                              "give it as a number, of the load alone")  # fmt: skip
     if section == "payload" and len(found) > 1:
         raise SweepError(f"means {len(found)} payloads; name one: {', '.join(found)}")
     return found
+
+
+def _check_split(scene: Scene, drive: str) -> None:
+    """Refuse to move friction across a spring that differs by direction, or is not there."""
+    (actuator,) = (a for a in scene.actuators or () if a.drive_name == drive)
+    entry = scene.friction.get(actuator.joint or "")
+    gear = actuator.transmission
+    coulomb = None if entry is None else entry.coulomb
+    lost = None if gear is None else gear.no_load_torque
+    if not isinstance(coulomb, CoulombFriction) or not isinstance(lost, CoulombFriction | None):
+        raise SweepError(
+            f"the hysteresis of {drive} moves friction between its joint's `coulomb`, which must "
+            "be there, and its gear's `no_load_torque`: both the same in both directions"
+        )
 
 
 def _found(entry: Any, key: str) -> Any:
@@ -213,8 +241,9 @@ def _impossible(section: str, key: str, kind: str, distribution: Distribution) -
             least = "above 0 and " if key == "efficiency" else ""
             return f"{kind} reaches from {low:g} to {high:g}, and it must be {least}at most 1"
         return ""
-    positive = section in ("payload", "speed")
+    positive = section in ("payload", "speed") or key in ELASTIC
     what = {"payload": "a mass", "speed": "a speed factor"}.get(section, "a factor on friction")
+    what = f"a factor on {key}" if key in ELASTIC else what
     if low > 0 or (low == 0 and not positive):
         return ""
     reach = f"reaches down to {low:g}" if math.isfinite(low) else "has no lower bound"
@@ -249,6 +278,7 @@ def vary(scene: Scene, targets: Sequence[Target], values: Sequence[float]) -> Sc
     friction = dict(scene.friction)
     payloads = dict(scene.payloads)
     losses: dict[str, dict[str, float]] = {}
+    splits: dict[str, float] = {}
     angles = dict.fromkeys(_ANGLES, 0.0)
     for target, value in zip(targets, map(float, values), strict=True):
         if target.section == "mounting":
@@ -256,6 +286,9 @@ def vary(scene: Scene, targets: Sequence[Target], values: Sequence[float]) -> Sc
         elif target.section == "payload":
             name = target.names[0]
             payloads[name] = _with_payload(payloads[name], target.key, value)
+        elif target.key == "hysteresis":
+            for name in target.names:
+                splits[name] = splits.get(name, 1.0) * value
         elif target.section == "friction":
             for name in target.names:
                 friction[name] = _scaled(friction[name], target.key, value)
@@ -270,8 +303,12 @@ def vary(scene: Scene, targets: Sequence[Target], values: Sequence[float]) -> Sc
         change["friction"] = friction
     if "payload" in sections:
         change["payloads"] = payloads
+    actuators = list(scene.actuators or ())
     if losses:
-        change["actuators"] = [_with_losses(a, losses) for a in scene.actuators or ()]
+        change["actuators"] = actuators = [_with_losses(a, losses) for a in actuators]
+    if splits:
+        moved = [_split(a, friction, splits.get(a.drive_name, 1.0)) for a in actuators]
+        change["actuators"], change["friction"] = moved, friction
     if "mounting" in sections:
         change["model"] = mounted(scene.model, angles["roll"], angles["pitch"])
     return _varied(scene, change) if change else scene
@@ -330,6 +367,33 @@ def _with_losses(actuator: Actuator, losses: dict[str, dict[str, float]]) -> Act
     for key, factor in factors.items():
         transmission = _scaled(transmission, key, factor)
     return actuator.model_copy(update={"transmission": transmission})
+
+
+def _split(actuator: Actuator, friction: dict[str, Friction], factor: float) -> Actuator:
+    """Let `factor` of a joint's Coulomb friction rub behind its gear's spring, the rest before it.
+
+        coulomb' = factor coulomb
+        |r| no_load_torque' = |r| no_load_torque + (1 - factor) coulomb
+
+    at most what there is before the spring is moved behind it. `friction` is changed.
+    """
+    gear, joint = actuator.transmission, actuator.joint
+    entry = None if joint is None else friction.get(joint)
+    if gear is None or gear.hysteresis is None or entry is None or factor == 1.0:
+        return actuator
+    coulomb, lost = entry.coulomb, gear.no_load_torque
+    assert isinstance(coulomb, CoulombFriction)  # `_matches`
+    size, there = abs(gear.ratio), lost or CoulombFriction(static=0.0, kinetic=0.0)
+    assert isinstance(there, CoulombFriction)
+    change = {k: (factor - 1.0) * getattr(coulomb, k) for k in ("static", "kinetic")}
+    moved = {k: min(x, size * getattr(there, k)) for k, x in change.items()}
+    behind = {k: getattr(coulomb, k) + x for k, x in moved.items()}
+    before = {k: getattr(there, k) - x / size for k, x in moved.items()}
+    assert joint is not None  # it has an entry
+    friction[joint] = entry.model_copy(update={"coulomb": coulomb.model_copy(update=behind)})
+    update = {"no_load_torque": there.model_copy(update=before),
+              "hysteresis": factor * gear.hysteresis}  # fmt: skip
+    return actuator.model_copy(update={"transmission": gear.model_copy(update=update)})
 
 
 def draw(targets: Sequence[Target], sweep: SweepFile) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ import numpy as np
 from pinfric.errors import SweepError, choose_from
 from pinfric.model.brief import file_name, listed, screen
 from pinfric.model.upward import Shown
-from pinfric.study.sweep.cycle import DEMANDS, FIGURES
+from pinfric.study.sweep.cycle import DEMANDS, ELASTIC_FIGURES, FIGURES
 from pinfric.study.sweep.motors import Trial
 from pinfric.study.sweep.parameters import seeded
 
@@ -80,6 +80,8 @@ class SweepResult(Shown):
         percentiles: which are asked for.
         processes: how many computed. resumed: samples that were there already.
         notes: what a reader should know.
+        elastic: (n, 4) lowest frequency (Hz), the tool's sag, interval and reversal error at rest
+            (m), the worst of each cycle; (n, 0) where neither stiffness nor hysteresis varies.
     """
 
     scene: str
@@ -99,6 +101,7 @@ class SweepResult(Shown):
     processes: int = 1
     resumed: int = 0
     notes: tuple[str, ...] = ()
+    elastic: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __repr__(self) -> str:
         solved = int(self.solved.sum())
@@ -146,6 +149,15 @@ class SweepResult(Shown):
         """
         there = self.figure(name)[self.solved]
         return np.asarray(np.percentile(there, self.percentiles, axis=0))
+
+    def elastic_quantiles(self) -> dict[str, np.ndarray]:
+        """Return the percentiles of the elastic figures that are known, by name."""
+        there = self.elastic[self.solved] if self.elastic.size else self.elastic
+        known = [k for k in range(there.shape[1]) if np.isfinite(there[:, k]).all() and len(there)]
+        return {
+            ELASTIC_FIGURES[k]: np.asarray(np.percentile(there[:, k], self.percentiles))
+            for k in known
+        }
 
     def sufficing(self, trial: Trial | None = None) -> np.ndarray:
         """Return (n,) in which samples a motor meets all its criteria; None: all motors do.
@@ -259,5 +271,7 @@ class SweepResult(Shown):
             ]
             if trial.checks:
                 columns[f"{trial.drive}.margin"] = self.figure("margin")[:, trial.actuator]
+        columns |= {name: self.elastic[:, k] for k, name in enumerate(ELASTIC_FIGURES)
+                    if self.elastic.size}  # fmt: skip
         columns |= {"unsolved": self.unsolved, "problem": list(self.problems)}
         return pd.DataFrame(columns)

@@ -21,7 +21,7 @@ from pinfric import __version__
 from pinfric.errors import PinfricWarning, SweepError
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.study.summary import effort_unit
-from pinfric.study.sweep.cycle import FIGURES, Block, Study, compute
+from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, Block, Study, compute
 from pinfric.study.sweep.file import SweepFile, load_sweep
 from pinfric.study.sweep.motors import motors_on_trial
 from pinfric.study.sweep.parameters import draw, resolve
@@ -97,7 +97,7 @@ def sweep(
         units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
         values=values, figures=run.figures, unsolved=run.unsolved, problems=tuple(run.problems),
         trials=trials, percentiles=entries.percentiles, processes=used, resumed=run.resumed,
-        notes=_notes(equipped, trajectory, targets, values, run),
+        notes=_notes(equipped, trajectory, targets, values, run), elastic=run.elastic,
     )  # fmt: skip
     for note in result.notes:
         warnings.warn(note, PinfricWarning, stacklevel=2)
@@ -129,6 +129,7 @@ class _Run:
         self.progress = progress or (lambda done, total: None)
         self.figures = np.full((n, na, len(FIGURES)), np.nan)
         self.unsolved, self.problems = np.zeros(n, dtype=np.int64), [""] * n
+        self.elastic = np.full((n, len(ELASTIC_FIGURES) * study.elastic), np.nan)
         self.done = np.zeros(n, dtype=bool)
         for block in store.read() if store else ():
             self._take(block)
@@ -158,12 +159,13 @@ class _Run:
                 self.progress(int(self.done.sum()), len(self.values))
         if self.store is not None and (missing.size or not self.store.complete):
             everything = Block(np.arange(len(self.values)), self.figures, self.unsolved,
-                               tuple(self.problems))  # fmt: skip
+                               tuple(self.problems), self.elastic)  # fmt: skip
             self.store.finish(everything, self.values)
         return used
 
     def _take(self, block: Block) -> None:
         self.figures[block.rows], self.unsolved[block.rows] = block.figures, block.unsolved
+        self.elastic[block.rows] = block.elastic
         self.done[block.rows] = True
         for row, problem in zip(block.rows, block.problems, strict=True):
             self.problems[row] = problem

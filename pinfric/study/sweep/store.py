@@ -22,7 +22,7 @@ import numpy as np
 from pinfric.errors import SweepError
 from pinfric.model.files import only_one
 from pinfric.model.yamlfile import brief
-from pinfric.study.sweep.cycle import FIGURES, Block, Study
+from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, Block, Study
 
 SAMPLES, BATCHES, LOCK = "samples.parquet", "batches", ".sweep.lock"
 _KEY, _DIGEST = b"pinfric_sweep", b"pinfric_digest"
@@ -36,6 +36,7 @@ def identity(study: Study, values: np.ndarray, version: str) -> dict[str, str]:
     """Return what a sample's figures depend on, hashed part by part, to compare runs."""
     scene, motion = study.scene, study.trajectory
     linkage = [scene.loops, scene.redundancy_length, scene.start_configuration.tobytes()]
+    linkage += [scene.tool] if scene.tool is not None else []
     parts: dict[str, list[Any]] = {
         "scene": [pickle.dumps(scene.model), scene.friction, scene.payloads, scene.actuators,
                   scene.stick_velocity, *linkage],
@@ -140,6 +141,8 @@ class Store:
         columns |= {f"{drive}.{figure}": block.figures[:, i, k]
                     for i, drive in enumerate(self.actuators)
                     for k, figure in enumerate(FIGURES)}  # fmt: skip
+        names = ELASTIC_FIGURES if block.elastic.shape[1] else ()
+        columns |= {name: block.elastic[:, k] for k, name in enumerate(names)}
         return columns | {"unsolved": block.unsolved, "problem": list(block.problems)}
 
     def _write(self, path: Path, block: Block, values: np.ndarray) -> None:
@@ -175,8 +178,10 @@ class Store:
             np.column_stack([columns[f"{drive}.{figure}"] for figure in FIGURES])
             for drive in self.actuators
         ], axis=1)  # fmt: skip
+        known = [columns[name] for name in ELASTIC_FIGURES if name in columns]
+        elastic = np.column_stack(known) if known else np.empty((len(figures), 0))
         return Block(columns["sample"], figures, columns["unsolved"],
-                     tuple(map(str, columns["problem"])))  # fmt: skip
+                     tuple(map(str, columns["problem"])), elastic)  # fmt: skip
 
     def _unwritable(self, problem: OSError) -> SweepError:
         return SweepError(f"{self.folder}: cannot be written: {problem.strerror or problem}")

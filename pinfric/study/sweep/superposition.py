@@ -31,7 +31,7 @@ from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene
 from pinfric.model.transmission import MakersEfficiency
 from pinfric.study.sizing.size import joint_inertias
-from pinfric.study.sweep.parameters import SET, Target, apply, mounted_gravity
+from pinfric.study.sweep.parameters import ELASTIC, SET, Target, apply, mounted_gravity
 from pinfric.study.sweep.tables import gears_of_samples, laws_of_samples, proportional
 from pinfric.study.trajectory.trajectory import Trajectory
 
@@ -197,7 +197,7 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
     return (
         scene.linkage is None
         and scene.one_drive_each
-        and not any(target.key in SET for target in targets)
+        and not any(target.key in (*SET, *ELASTIC) for target in targets)
         and not any(gear is None or isinstance(gear.efficiency, MakersEfficiency) for gear in gears)
         and all(map(proportional, terms))
         and all(site.friction.bearing is None or site.friction.bearing.roll_lever() is None

@@ -1,0 +1,92 @@
+"""Hysteresis of gears against the friction of their joints: what a data sheet bounds.
+
+A maker measures the hysteresis loss H at the output, the motor's side held: whatever rubs behind
+the spring shows there as f(b_forward) + f(b_backward). Friction that was identified from motor
+currents and is larger than H admits must sit before the spring, in the gear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pinfric.model.friction_terms import Strength
+from pinfric.model.schema import Actuator, Friction
+from pinfric.model.springs import Spring, largest_friction, spring_of
+
+_ARCMIN = np.pi / 180.0 / 60.0
+#: By how much rounded figures may differ.
+_ROUNDED = 1e-3
+
+
+class Excess(NamedTuple):
+    """A joint whose friction implies more hysteresis than its gear's maker states.
+
+    Attributes:
+        drive, joint: names.
+        friction: at rest without load behind the spring, the mean of both directions (N m or N).
+        most: that the stated hysteresis admits.
+        implied, stated: whole width at zero torque, rad (m).
+    """
+
+    drive: str
+    joint: str
+    friction: float
+    most: float
+    implied: float
+    stated: float
+
+    @property
+    def text(self) -> str:
+        """Both figures, and what to do."""
+        implied, stated = self.implied / _ARCMIN, self.stated / _ARCMIN
+        return (
+            f"{self.stated:.3g} rad ({stated:.2g} arcmin) stated, {self.implied:.3g} rad "
+            f"({implied:.2g} arcmin) implied by {self.friction:.4g} N m of friction.{self.joint}: "
+            f"at most {self.most:.3g} N m can rub behind the spring; the rest belongs into "
+            "transmission.no_load_torque"
+        )
+
+
+def load_free_friction(friction: Friction | None) -> Strength:
+    """Return the friction at rest that no load causes, in both directions (N m or N)."""
+    terms = [] if friction is None else [term.at_rest() for term in friction.terms]
+    return Strength(0.0, sum(x.forward for x in terms), sum(x.backward for x in terms))
+
+
+def joint_hysteresis(spring: Spring, friction: Friction | None) -> float:
+    """Return f(b_forward) + f(b_backward), rad (m): the width at zero torque that friction makes.
+
+    Args:
+        spring: of the gear. friction: of the joint behind it; None: it has none.
+    """
+    rubs = load_free_friction(friction)
+    return float(spring.wind_up(rubs.forward) + spring.wind_up(rubs.backward))
+
+
+def excessive_friction(
+    friction: Mapping[str, Friction], actuators: Sequence[Actuator] | None
+) -> Iterator[Excess]:
+    """Yield the joints whose friction contradicts the hysteresis of their gear.
+
+    Coupled drives are left out: several joints rub behind each of their springs.
+
+    Args:
+        friction: by joint. actuators: of a scene.
+    """
+    coupled = {name for a in actuators or () for name in (a.couples and {*a.couples, a.joint})}
+    for actuator in actuators or ():
+        gear, joint = actuator.transmission, actuator.joint
+        if gear is None or gear.stiffness is None or gear.hysteresis is None:
+            continue
+        if joint is None or joint in coupled:
+            continue
+        spring = spring_of(gear.stiffness)
+        implied = joint_hysteresis(spring, friction.get(joint))
+        if implied > (1.0 + _ROUNDED) * gear.hysteresis:
+            rubs = load_free_friction(friction.get(joint))
+            most = largest_friction(spring, gear.hysteresis)
+            mean = 0.5 * (rubs.forward + rubs.backward)
+            yield Excess(actuator.drive_name, joint, mean, most, implied, gear.hysteresis)

@@ -1,0 +1,198 @@
+"""Stiffness of gears as makers print it: torque to angle, broken lines through the origin.
+
+A gear's output turns by delta = theta - q against its motor (theta: motor angle over ratio). With t
+the torque it transmits, from the motor to the joint,
+
+    delta = f(t) = sign(t) (delta_i + (|t| - t_i)/K_i),    t_i <= |t| < t_(i+1)
+
+odd and rising; K_i is the tangent stiffness. Angles are rad and torques N m at the joint; of a
+joint that slides m and N.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from pinfric.model.entry import Entry, Positive, number_or
+
+
+class StiffnessLines(Entry):
+    """Two or three lines of a strain wave gear's data sheet: K1 up to T1, K2 up to T2, then K3.
+
+        stiffness: {k1: 3.1e4, k2: 5.0e4, k3: 5.7e4, t1: 14, t2: 48}
+
+    Source: Harmonic Drive engineering data 1018854 8/2018, tables 54.3, 54.4.
+
+    Attributes:
+        k1 (N m/rad or N/m): up to `t1`, e.g. 31000.0
+        k2 (N m/rad or N/m): from `t1` on, e.g. 50000.0
+        k3 (N m/rad or N/m): from `t2` on, e.g. 57000.0
+        t1 (N m or N): torque at the joint where the second line begins, e.g. 14.0
+        t2 (N m or N): where the third begins, e.g. 48.0
+    """
+
+    k1: Positive
+    k2: Positive
+    k3: Positive | None = None
+    t1: Positive
+    t2: Positive | None = None
+
+    @model_validator(mode="after")
+    def _rising(self) -> StiffnessLines:
+        if (self.k3 is None) != (self.t2 is None):
+            raise ValueError("`k3` and `t2` belong together: K3 holds from T2 on")
+        if self.t2 is not None and self.t2 <= self.t1:
+            raise ValueError(f"t2 {self.t2:g} is not above t1 {self.t1:g}; swapped?")
+        _check_rising([("k1", self.k1), ("k2", self.k2), ("k3", self.k3)])
+        return self
+
+    def scaled(self, factor: float) -> StiffnessLines:
+        """Return lines `factor` times as stiff, that meet at the same torques."""
+        given = {k: factor * x for k in ("k1", "k2", "k3") if (x := getattr(self, k)) is not None}
+        return self.model_copy(update=given)
+
+
+class LostMotionStiffness(Entry):
+    """Two lines of a cycloidal or planetary gear: soft up to a share of the rated torque.
+
+    The lost motion Phi is the whole angle between +share and -share of the rated torque T_N, on the
+    middle of the hysteresis curve, so the first line has K_1 = 2 share T_N/Phi. Backlash is the
+    same with a softer first line.
+
+        stiffness: {k: 3.9e5, lost_motion: 2.9e-4, rated_torque: 412, share: 0.03}
+
+    Attributes:
+        k (N m/rad or N/m): torsional rigidity beyond the lost motion (b/a), e.g. 390000.0
+        lost_motion (rad or m): Phi, e.g. 2.9e-4
+        rated_torque (N m or N): T_N, at the joint, e.g. 412.0
+        share (1): of the rated torque at which the lost motion is measured, e.g. 0.03
+    """
+
+    k: Positive
+    lost_motion: Positive
+    rated_torque: Positive
+    share: Annotated[Positive, Field(lt=1)] = 0.03
+
+    @property
+    def soft(self) -> float:
+        """K_1, N m/rad."""
+        return 2.0 * self.share * self.rated_torque / self.lost_motion
+
+    @model_validator(mode="after")
+    def _rising(self) -> LostMotionStiffness:
+        _check_rising([("2 share rated_torque/lost_motion", self.soft), ("k", self.k)])
+        return self
+
+    def scaled(self, factor: float) -> LostMotionStiffness:
+        """Return lines `factor` times as stiff, that meet at the same torque."""
+        update = {"k": factor * self.k, "lost_motion": self.lost_motion / factor}
+        return self.model_copy(update=update)
+
+
+def _lines(given: dict[str, object]) -> StiffnessLines | LostMotionStiffness:
+    lost = {"lost_motion", "k", "rated_torque", "share"} & given.keys()
+    return (LostMotionStiffness if lost else StiffnessLines).model_validate(given)
+
+
+#: What a file gives as `stiffness`.
+Stiffness = Annotated[
+    float | StiffnessLines | LostMotionStiffness | None,
+    BeforeValidator(
+        number_or(_lines, Positive),
+        json_schema_input_type=Positive | StiffnessLines | LostMotionStiffness | None,
+    ),
+]
+
+
+def _check_rising(named: Sequence[tuple[str, float | None]]) -> None:
+    """Refuse a stiffness that falls with the torque: no gear's does, the figures are swapped."""
+    known = [(name, k) for name, k in named if k is not None]
+    for (softer, low), (stiffer, high) in pairwise(known):
+        if high < low:
+            raise ValueError(
+                f"stiffness falls with torque: {stiffer} {high:g} is below {softer} {low:g} "
+                "(N m/rad); gears grow stiffer, so check order and unit"
+            )
+
+
+class Spring(NamedTuple):
+    """A broken line from torque to angle.
+
+    Attributes:
+        torques: (n,) where its lines begin, the first at 0 (N m or N).
+        stiffness: (n,) of each (N m/rad or N/m).
+        angles: (n,) at `torques` (rad or m).
+    """
+
+    torques: np.ndarray
+    stiffness: np.ndarray
+    angles: np.ndarray
+
+    def wind_up(self, torque: Any) -> np.ndarray:
+        """Return delta = f(t), rad (m), of torques of any shape."""
+        size = np.abs(torque)
+        line = self._line(self.torques, size)
+        angle = self.angles[line] + (size - self.torques[line]) / self.stiffness[line]
+        return np.asarray(np.copysign(angle, torque))
+
+    def torque(self, wind_up: Any) -> np.ndarray:
+        """Return t = f^-1(delta), N m (N), of angles of any shape."""
+        size = np.abs(wind_up)
+        line = self._line(self.angles, size)
+        torque = self.torques[line] + (size - self.angles[line]) * self.stiffness[line]
+        return np.asarray(np.copysign(torque, wind_up))
+
+    def tangent(self, torque: Any) -> np.ndarray:
+        """Return dt/d delta at torques of any shape; where two lines meet, the stiffer."""
+        return np.asarray(self.stiffness[self._line(self.torques, np.abs(torque))])
+
+    @staticmethod
+    def _line(starts: np.ndarray, size: np.ndarray) -> np.ndarray:
+        return np.asarray(np.searchsorted(starts, size, side="right") - 1)
+
+
+def spring_of(stiffness: float | StiffnessLines | LostMotionStiffness) -> Spring:
+    """Return the broken line of a stiffness entry."""
+    match stiffness:
+        case StiffnessLines():
+            torques = [0.0, stiffness.t1, stiffness.t2]
+            lines = [stiffness.k1, stiffness.k2, stiffness.k3]
+        case LostMotionStiffness():
+            torques = [0.0, stiffness.share * stiffness.rated_torque]
+            lines = [stiffness.soft, stiffness.k]
+        case _:
+            torques, lines = [0.0], [stiffness]
+    t = np.array([x for x in torques if x is not None])
+    k = np.array([x for x in lines if x is not None])
+    return Spring(t, k, np.concatenate([[0.0], np.cumsum(np.diff(t) / k[:-1])]))
+
+
+def softest(stiffness: float | StiffnessLines | LostMotionStiffness) -> float:
+    """Return the tangent without load, N m/rad (N/m): the least that a gear has."""
+    return float(spring_of(stiffness).stiffness[0])
+
+
+def implied_hysteresis(spring: Spring, friction: float) -> float:
+    """Return the width of the hysteresis curve at zero torque, H = 2 f(b), rad (m).
+
+    Behind the spring rubs b: the output follows only when the torque has changed by 2 b.
+
+    Args:
+        spring: the gear's.
+        friction: b, the friction at rest behind the spring without load (N m or N).
+    """
+    return 2.0 * float(spring.wind_up(friction))
+
+
+def largest_friction(spring: Spring, hysteresis: float) -> float:
+    """Return b = f^-1(H/2): the most friction behind the spring that a stated hysteresis admits.
+
+    Args:
+        spring: the gear's. hysteresis: H, the whole width at zero torque, rad (m).
+    """
+    return float(spring.torque(0.5 * hysteresis))

@@ -1,0 +1,142 @@
+"""One picture of a tool's places at rest: where friction can hold it beside its command."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinfric.errors import StateError
+from pinfric.show.figure.style import INK, QUIET, style
+from pinfric.show.report.values import digits
+from pinfric.study.elastic.motion import Elasticity, Rest, ToolPlace
+from pinfric.study.elastic.places import outline
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette, as in `figure.efforts`.
+_INSIDE, _EDGE, _APPROACH, _OPPOSITE = "#CFE3F1", "#0072B2", "#D55E00", "#009E73"
+_AXES, MM = "xyz", 1e3
+
+
+def tool_figure(found: Elasticity, title: str = "", rest: Rest | None = None) -> Figure:
+    """Draw where elastic gears let the tool stand at one rest: seen along three axes, in mm.
+
+    Blue is every place that static friction can hold (projections of the zonotope), to one scale;
+    a cross, or an arrow towards it, marks the commanded place, the dot that without friction, the
+    triangles those that a slow approach leaves, from the motion's side and from the opposite one.
+
+    Args:
+        found: of `elasticity`.
+        title: above the picture.
+        rest: which; by default the one with the widest interval.
+
+    Raises:
+        StateError: no rest has a tool's place.
+    """
+    from matplotlib.figure import Figure
+
+    rest = rest or found.worst
+    if rest is None or rest.tool is None:
+        why = "; ".join(found.notes) or "the motion has no rest"
+        raise StateError(f"there is no tool's place at rest to draw: {why}")
+    with style():
+        figure = Figure(figsize=(10.0, 4.4))
+        grid = figure.add_gridspec(1, 3, left=0.06, right=0.985, top=0.82, bottom=0.2, wspace=0.26)
+        low, high = _box(rest.tool)
+        half = max(0.8 * (high - low).max(), 1e-6)
+        for place, plane in enumerate(combinations(range(3), 2)):
+            axes = figure.add_subplot(grid[place])
+            _draw(axes, rest.tool, *plane)
+            centre = 0.5 * (low + high)[list(plane)]
+            (x, y) = centre
+            axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half), aspect="equal")
+            _point_to_command(axes, centre, half)
+        carried = f", carries {', '.join(rest.payloads)}" if rest.payloads else ""
+        name = found.result.scene.tool
+        figure.text(
+            0.06,
+            0.945,
+            f"{title}{': ' * bool(title)}where {name} can stand at rest, "
+            f"{rest.start:.2f}-{rest.end:.2f} s{carried}",
+            color=INK,
+            fontsize=10.5,
+            weight="bold",
+        )
+        figure.text(0.06, 0.885, _figures(rest.tool), color=QUIET)
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="lower center", ncols=5, frameon=False)
+    return figure
+
+
+def _figures(tool: ToolPlace) -> str:
+    said = (
+        f"sag {digits(MM * tool.sag_distance)} mm · interval ±{digits(MM * tool.farthest)} mm "
+        f"from its middle"
+    )
+    if tool.reversal is not None:
+        said += f" · reversal error {digits(MM * tool.reversal)} mm"
+    return said
+
+
+def _box(tool: ToolPlace) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest (3,) of all that is drawn but the commanded place, mm."""
+    places = [
+        tool.sag[:3],
+        tool.middle[:3] - tool.extents[:3],
+        tool.middle[:3] + tool.extents[:3],
+    ]
+    places += [way[:3] for way in (tool.approach, tool.opposite) if way is not None]
+    return MM * np.min(places, axis=0), MM * np.max(places, axis=0)
+
+
+def _point_to_command(axes: Axes, centre: np.ndarray, half: float) -> None:
+    """Draw an arrow towards the commanded place (0, 0) where it is outside, and how far it is."""
+    away = float(np.abs(centre).max())
+    if away <= 0.96 * half:
+        return
+    towards = -centre / away
+    x, y = centre + 0.95 * half * towards
+    start_x, start_y = centre + 0.72 * half * towards
+    arrow = {"arrowstyle": "->", "color": INK, "lw": 1.2}
+    axes.annotate("", (x, y), (start_x, start_y), arrowprops=arrow)
+    distance = digits(float(np.linalg.norm(centre)))
+    axes.text(
+        0.97,
+        0.03,
+        f"commanded: {distance} mm away",
+        transform=axes.transAxes,
+        ha="right",
+        color=INK,
+        fontsize=7.5,
+    )
+
+
+def _draw(axes: Axes, tool: ToolPlace, i: int, j: int) -> None:
+    plane = [i, j]
+    middle, edge = MM * tool.middle[plane], MM * outline(tool.generators[plane])
+    axes.fill(
+        *(middle + edge).T,
+        facecolor=_INSIDE,
+        edgecolor=_EDGE,
+        lw=1.2,
+        label="places that friction can hold",
+    )
+    sag = MM * tool.sag[plane]
+    axes.plot([0.0, sag[0]], [0.0, sag[1]], color=QUIET, lw=0.8, ls=":", zorder=2)
+    axes.plot(0.0, 0.0, "+", color=INK, ms=11, mew=1.4, label="commanded", zorder=4)
+    axes.plot(*sag, "o", color=INK, ms=5, label="without friction (sag)", zorder=4)
+    for way, colour, mark, label in (
+        (tool.approach, _APPROACH, "^", "after the motion's approach"),
+        (tool.opposite, _OPPOSITE, "v", "after the opposite one"),
+    ):
+        if way is not None:
+            axes.plot(*(MM * way[plane]), mark, color=colour, ms=7, label=label, zorder=5)
+    axes.set_xlabel(f"{_AXES[i]}, mm", color=QUIET)
+    axes.set_ylabel(f"{_AXES[j]}, mm", color=QUIET)
+    axes.tick_params(colors=QUIET)
+    axes.grid(color="#EDEDED", lw=0.6)
+    axes.set_axisbelow(True)

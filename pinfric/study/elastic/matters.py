@@ -1,0 +1,102 @@
+"""Whether elasticity matters for a motion: for its motors, its frequencies, the tool's place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.study.elastic.motion import elasticity, rotor_inertia, unloaded_frequency
+from pinfric.study.summary import ends_by_magnitude, known_rms
+
+#: The part of a motion's accelerations below its bandwidth.
+_INSIDE = 0.95
+
+
+@dataclass(frozen=True)
+class ElasticEffect:
+    """What elastic gears change, in the figures that decide whether to care.
+
+    Attributes:
+        frequency: lowest natural frequency with motors held, Hz, over the motion; without a motion
+            where the scene starts, unloaded.
+        bandwidth: Hz below which 95 % of the energy of the accelerations lies; None without times.
+        motor_share: RMS of I f(t)'', what it takes to wind the gears up, over that of the motor's
+            torque, of the drive where it is largest; None without times.
+        drive: that drive.
+        sag, interval: of the tool at rest, the largest, m; None where there is no tool or no rest.
+    """
+
+    frequency: float
+    bandwidth: float | None = None
+    motor_share: float | None = None
+    drive: str = ""
+    sag: float | None = None
+    interval: float | None = None
+
+
+def elastic_effect(result: InverseResult) -> ElasticEffect | None:
+    """Return what elastic gears change along a motion; None where a scene has none.
+
+    Args:
+        result: of inverse dynamics; without times only the frequency is known.
+    """
+    if not result.scene.elastic:
+        return None
+    if result.t is None or len(result.t) < 3:
+        return ElasticEffect(unloaded_frequency(result.scene))
+    found = elasticity(result)
+    tools = [rest.tool for rest in found.rests if rest.tool is not None]
+    share, drive = _motor_share(result)
+    return ElasticEffect(
+        frequency=float(found.frequency[found.slowest]),
+        bandwidth=bandwidth(result.t, result.states.a),
+        motor_share=share,
+        drive=drive,
+        sag=max((tool.sag_distance for tool in tools), default=None),
+        interval=max((tool.farthest for tool in tools), default=None),
+    )
+
+
+def bandwidth(t: np.ndarray, a: np.ndarray) -> float:
+    """Return the frequency, Hz, below which 95 % of the energy of accelerations lies; 0 of a rest.
+
+    Args:
+        t: (T,) s, of any steps. a: (T, nv), each column against its own RMS.
+    """
+    even = np.linspace(t[0], t[-1], len(t))
+    columns = np.column_stack([np.interp(even, t, column) for column in a.T])
+    size = np.sqrt((columns**2).mean(axis=0))
+    moving = columns[:, size > 0.0] / size[size > 0.0]
+    if not moving.size:
+        return 0.0
+    energy = (np.abs(np.fft.rfft(moving, axis=0)) ** 2).sum(axis=1).cumsum()
+    at = np.fft.rfftfreq(len(even), even[1] - even[0])
+    return float(at[np.searchsorted(energy, _INSIDE * energy[-1])])
+
+
+def _motor_share(result: InverseResult) -> tuple[float, str]:
+    """RMS of r J f(t)'' over that of the motor's torque, and the drive where that is largest.
+
+    t: without friction, whose jumps no motor follows; under one load at a time.
+    """
+    scene, t = result.scene, result.t
+    assert t is not None  # elastic_effect
+    worst, _ = ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)
+    needed = np.zeros((len(t), len(scene.elastic)))
+    for start, stop, _ in result.states.phases(scene):
+        if stop - start < 3:
+            continue
+        for k, d in enumerate(scene.elastic):
+            drive, part = scene.drives[d], slice(start, stop)
+            assert drive.spring is not None  # scene.elastic
+            torque = result.effort_frictionless[part, d]
+            rate = np.gradient(np.gradient(torque, t[part]), t[part])
+            twisting = rate / drive.spring.tangent(torque)
+            needed[part, k] = rotor_inertia(scene, d) * twisting / abs(drive.ratio)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = known_rms(t, needed) / known_rms(t, worst[:, list(scene.elastic)])
+    shares = np.nan_to_num(shares, nan=0.0)
+    top = int(np.argmax(shares))
+    return float(shares[top]), scene.drives[scene.elastic[top]].name

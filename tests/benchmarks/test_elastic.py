@@ -1,0 +1,31 @@
+"""What frequencies of elastic gears cost beside the inverse dynamics of the same motion.
+
+python -m pytest tests/benchmarks/test_elastic.py -n 0 -s
+"""
+
+from __future__ import annotations
+
+from test_inverse import interleaved
+
+import pinfric as pf
+from pinfric.study.elastic.motion import elasticity, trajectory_frequencies
+
+ROUNDS = 60
+
+
+def test_frequencies_cost_no_more_than_the_motion():
+    """A UR10's cycle of 2351 samples, mass matrices included; measured 0.92."""
+    scene = pf.load_scene("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    result = pf.inverse_dynamics(scene, motion)
+    seconds = interleaved(
+        {
+            "inverse": lambda: pf.inverse_dynamics(scene, motion),
+            "frequencies": lambda: trajectory_frequencies(result),
+            "all": lambda: elasticity(result),
+        },
+        ROUNDS,
+    )
+    ratios = {name: value / seconds["inverse"] for name, value in seconds.items()}
+    print({name: round(ratio, 2) for name, ratio in ratios.items()})
+    assert ratios["frequencies"] <= 1.0

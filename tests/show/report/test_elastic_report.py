@@ -1,0 +1,105 @@
+"""What is printed and drawn of elastic gears, and that nothing is of rigid ones."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib import image
+
+import pinfric as pf
+from pinfric import cli
+from pinfric.errors import StateError
+from pinfric.show.figure.elastic import tool_figure
+from pinfric.show.report.elastic import elasticity_json
+from pinfric.show.report.inverse import inverse_json, inverse_report
+
+
+@pytest.fixture(scope="module")
+def door():
+    scene = pf.load_scene("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    return pf.elasticity(pf.inverse_dynamics(scene, motion))
+
+
+def run(*arguments):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(list(arguments))
+    assert ended.value.code == 0
+
+
+def test_the_command_writes_tables_json_and_a_picture(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    run("inverse", "ur10_machine_tending", "ur10_machine_tending", "--out", str(tmp_path))
+    printed = capsys.readouterr().out
+    assert "4.70–6.20  blank    2.31     0.190      1.80        0.156      0.311" in printed  # noqa: RUF001
+    assert "lowest frequency, motors held: 8.17 Hz at 7.00 s" in printed
+    assert "frequencies there, motors free: 35.3, 47.3, 54.1, 60.2, 88.6, 244 Hz" in printed
+    found = json.loads((tmp_path / "summary.json").read_text())["elasticity"]
+    assert found["tool"] == "tool0"
+    assert found["lowest_frequency"]["least"] == pytest.approx(8.1726, abs=1e-3)
+    assert [rest["tool"] is not None for rest in found["rests"]] == [True] * 5
+    assert found["rests"][0]["tool"]["reversal_error"] is None  # nothing has moved before
+    picture = image.imread(tmp_path / "tool.png")
+    assert picture.shape[:2] == (440, 1000)
+    assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 50
+
+
+def test_rigid_scenes_print_and_write_what_they_did(tmp_path, capsys, monkeypatch):
+    def never(*_):
+        raise AssertionError("nothing here is elastic")
+
+    monkeypatch.setattr("pinfric.study.elastic.motion.elasticity", never)  # no time, too
+    run("inverse", "pendulum", "pendulum", "--out", str(tmp_path), "--json")
+    content = json.loads(capsys.readouterr().out)
+    assert "elasticity" not in content
+    assert sorted(f.name for f in tmp_path.iterdir()) == [
+        "efforts.csv",
+        "efforts.png",
+        "summary.json",
+    ]
+
+
+def test_stiffness_changes_no_effort(door):
+    """Bit by bit, and no table but its own."""
+    scene = door.result.scene
+    bare = [
+        a.model_copy(
+            update={
+                "transmission": a.transmission.model_copy(
+                    update={"stiffness": None, "hysteresis": None}
+                )
+            }
+        )
+        for a in scene.actuators
+    ]
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    rigid = pf.inverse_dynamics(scene.with_(actuators=bare, tool=None), motion)
+    for name in ("effort_lower", "effort_upper", "motor_torque_lower", "motor_torque_upper"):
+        np.testing.assert_array_equal(getattr(rigid, name), getattr(door.result, name))
+    one, other = (inverse_json(r, "cycle") for r in (rigid, door.result))
+    assert one == other
+    assert len(inverse_report(rigid, "cycle")) < len(inverse_report(rigid, "cycle", None, door))
+
+
+def test_json_is_json(door):
+    json.dumps(elasticity_json(door), allow_nan=False)
+
+
+def test_figure_and_table_of_the_result(door):
+    figure = door.plot(title="UR10")
+    assert len(figure.axes) == 3
+    lines = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert "places that friction can hold" in lines
+    table = door.summary()
+    assert table.loc["shoulder_pan_joint", "strain_energy"] == pytest.approx(0.858, abs=1e-3)
+    assert (table["lower"] <= table["upper"]).all()
+
+
+def test_no_picture_without_a_tool(door):
+    nameless = door.result.scene.with_(tool=None)
+    motion = pf.load_trajectory("ur10_machine_tending", nameless)
+    found = pf.elasticity(pf.inverse_dynamics(nameless, motion))
+    with pytest.raises(StateError, match="no tool's place at rest to draw: no `tool`"):
+        tool_figure(found)

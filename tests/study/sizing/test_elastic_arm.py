@@ -1,0 +1,183 @@
+"""Sizing on elastic gears: the safe resonance rule, and what is asked of the whole robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from builders import chain
+from sizing_cases import GEAR, one_drive
+
+import pinfric as pf
+from pinfric.cli import main
+from pinfric.errors import CatalogError, SizingError
+from pinfric.model.springs import StiffnessLines
+from pinfric.show.sizing_page.page import sizing_page
+from pinfric.study.sizing.catalog import load_catalog
+from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.size import joint_inertias
+
+TAU = 2 * np.pi
+LINES = {"k1": 1e4, "k2": 1.4e4, "k3": 1.6e4, "t1": 3.9, "t2": 12}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """Two vertical axes, one behind the other: no gravity, inertias that are written down."""
+    links = [
+        ("a", pin.JointModelRZ(), pin.Inertia(2.0, np.array([0.2, 0, 0]), 0.02 * np.eye(3))),
+        (
+            "b",
+            pin.JointModelRZ(),
+            pin.Inertia(1.0, np.array([0.15, 0, 0]), 0.01 * np.eye(3)),
+            [0.4, 0.0, 0.0],
+        ),
+    ]
+    model = chain(*links)
+    place = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model.addFrame(pin.Frame("tool", 2, 0, place, pin.FrameType.BODY))
+    friction = {name: {"coulomb": {"static": 2.0, "kinetic": 1.5}} for name in "ab"}
+    scene = pf.Scene(model, friction=friction, tool="tool")
+    s = np.linspace(0, 1, 201)
+    shape = 10 * s**3 - 15 * s**4 + 6 * s**5
+    t = np.concatenate([s, 1.0 + s[1:]])
+    q = np.concatenate([shape, np.ones(200)])[:, None] * [[0.5, -0.3]]
+    v = np.concatenate([30 * s**2 - 60 * s**3 + 30 * s**4, np.zeros(200)])[:, None] * [[0.5, -0.3]]
+    a = np.concatenate([60 * s - 180 * s**2 + 120 * s**3, np.zeros(200)])[:, None] * [[0.5, -0.3]]
+    v[200] = a[200] = 0.0
+    return scene, pf.Trajectory.from_arrays(scene, t, q, v, a)
+
+
+def sized(arm, tmp_path, gear=None, **conditions):
+    scene, motion = arm
+    catalog = one_drive(tmp_path, gear={"mass": 1e-6, **(gear or {})}, motor={"mass": 1e-6})
+    wanted = {"resonance_base": 0.1, **conditions}
+    return pf.size(scene, motion, catalog, conditions=wanted, on_miss="ignore")
+
+
+def criterion(report, name):
+    return next(c for c in report.arm_criteria if c.name == name)
+
+
+def test_a_joints_resonance_is_that_with_the_joints_beyond_it(arm, tmp_path):
+    """Of a: Dunkerley over both joints, below the lowest frequency; of b, the last: its own."""
+    report = sized(arm, tmp_path)
+    a, b = (
+        next(c for c in joint.choice.criteria if c.name == "gear resonance")
+        for joint in report.joints
+    )
+    J_a, J_b = (joint.load_inertia for joint in report.joints)
+    K = GEAR["stiffness"]
+    assert b.available == pytest.approx(np.sqrt(K / J_b) / TAU)
+    assert a.available == pytest.approx(np.sqrt(K / (J_a + J_b)) / TAU)
+    alone = np.sqrt(K / J_a) / TAU
+    assert a.note == f"lower bound (Dunkerley); with all other joints rigid {alone:.3g} Hz"
+    assert a.available < report.elastic.frequency.min() < alone
+    assert not b.note
+
+
+def test_the_rule_judges_by_the_lower_bound(arm, tmp_path):
+    report = sized(arm, tmp_path)
+    first = next(c for c in report.joint("a").choice.criteria if c.name == "gear resonance")
+    alone = np.sqrt(GEAR["stiffness"] / report.joint("a").load_inertia) / TAU
+    between = 0.5 * (first.available + alone)  # the old rule lets it pass
+    judged = sized(arm, tmp_path, resonance_base=between)
+    assert [c.name for c in judged.joint("a").nearest.failed] == ["gear resonance"]
+
+
+def test_lowest_frequency_and_tool_of_the_chosen_gears(arm, tmp_path):
+    report = sized(
+        arm,
+        tmp_path,
+        gear={"stiffness": LINES},
+        lowest_frequency=0.5,
+        tool_sag=1e-3,
+        tool_interval=1e-3,
+        tool_reversal=1e-3,
+    )
+    gears = {drive.transmission.stiffness for drive in report.scene.drives}
+    assert gears == {StiffnessLines(**LINES)}
+    found = criterion(report, "lowest frequency")
+    assert found.status == Status.PASSES
+    assert found.available == report.elastic.frequency.min()
+    rest = report.elastic.rests[-1].tool
+    assert criterion(report, "tool interval").required == pytest.approx(rest.farthest)
+    assert criterion(report, "tool reversal error").required == pytest.approx(rest.reversal)
+    assert criterion(report, "tool sag").required == pytest.approx(0.0, abs=1e-12)
+    assert report.short == ()
+
+
+def test_what_is_asked_in_vain_is_an_error(arm, tmp_path):
+    report = sized(arm, tmp_path, lowest_frequency=500.0, tool_interval=1e-9)
+    assert [line.split(":")[1].strip() for line in report.short] == [
+        "lowest frequency",
+        "tool interval",
+    ]
+    with pytest.raises(SizingError, match="robot: lowest frequency: needs 500 Hz, has"):
+        report.check()
+
+
+def test_gears_without_stiffness_are_not_judged_as_rigid_ones(arm, tmp_path):
+    report = sized(arm, tmp_path, gear={"stiffness": None}, lowest_frequency=1.0, tool_sag=1e-3)
+    assert report.elastic is None
+    for found in report.arm_criteria:
+        assert found.status == Status.NOT_CHECKED
+        assert found.note == "no figure (stiffness of a, b)"
+
+
+def test_a_tool_must_be_named(arm, tmp_path):
+    scene, motion = arm
+    with pytest.raises(CatalogError, match=r"conditions\.tool_sag: .* names no `tool`"):
+        pf.size(scene.with_(tool=None), motion, conditions={"tool_sag": 1e-3})
+
+
+def test_the_scenes_own_gears_are_judged_without_a_catalogue(capsys):
+    scene = pf.load_scene("ur10_machine_tending")
+    motion = pf.load_trajectory("ur10_machine_tending", scene)
+    report = pf.size(
+        scene, motion, conditions={"tool_interval": 1e-4, "tool_sag": 3e-3}, on_miss="ignore"
+    )
+    assert [c.status for c in report.arm_criteria] == [Status.PASSES, Status.FAILS]
+    assert report.short[0].startswith("robot: tool interval: needs 0.0002232 m, has 0.0001 m")
+    with pytest.raises(SystemExit):
+        main(["size", "ur10_machine_tending", "ur10_machine_tending"])
+    assert "lowest frequency, motors held: 8.17 Hz" in capsys.readouterr().out
+
+
+def test_the_page_says_it_too(arm, tmp_path):
+    page = sizing_page(sized(arm, tmp_path, gear={"stiffness": LINES}, tool_sag=1e-3))
+    assert "<h2>Elastic gears</h2>" in page
+    assert "<li>lowest frequency, motors held: " in page
+    assert "<li>tool sag: needs 0 m, has 0.001 m" in page
+
+
+def test_sizing_of_rigid_gears_says_nothing_of_it(capsys, tmp_path):
+    with pytest.raises(SystemExit):
+        main(["size", "pendulum", "pendulum", "--json", "--out", str(tmp_path)])
+    found = capsys.readouterr().out
+    assert "Elastic gears" not in (tmp_path / "report.html").read_text()
+    assert '"elasticity"' not in found
+    assert '"robot"' not in found
+
+
+def test_inertias_are_those_of_pinocchio_one_by_one():
+    scene = pf.load_scene("ur5_pick_and_place")
+    motion = pf.load_trajectory("ur5_pick_and_place", scene)
+    result = pf.inverse_dynamics(scene, motion)
+    found = joint_inertias(scene, result.states)
+    for sample in (0, 400, 900):
+        carried = [n for n, on in zip(scene.payloads, motion.attached[sample], strict=True) if on]
+        model = scene.loaded_model(carried)
+        data = model.createData()
+        expected = pin.crba(model, data, motion.q[sample]).diagonal() - model.armature
+        np.testing.assert_allclose(found[sample], expected, rtol=1e-10)
+
+
+def test_the_catalogues_lines_are_the_makers():
+    """Harmonic Drive engineering data 1018854 8/2018, tables 54.3, 54.4, ratio above 50."""
+    gears = load_catalog("default").gears
+    printed = {"17": (10, 14, 16, 3.9, 12), "20": (16, 25, 29, 7, 25), "25": (31, 50, 57, 14, 48)}
+    for size, (k1, k2, k3, t1, t2) in printed.items():
+        lines = gears[f"Harmonic Drive CSG-{size}-100"].stiffness
+        assert lines == StiffnessLines(k1=k1 * 1e3, k2=k2 * 1e3, k3=k3 * 1e3, t1=t1, t2=t2)
+        assert gears[f"Harmonic Drive CSG-{size}-100"].hysteresis == pytest.approx(2.9e-4)
