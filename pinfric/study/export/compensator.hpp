@@ -263,7 +263,7 @@ inline double delivered(int d, const double* effort) noexcept {
 // Friction and gear losses with the load that the joints carry now. It keeps what it was told
 // (gravity, payload, wrench) and nothing from one call to the next. Arrays have one number per
 // freedom, continuous joints, too (rad, m and per second); `null` stands for zeros where it says so.
-// Each call returns false and writes zeros where something is not finite.
+// Each call returns false and writes zeros where something is not finite, or an option is none.
 class Compensator {
  public:
   Compensator() noexcept {
@@ -371,8 +371,11 @@ class Compensator {
       detail::clear(out, Robot::drives);
       return false;
     }
-    if (!compensate(found.effort, instant.normal_load, v ? v : zeros(), error, v_now, options, out))
+    if (!compensate(found.effort, instant.normal_load, v ? v : zeros(), error, v_now, options,
+                    out)) {
+      instant = Instant();
       return false;
+    }
     for (int d = 0; d < Robot::drives; ++d) {
       const Drive& drive = drives[d];
       out[d] = (instant.effort_frictionless[d] + out[d]) / drive.ratio +
@@ -630,13 +633,26 @@ class Compensator {
     }
   }
 
+  // Options are numbers that are not negative; limits and powers may be infinite.
+  static bool valid(const Options& options) noexcept {
+    for (int d = 0; d < Robot::drives; ++d) {
+      const double given[4] = {options.scale[d], options.viscous_scale[d],
+                               options.switch_velocity[d], options.hold_error[d]};
+      if (!detail::finite(given, 4) || !(options.limit[d] >= 0.0) || !(options.power[d] >= 0.0))
+        return false;
+      for (const double x : given)
+        if (x < 0.0) return false;
+    }
+    return true;
+  }
+
   static bool compensate(const double* effort, const double* load, const double* v_ref,
                          const double* error, const double* v_now, const Options& options,
                          double* out) noexcept {
     detail::clear(out, Robot::drives);
     if (!detail::finite(v_ref, Robot::freedoms) ||
         (error && !detail::finite(error, Robot::freedoms)) ||
-        (v_now && !detail::finite(v_now, Robot::freedoms)))
+        (v_now && !detail::finite(v_now, Robot::freedoms)) || !valid(options))
       return false;
     const bool holds = error && v_now;
     const double* e = error ? error : zeros();
@@ -656,11 +672,11 @@ class Compensator {
     double dry[Robot::drives], drag[Robot::drives];
     friction_of(effort, load, v_ref, to, dry, drag);
     double result[Robot::drives];
-    for (int d = 0; d < Robot::drives; ++d) {
-      const double sum = options.scale[d] * dry[d] + options.viscous_scale[d] * drag[d];
-      const double limit = options.limit[d];
-      result[d] = sum <= limit ? (sum >= -limit ? sum : -limit) : limit;  // NaN stays NaN
-    }
+    for (int d = 0; d < Robot::drives; ++d)
+      result[d] = options.scale[d] * dry[d] + options.viscous_scale[d] * drag[d];
+    if (!detail::finite(result, Robot::drives)) return false;  // before a limit hides it
+    for (int d = 0; d < Robot::drives; ++d)
+      result[d] = std::fmax(-options.limit[d], std::fmin(options.limit[d], result[d]));
     if (watched) watch_power(effort, load, v_now, options, result);
     if (!detail::finite(result, Robot::drives)) return false;
     for (int d = 0; d < Robot::drives; ++d) out[d] = result[d];

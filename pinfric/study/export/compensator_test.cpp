@@ -82,6 +82,13 @@ std::vector<std::string> cells(const std::string& line) {
   return found;
 }
 
+// The number in a cell; NaN where it is none.
+double number(const std::string& cell) {
+  char* end = nullptr;
+  const double found = std::strtod(cell.c_str(), &end);
+  return end != cell.c_str() && *end == '\0' ? found : NAN;
+}
+
 // Columns of positions, velocities and accelerations; empty where one is missing.
 std::vector<std::size_t> columns(const std::vector<std::string>& header) {
   std::vector<std::size_t> found;
@@ -105,8 +112,13 @@ int replay(const char* name) {
     std::fprintf(stderr, "%s cannot be read\n", name);
     return 1;
   }
-  const std::vector<std::size_t> at = columns(cells(line));
+  const std::vector<std::string> header = cells(line);
+  const std::vector<std::size_t> at = columns(header);
   if (at.empty()) return 1;
+  for (const std::string& column : header)
+    if (column.rfind("payload.", 0) == 0)
+      std::fprintf(stderr, "column %s is not read: nothing is carried here, see add_payload\n",
+                   column.c_str());
   const Compensator compensator;
   const Options options = whole();
   std::printf("t");
@@ -119,7 +131,7 @@ int replay(const char* name) {
     bool good = true;
     for (std::size_t i = 0; i < at.size(); ++i) {
       good = good && at[i] < given.size();
-      state[i] = good ? std::strtod(given[at[i]].c_str(), nullptr) : 0.0;
+      state[i] = good ? number(given[at[i]]) : NAN;
     }
     const double *q = state, *v = q + Robot::freedoms, *a = v + Robot::freedoms;
     Instant instant;

@@ -531,18 +531,19 @@ def test_what_is_not_finite_gives_false_and_zeros(headers, place, wrong):
             scene.solver().compensate(*arguments)
 
 
-def test_an_option_that_is_none_gives_false_and_zeros(headers, monkeypatch):
+@pytest.mark.parametrize("watched", [False, True])
+@pytest.mark.parametrize("wrong", [np.nan, -1.0])
+def test_an_option_that_is_none_gives_false_and_zeros(headers, monkeypatch, wrong, watched):
     scene = RICH[0]
     q, v, a = sampled(scene, 14, 3)
+    more = {"error": v, "v_now": v} if watched else {}
     for entry in range(6):
         rows = WHOLE.table(scene)
-        rows[entry, 0] = np.nan
+        rows[entry, 0] = wrong
         monkeypatch.setattr(CompensationOptions, "table", lambda *_, rows=rows: rows)
-        found = headers.ask(scene, q, v, a, error=v, v_now=v)
-        if entry in (0, 1, 4):
-            assert (found["good"][:, 3] == 0.0).all()
-            assert (found["friction"] == 0.0).all()
-        assert np.isfinite(found["friction"]).all()
+        found = headers.ask(scene, q, v, a, **more)
+        assert (found["good"][:, 3] == 0.0).all()
+        assert (found["friction"] == 0.0).all()
         monkeypatch.undo()
 
 
@@ -750,12 +751,25 @@ def test_the_written_test_agrees_replays_and_notices(tmp_path):
     assert said.returncode == 0
     assert said.stdout.count(": agrees") == 6
     motion.to_csv(tmp_path / "motion.csv", digits=17)
-    replayed = subprocess.run([tmp_path / "check", tmp_path / "motion.csv"], capture_output=True,
-                              text=True, timeout=60, check=True).stdout.splitlines()  # fmt: skip
+    done = subprocess.run([tmp_path / "check", tmp_path / "motion.csv"], capture_output=True,
+                          text=True, timeout=60, check=True)  # fmt: skip
+    replayed = done.stdout.splitlines()
+    assert (
+        done.stderr
+        == "column payload.blank is not read: nothing is carried here, see add_payload\n"
+    )
     rows = np.array([[float(x) for x in line.split(",")] for line in replayed[1:]])
     result = pf.inverse_dynamics(scene, motion.q, motion.v, motion.a)
     assert_columns(rows[:, 3::4], result.motor_torque_lower, "least")
     assert_columns(rows[:, 4::4], result.motor_torque_upper, "greatest")
+    for cell in ("abc", "", "1x"):
+        lines = (tmp_path / "motion.csv").read_text().splitlines()[:3]
+        lines[2] = ",".join([lines[2].split(",")[0], cell, *lines[2].split(",")[2:]])
+        (tmp_path / "wrong.csv").write_text("\n".join(lines))
+        broken = subprocess.run([tmp_path / "check", tmp_path / "wrong.csv"], capture_output=True,
+                                text=True, timeout=60)  # fmt: skip
+        assert broken.returncode == 1
+        assert "line 3 is no state of the robot" in broken.stderr
     (tmp_path / "motion.csv").write_text("t,elbow_joint\n0,1\n")
     broken = subprocess.run([tmp_path / "check", tmp_path / "motion.csv"], capture_output=True,
                             text=True, timeout=60)  # fmt: skip
