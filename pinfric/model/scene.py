@@ -554,9 +554,14 @@ class Scene:
         if not isinstance(self.tool, str):
             raise SceneError(f"{self.source}: tool: should be a link's name, found {self.tool!r}")
         try:
-            link_frame(self.model, self.tool)
+            frame = link_frame(self.model, self.tool)
         except RobotError as problem:
             raise SceneError(f"{self.source}: tool: {problem}") from None
+        if self.model.frames[frame].parentJoint == 0:
+            raise SceneError(
+                f"{self.source}: tool: {self.tool!r} is fixed to the ground, and stands still; "
+                "name a link that joints move"
+            )
 
     def _site(self, name: str, row: int, twin: Twin) -> Site:
         friction = self.friction[name]

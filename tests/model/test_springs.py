@@ -120,6 +120,11 @@ def test_a_tool_that_is_not_there():
         pf.load_scene("ur10_machine_tending").with_(tool="tol0")
 
 
+def test_a_tool_fixed_to_the_ground():
+    with pytest.raises(pf.PinfricError, match=r"tool: 'base_link' is fixed to the ground"):
+        pf.load_scene("ur10_machine_tending").with_(tool="base_link")
+
+
 def _pendulum():
     body = pin.Inertia(1.0, np.array([0.0, 0.0, 0.5]), 0.01 * np.eye(3))
     return chain(("pin", pin.JointModelRX(), body))
