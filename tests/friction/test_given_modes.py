@@ -434,6 +434,17 @@ def test_a_second_solution_far_from_the_first_makes_it_ambiguous(seed):
     assert search.search(p, m, a_tree(2)) == Found.AMBIGUOUS
 
 
+@pytest.mark.parametrize("seed", [644, 1039])
+def test_a_search_for_all_solutions_that_ends_at_its_bound_is_undecided(seed, monkeypatch):
+    p, direction = plane_problem(seed)
+    m = Modes.of(2, 2)
+    m.direction[:] = direction
+    monkeypatch.setattr("pinfric.friction.several.MOST_PARTS", 2)
+    found = find_all(p, m.stuck, m.direction)
+    assert found.complete is False
+    assert search.search(p, m, a_tree(2)) == Found.UNDECIDED
+
+
 def a_mechanism(A):
     """Coordinates whose rates are A^T w."""
     nc, none = A.shape[1], np.zeros(A.shape[1], dtype=bool)
