@@ -169,7 +169,7 @@ def worst_bounded(
     dz = z.size
     cut, gap, angle, p = -1, 0.0, 0.0, np.empty(3)
     for i in range(half.size):
-        size, over = contact_force(rest.contact, i, z, p)[0], program.bound[i, dz]
+        size, over = contact_force(rest.contact, i, z, p), program.bound[i, dz]
         for j in range(dz):
             over += program.bound[i, j] * z[j]
         short = (over - size) / program.scale[rest.owner[i]]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.friction.dense import largest, solve_dense, spectral_radius_bound
-from pinfric.friction.law import add_load_slopes, contact_force, slip_law
+from pinfric.friction.law import add_load_slopes, contact_force, contact_terms, slip_law
 from pinfric.friction.problem import Problem
 from pinfric.kernels.compiled import kernel
 
@@ -169,9 +169,8 @@ def residual(
     for k in range(z.size):
         rest[k], size[k] = z[k] - offset[k], abs(z[k]) + abs(offset[k])
     for t in range(gain.size):
-        norm, terms = contact_force(contact, t, z, p)
-        rest[place[t]] -= gain[t] * norm
-        size[place[t]] += abs(gain[t]) * terms
+        rest[place[t]] -= gain[t] * contact_force(contact, t, z, p)
+        size[place[t]] += abs(gain[t]) * contact_terms(contact, t, z)
     for k in range(z.size):
         if not abs(rest[k]) <= 1e300:
             return np.inf

@@ -17,18 +17,26 @@ from pinfric.kernels.compiled import inlined_kernel, kernel
 
 
 @kernel
-def contact_force(contact: np.ndarray, t: int, x: np.ndarray, p: np.ndarray) -> tuple[float, float]:
-    """Write one contact force p (3,) under x; return its size, and that of the terms it sums."""
-    square = terms = 0.0
+def contact_force(contact: np.ndarray, t: int, x: np.ndarray, p: np.ndarray) -> float:
+    """Write one contact force p (3,) under x, and return its size."""
+    p0, p1, p2 = contact[t, 0, 0], contact[t, 0, 1], contact[t, 0, 2]
+    for j in range(x.size):
+        p0 += contact[t, 1 + j, 0] * x[j]
+        p1 += contact[t, 1 + j, 1] * x[j]
+        p2 += contact[t, 1 + j, 2] * x[j]
+    p[0], p[1], p[2] = p0, p1, p2
+    return np.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
+
+
+@kernel
+def contact_terms(contact: np.ndarray, t: int, x: np.ndarray) -> float:
+    """Return the size of the terms that a contact force under x is the sum of."""
+    terms = 0.0
     for e in range(3):
-        p[e] = contact[t, 0, e]
-        terms += abs(p[e])
+        terms += abs(contact[t, 0, e])
         for j in range(x.size):
-            part = contact[t, 1 + j, e] * x[j]
-            p[e] += part
-            terms += abs(part)
-        square += p[e] * p[e]
-    return np.sqrt(square), terms
+            terms += abs(contact[t, 1 + j, e] * x[j])
+    return terms
 
 
 @kernel
@@ -47,7 +55,7 @@ def write_loads(
     p = np.empty(3)
     load[:] = constant
     for t in range(owner.size):
-        load[owner[t]] += contact_force(contact, t, x, p)[0]
+        load[owner[t]] += contact_force(contact, t, x, p)
 
 
 @kernel
@@ -66,7 +74,7 @@ def add_load_slopes(
     """
     p = np.empty(3)
     for t in range(owner.size):
-        size, _ = contact_force(contact, t, x, p)
+        size = contact_force(contact, t, x, p)
         if size == 0.0:
             continue
         for j in range(x.size):

@@ -253,7 +253,7 @@ def friction_and_limits(
             x[k] += rest.N[k, j] * z[j]
     p = np.empty(3)
     for i in range(rest.owner.size):
-        load, _ = contact_force(rest.contact, i, z, p)
+        load = contact_force(rest.contact, i, z, p)
         above[rest.owner[i]] += load
         below[rest.owner[i]] += load
     use = 0.0

@@ -18,6 +18,7 @@ it uses beyond the limits does not decide: whether another x holds is asked of `
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -121,27 +122,28 @@ class Mechanism:
     def speeds(self, rates: np.ndarray) -> np.ndarray:
         """Return how fast each coordinate's joint moves (nc,): of a ball, its angular speed."""
         speed = np.abs(rates)
-        for here in self._balls():
+        for here in self.balls:
             speed[here] = np.linalg.norm(rates[here])
         return speed
 
     def summed(self, parts: np.ndarray) -> np.ndarray:
         """Return parts (..., nc) summed over the coordinates of each joint."""
         out = parts.copy()
-        for here in self._balls():
+        for here in self.balls:
             out[..., here] = parts[..., here].sum(axis=-1, keepdims=True)
         return out
 
     def slip_direction(self, modes: Modes, rates: np.ndarray) -> np.ndarray:
         """Return the direction (nc,) in which each coordinate slips; a ball has a vector."""
         out = modes.direction.copy()
-        if self.ball.any():
+        if self.balls:
             speed = self.speeds(rates)
             moves = self.ball & ~modes.stuck & (speed > 0.0)
             out[moves] = rates[moves] / speed[moves]
         return out
 
-    def _balls(self) -> list[np.ndarray]:
+    @cached_property
+    def balls(self) -> list[np.ndarray]:
         """(nc,) bool of each ball: its coordinates."""
         return [self.block == number for number in np.unique(self.block[self.ball])]
 

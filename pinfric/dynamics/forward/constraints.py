@@ -39,6 +39,7 @@ class Constraints:
 
     Attributes:
         closed: whether coordinates may depend on each other, see `Tables.dependent`.
+        off_joints: whether some of their rates are none of v, see `Layout.off_joints`.
         standing: what `project` keeps where it is, see `hold_position`; None in an open chain.
     """
 
@@ -46,7 +47,7 @@ class Constraints:
         self, scene: Scene, layout: Layout, supplier: Supplier, argument: KernelArgument[Machine]
     ) -> None:
         machine = argument.given
-        self.closed = bool(machine.tables.dependent)
+        self.closed, self.off_joints = bool(machine.tables.dependent), layout.off_joints
         self._layout, self._supplier, self._argument = layout, supplier, argument
         self._twin, self._nv = supplier.twin, supplier.twin.nv
         self._work, self._modes = machine.work, machine.work.modes
@@ -60,7 +61,7 @@ class Constraints:
 
     def rates(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the relative velocity of every coordinate (nc,) at q (nq,), v (nv,)."""
-        if self._layout.off_joints:
+        if self.off_joints:
             v = np.ascontiguousarray(v)
             self._supplier.move(np.ascontiguousarray(q), v)
             measure_rates(self._argument.now, v)

@@ -144,7 +144,7 @@ def _decide(
     dry = ws.layout.dry
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
-    if not ws.mechanism.ball.any():
+    if not ws.mechanism.balls:
         resting = can_move(ws.mechanism.factor, dry)
         return decide(ws.problem, ws.mechanism.factor, dry, _statics(ws, resting), least=True)
     # a ball's limit is a sphere: what holds is found as forward dynamics finds it, not proved

@@ -37,9 +37,9 @@ class Margins:
         """
         x = self._modes.friction
         out = np.array([x - self._work.least, self._work.most - x])
-        ball, most = self._mechanism.ball, self._work.most
-        size = np.sqrt(self._mechanism.summed(x * x))
-        out[:, ball] = most[ball] + size[ball], most[ball] - size[ball]
+        for ball in self._mechanism.balls:
+            size, most = np.linalg.norm(x[ball]), self._work.most[ball]
+            out[:, ball] = most + size, most - size
         for gears in self._locking.by_coordinate(self._modes.stuck):
             ends = [gear_margins(self._argument.now, d) for d in gears]
             backward, forward = max(ends, key=min)

@@ -198,7 +198,7 @@ class Workspace:
         """
         if self._kept is not None and self._kept == self._key(q, v, effort, applied):
             return  # nothing moves and nothing has changed
-        turned = TURNED if self.layout.ball.any() and self.turns_balls else GIVEN
+        turned = TURNED if self.mechanism.balls and self.turns_balls else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
         found = outcome(solutions, obeying)
         if resting < 0:

@@ -181,11 +181,10 @@ class EventIntegration(Integration):
         Args:
             states: (n, 2 nv) of y.
         """
-        layout = self.ws.layout
-        if layout.off_joints:
+        if self.ws.constraints.off_joints:
             rates = np.array([self.ws.constraints.rates(*self.state(y)) for y in states])
         else:
-            rates = states[:, self.ws.nv + layout.coordinate_v]
+            rates = states[:, self.ws.nv + self.ws.layout.coordinate_v]
         return self.ws.mechanism.summed(self.forward * rates)
 
     def _watch(self) -> None:
