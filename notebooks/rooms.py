@@ -41,11 +41,11 @@ STEPS = {
     ),
     "forward dynamics": (
         ("forward_dynamics", "dynamics.forward.forward", "checks the state"),
-        ("solve_instant", "dynamics.problem.maps", "writes the problem, tries modes, finishes"),
+        ("solve_instant", "dynamics.problem.instant", "writes the problem, tries modes, finishes"),
         ("solve_given_modes", "friction.given_modes", "friction and loads of given modes"),
         ("judge", "friction.consistency", "do modes obey the law?"),
         ("search", "friction.search", "which joints at rest stick or slip"),
-        ("finish", "dynamics.problem.maps", "accelerations, wrenches, friction of each joint"),
+        ("finish", "dynamics.problem.instant", "accelerations, wrenches, friction of each joint"),
     ),
 }
 WIDTH, LEFT, RIGHT, HEIGHT, GAP, MARGIN = 760, 16, 590, 62, 18, 12

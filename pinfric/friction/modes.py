@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -63,7 +64,26 @@ class Modes(NamedTuple):
         """Return modes with arrays of their own."""
         return Modes(*(array.copy() for array in self))
 
+    def kept(self) -> GivenModes:
+        """Return what sticks and the way others slip, in arrays of their own."""
+        return GivenModes(self.stuck.copy(), self.direction.copy())
+
     def take(self, other: Modes) -> None:
         """Overwrite these arrays with another's."""
         for mine, theirs in zip(self, other, strict=True):
             mine[:] = theirs
+
+
+@dataclass(frozen=True, eq=False)
+class GivenModes:
+    """Modes that a simulation keeps from one event to the next and hands over with each state.
+
+    Attributes:
+        stuck: (nc,) bool.
+        direction: (nc,) of the slip of others, as in `Modes`.
+        balls_turn: whether balls that slip face their motion instead.
+    """
+
+    stuck: np.ndarray
+    direction: np.ndarray
+    balls_turn: bool = True

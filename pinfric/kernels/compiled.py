@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 import numba
+import numpy as np
 from numba import typeof
 from numba.core import types
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
@@ -214,21 +215,32 @@ def record(fields: type) -> Any:
     def box(values: Any) -> Any:
         return proxy(*values)
 
-    return _compiled(box, {"nogil": True}, waits=False)
+    _BOXES[fields] = _compiled(box, {"nogil": True}, waits=False)
+    return _BOXES[fields]
+
+
+#: What makes the record of each class that has one.
+_BOXES: dict[type, Any] = {}
+
+
+def boxed(values: Fields) -> Fields:
+    """Return the record of a NamedTuple, of whose fields those that have records are records."""
+    parts = [boxed(part) if type(part) in _BOXES else part for part in values]
+    return cast("Fields", _BOXES[type(values)](type(values)(*parts)))
 
 
 class KernelArgument(Generic[Fields]):
     """An argument that stays: a NamedTuple while kernels are interpreted, then its record.
 
+    The record is made at once where what makes it is compiled already, in this process or before.
+
     Args:
         given: the NamedTuple, an attribute.
-        box: makes the record of it (see `record`).
-        ready: whether to make it at once.
     """
 
-    def __init__(self, given: Fields, box: Callable[[Fields], Any], ready: bool) -> None:
-        self.given, self._box = given, box
-        self._boxed = box(given) if ready else None
+    def __init__(self, given: Fields) -> None:
+        self.given = given
+        self._boxed = boxed(given) if _is_kept(given) else None
 
     @property
     def now(self) -> Fields:
@@ -236,8 +248,23 @@ class KernelArgument(Generic[Fields]):
         if self._boxed is None:
             if not CLOCK.is_over():
                 return self.given
-            self._boxed = self._box(self.given)
-        return cast("Fields", self._boxed)
+            self._boxed = boxed(self.given)
+        return self._boxed
+
+    def beside(self, *arrays: np.ndarray) -> Fields:
+        """What to hand over to a kernel now whose other arguments are these arrays."""
+        if self._boxed is None and not is_small(arrays):
+            self._boxed = boxed(self.given)
+        return self.now
+
+
+def _is_kept(values: Any) -> bool:
+    """Whether what makes the record of a NamedTuple, or of a first one in it, is compiled."""
+    inner = next((part for part in values if type(part) in _BOXES), None)
+    if inner is not None:
+        return _is_kept(inner)
+    box = _BOXES[type(values)]  # a record is of one type always
+    return bool(box.overloads) or is_ready(box, (values,))
 
 
 class _CheckedCache(FunctionCache):

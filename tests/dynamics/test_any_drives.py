@@ -7,9 +7,9 @@ from builders import random_friction, random_states, random_tree
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.inverse.effort_maps import EffortTables, share_work
+from pinfric.dynamics.inverse.effort_maps import share_work
 from pinfric.dynamics.problem.closure import working_rates
-from pinfric.dynamics.problem.layout import make_inverse_layout
+from pinfric.dynamics.problem.plan import make_inverse_plan
 from pinfric.errors import SceneError, SimulationError, StateError, UndrivenMotionError
 
 CART, POLE, LENGTH = 2.0, 0.5, 0.6
@@ -276,20 +276,20 @@ def test_three_motors_of_a_four_bar_are_what_lstsq_makes_of_one_freedom(kind):
 def test_what_sharing_leaves_free_moves_no_drive_in_any_basis():
     """Unknowns that share work, mixed with redundant reactions: each solved in its own space."""
     drives = [{"joint": joint, "share": w} for joint, w in zip("OAC", (1, 3, 0.5), strict=True)]
-    tables = EffortTables.of(make_inverse_layout(four_bar(kind="revolute")[0].with_(
-        actuators=drives)))  # fmt: skip
+    plan = make_inverse_plan(four_bar(kind="revolute")[0].with_(actuators=drives))
+    tables = plan.drives
     chance = np.random.default_rng(1)
     ny, nv = 6, 3
     J, y, total = (chance.normal(size=shape) for shape in ((ny, nv), (ny, 2), nv))
-    by_y = -tables.part[:, None] * J[:, tables.drive_v].T  # of the drives' efforts
+    by_y = -tables.part[:, None] * J[:, tables.velocity_index].T  # of the drives' efforts
     still = np.linalg.svd(by_y)[2][3:].T
     moving = chance.normal(size=(ny, tables.shifts))
     free = np.hstack((moving, still)) @ chance.normal(size=(tables.shifts + still.shape[1],) * 2)
     left = np.empty((ny, free.shape[1] - tables.shifts))
-    assert share_work(tables, total, J, free, y, left)
+    assert share_work(tables, plan.entries, total, J, free, y, left)
     np.testing.assert_allclose(by_y @ left, 0.0, atol=1e-12)
     assert np.linalg.matrix_rank(left) == still.shape[1]
-    effort = by_y @ y[:, 0] + tables.part * total[tables.drive_v]
+    effort = by_y @ y[:, 0] + tables.part * total[tables.velocity_index]
     np.testing.assert_allclose((by_y @ moving).T @ (tables.cost * effort), 0.0, atol=1e-12)
 
 

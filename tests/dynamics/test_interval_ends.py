@@ -131,8 +131,8 @@ def test_a_sticking_balls_ends_are_those_of_its_sphere():
     result = Case(case.scene, case.q[:1], 0 * case.v[:1], 0 * case.a[:1]).inverse()
     assert result.sticking.all()
     assert not result.interval_exact[0]
-    layout, _, samples, velocity = one_sample(result, 0)
-    solver = Solver(layout, samples.maps, velocity, result.reversal)
+    plan, _, samples, velocity = one_sample(result, 0)
+    solver = Solver(plan, samples.maps, velocity, result.reversal)
     rng = np.random.default_rng(0)
     directions = rng.normal(size=(20_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -160,7 +160,7 @@ def test_ends_at_rest_are_the_extremes_of_every_corner():
     result = case.inverse()
     assert result.interval_exact.all()
     for i in range(len(case.q)):
-        layout, _, samples, _ = one_sample(result, i)
+        plan, _, samples, _ = one_sample(result, i)
         effort, contact = samples.maps.effort[0, 0], samples.maps.contact[0]
         corners = []
         for corner in np.ndindex(2, 2, 2, 2):
@@ -168,7 +168,7 @@ def test_ends_at_rest_are_the_extremes_of_every_corner():
             for _ in range(500):
                 forces = contact[:, 0] + np.einsum("tke,k->te", contact[:, 1:], phi)
                 load = np.zeros(4)
-                np.add.at(load, layout.contact_site, np.linalg.norm(forces, axis=1))
+                np.add.at(load, plan.contacts.site, np.linalg.norm(forces, axis=1))
                 phi = sign * 0.4 * load
             corners.append(effort[0] + effort[1:] @ phi)
         assert result.effort_lower[i, 0] == pytest.approx(min(corners), rel=1e-11)

@@ -415,8 +415,8 @@ def test_iterations_of_fixed_point_and_newton_up_to_the_jam(capsys):
     rows = []
     for mu in (0.05, 0.1, 0.2, 0.3, 0.4, 0.45, 0.49, 0.499, 0.4999):
         result = jamming_drawer(mu, 1.0).inverse()
-        layout, _, samples, velocity = one_sample(result, 0)
-        solver = Solver(layout, samples.maps, velocity, result.reversal)
+        plan, _, samples, velocity = one_sample(result, 0)
+        solver = Solver(plan, samples.maps, velocity, result.reversal)
         reduced = reduced_problem(solver)
         z, w = np.zeros(1), np.zeros(1)
         slow = fixed_point(reduced, z, 1e-13)

@@ -11,7 +11,7 @@ from functools import cache
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from pinfric.dynamics.problem.maps import finish
+from pinfric.dynamics.problem.instant import finish
 from pinfric.friction.consistency import site_friction
 
 #: Entry -> milliseconds of processor time that compiling it and all it calls may take, about:
@@ -20,8 +20,8 @@ from pinfric.friction.consistency import site_friction
 #: of gears and bearings that hold without limit, and exact zeros beside what sticks. A kernel that
 #: entries share counts in each of them, and is compiled once.
 BUDGET = {
-    "dynamics.problem.maps.solve_instant": 59_900,
-    "dynamics.problem.maps.finish": 3_500,
+    "dynamics.problem.instant.solve_instant": 59_900,
+    "dynamics.problem.instant.finish": 3_500,
     "dynamics.inverse.effort_maps.map_friction": 5_500,
     "dynamics.inverse.effort_maps.write_wrenches": 1_100,
     "dynamics.inverse.choices.solve_list": 12_700,

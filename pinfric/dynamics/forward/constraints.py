@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.problem.buffers import Supplier
-from pinfric.dynamics.problem.layout import Layout
 from pinfric.dynamics.problem.machine import Machine
-from pinfric.dynamics.problem.maps import is_exact, measure_rates, relate
+from pinfric.dynamics.problem.rates import is_exact, measure_rates, relate
+from pinfric.dynamics.problem.supply import Supplier
 from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.closure import RANK, close
 from pinfric.model.loops import Linkage, no_linkage, stand_still
@@ -35,27 +34,27 @@ class Standing:
 
 
 class Constraints:
-    """The constraints of a workspace's scene; its modes say what sticks.
+    """The constraints of a workspace's scene.
 
     Attributes:
-        closed: whether coordinates may depend on each other, see `Tables.dependent`.
-        off_joints: whether some of their rates are none of v, see `Layout.off_joints`.
+        closed: whether coordinates may depend on each other, see `Closure.dependent`.
+        off_joints: whether some of their rates are none of v, see `Plan.off_joints`.
         standing: what `project` keeps where it is, see `hold_position`; None in an open chain.
     """
 
-    def __init__(
-        self, scene: Scene, layout: Layout, supplier: Supplier, argument: KernelArgument[Machine]
-    ) -> None:
-        machine = argument.given
-        self.closed, self.off_joints = bool(machine.tables.dependent), layout.off_joints
-        self._layout, self._supplier, self._argument = layout, supplier, argument
+    def __init__(self, scene: Scene, supplier: Supplier, argument: KernelArgument[Machine]) -> None:
+        self._plan = argument.given.plan
+        self.closed, self.off_joints = bool(self._plan.closure.dependent), self._plan.off_joints
+        self._supplier, self._argument = supplier, argument
         self._twin, self._nv = supplier.twin, supplier.twin.nv
-        self._work, self._modes = machine.work, machine.work.modes
+        self._kinematics = argument.given.kinematics
         self.standing: Standing | None = None
         self._linkage = scene.linkage
         if self.closed:
             self._linkage = scene.linkage or no_linkage(scene.model)
-            self.standing = Standing(np.zeros(len(layout.dry), dtype=bool), self._linkage)
+            self.standing = Standing(
+                np.zeros(len(self._plan.coordinates.dry), dtype=bool), self._linkage
+            )
         #: The configuration closed last, and what stands still in it.
         self._last: tuple[np.ndarray, Standing | None] = np.zeros(0), None
 
@@ -65,31 +64,31 @@ class Constraints:
             v = np.ascontiguousarray(v)
             self._supplier.move(np.ascontiguousarray(q), v)
             measure_rates(self._argument.now, v)
-            return self._work.coordinate_rate.copy()
-        return np.asarray(v[self._layout.coordinate_v])
+            return self._kinematics.coordinate_rate.copy()
+        return np.asarray(v[self._plan.coordinates.velocity_index])
 
     def is_exact(self, q: np.ndarray) -> bool:
         """Whether the state solved last is normalized and obeys its loops to the last digits."""
         return bool(is_exact(self._argument.now, q))
 
-    def project(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state with loops closed exactly and what sticks exactly at rest.
+    def project(
+        self, q: np.ndarray, v: np.ndarray, stuck: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the state with loops closed exactly and what sticks (nc,) exactly at rest.
 
         What stands still stays where it is, see `hold_position`.
         """
-        stuck = self._modes.stuck
         if not self.closed:
             return q, self._stopped(v, stuck)
-        q = self._close(q)
+        q = self._close(q, stuck)
         self._relate(q, v)
         return q, self._slowed(v, stuck)
 
-    def hold_position(self, q: np.ndarray) -> np.ndarray:
+    def hold_position(self, q: np.ndarray, stuck: np.ndarray) -> np.ndarray:
         """Let `project` keep what sticks, until it slips, where it is; return q (nq,), closed."""
-        stuck = self._modes.stuck
         if self.standing is None or (self.standing.coordinates == stuck).all():
             return q
-        q = self._close(q)
+        q = self._close(q, stuck)
         self._supplier.move(q, np.zeros(self._nv))
         self._hold(stuck)
         self._last = self._last[0], self.standing
@@ -99,21 +98,21 @@ class Constraints:
         """Hold coordinates: those that stand already where they do, others where they are."""
         assert self._linkage is not None
         assert self.standing is not None
-        action = self._layout.coordinate_action[coordinates]
+        action = self._plan.coordinates.action[coordinates]
         linkage = stand_still(
             self._linkage, self.standing.linkage, action[action >= 0], self._supplier.data.oMi
         )
         self.standing = Standing(coordinates.copy(), linkage)
 
-    def _close(self, q: np.ndarray) -> np.ndarray:
+    def _close(self, q: np.ndarray, stuck: np.ndarray) -> np.ndarray:
         """The configuration near q that closes the loops, what stands still left where it is."""
         assert self.standing is not None
-        if (self.standing.coordinates & ~self._modes.stuck).any():
-            self._hold(self.standing.coordinates & self._modes.stuck)
+        if (self.standing.coordinates & ~stuck).any():
+            self._hold(self.standing.coordinates & stuck)
         last, standing = self._last
         if standing is self.standing and np.array_equal(q, last):
             return q
-        velocity = self._layout.coordinate_v[self.standing.coordinates]
+        velocity = self._plan.coordinates.velocity_index[self.standing.coordinates]
         held = np.zeros(self._nv, dtype=bool)
         held[velocity[velocity >= 0]] = True
         q = close(self._twin, self.standing.linkage, q, held)
@@ -128,14 +127,14 @@ class Constraints:
 
     def _stopped(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:
         v = v.copy()
-        velocity = self._layout.coordinate_v[stopped]
+        velocity = self._plan.coordinates.velocity_index[stopped]
         v[velocity[velocity >= 0]] = 0.0
         return v
 
     def _slowed(self, v: np.ndarray, stopped: np.ndarray) -> np.ndarray:
         """The velocities nearest to v that obey the loops and stop coordinates."""
-        first, last = self._layout.off_joint, self._layout.solved
-        rows = np.concatenate([self._work.J[0, first:last], self._work.D[stopped]])
+        first, last = self._plan.closure.off_joint, self._plan.closure.solved
+        rows = np.concatenate([self._kinematics.J[0, first:last], self._kinematics.D[stopped]])
         if not len(rows):
             return v.copy()
         _, size, right = np.linalg.svd(rows, full_matrices=False)
@@ -158,7 +157,7 @@ class Constraints:
             q, v: state.
             stopped: (nc,) bool.
         """
-        t, D = self._layout, self._work.D
+        t, D = self._plan.coordinates, self._kinematics.D
         if not self.closed:
             return self._stopped(v, stopped), stopped
         self._relate(q, v)

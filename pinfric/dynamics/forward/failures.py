@@ -7,9 +7,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from pinfric.dynamics.problem.layout import Layout
-from pinfric.dynamics.problem.machine import Work
-from pinfric.dynamics.problem.maps import NOT_FINITE, TOGGLE
+from pinfric.dynamics.problem.accelerations import NOT_FINITE, TOGGLE
+from pinfric.dynamics.problem.machine import Machine
 from pinfric.dynamics.problem.reactions import AppliedWrench
 from pinfric.errors import (
     AccelerationError,
@@ -35,14 +34,14 @@ State = tuple[np.ndarray, np.ndarray, np.ndarray, list[AppliedWrench] | None, fl
 class Failures:
     """The errors of a workspace's scene."""
 
-    def __init__(self, scene: Scene, layout: Layout, work: Work, given: str) -> None:
+    def __init__(self, scene: Scene, machine: Machine, given: str) -> None:
         """Take the scene, its tables and buffers, and what drives are given."""
-        self._scene, self._layout, self._work, self._given = scene, layout, work, given
-        self._modes = work.modes
-        self._locking = np.flatnonzero(self_locking_gears(layout.gears))
+        self._scene, self._machine, self._given = scene, machine, given
+        self._plan, self._modes, plan = machine.plan, machine.modes, machine.plan
+        self._locking = np.flatnonzero(self_locking_gears(plan.drives.gears))
         self._guides = [
-            (int(s), scene.sites[s].axis.tolist(), float(layout.roll_lever[s]))
-            for s in layout.guides
+            (int(s), scene.sites[s].axis.tolist(), float(plan.sites.roll_lever[s]))
+            for s in plan.sites.guides
         ]
 
     def check_roll_moments(self, wrench: np.ndarray) -> None:
@@ -72,13 +71,15 @@ class Failures:
                 raise StateError(f"{name}: column {i} is {array[i]}; should be finite")
 
     def refuse(self, outcome: int, state: State) -> NoReturn:
-        """Raise what an outcome of `maps.solve_instant` means; see `Workspace.solve`."""
+        """Raise what an outcome of `instant.solve_instant` means; see `Workspace.solve`."""
         self.check_finite(state)
         if outcome == NOT_FINITE:
             raise StateError("forward dynamics overflows at this state: values are too large")
         if outcome == TOGGLE:
             raise ToggleError(
-                self._scene.loops[0].name, int(self._work.freedoms[0]), self._layout.freedoms
+                self._scene.loops[0].name,
+                int(self._machine.maps.freedoms[0]),
+                self._plan.closure.freedoms,
             )
         raise SceneError(
             f"{self._scene.source}: the mass matrix is not positive definite at this state: a "
@@ -115,7 +116,7 @@ class Failures:
 
     def _as_given(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Copies of q, v, and of efforts, or torques of motors, as they were given."""
-        ratio = self._layout.gears.ratio if self._given == "motor_torque" else 1.0
+        ratio = self._plan.drives.gears.ratio if self._given == "motor_torque" else 1.0
         return state[0].copy(), state[1].copy(), state[2] / ratio
 
     def check_jam(self, state: State) -> None:
@@ -129,16 +130,16 @@ class Failures:
 
     def _jam(self, state: State) -> GearJam | None:
         """The error of a self-locking gear that moves, and may have no acceleration, or several."""
-        t, w = self._layout, self._work
-        moves = np.array([c < 0 or not w.modes.stuck[c] for c in t.gear_coordinate], dtype=bool)
+        drives, stuck, S = self._plan.drives, self._modes.stuck, self._machine.kinematics.S
+        moves = np.array([c < 0 or not stuck[c] for c in drives.gear_coordinate], dtype=bool)
         if not moves[self._locking].any():
             return None
-        inertia, J = np.array(w.M), w.J[0, t.off_joint : t.solved]
-        rises = w.slope > 0.0
-        rotors = np.where(rises, w.reflected / np.where(rises, w.slope, 1.0), 0.0)
-        inertia -= (w.S * rotors[:, None]).T @ w.S
-        fixed = np.concatenate([J, w.D[w.modes.stuck]])
-        found = gear_jam(t.gears, moves, np.abs(w.S @ state[1]), inertia, w.S, fixed)
+        closure, lines, k = self._plan.closure, self._machine.lines, self._machine.kinematics
+        rises = lines.slope > 0.0
+        rotors = np.where(rises, lines.reflected / np.where(rises, lines.slope, 1.0), 0.0)
+        inertia = self._machine.maps.M - (S * rotors[:, None]).T @ S
+        fixed = np.concatenate([k.J[0, closure.off_joint : closure.solved], k.D[stuck]])
+        found = gear_jam(drives.gears, moves, np.abs(S @ state[1]), inertia, S, fixed)
         if found is None:
             return None
         d, eigenvalue, enough = found
@@ -153,13 +154,13 @@ class Failures:
 
     def _worst_site(self) -> str:
         """Name of the site whose load grows most with friction: there it is inconsistent."""
-        p = self._work.problem
+        p = self._machine.problem
         growth = np.zeros(len(p.constant))
         norms = np.linalg.norm(p.contact[:, 1:], axis=2).sum(axis=1)
         np.add.at(growth, p.contact_site, norms)
         open_ = ~self._modes.stuck | self._modes.at_rest
         worst = np.argmax(growth * p.mu_slip + np.where(open_[p.coordinate], 0.0, -np.inf))
-        if worst < len(self._layout.entry_site):
-            return self._scene.site_names[self._layout.entry_site[worst]]
-        geared = np.flatnonzero(self._layout.gear_entry == worst)
+        if worst < len(self._plan.entries.site):
+            return self._scene.site_names[self._plan.entries.site[worst]]
+        geared = np.flatnonzero(self._plan.drives.gear_entry == worst)
         return self._scene.drives[int(geared[0])].name

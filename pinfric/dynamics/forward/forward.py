@@ -211,7 +211,7 @@ def drive_vector(ws: Workspace, given: Any) -> np.ndarray:
     if type(given) is not np.ndarray and isinstance(given, Mapping):
         given = by_name(ws.scene.actuator_names, given, ws.given)
     array = vector(ws.given, given, ws.na, "na")
-    return array * ws.layout.gears.ratio if ws.given == "motor_torque" else array
+    return array * ws.plan.drives.gears.ratio if ws.given == "motor_torque" else array
 
 
 def vector(name: str, given: Any, size: int, symbol: str) -> np.ndarray:

@@ -96,10 +96,10 @@ def holds(
     if scene.loops and np.isfinite(q).all():
         check_closed(scene, q, v, slack=1e3)
     modes = ws.modes
-    modes.stuck[:] = ws.layout.dry
+    modes.stuck[:] = ws.plan.coordinates.dry
     ws.assemble(q, v, u, applied)
     found = _decide_all(ws, q, u, applied)
-    modes.stuck[:], modes.direction[:] = ws.layout.dry, 0.0
+    modes.stuck[:], modes.direction[:] = ws.plan.coordinates.dry, 0.0
     modes.friction[:] = np.where(np.isfinite(found.friction), found.friction, 0.0)
     evaluate(ws.problem, modes.friction, modes.load, modes.rate)
     ws.finish()
@@ -141,7 +141,7 @@ def _decide(
     ws: Workspace, q: np.ndarray, effort: np.ndarray, applied: list[AppliedWrench] | None
 ) -> Verdict:
     """The verdict on everything with dry friction at rest."""
-    dry = ws.layout.dry
+    dry = ws.plan.coordinates.dry
     if not dry.any():
         return Verdict(True, 0.0, np.zeros(len(dry)), True, True)
     if not ws.mechanism.balls:
@@ -167,9 +167,10 @@ def _statics(ws: Workspace, resting: np.ndarray) -> Balance:
     The mass matrix has no part in it: through it the rounding of a large effort would reach a small
     limit. Where some freedoms Z B are not held at all, their inertia is part of it.
     """
-    w, d = ws.work, int(ws.work.freedoms[0])
+    w, D = ws.machine.maps, ws.machine.kinematics.D[resting]
+    d = int(w.freedoms[0])
     Z = w.Z[:, :d] if ws.closed else np.eye(ws.nv)
-    rows, need, terms = Z.T @ w.D[resting].T, -Z.T @ w.push, np.abs(Z.T) @ _terms(ws)
+    rows, need, terms = Z.T @ D.T, -Z.T @ w.push, np.abs(Z.T) @ _terms(ws)
     size = np.linalg.norm(rows, axis=0)
     left, values, _ = np.linalg.svd(rows / size)
     rank = int((values > RANK * values[:1]).sum())
@@ -186,12 +187,11 @@ def _terms(ws: Workspace) -> np.ndarray:
 
     Of gravity at most |S_i^T I g| <= (M_ii m)^1/2 |g|, m what the joint carries.
     """
-    model, carried = ws.twin.model, np.zeros(ws.nv)
-    for j, joint in enumerate(model.joints):
-        mass = sum(model.inertias[child].mass for child in model.subtrees[j])
-        carried[joint.idx_v : joint.idx_v + max(joint.nv, 1)] += mass if j else 0.0
-    weight = np.sqrt(np.diag(ws.work.M) * carried) * np.linalg.norm(model.gravity.linear)
-    return np.asarray(ws.work.size + weight)
+    tree, maps, carried = ws.machine.tree, ws.machine.maps, np.zeros(ws.nv)
+    joint = np.repeat(np.arange(len(tree.mass)), np.diff(tree.first_freedom))
+    np.add.at(carried, tree.freedom_velocity, tree.mass[joint])
+    weight = np.sqrt(np.diag(maps.M) * carried) * np.linalg.norm(tree.gravity)
+    return np.asarray(maps.push_terms + weight)
 
 
 def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:
@@ -201,7 +201,7 @@ def _at_limit(ws: Workspace, use: float) -> tuple[str, ...]:
     x = ws.modes.friction
     limit = np.where(x > 0.0, ws.most, -ws.least)
     used = np.abs(x) >= _AT_LIMIT * use * limit
-    used &= ws.layout.dry & (np.abs(x) > 0.0)
+    used &= ws.plan.coordinates.dry & (np.abs(x) > 0.0)
     return tuple(name for name, c, _ in ws.places if used[c])
 
 
@@ -210,8 +210,9 @@ def _moving(ws: Workspace) -> tuple[str, ...]:
     if ws.locked:
         return ()
     x = np.concatenate([[1.0], ws.modes.friction])
-    a, terms = ws.work.a_map @ x, np.abs(ws.work.a_map) @ np.abs(x)
-    rubs = set(ws.layout.coordinate_v[ws.layout.dry].tolist())
+    a_map, coordinates = ws.machine.maps.acceleration, ws.plan.coordinates
+    a, terms = a_map @ x, np.abs(a_map) @ np.abs(x)
+    rubs = set(coordinates.velocity_index[coordinates.dry].tolist())
     scale = _STILL * float(terms.max(initial=0.0))
     model = ws.scene.model
     joints = list(zip(model.names, model.joints, strict=True))[1:]  # the first is the ground

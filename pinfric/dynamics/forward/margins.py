@@ -6,7 +6,6 @@ import numpy as np
 
 from pinfric.dynamics.forward.self_locking import LockingGears
 from pinfric.dynamics.problem.gearing import gear_margins
-from pinfric.dynamics.problem.layout import Layout
 from pinfric.dynamics.problem.machine import Machine
 from pinfric.friction.consistency import ROUNDING
 from pinfric.friction.rest import Mechanism
@@ -21,13 +20,12 @@ class Margins:
 
     def __init__(
         self,
-        layout: Layout,
         argument: KernelArgument[Machine],
         mechanism: Mechanism,
         locking: LockingGears,
     ) -> None:
-        self._layout, self._argument, self._work = layout, argument, argument.given.work
-        self._modes, self._mechanism, self._locking = self._work.modes, mechanism, locking
+        self._argument, self._machine = argument, argument.given
+        self._modes, self._mechanism, self._locking = self._machine.modes, mechanism, locking
 
     def both(self) -> np.ndarray:
         """Return how far the friction of what sticks is from its two static limits (2, nc).
@@ -35,21 +33,22 @@ class Margins:
         In N m or N. Where a self-locking gear holds, whose limits may be infinite: how far what
         arrives at the gear is from where it slips, see `gear_margins`.
         """
-        x = self._modes.friction
-        out = np.array([x - self._work.least, self._work.most - x])
+        x, limits = self._modes.friction, self._machine.solution
+        out = np.array([x - limits.least, limits.most - x])
         for ball in self._mechanism.balls:
-            size, most = np.linalg.norm(x[ball]), self._work.most[ball]
+            size, most = np.linalg.norm(x[ball]), limits.most[ball]
             out[:, ball] = most + size, most - size
         for gears in self._locking.by_coordinate(self._modes.stuck):
             ends = [gear_margins(self._argument.now, d) for d in gears]
             backward, forward = max(ends, key=min)
-            out[:, self._layout.gear_coordinate[gears[0]]] = forward, backward
+            out[:, self._machine.plan.drives.gear_coordinate[gears[0]]] = forward, backward
         return np.minimum(out, _MOST_MARGIN)
 
     def rounding(self) -> np.ndarray:
         """Return how far margins (nc,) may be off by rounding, also of loads that cancel."""
-        slope = np.diag(self._work.problem.rate_slope)
-        terms = self._work.problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
+        problem = self._machine.problem
+        slope = np.diag(problem.rate_slope)
+        terms = problem.rate_scale / np.where(slope > 0.0, slope, np.inf)
         return np.asarray(ROUNDING * (self.width + terms))
 
     @property

@@ -13,8 +13,7 @@ from itertools import combinations, compress, product
 import numpy as np
 
 from pinfric.dynamics.problem.gearing import MUCH
-from pinfric.dynamics.problem.layout import Layout
-from pinfric.dynamics.problem.machine import Work
+from pinfric.dynamics.problem.machine import Machine
 from pinfric.friction.consistency import SHOULD_STICK
 from pinfric.friction.modes import Modes
 from pinfric.model.drives import gear_slips, self_locking_gears
@@ -30,11 +29,12 @@ class LockingGears:
         gears: (n,) which drives they are.
     """
 
-    def __init__(self, layout: Layout, work: Work, modes: Modes) -> None:
-        """Take the tables, and the buffers that are written: lines of gears, and modes."""
-        self.gears = np.flatnonzero(self_locking_gears(layout.gears))
-        self._table, self._coordinate = layout.gears, layout.gear_coordinate
-        self._work, self._modes = work, modes
+    def __init__(self, machine: Machine) -> None:
+        """Take the machine, whose lines of gears and modes are written."""
+        drives = machine.plan.drives
+        self.gears = np.flatnonzero(self_locking_gears(drives.gears))
+        self._table, self._coordinate = drives.gears, drives.gear_coordinate
+        self._lines, self._modes = machine.lines, machine.modes
         self._falling: tuple[int, ...] = ()
 
     def may_slip(self) -> np.ndarray:
@@ -45,7 +45,7 @@ class LockingGears:
         found = np.ones((2, len(self._modes.stuck)), dtype=bool)
         for d, c in self._at_rest():
             for side, direction in enumerate((1.0, -1.0)):
-                low, high = gear_slips(self._table, d, direction, False, self._work.arriving[d])
+                low, high = gear_slips(self._table, d, direction, False, self._lines.arriving[d])
                 found[side, c] &= low < high
         return found
 
@@ -68,7 +68,7 @@ class LockingGears:
             for d, c in self._at_rest()
             if not m.stuck[c]
             and self._may_wedge(d)
-            and m.direction[c] * self._work.arriving[d] > 0.0
+            and m.direction[c] * self._lines.arriving[d] > 0.0
         ]
         for falling in combinations(able, falls):
             self._choose_lines(delivered, falling)
@@ -104,7 +104,7 @@ class LockingGears:
                 loads = delivered.copy()
                 for d, c in falling:
                     m.at_rest[c] = m.stuck[c] = False
-                    m.direction[c] = np.sign(self._work.arriving[d])
+                    m.direction[c] = np.sign(self._lines.arriving[d])
                     loads[d] = -m.direction[c] * self._much
                 yield loads
 
@@ -116,19 +116,19 @@ class LockingGears:
 
         What is yielded: whether these are all choices that there are.
         """
-        c_of, delivered = self._coordinate, self._work.delivered.copy()
+        c_of, delivered = self._coordinate, self._lines.delivered.copy()
         sticks = (c_of[self.gears] >= 0) & self._modes.stuck[c_of[self.gears]]
         wedged = [d for d in self.gears[sticks].tolist() if self._may_wedge(d)]
         every = len(wedged) <= _MOST
         wedged = wedged[:_MOST]
         yield every
         for choice in list(product((False, True), repeat=len(wedged)))[1:]:
-            self._work.delivered[:] = delivered
+            self._lines.delivered[:] = delivered
             for d in compress(wedged, choice):
                 self._take_other_side(d)
             couple()
             yield every
-        self._work.delivered[:] = delivered
+        self._lines.delivered[:] = delivered
         couple()
 
     def by_coordinate(self, rests: np.ndarray) -> list[list[int]]:
@@ -142,7 +142,7 @@ class LockingGears:
 
     @property
     def _much(self) -> float:
-        return float(MUCH * self._work.push_size[0])
+        return float(MUCH * self._lines.all_forces[0])
 
     def _at_rest(self) -> list[tuple[int, int]]:
         """These gears, and their coordinates, whose modes are sought."""
@@ -151,15 +151,15 @@ class LockingGears:
 
     def _may_wedge(self, d: int) -> bool:
         """Whether motor and load may push a gear at rest the same way: it slips between loads."""
-        return bool(np.isfinite(self._work.held[d]).any())
+        return bool(np.isfinite(self._lines.held[d]).any())
 
     def _choose_lines(self, delivered: np.ndarray, falling: tuple[int, ...]) -> None:
         """Write the first lines: of gears that stick by given loads, of others by how they slip."""
-        m, w, at_rest = self._modes, self._work, self._at_rest()
-        w.delivered[self.gears] = delivered[self.gears]
+        m, lines, at_rest = self._modes, self._lines, self._at_rest()
+        lines.delivered[self.gears] = delivered[self.gears]
         for d, c in at_rest:
             if not m.stuck[c]:
-                w.delivered[d] = m.direction[c] * (-self._much if d in falling else self._much)
+                lines.delivered[d] = m.direction[c] * (-self._much if d in falling else self._much)
         m.at_rest[self._coordinate[list(falling)]] = False  # no other line is taken in its place
         self._falling = falling
 
@@ -174,4 +174,4 @@ class LockingGears:
 
     def _take_other_side(self, d: int) -> None:
         """Let a gear hold the load beyond those at which it slips, on the other side."""
-        self._work.delivered[d] = self._much if self._work.held[d, 0] == -np.inf else -self._much
+        self._lines.delivered[d] = self._much if self._lines.held[d, 0] == -np.inf else -self._much

@@ -28,10 +28,10 @@ from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, 
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
-from pinfric.dynamics.problem.maps import is_normalized
 from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_within
 from pinfric.dynamics.problem.motor_torques import scene_gears
 from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.problem.rates import is_normalized
 from pinfric.dynamics.problem.reactions import applied_wrenches, state_wrenches
 from pinfric.dynamics.problem.states import States, unit_parts
 from pinfric.errors import PinfricError
@@ -80,7 +80,7 @@ class Sample(NamedTuple):
         unit_q, unit_count: (nu,) see `maps.Tables`.
         force, h: (1 + nj, 6), (nv,) of Pinocchio's `Data`, see `maps.Supply`.
         joint, place: (ns,) row of each site's joint, and of the site itself.
-        displacement_q, displacement_ratio, displacement_shift: (ns,), see `Layout`.
+        displacement_q, displacement_ratio, displacement_shift: (ns,), see `Plan`.
         contacts, laws, velocity_index, ratio: of its sites. gears: of its drives.
         geared: (1,) bool, whether a drive has a gear.
         turns: (1, na), False: no reversals.
@@ -159,7 +159,7 @@ def rub(x: Sample) -> bool:
 
 def make_sample(ws: Workspace) -> Sample:
     """Make the buffers of one sample of an open chain, on the Pinocchio data of a workspace."""
-    scene, layout, supply, tables = ws.scene, ws.layout, ws.supplier.supply, ws.scene.site_tables
+    scene, plan, supply, tables = ws.scene, ws.plan, ws.supplier.supply, ws.scene.site_tables
     ns, na = len(scene.sites), len(scene.drives)
     unit_q, unit_count = unit_parts(scene.model)
     effort, motor = np.zeros((3, 1, na)), np.zeros((2, 1, na))
@@ -173,13 +173,13 @@ def make_sample(ws: Workspace) -> Sample:
         unit_count=unit_count,
         force=supply.force,
         h=supply.h,
-        joint=layout.joint,
-        displacement_q=layout.displacement_q,
-        displacement_ratio=layout.displacement_ratio,
-        displacement_shift=layout.displacement_shift,
+        joint=plan.sites.joint,
+        displacement_q=plan.sites.displacement_q,
+        displacement_ratio=plan.sites.displacement_ratio,
+        displacement_shift=plan.sites.displacement_shift,
         place=np.arange(ns),
         contacts=tables.contacts,
-        laws=layout.laws,
+        laws=plan.sites.laws,
         velocity_index=tables.velocity_index,
         ratio=tables.ratio,
         gears=scene_gears(scene),
@@ -286,7 +286,7 @@ class Solver:
         found = solve(self.scene, states, [], slice(0, 1), 1)
         if found.wrench is None:  # nothing looks at reactions
             self._ws.supplier.balance(states.q[0], states.v[0], states.a[0])
-            wrench = self._ws.supplier.supply.force[1 + self._ws.layout.joint]
+            wrench = self._ws.supplier.supply.force[1 + self._ws.plan.sites.joint]
             found = replace(found, wrench=wrench[None])
         figures = {name: getattr(found, name)[0] for name in InverseInstant._fields}
         return InverseInstant(**figures | {"status": Status(found.status[0])})

@@ -6,7 +6,7 @@ import threading
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -14,34 +14,25 @@ from pinfric.dynamics.forward.constraints import Constraints
 from pinfric.dynamics.forward.failures import Failures, State
 from pinfric.dynamics.forward.margins import Margins
 from pinfric.dynamics.forward.self_locking import LockingGears
-from pinfric.dynamics.problem.buffers import Supplier, make_tables, make_work
 from pinfric.dynamics.problem.gearing import FEW_PASSES, gear_margins, refit
 from pinfric.dynamics.problem.gearing import MOST_PASSES as MOST_LINES
-from pinfric.dynamics.problem.layout import make_layout
-from pinfric.dynamics.problem.machine import (
-    Machine,
-    box_layout,
-    box_machine,
-    box_supply,
-    box_tables,
-    box_work,
-)
-from pinfric.dynamics.problem.maps import (
+from pinfric.dynamics.problem.instant import (
     FREE,
     GIVEN,
     SETTLED,
     TURNED,
     UNDECIDED,
+    accelerations_under_friction,
     assemble,
     couple,
     finish,
-    is_exact,
-    measure_rates,
-    relate,
     solve_instant,
-    write_accelerations,
 )
+from pinfric.dynamics.problem.machine import Machine, make_machine
+from pinfric.dynamics.problem.plan import make_plan
+from pinfric.dynamics.problem.rates import is_exact, measure_rates, relate
 from pinfric.dynamics.problem.reactions import AppliedWrench
+from pinfric.dynamics.problem.supply import Supplier
 from pinfric.errors import (
     ClosureError,
     PinfricError,
@@ -51,7 +42,7 @@ from pinfric.friction.consistency import evaluate, judge, try_modes
 from pinfric.friction.given_modes import reduce_problem
 from pinfric.friction.law import add_load_slopes, stick_limits
 from pinfric.friction.minimax import least_violation
-from pinfric.friction.modes import Found, Modes
+from pinfric.friction.modes import Found, GivenModes, Modes
 from pinfric.friction.problem import Problem
 from pinfric.friction.rest import Mechanism, solve
 from pinfric.friction.search import (
@@ -61,7 +52,7 @@ from pinfric.friction.search import (
     outcome,
     search,
 )
-from pinfric.kernels.compiled import KernelArgument, compile_for, compiling, is_ready
+from pinfric.kernels.compiled import KernelArgument, compile_for, compiling
 from pinfric.model.closure import guesses
 from pinfric.model.scene import Scene
 
@@ -75,12 +66,12 @@ class Workspace:
     """Buffers of one scene for one thread: every solve overwrites them.
 
     Attributes:
-        layout: `Layout`.
+        machine, plan: its arrays, and where everything of the scene stands in them.
         given: what drives are given: "effort", or "motor_torque"; then `effort` is r T_m of each.
         problem, modes: the coupled problem and its solution.
         mechanism: how its coordinates hang together.
         must_project: whether a configuration can be none: loops open, quaternions not of length 1.
-        closed: whether coordinates may depend on each other, see `Tables.dependent`.
+        closed: whether coordinates may depend on each other, see `Closure.dependent`.
         state: what was asked last: `search`, `couple`, `finish` and failures are about it.
         constraints, margins, failures: of its scene and its solution.
         locking: its self-locking gears.
@@ -89,7 +80,6 @@ class Workspace:
         multipliers: (nl,) forces that close loops, of side a on side b, in the order of the
             linkage's rows; none in an open chain.
         locked: whether what sticks lets nothing move (known where loops close).
-        turns_balls: whether the friction of balls that slip is pointed against their motion.
         least, most: (nc,) static limits of the friction x.
         site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
         places: (name, coordinate, whether it is a ball) of all that sticks and slips: sites, then
@@ -104,45 +94,49 @@ class Workspace:
         self.given = "motor_torque" if motors else "effort"
         self.scene, self.twin = scene, scene.twin(attached)
         self.nq, self.nv, self.na = scene.model.nq, self.twin.nv, len(scene.drives)
-        self.layout = t = make_layout(scene, motors)
-        self.turns_balls, self.locked = True, False
+        self.plan = t = make_plan(scene, motors)
+        coordinates, drives = t.coordinates, t.drives
+        self.locked = False
         self.must_project = scene.linkage is not None or self.nq != self.nv
         self.supplier = Supplier(self.twin)
-        tables = make_tables(self.twin, scene.linkage, t)
-        self.closed = tables.dependent
-        self.work = w = make_work(self.twin, t, tables)
-        ready = bool(box_work.overloads) or is_ready(box_work, (w,))  # it is of one type always
-        self._argument = KernelArgument(Machine(tables, self.supplier.supply, w), _box, ready)
-        self.problem, self.modes = w.problem, w.modes
+        self.closed = t.closure.dependent
+        self.machine = m = make_machine(self.twin, t, self.supplier.supply)
+        self._argument = KernelArgument(m)
+        self.problem, self.modes = m.problem, m.modes
         self.mechanism = Mechanism(
-            self.closed, w.factor, t.block, t.ball, w.idle, np.zeros(len(t.dry))
+            self.closed,
+            m.maps.factor,
+            coordinates.block,
+            coordinates.ball,
+            m.maps.idle,
+            np.zeros(len(coordinates.dry)),
         )
-        self.a, self.effort, self.phi, self.load, self.wrench = (
-            w.a,
-            w.effort,
-            w.phi,
-            w.load,
-            w.wrench,
+        found = m.solution
+        self.a, self.effort, self.phi, self.load = found.a, found.effort, found.phi, found.load
+        self.wrench, self.multipliers, self.site_modes = (
+            found.wrench,
+            found.multiplier,
+            found.site_modes,
         )
-        self._geared = bool((t.gear_coordinate >= 0).any())
-        self.least, self.most, self.site_modes = w.least, w.most, w.site_modes
-        self.multipliers = w.multiplier
-        names = zip(scene.site_names, t.coordinate.tolist(), strict=True)
-        self.places = [(name, c, bool(t.ball[c])) for name, c in names]
-        self._alone = np.setdiff1d(t.gear_coordinate[t.gear_coordinate >= 0], t.entry_coordinate)
-        of = t.gear_coordinate.tolist()
+        self.least, self.most = found.least, found.most
+        geared = drives.gear_coordinate[drives.gear_coordinate >= 0]
+        self._geared = bool(geared.size)
+        names = zip(scene.site_names, t.site_coordinate.tolist(), strict=True)
+        self.places = [(name, c, bool(coordinates.ball[c])) for name, c in names]
+        self._alone = np.setdiff1d(geared, t.entries.coordinate)
+        of = drives.gear_coordinate.tolist()
         self.places += [(scene.drives[of.index(c)].name, c, False) for c in self._alone.tolist()]
         self._kept: tuple[object, ...] | None = None
         self.state: State
-        self.locking = LockingGears(t, w, self.modes)
+        self.locking = LockingGears(m)
         self._locks = bool(self.locking.gears.size)
-        self.constraints = Constraints(scene, t, self.supplier, self._argument)
-        self.margins = Margins(t, self._argument, self.mechanism, self.locking)
-        self.failures = Failures(scene, t, w, self.given)
+        self.constraints = Constraints(scene, self.supplier, self._argument)
+        self.margins = Margins(self._argument, self.mechanism, self.locking)
+        self.failures = Failures(scene, m, self.given)
 
     @property
-    def machine(self) -> Machine:
-        """Tables, supply and buffers: tuples while kernels are interpreted, then one record."""
+    def argument(self) -> Machine:
+        """The machine for kernels: tuples while they are interpreted, then one record."""
         return self._argument.now
 
     def accelerations(self) -> np.ndarray:
@@ -151,7 +145,7 @@ class Workspace:
         At the end of a time step what sticks is at rest, and not at its beginning.
         """
         a = np.empty(self.nv)
-        write_accelerations(self.machine, a)
+        accelerations_under_friction(self.argument, a)
         return a
 
     # ------------------------------------------------------------ solving
@@ -190,15 +184,17 @@ class Workspace:
         q: np.ndarray,
         v: np.ndarray,
         effort: np.ndarray,
-        applied: list[AppliedWrench] | None = None,
+        applied: list[AppliedWrench] | None,
+        given: GivenModes,
     ) -> None:
-        """Find friction and accelerations with the modes in `modes`; balls face their motion.
+        """Find friction and accelerations in given modes.
 
         Args, raises: see `solve`.
         """
+        self.modes.stuck[:], self.modes.direction[:] = given.stuck, given.direction
         if self._kept is not None and self._kept == self._key(q, v, effort, applied):
             return  # nothing moves and nothing has changed
-        turned = TURNED if self.mechanism.balls and self.turns_balls else GIVEN
+        turned = TURNED if self.mechanism.balls and given.balls_turn else GIVEN
         solutions, obeying, resting = self._try(q, v, effort, applied, turned)
         found = outcome(solutions, obeying)
         if resting < 0:
@@ -232,7 +228,7 @@ class Workspace:
         self.state = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
         outcome, solutions, obeying, resting = solve_instant(
-            self.machine, q, v, effort, choice, 0.0
+            self.argument, q, v, effort, choice, 0.0
         )
         self.locked = False
         if outcome == 0:
@@ -263,15 +259,16 @@ class Workspace:
         self._kept = None
         self.state = q, v, effort, applied, step
         self.supplier.at(q, v, applied)
-        outcome = assemble(self.machine, q, v, effort, step)
+        outcome = assemble(self.argument, q, v, effort, step)
         if outcome:
             self.failures.refuse(outcome, self.state)
         self._take_factor()
 
     def _take_factor(self) -> None:
         """Let the mechanism have the factor of the slopes of what sticks or may stick."""
-        self.mechanism.factor = self.work.factor[: self.work.freedoms[0]]
-        if not self.closed or not self.work.locking[0]:
+        maps = self.machine.maps
+        self.mechanism.factor = maps.factor[: maps.freedoms[0]]
+        if not self.closed or not self.machine.lines.locking[0]:
             return
         here = self.modes.stuck | self.modes.at_rest
         size, axes = np.linalg.eigh(self.problem.rate_slope[np.ix_(here, here)])
@@ -295,7 +292,7 @@ class Workspace:
         """Search with gears on the lines that fit: where not all modes are tried, in turn."""
         if not self._geared:
             return attempt(None)
-        m, gears, delivered = self.modes, self.locking, self.work.delivered.copy()
+        m, gears, delivered = self.modes, self.locking, self.machine.lines.delivered.copy()
         if gears.gears.size:
             self.couple()
         start, found = m.copy(), attempt(self._lines(delivered))
@@ -325,24 +322,24 @@ class Workspace:
             return solve(self.problem, self.modes, self.mechanism)
         q, v, effort, _, step = self.state
         if not self.closed:
-            refused, found, obeying, _ = solve_instant(self.machine, q, v, effort, SETTLED, step)
+            refused, found, obeying, _ = solve_instant(self.argument, q, v, effort, SETTLED, step)
             if refused:
                 self.failures.refuse(refused, self.state)
             return found, obeying
-        c = self.layout.gear_coordinate
+        c = self.plan.drives.gear_coordinate
         way = np.where(self.modes.stuck[c], 0.0, self.modes.direction[c])
-        self.work.gear_way[c >= 0] = way[c >= 0]
+        self.machine.lines.way[c >= 0] = way[c >= 0]
         for passes in range(MOST_LINES):
             self.couple()
             found, obeying = solve(self.problem, self.modes, self.mechanism)
-            if found <= 0 or not refit(self.machine, passes >= FEW_PASSES):
+            if found <= 0 or not refit(self.argument, passes >= FEW_PASSES):
                 return found, obeying
         return -1, 0
 
     def couple(self) -> None:
         """Write the coupled problem of the present state once more, with other lines of gears."""
         q, v, effort, _, step = self.state
-        outcome = couple(self.machine, q, v, effort, step)
+        outcome = couple(self.argument, q, v, effort, step)
         if outcome:
             self.failures.refuse(outcome, self.state)
         self._take_factor()
@@ -358,8 +355,9 @@ class Workspace:
         q, v, effort, applied, step = self.state
         if step > 0.0 or not dead.any():
             return
-        free = self.work.a_map[:, 0]
-        a = free + self.work.a_map[:, 1:] @ m.friction
+        a_map = self.machine.maps.acceleration
+        free = a_map[:, 0]
+        a = free + a_map[:, 1:] @ m.friction
         terms = float(np.abs(free).max(initial=0.0)) + 1e-300
         if np.abs(a).max(initial=0.0) <= 1e-12 * terms:
             return
@@ -384,16 +382,16 @@ class Workspace:
         gears = np.sign(self.modes.direction[self._alone]).astype(np.int8)
         return np.concatenate([self.site_modes, gears])
 
-    def set_modes(self, modes: np.ndarray) -> None:
-        """Write modes of places as modes of their coordinates; a ball's face its motion."""
-        t, m = self.layout, self.modes
-        m.direction[t.entry_coordinate] = modes[t.entry_site] * np.sign(t.entry_ratio)
-        m.direction[self._alone] = modes[len(t.joint) :]
-        m.stuck[:] = (m.direction == 0.0) & t.dry
+    def modes_of(self, places: np.ndarray) -> GivenModes:
+        """Return modes of places, as `place_modes`, as modes of their coordinates."""
+        entries, direction = self.plan.entries, np.zeros(len(self.modes.direction))
+        direction[entries.coordinate] = places[entries.site] * np.sign(entries.ratio)
+        direction[self._alone] = places[len(self.plan.sites.joint) :]
+        return GivenModes((direction == 0.0) & self.plan.coordinates.dry, direction)
 
     def finish(self) -> None:
         """Write a, multipliers, wrenches and each site's friction from the solution in `modes`."""
-        finish(self.machine)
+        finish(self.argument)
         if self._locks:
             self.failures.check_jam(self.state)
         self.locked = self.closed and self.mechanism.is_locked(self.modes.stuck)
@@ -425,14 +423,14 @@ def rehearse(ws: Workspace) -> None:
     if not ws.nv:
         return
     q, v, effort = closed_configuration(ws.scene), np.zeros(ws.nv), np.zeros(ws.na)
-    m = ws.machine
+    m = ws.argument
     state = m, q, v, effort
     for made, arguments in (
         (solve_instant, (*state, FREE, 0.0)),
         (assemble, (*state, 0.0)),
         (couple, (*state, 0.0)),
         (finish, (m,)),
-        (write_accelerations, (m, ws.a)),
+        (accelerations_under_friction, (m, ws.a)),
         (refit, (m, True)),
         (relate, (m, v)),
         (measure_rates, (m, v)),
@@ -441,11 +439,12 @@ def rehearse(ws: Workspace) -> None:
         *_kernels_of_search(ws.problem, ws.modes),
     ):
         compile_for(made, *arguments)
+    dry = ws.plan.coordinates.dry
+    rest = GivenModes(dry, np.zeros(len(dry)))
     with compiling():
         for push in (0.0, _OVERWHELMING):
-            ws.modes.stuck[:], ws.modes.direction[:] = ws.layout.dry, 0.0
             with suppress(PinfricError):
-                ws.solve_given_modes(q, v, effort + push)
+                ws.solve_given_modes(q, v, effort + push, None, rest)
 
 
 def _kernels_of_search(problem: Problem, modes: Modes) -> list[tuple[Any, tuple[Any, ...]]]:
@@ -485,12 +484,6 @@ def check_transmissions(scene: Scene) -> None:
                 f"{scene.source}: motor_torque: drive {drive.name!r} has no transmission; give it "
                 "one in `actuators` (a direct drive has ratio: 1), or give `effort`"
             )
-
-
-def _box(machine: Machine) -> Machine:
-    tables, supply, work = machine
-    scene = box_tables(tables._replace(layout=box_layout(tables.layout)))
-    return cast("Machine", box_machine(Machine(scene, box_supply(supply), box_work(work))))
 
 
 class _Last(threading.local):

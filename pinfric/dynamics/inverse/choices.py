@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.dynamics.inverse.effort_maps import Maps
-from pinfric.dynamics.problem.layout import Layout
+from pinfric.dynamics.problem.plan import Plan
 from pinfric.friction.given_modes import solve_given_modes
 from pinfric.friction.law import add_load_slopes, write_loads
 from pinfric.friction.problem import Problem
@@ -64,11 +64,11 @@ class Candidates(NamedTuple):
     figures: np.ndarray
 
 
-def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Choices:
+def friction_laws(plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> Choices:
     """Return what each site's friction can be (`laws`; paper eq. 20, 21).
 
     Args:
-        layout, maps: see `effort_maps`.
+        plan, maps: see `effort_maps`.
         velocity: (n, ne) relative velocities along the friction coordinates.
         at_rest: (n, ns) bool, sites that pass through rest beside a sample.
     """
@@ -76,16 +76,16 @@ def friction_laws(layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.
     law = Choices(
         options=np.ones((n, ns), dtype=np.int64),
         code=np.full((n, ns), SLIDES),
-        direction=np.ones((n, len(layout.entry_v))),
+        direction=np.ones((n, len(plan.entries.velocity_index))),
         way=np.zeros((4, n, ns)),
         mu=np.zeros((4, n, ns)),
         coulomb=np.zeros((4, n, ns)),
-        constant=np.tile(layout.constant, (n, 1)),
+        constant=np.tile(plan.sites.constant, (n, 1)),
     )
-    for t in np.flatnonzero(~layout.varies[layout.contact_site]):
-        law.constant[:, layout.contact_site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
-    ball = layout.entry_count == 3
-    _write_choices(layout.laws, layout.first_entry, ball, velocity, at_rest, law)
+    for t in np.flatnonzero(~plan.sites.varies[plan.contacts.site]):
+        law.constant[:, plan.contacts.site[t]] += np.linalg.norm(maps.contact[:, t, 0], axis=1)
+    ball = plan.sites.entry_count == 3
+    _write_choices(plan.sites.laws, plan.sites.first_entry, ball, velocity, at_rest, law)
     return law
 
 
@@ -139,7 +139,7 @@ def solve_list(
     Args:
         contact: (n, nt, 1 + ne, 3), of `Maps`.
         row: (number of varying contact forces,) which of the nt.
-        entry_site: of `Layout`.
+        entry_site: of `Plan`.
         base: buffers; its sites and coordinates are set.
         law: of all samples.
         candidates: x, found, figures are overwritten.
@@ -178,7 +178,7 @@ def loads_of_samples(
 
     Args:
         contact: (n, nt, 1 + ne, 3), of `Maps`.
-        contact_site, constant: (nt,), (ns,), of `Layout`.
+        contact_site, constant: (nt,), (ns,), of `Plan`.
         phi, load: the second is overwritten.
     """
     for i in range(phi.shape[0]):

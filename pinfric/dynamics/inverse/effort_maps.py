@@ -5,7 +5,7 @@
 (paper eq. 7, 16, 17). Drives on joints of the tree only balance their own row, so A has the other
 rows. Full pivoting, the paper's choice, finds its rank: fewer than its rows is a toggle, where
 drives cannot balance the load; fewer than its columns, redundant drives, which share the work such
-that the sum of u^2 / share is least, and redundant closures (`maps.share_redundant`).
+that the sum of u^2 / share is least, and redundant closures (`affine.share_redundant`).
 """
 
 from __future__ import annotations
@@ -14,39 +14,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem.layout import Layout
-from pinfric.dynamics.problem.maps import add_products, along, share_redundant
-from pinfric.friction.dense import eliminate_full_pivot
+from pinfric.dynamics.problem.affine import (
+    add_friction,
+    add_products,
+    add_reactions,
+    solve_balance,
+    write_contacts,
+)
+from pinfric.dynamics.problem.plan import Drives, Entries, Plan
+from pinfric.friction.dense import affine, eliminate_full_pivot
 from pinfric.kernels.compiled import kernel
-
-
-class EffortTables(NamedTuple):
-    """The part of `Layout` that these kernels read: each call copies all fields of a tuple."""
-
-    drive_v: np.ndarray
-    drive_action: np.ndarray
-    balanced: np.ndarray
-    part: np.ndarray
-    delivery: np.ndarray
-    cost: np.ndarray
-    shifts: int
-    joint: np.ndarray
-    n_tree: int
-    sharing: int
-    entry_v: np.ndarray
-    entry_action: np.ndarray
-    entry_ratio: np.ndarray
-    contact_site: np.ndarray
-    contact_rank: np.ndarray
-    contact_map: np.ndarray
-    contact_map_moved: np.ndarray
-    inverse_length: float
-    scale: float
-
-    @classmethod
-    def of(cls, layout: Layout) -> EffortTables:
-        """Take the part that is needed."""
-        return cls(*(getattr(layout, name) for name in cls._fields))
 
 
 class Maps(NamedTuple):
@@ -65,110 +42,95 @@ class Maps(NamedTuple):
     singular: np.ndarray
 
     @classmethod
-    def of(cls, layout: Layout, n: int) -> Maps:
+    def of(cls, plan: Plan, n: int) -> Maps:
         """Make the arrays for n samples."""
-        columns = 1 + len(layout.entry_site)
+        columns = 1 + len(plan.entries.site)
         return cls(
-            np.empty((n, len(layout.drive_v), columns)),
-            np.empty((n, layout.solved, columns)),
-            np.empty((n, len(layout.contact_site), columns, 3)),
+            np.empty((n, len(plan.drives.part), columns)),
+            np.empty((n, plan.closure.solved, columns)),
+            np.zeros((n, len(plan.contacts.owner), columns, 3)),
             np.empty(n, dtype=np.bool_),
         )
 
 
 @kernel
 def map_friction(
-    t: EffortTables,
+    plan: Plan,
     wrench: np.ndarray,
     total_effort: np.ndarray,
     X: np.ndarray,
     J: np.ndarray,
-    displacement: np.ndarray,
+    q: np.ndarray,
     maps: Maps,
 ) -> None:
     """Write efforts, multipliers and contact forces of a batch as affine functions of friction.
 
     Args:
-        t: `EffortTables`.
+        plan: of inverse dynamics.
         wrench: (n, nj, 6), of the tree's joints without multipliers, drives off the joints and
             friction: RNEA of the twin.
         total_effort: (n, nv), M a + h.
         X, J: (n, nj + pairs, 6, nx), (n, nx, nv), `kinematics.act_on_joints`.
-        displacement: (n, ns) of each site along its axis, or (0, 0) where it does not matter.
-        maps: overwritten.
+        q: (n, nq).
+        maps: overwritten; made by `Maps.of`.
     """
-    columns = maps.effort.shape[2]
-    site_wrench, row = np.empty((1, 6, columns)), np.empty(6)
-    maps.contact[:] = 0.0
+    joint, ny = plan.contacts.joint, maps.y.shape[1]
+    at_joints, free = np.empty((joint.size, 6, maps.effort.shape[2])), np.empty((ny, ny))
     for i in range(wrench.shape[0]):
         y = maps.y[i]
-        maps.singular[i] = not _balance(t, wrench[i], total_effort[i], X[i], J[i], y)
+        left = _balance(plan, total_effort[i], J[i], y, free)
+        for row in range(joint.size):
+            _write_known_wrench(plan.entries, joint[row], wrench[i], X[i], at_joints[row])
+        maps.singular[i] = left < 0 or not add_reactions(
+            plan.closure, joint, X[i], 0, free[:, :left].copy(), y, at_joints
+        )
         if maps.singular[i]:
-            for c in range(y.shape[0]):
-                for k in range(columns):
-                    y[c, k] = np.nan
-        _write_efforts(t, total_effort[i], J[i], y, maps.effort[i])
-        site = -1
-        for n in range(t.contact_site.size):
-            s = t.contact_site[n]
-            if s != site:
-                site = s
-                _write_wrench(t, t.joint[s], wrench[i], X[i], y, site_wrench[0])
-            moved = displacement[i, s] if displacement.size > 0 else 0.0
-            for e in range(t.contact_rank[n]):
-                for m in range(6):
-                    row[m] = t.contact_map[n, e, m] + moved * t.contact_map_moved[n, e, m]
-                for k in range(columns):
-                    maps.contact[i, n, k, e] = along(row, site_wrench, 0, k)
+            y[:] = np.nan
+            maps.contact[i] = np.nan
+        else:
+            write_contacts(plan, q[i], at_joints, maps.contact[i])
+        _write_efforts(plan.drives, plan.entries, total_effort[i], J[i], y, maps.effort[i])
 
 
 @kernel
 def _balance(
-    t: EffortTables,
-    wrench: np.ndarray,
-    total_effort: np.ndarray,
-    X: np.ndarray,
-    J: np.ndarray,
-    y: np.ndarray,
-) -> bool:
-    """Write y (ny, 1 + ne) of one sample; False: the drives cannot balance the load."""
-    nr, (ny, columns) = t.balanced.size, y.shape
-    A, order = np.empty((nr, ny + columns)), np.empty(ny, np.int64)
+    plan: Plan, total_effort: np.ndarray, J: np.ndarray, y: np.ndarray, free: np.ndarray
+) -> int:
+    """Write y (ny, 1 + ne) of one sample, and what may be added to it that moves no drive.
+
+    Args:
+        plan ... y: see `map_friction`.
+        free: (ny, ny), overwritten.
+
+    Returns:
+        The number of columns of `free`; -1: the drives cannot balance the load.
+    """
+    t, entries, (ny, columns) = plan.closure, plan.entries, y.shape
+    nr = t.balanced.size
+    A = np.empty((nr, ny + columns))
     for r in range(nr):
         v = t.balanced[r]
         for c in range(ny):
             A[r, c] = J[c, v]
         A[r, ny] = total_effort[v]
         for k in range(columns - 1):
-            A[r, ny + 1 + k] = -_lever(t, J, k, v)
-    if eliminate_full_pivot(A, ny, order, t.scale) < nr:
-        return False
-    for c in range(ny):
-        for k in range(columns):
-            y[order[c], k] = A[c, ny + k] if c < nr else 0.0
-    if ny == nr:
-        return True
-    free = np.zeros((ny, ny - nr))
-    for f in range(ny - nr):
-        free[order[nr + f], f] = 1.0
-        for r in range(nr):
-            free[order[r], f] = -A[r, nr + f]
-    if t.shifts > 0:
-        left = np.empty((ny, free.shape[1] - t.shifts))
-        if not share_work(t, total_effort, J, free, y, left):
-            return False
-        free = left
-        if free.shape[1] == 0:
-            return True
-    given = np.empty((t.sharing, 6, columns))
-    for j in range(t.sharing):
-        _write_wrench(t, j, wrench, X, y, given[j])
-    return share_redundant(given, X, free, t.inverse_length, y)
+            A[r, ny + 1 + k] = -_lever(entries, J, k, v)
+    if solve_balance(A, t.scale, y, free) < nr:
+        return -1
+    left, shifts = ny - nr, plan.drives.shifts
+    if left > 0 and shifts > 0:
+        still = np.empty((ny, left - shifts))
+        if not share_work(plan.drives, entries, total_effort, J, free[:, :left].copy(), y, still):
+            return -1
+        left -= shifts
+        free[:, :left] = still
+    return left
 
 
 @kernel
 def share_work(
-    t: EffortTables,
+    t: Drives,
+    entries: Entries,
     total_effort: np.ndarray,
     J: np.ndarray,
     free: np.ndarray,
@@ -178,26 +140,27 @@ def share_work(
     """Add to y what is free of it so that the sum of cost u^2 over the drives is least.
 
     Args:
-        t, total_effort, J: see `_balance`.
+        t, entries: of the plan.
+        total_effort, J: see `map_friction`.
         free: (ny, nf) what may be added to y (ny, 1 + ne).
         left: (ny, nf - shifts), overwritten: what may still be added, which moves no drive.
 
     Returns:
         False where the least is not unique.
     """
-    (ny, nf), (na, columns) = free.shape, (t.drive_v.size, y.shape[1])
+    (ny, nf), (na, columns) = free.shape, (t.part.size, y.shape[1])
     effort, along = np.empty((na, columns)), np.zeros((na, nf))
-    _write_efforts(t, total_effort, J, y, effort)
+    _write_efforts(t, entries, total_effort, J, y, effort)
     work, order = np.zeros((nf, nf + columns)), np.empty(nf, np.int64)
     for d in range(na):
         if t.cost[d] == 0.0:
             continue
         for f in range(nf):
-            if t.drive_v[d] < 0:
-                along[d, f] = free[t.drive_action[d], f]
+            if t.velocity_index[d] < 0:
+                along[d, f] = free[t.action[d], f]
                 continue
             for c in range(ny):
-                along[d, f] -= t.part[d] * J[c, t.drive_v[d]] * free[c, f]
+                along[d, f] -= t.part[d] * J[c, t.velocity_index[d]] * free[c, f]
         for f in range(nf):
             for g in range(nf):
                 work[f, g] += t.cost[d] * along[d, f] * along[d, g]
@@ -219,25 +182,30 @@ def share_work(
 
 
 @kernel
-def _lever(t: EffortTables, J: np.ndarray, k: int, v: int) -> float:
+def _lever(entries: Entries, J: np.ndarray, k: int, v: int) -> float:
     """The generalized effort at velocity v of one unit of an entry's friction."""
-    if t.entry_action[k] >= 0:
-        return J[t.entry_action[k], v]
-    return t.entry_ratio[k] if t.entry_v[k] == v else 0.0
+    if entries.action[k] >= 0:
+        return J[entries.action[k], v]
+    return entries.ratio[k] if entries.velocity_index[k] == v else 0.0
 
 
 @kernel
 def _write_efforts(
-    t: EffortTables, total_effort: np.ndarray, J: np.ndarray, y: np.ndarray, effort: np.ndarray
+    t: Drives,
+    entries: Entries,
+    total_effort: np.ndarray,
+    J: np.ndarray,
+    y: np.ndarray,
+    effort: np.ndarray,
 ) -> None:
     """Write the drives' efforts (na, 1 + ne) of one sample."""
-    for d in range(t.drive_v.size):
-        v = t.drive_v[d]
+    for d in range(t.part.size):
+        v = t.velocity_index[d]
         for k in range(effort.shape[1]):
             if v < 0:
-                effort[d, k] = y[t.drive_action[d], k]
+                effort[d, k] = y[t.action[d], k]
                 continue
-            total = total_effort[v] if k == 0 else -_lever(t, J, k - 1, v)
+            total = total_effort[v] if k == 0 else -_lever(entries, J, k - 1, v)
             for c in range(y.shape[0]):
                 total -= J[c, v] * y[c, k]
             effort[d, k] = t.part[d] * total
@@ -251,24 +219,21 @@ def _write_efforts(
 
 
 @kernel
-def _write_wrench(
-    t: EffortTables, j: int, wrench: np.ndarray, X: np.ndarray, y: np.ndarray, out: np.ndarray
+def _write_known_wrench(
+    entries: Entries, j: int, wrench: np.ndarray, X: np.ndarray, out: np.ndarray
 ) -> None:
-    """Write the wrench at joint j as (6, 1 + ne): [:, 0] + [:, 1:] phi."""
+    """Write the wrench at joint j as (6, 1 + ne), [:, 0] + [:, 1:] phi, but for what y does."""
     for e in range(6):
         for k in range(out.shape[1]):
             out[e, k] = 0.0
-            if k == 0:
-                if j < t.n_tree:
-                    out[e, 0] = wrench[j, e]
-            elif t.entry_action[k - 1] >= 0:
-                out[e, k] = X[j, e, t.entry_action[k - 1]]
-    add_products(X[j], y, out)
+        if j < wrench.shape[0]:
+            out[e, 0] = wrench[j, e]
+    add_friction(X[j], entries.action, out)
 
 
 @kernel
 def write_wrenches(
-    t: EffortTables,
+    plan: Plan,
     wrench: np.ndarray,
     X: np.ndarray,
     y: np.ndarray,
@@ -279,22 +244,16 @@ def write_wrenches(
     """Write the wrench at each site and the solved unknowns under given friction.
 
     Args:
-        t, wrench, X: see `map_friction`.
+        plan, wrench, X: see `map_friction`.
         y: (n, ny, 1 + ne) of `Maps`.
         phi: (n, ne) friction.
         site_wrench: (n, ns, 6), overwritten, parent on child or a on b.
         solved: (n, ny), overwritten: off-joint efforts, then multipliers.
     """
-    columns = y.shape[2]
-    affine = np.empty((6, columns))
+    joint, maps = plan.sites.joint, np.empty((6, y.shape[2]))
     for i in range(phi.shape[0]):
-        for c in range(solved.shape[1]):
-            solved[i, c] = y[i, c, 0]
-            for k in range(1, columns):
-                solved[i, c] += y[i, c, k] * phi[i, k - 1]
-        for s in range(t.joint.size):
-            _write_wrench(t, t.joint[s], wrench[i], X[i], y[i], affine)
-            for e in range(6):
-                site_wrench[i, s, e] = affine[e, 0]
-                for k in range(1, columns):
-                    site_wrench[i, s, e] += affine[e, k] * phi[i, k - 1]
+        affine(y[i], phi[i], solved[i])
+        for s in range(joint.size):
+            _write_known_wrench(plan.entries, joint[s], wrench[i], X[i], maps)
+            add_products(X[i, joint[s]], 0, y[i], maps)
+            affine(maps, phi[i], site_wrench[i, s])

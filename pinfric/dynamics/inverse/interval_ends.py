@@ -29,8 +29,8 @@ from pinfric.dynamics.inverse.choices import (
     solve_list,
 )
 from pinfric.dynamics.inverse.effort_maps import Maps
-from pinfric.dynamics.problem.layout import Layout
 from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.problem.plan import Plan
 from pinfric.friction.given_modes import MOST_SOLUTIONS
 from pinfric.friction.problem import empty_problem
 
@@ -73,9 +73,9 @@ class Answer:
     ends: np.ndarray
 
     @classmethod
-    def of(cls, layout: Layout, n: int) -> Answer:
+    def of(cls, plan: Plan, n: int) -> Answer:
         """Make the arrays for n samples, nothing known."""
-        na, ns, ne = len(layout.drive_v), len(layout.joint), len(layout.entry_v)
+        na, ns, ne = len(plan.drives.part), len(plan.sites.joint), len(plan.entries.site)
         nan, inf = np.nan, np.inf
         return cls(
             np.full((n, na), inf),
@@ -96,25 +96,23 @@ class Solver:
     """Solves the samples of one batch; see the module's text.
 
     Args:
-        layout, maps: see `effort_maps`.
+        plan, maps: see `effort_maps`.
         velocity, at_rest: see `friction_laws`.
     """
 
-    def __init__(
-        self, layout: Layout, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray
-    ) -> None:
-        self.layout, self.maps = layout, maps
-        self.law = friction_laws(layout, maps, velocity, at_rest)
-        ns = len(layout.joint)
-        self._rows = np.flatnonzero(layout.varies[layout.contact_site])
-        sites = layout.contact_site[self._rows]
+    def __init__(self, plan: Plan, maps: Maps, velocity: np.ndarray, at_rest: np.ndarray) -> None:
+        self.plan, self.maps = plan, maps
+        self.law = friction_laws(plan, maps, velocity, at_rest)
+        ns = len(plan.sites.joint)
+        self._rows = np.flatnonzero(plan.sites.varies[plan.contacts.site])
+        sites = plan.contacts.site[self._rows]
         self.base = empty_problem(np.arange(ns), np.ones(ns), sites, np.zeros(ns))
-        self._balls = np.flatnonzero(layout.entry_count == 3)
+        self._balls = np.flatnonzero(plan.sites.entry_count == 3)
 
     def solve(self) -> Answer:
         """Solve every sample."""
         n = len(self.maps.singular)
-        answer = Answer.of(self.layout, n)
+        answer = Answer.of(self.plan, n)
         answer.status[self.maps.singular] = Status.SINGULAR
         good = np.flatnonzero(~self.maps.singular)
         if len(good):
@@ -147,24 +145,26 @@ class Solver:
         out = Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
         if ns > 0:  # else nothing rubs, and that is the solution
             solve_list(
-                self.maps.contact, self._rows, self.layout.entry_site, self.base, self.law, out
+                self.maps.contact, self._rows, self.plan.entries.site, self.base, self.law, out
             )
         return out
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
         """(m, ne) friction coordinates of one of the solutions."""
-        return np.asarray(c.x[:, solution][:, self.layout.entry_site] * c.direction)
+        return np.asarray(c.x[:, solution][:, self.plan.entries.site] * c.direction)
 
     def _reference(self, answer: Answer, good: np.ndarray) -> None:
         """Solve the state that wrenches are given for, and all of a sample that only slides."""
-        layout = self.layout
+        plan = self.plan
         c = self.candidates(good, self.law.code[good])
         self._note(answer, c)
         some = c.found > 0
         phi = self._phi(c, 0)
         answer.phi[good[some]] = phi[some]
-        load = np.empty((len(good), len(layout.joint)))
-        loads_of_samples(self.maps.contact[good], layout.contact_site, layout.constant, phi, load)
+        load = np.empty((len(good), len(plan.sites.joint)))
+        loads_of_samples(
+            self.maps.contact[good], plan.contacts.site, plan.sites.constant, phi, load
+        )
         answer.load[good[some]] = load[some]
         slides = (self.law.options[good] == 1).all(axis=1)
         self._widen(answer, c._replace(found=np.where(slides, c.found, 0)), np.arange(0), -1, 0)
@@ -183,7 +183,7 @@ class Solver:
         self, answer: Answer, c: Candidates, free: np.ndarray, drive: int, side: int
     ) -> np.ndarray:
         """Let solutions widen the ends of their samples; see `_evaluate`."""
-        sign, columns = (1.0 if side else -1.0), self.layout.first_entry[free]
+        sign, columns = (1.0 if side else -1.0), self.plan.sites.first_entry[free]
         value = np.full(len(c.sample), -sign * np.inf)
         for solution in range(int(c.found.max(initial=0))):
             has = np.flatnonzero(c.found > solution)
@@ -259,13 +259,13 @@ class Solver:
 
     def _free(self) -> np.ndarray:
         """(ns,) sites whose friction changes no load, their own included: each end picks theirs."""
-        layout = self.layout
+        plan = self.plan
         moved = np.abs(self.maps.contact[:, self._rows, 1:][~self.maps.singular]).max(
             axis=(0, 1, 3), initial=0.0
         )
-        changes = np.zeros(len(layout.joint), dtype=bool)
-        np.logical_or.at(changes, self.layout.entry_site, moved > 0)
-        return np.asarray(~changes & ~layout.varies & (layout.entry_count == 1))
+        changes = np.zeros(len(plan.sites.joint), dtype=bool)
+        np.logical_or.at(changes, self.plan.entries.site, moved > 0)
+        return np.asarray(~changes & ~plan.sites.varies & (plan.sites.entry_count == 1))
 
     def _free_limits(self, sample: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m, number of free sites) least and greatest friction where loads are fixed."""
@@ -354,12 +354,12 @@ class Solver:
         With x = gain load(phi) and phi = D x, a small change delta of phi changes the effort by
         g delta, g = U + U D (I - L D)^-1 L: at the extreme every ball's friction points along g.
         """
-        layout, (m, ne) = self.layout, c.direction.shape
-        ns = len(layout.joint)
+        plan, (m, ne) = self.plan, c.direction.shape
+        ns = len(plan.sites.joint)
         L = np.zeros((m, ns, ne))
-        friction_slopes(self.maps.contact, layout.contact_site, self.law, c, self._phi(c, 0), L)
+        friction_slopes(self.maps.contact, plan.contacts.site, self.law, c, self._phi(c, 0), L)
         D = np.zeros((m, ne, ns))
-        D[:, np.arange(ne), self.layout.entry_site] = c.direction
+        D[:, np.arange(ne), self.plan.entries.site] = c.direction
         U = self.maps.effort[c.sample, drive, 1:]
         g = U.copy()
         inner = np.eye(ns) - L @ D
@@ -370,7 +370,7 @@ class Solver:
         g *= 1.0 if side else -1.0
         direction = c.direction.copy()
         for s in balls:
-            part = slice(layout.first_entry[s], layout.first_entry[s] + 3)
+            part = slice(plan.sites.first_entry[s], plan.sites.first_entry[s] + 3)
             size = np.linalg.norm(g[:, part], axis=1, keepdims=True)
             direction[:, part] = np.where(
                 size > 0, g[:, part] / np.maximum(size, 1e-300), direction[:, part]
@@ -387,7 +387,7 @@ class Solver:
         balls: np.ndarray,
     ) -> None:
         """Search each end by changing one site's friction at a time, while that helps."""
-        columns = self.layout.first_entry[choosing]
+        columns = self.plan.sites.first_entry[choosing]
         flips = np.array([(s, option) for s in choosing for option in _options(pattern[s])])
         for drive, side in np.ndindex(answer.lower.shape[1], 2):
             sign = 1.0 if side else -1.0

@@ -12,15 +12,15 @@ import warnings
 
 import numpy as np
 
-from pinfric.dynamics.inverse.effort_maps import EffortTables, write_wrenches
+from pinfric.dynamics.inverse.effort_maps import write_wrenches
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Answer, Solver
 from pinfric.dynamics.inverse.linkage_batch import friction_maps, friction_velocities, loop_wrenches
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
 from pinfric.dynamics.problem.closure import PairRates, pair_rates
-from pinfric.dynamics.problem.layout import Layout, make_inverse_layout
 from pinfric.dynamics.problem.motor_torques import motor_torques
 from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.problem.plan import Plan, make_inverse_plan
 from pinfric.dynamics.problem.reactions import (
     CHUNK,
     AppliedWrench,
@@ -32,6 +32,7 @@ from pinfric.dynamics.problem.reversals import reversals
 from pinfric.dynamics.problem.states import States
 from pinfric.dynamics.problem.threaded import threads_for
 from pinfric.errors import PinfricWarning
+from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.couples import drive_rates
 from pinfric.model.scene import Scene
 
@@ -56,22 +57,22 @@ def solve_linkage(
 
     Args, raises: see `inverse.inverse_dynamics`; besides, `closure.pair_rates`.
     """
-    layout, around, inner = make_inverse_layout(scene), states.around(whole), states.inside(whole)
+    plan, around, inner = make_inverse_plan(scene), states.around(whole), states.inside(whole)
     rates = pair_rates(scene, states, around, whole)
-    wider = friction_velocities(layout, states.v[around], rates)
+    wider = friction_velocities(plan, states.v[around], rates)
     velocity = np.ascontiguousarray(wider[inner])
     reversal = np.zeros((len(velocity), len(scene.sites)), dtype=bool)
     if states.t is not None:
-        reversal = site_reversals(layout, wider)[inner]
+        reversal = site_reversals(plan, wider)[inner]
     answer, frictionless, wrench, multipliers = _solve_batches(
-        scene, layout, states, applied, whole, velocity, reversal, threads
+        scene, plan, states, applied, whole, velocity, reversal, threads
     )
     _warn_of_bound(scene, answer, whole.start)
     check_roll_moments(scene, wrench, whole.start)
     rates_of_drives = actuator_rates(scene, states, rates, around)
     if scene.mobility.undriven:  # friction at rest must balance it, too: what it can do is less
-        rests = reversal | (site_speeds(layout, velocity) <= layout.laws.stick_velocity)
-        answer.exact[(rests & layout.laws.dry).any(axis=1)] = False
+        rests = reversal | (site_speeds(plan, velocity) <= plan.sites.laws.stick_velocity)
+        answer.exact[(rests & plan.sites.laws.dry).any(axis=1)] = False
     na, undriven = len(scene.drives), answer.lower[:, len(scene.drives) :]
     check_undriven(scene, states, whole, undriven, answer.upper[:, na:])
     efforts = answer.lower[:, :na], answer.upper[:, :na]
@@ -85,7 +86,7 @@ def solve_linkage(
         effort_frictionless=frictionless[:, :na],
         motor_torque_lower=torques[0],
         motor_torque_upper=torques[1],
-        sticking=site_speeds(layout, velocity) <= layout.laws.stick_velocity,
+        sticking=site_speeds(plan, velocity) <= plan.sites.laws.stick_velocity,
         reversal=reversal,
         normal_load=answer.load,
         friction_lower=answer.friction_lower,
@@ -96,7 +97,7 @@ def solve_linkage(
         status=answer.status,
         multipliers=multipliers,
         interval_exact=answer.exact,
-        redundant=layout.solved - layout.off_joint > scene.model.nv - layout.freedoms,
+        redundant=plan.closure.multipliers > scene.model.nv - plan.closure.freedoms,
         actuator_velocity=rates_of_drives[0][inner],
         actuator_acceleration=rates_of_drives[1][inner],
     )
@@ -104,7 +105,7 @@ def solve_linkage(
 
 def _solve_batches(
     scene: Scene,
-    layout: Layout,
+    plan: Plan,
     states: States,
     applied: list[AppliedWrench],
     whole: slice,
@@ -116,28 +117,29 @@ def _solve_batches(
 
     Args:
         scene, states, applied, threads: see `inverse.inverse_dynamics`.
-        layout: of the scene.
+        plan: of the scene.
         whole: the T samples.
         velocity, reversal: (T, ne), (T, ns), see `choices.friction_laws`.
     """
     linkage, T = scene.linkage, len(velocity)
     assert linkage is not None
     threads = threads_for(T, threads)
-    answer, tables = Answer.of(layout, T), EffortTables.of(layout)
-    frictionless = np.empty((T, len(layout.drive_v)))
-    wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, layout.solved))
+    answer, argument = Answer.of(plan, T), KernelArgument(plan)
+    frictionless = np.empty((T, len(plan.drives.part)))
+    wrench, solved = np.empty((T, len(scene.sites), 6)), np.empty((T, plan.closure.solved))
     multipliers = np.empty((T, len(scene.loops), 6))
     batch = Batch.of(scene.twin(), min(T, CHUNK * threads))
     for part, twin in constant_payloads(scene, states, whole, CHUNK * threads):
         here = slice(part.start - whole.start, part.stop - whole.start)
         now = batch.first(part.stop - part.start)
-        samples = friction_maps(layout, linkage, twin, states, applied, part, now, threads)
+        samples = friction_maps(argument, linkage, twin, states, applied, part, now, threads)
         maps, X = samples.maps, samples.X
         frictionless[here] = maps.effort[:, :, 0]
-        found = Solver(layout, maps, velocity[here], reversal[here]).solve()
+        found = Solver(plan, maps, velocity[here], reversal[here]).solve()
         for name in _KEPT:
             getattr(answer, name)[here] = getattr(found, name)
-        write_wrenches(tables, samples.wrench, X, maps.y, found.phi, wrench[here], solved[here])
+        given = samples.wrench, X, maps.y, found.phi, wrench[here], solved[here]
+        write_wrenches(argument.beside(*given), *given)
         multipliers[here] = loop_wrenches(linkage, X, solved[here])
     return answer, frictionless, wrench, multipliers
 
@@ -159,30 +161,30 @@ def _warn_of_bound(scene: Scene, answer: Answer, first: int) -> None:
     )
 
 
-def site_speeds(layout: Layout, velocity: np.ndarray) -> np.ndarray:
+def site_speeds(plan: Plan, velocity: np.ndarray) -> np.ndarray:
     """Return the speed (n, ns) of each site; a ball's is the length of its angular velocity."""
     squares = (
-        np.add.reduceat(velocity**2, layout.first_entry, axis=1)
-        if len(layout.joint)
+        np.add.reduceat(velocity**2, plan.sites.first_entry, axis=1)
+        if len(plan.sites.joint)
         else (np.zeros((len(velocity), 0)))
     )
     return np.asarray(np.sqrt(squares))
 
 
-def site_reversals(layout: Layout, velocity: np.ndarray) -> np.ndarray:
+def site_reversals(plan: Plan, velocity: np.ndarray) -> np.ndarray:
     """Return (n, ns) at which samples a site passes through rest beside them.
 
     A ball does where the straight line between two angular velocities comes as near to zero as its
     stick velocity; of the two samples the slower one is marked (the earlier if equal).
 
     Args:
-        layout: `Layout`.
+        plan: `Plan`.
         velocity: (n, ne), `friction_velocities`.
     """
-    stick = layout.laws.stick_velocity
-    marked = reversals(np.ascontiguousarray(velocity[:, layout.first_entry]), stick)
-    for s in np.flatnonzero(layout.entry_count == 3):
-        w = velocity[:, layout.first_entry[s] : layout.first_entry[s] + 3]
+    stick = plan.sites.laws.stick_velocity
+    marked = reversals(np.ascontiguousarray(velocity[:, plan.sites.first_entry]), stick)
+    for s in np.flatnonzero(plan.sites.entry_count == 3):
+        w = velocity[:, plan.sites.first_entry[s] : plan.sites.first_entry[s] + 3]
         change = np.diff(w, axis=0)
         square = np.maximum((change**2).sum(axis=1), 1e-300)
         share = np.clip(-(w[:-1] * change).sum(axis=1) / square, 0.0, 1.0)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.inverse.effort_maps import EffortTables, Maps, map_friction
+from pinfric.dynamics.inverse.effort_maps import Maps, map_friction
 from pinfric.dynamics.problem.closure import PairRates
-from pinfric.dynamics.problem.layout import Layout
+from pinfric.dynamics.problem.plan import Plan
 from pinfric.dynamics.problem.reactions import (
     AppliedWrench,
     Batch,
@@ -16,6 +16,7 @@ from pinfric.dynamics.problem.reactions import (
     subtract_external_wrenches,
 )
 from pinfric.dynamics.problem.states import States
+from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.closure import action_maps, tree_tables
 from pinfric.model.kinematics import place_links
 from pinfric.model.loops import Linkage
@@ -38,7 +39,7 @@ class Samples:
 
 
 def friction_maps(
-    layout: Layout,
+    argument: KernelArgument[Plan],
     linkage: Linkage,
     twin: Twin,
     states: States,
@@ -50,7 +51,7 @@ def friction_maps(
     """Return everything of a batch as affine functions of the friction (`effort_maps`).
 
     Args:
-        layout, linkage: of the scene.
+        argument, linkage: the plan of inverse dynamics, and the loops.
         twin: with the payloads of this batch.
         states, applied: of all samples.
         part: the samples of this batch.
@@ -65,21 +66,17 @@ def friction_maps(
     p, R = np.empty((n, twin.n_joints, 3)), np.empty((n, twin.n_joints, 3, 3))
     place_links(batch.q, *tree_tables(twin), p, R)
     X, J = action_maps(twin, linkage, p, R)
-    maps = Maps.of(layout, n)
-    moved = np.zeros((0, 0))
-    tree = layout.joint < layout.n_tree
-    if layout.contact_map_moved.any():
-        moved = np.zeros((n, len(layout.joint)))
-        moved[:, tree] = twin.displacements(layout.joint[tree], q)
-    map_friction(EffortTables.of(layout), batch.wrench, tau, X, J, moved, maps)
+    maps = Maps.of(argument.given, n)
+    given = batch.wrench, tau, X, J, q
+    map_friction(argument.beside(*given), *given, maps)
     return Samples(maps, batch.wrench, X)
 
 
-def friction_velocities(layout: Layout, v: np.ndarray, rates: PairRates) -> np.ndarray:
+def friction_velocities(plan: Plan, v: np.ndarray, rates: PairRates) -> np.ndarray:
     """Return the relative velocity (n, ne) along each friction coordinate (rad/s or m/s)."""
-    out = layout.entry_ratio * v[:, layout.entry_v]
-    loop = layout.entry_action >= 0
-    out[:, loop] = rates.rate[:, layout.entry_action[loop]]
+    out = plan.entries.ratio * v[:, plan.entries.velocity_index]
+    loop = plan.entries.action >= 0
+    out[:, loop] = rates.rate[:, plan.entries.action[loop]]
     return np.ascontiguousarray(out)
 
 

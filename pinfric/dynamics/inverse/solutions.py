@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinfric.dynamics.inverse.choices import LOWER, SLIDES
-from pinfric.dynamics.inverse.effort_maps import EffortTables, write_wrenches
+from pinfric.dynamics.inverse.effort_maps import write_wrenches
 from pinfric.dynamics.inverse.interval_ends import Solver
 from pinfric.dynamics.inverse.linkage_batch import (
     Samples,
@@ -14,12 +14,13 @@ from pinfric.dynamics.inverse.linkage_batch import (
     loop_wrenches,
 )
 from pinfric.dynamics.problem.closure import pair_rates
-from pinfric.dynamics.problem.layout import Layout, make_inverse_layout, make_layout
 from pinfric.dynamics.problem.outcome import Solution, SolvedMotion
+from pinfric.dynamics.problem.plan import Plan, make_inverse_plan, make_plan
 from pinfric.dynamics.problem.reactions import Batch
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.given_modes import Reduced, contraction_matrix, newton, reduce_problem
 from pinfric.friction.law import write_loads
+from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.loops import Linkage
 
 #: Starts of the wide search; how far apart solutions are at a site, relative to its friction; what
@@ -33,8 +34,8 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     """Return the states of friction that obey the laws at one sample (`result.solutions`)."""
     if result.scene.linkage is None:
         return (_of_open_chain(result, sample),)
-    layout, linkage, samples, velocity = one_sample(result, sample)
-    solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
+    plan, linkage, samples, velocity = one_sample(result, sample)
+    solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
     if samples.maps.singular[0]:
         return ()
     if (solver.law.options > 1).any():
@@ -44,22 +45,23 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     else:
         found = _search(solver)
     na = len(result.scene.drives)
-    return tuple(_solution(layout, linkage, samples, phi, na) for phi in _distinct(found))
+    return tuple(_solution(plan, linkage, samples, phi, na) for phi in _distinct(found))
 
 
-def one_sample(result: SolvedMotion, sample: int) -> tuple[Layout, Linkage, Samples, np.ndarray]:
-    """Return what the solver had of one sample: layout, linkage, maps, velocities (1, ne)."""
+def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Linkage, Samples, np.ndarray]:
+    """Return what the solver had of one sample: plan, linkage, maps, velocities (1, ne)."""
     scene, states = result.scene, result.states
     linkage = scene.linkage
     assert linkage is not None
-    layout = make_inverse_layout(scene)
+    plan = make_inverse_plan(scene)
     part = slice(sample, sample + 1)
     carried = next(names for start, stop, names in states.phases(scene) if start <= sample < stop)
     twin = scene.twin(carried)
     batch = Batch.of(twin, 1)
-    samples = friction_maps(layout, linkage, twin, states, list(result.external), part, batch, 1)
+    applied = list(result.external)
+    samples = friction_maps(KernelArgument(plan), linkage, twin, states, applied, part, batch, 1)
     rates = pair_rates(scene, states, part, part)
-    return layout, linkage, samples, friction_velocities(layout, states.v[part], rates)
+    return plan, linkage, samples, friction_velocities(plan, states.v[part], rates)
 
 
 def reduced_problem(solver: Solver) -> Reduced:
@@ -76,10 +78,10 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
     """Return the site whose load grows most with friction (`result.jamming_site`)."""
     if result.scene.linkage is None or not result.scene.site_names:
         return None
-    layout, _, samples, velocity = one_sample(result, sample)
+    plan, _, samples, velocity = one_sample(result, sample)
     if samples.maps.singular[0]:
         return None
-    solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
+    solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
     reduced = reduced_problem(solver)
     nz = reduced.contact.shape[1] - 1
     A, vector = np.empty((nz, nz)), np.empty(nz)
@@ -91,7 +93,7 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
 
 def _search(solver: Solver) -> np.ndarray:
     """Newton from many starts on every scale; (number found, ne) friction coordinates."""
-    layout, law = solver.layout, solver.law
+    plan, law = solver.plan, solver.law
     reduced = reduced_problem(solver)
     unknown, X, _, _, gain, contact = reduced
     nz = contact.shape[1] - 1
@@ -106,8 +108,8 @@ def _search(solver: Solver) -> np.ndarray:
         error = newton(reduced, z, False)[0] if nz else 0.0
         if error <= _RESIDUAL:
             found.append(X[:, 0] + X[:, 1:] @ z)
-    x = np.array(found).reshape(len(found), len(layout.first_entry))
-    return np.asarray(x[:, layout.entry_site] * law.direction[0])
+    x = np.array(found).reshape(len(found), len(plan.sites.first_entry))
+    return np.asarray(x[:, plan.entries.site] * law.direction[0])
 
 
 def _distinct(found: np.ndarray) -> list[np.ndarray]:
@@ -126,19 +128,17 @@ def _distinct(found: np.ndarray) -> list[np.ndarray]:
     return kept
 
 
-def _solution(
-    layout: Layout, linkage: Linkage, samples: Samples, phi: np.ndarray, na: int
-) -> Solution:
-    maps, ns = samples.maps, len(layout.joint)
-    wrench, solved = np.empty((1, ns, 6)), np.empty((1, layout.solved))
-    tables = EffortTables.of(layout)
-    write_wrenches(tables, samples.wrench, samples.X, maps.y, phi[None], wrench, solved)
+def _solution(plan: Plan, linkage: Linkage, samples: Samples, phi: np.ndarray, na: int) -> Solution:
+    maps, ns = samples.maps, len(plan.sites.joint)
+    wrench, solved = np.empty((1, ns, 6)), np.empty((1, plan.closure.solved))
+    given = samples.wrench, samples.X, maps.y, phi[None], wrench, solved
+    write_wrenches(KernelArgument(plan).beside(*given), *given)
     one = np.concatenate([[1.0], phi])
     load = np.empty(ns)
-    write_loads(maps.contact[0], layout.contact_site, layout.constant, phi, load)
-    friction = phi[layout.first_entry].copy()
-    for s in np.flatnonzero(layout.entry_count == 3):
-        first = layout.first_entry[s]
+    write_loads(maps.contact[0], plan.contacts.site, plan.sites.constant, phi, load)
+    friction = phi[plan.sites.first_entry].copy()
+    for s in np.flatnonzero(plan.sites.entry_count == 3):
+        first = plan.sites.first_entry[s]
         friction[s] = -np.linalg.norm(phi[first : first + 3])
     return Solution(
         effort=maps.effort[0, :na] @ one,
@@ -158,12 +158,12 @@ def _of_open_chain(result: SolvedMotion, sample: int) -> Solution:
         result.friction_lower[sample],
         0.0,
     )
-    sites, layout = result.scene.site_tables, make_layout(result.scene)
+    sites, drives = result.scene.site_tables, make_plan(result.scene).drives
     total = np.zeros(result.scene.model.nv)
     np.add.at(total, sites.velocity_index, sites.ratio * friction)
-    taken = layout.part * total[layout.drive_v]
-    if layout.delivery.size:
-        taken = layout.delivery @ taken
+    taken = drives.part * total[drives.velocity_index]
+    if drives.delivery.size:
+        taken = drives.delivery @ taken
     effort = result.effort_frictionless[sample] - taken
     ns = len(friction)
     wrench = np.full((ns, 6), np.nan) if result.wrench is None else result.wrench[sample]

@@ -13,9 +13,9 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven, narrow_friction
-from pinfric.dynamics.problem.layout import make_layout
 from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_efforts
 from pinfric.dynamics.problem.motor_torques import motor_torques
+from pinfric.dynamics.problem.plan import make_plan
 from pinfric.dynamics.problem.reactions import (
     AppliedWrench,
     Batch,
@@ -201,14 +201,14 @@ def _on_drives(
     scene: Scene, states: States, whole: slice, found: TreeSamples
 ) -> dict[str, np.ndarray]:
     """Give the joints' efforts to their drives; it raises what `check_undriven` does."""
-    layout, undriven = make_layout(scene), list(scene.mobility.undriven)
+    drives, undriven = make_plan(scene).drives, list(scene.mobility.undriven)
     lower, upper = found.effort_lower, found.effort_upper
     check_undriven(scene, states, whole, lower[:, undriven], upper[:, undriven])
     narrow_friction(scene, found.effort_frictionless, found.friction_lower, found.friction_upper)
     names = "effort_lower", "effort_upper", "effort_frictionless"
-    efforts = [getattr(found, name)[:, layout.drive_v] * layout.part for name in names]
-    if layout.delivery.size:  # joints' frictions are independent: so are the ends of their efforts
-        efforts = [*deliver_interval(layout.delivery, *efforts[:2]), efforts[2] @ layout.delivery.T]
+    efforts = [getattr(found, name)[:, drives.velocity_index] * drives.part for name in names]
+    if drives.delivery.size:  # joints' frictions are independent: so are the ends of their efforts
+        efforts = [*deliver_interval(drives.delivery, *efforts[:2]), efforts[2] @ drives.delivery.T]
     return dict(zip(names, efforts, strict=True))
 
 

@@ -1,9 +1,9 @@
 """Writes the friction problem of a state.
 
-What a state meets here, in order: `states` checks shapes and numbers; `layout` and `machine` say
-where joints, drives, friction and loops of the scene stand in the arrays, `buffers` makes them;
-`closure` solves the joints that loops lead; `reactions` gets the wrenches at the joints from
-Pinocchio, in `threaded` kernels for many samples; `maps` writes accelerations, contact forces and
-wrenches as affine functions of friction, with the gears' lines of `gearing`; `motor_torques` turns
-efforts at the joints into torques of motors, `reversals` says where joints pass through rest.
+What a state meets here, in order: `plan` says where drives, friction, contacts and loops of the
+scene stand in the arrays, `machine` makes the arrays that kernels write; `supply` gets poses, bias
+forces and inertias from Pinocchio; `rates` writes how everything moves and each joint's law of
+friction, `accelerations` and `wrenches` write accelerations, multipliers, wrenches and contact
+forces as affine functions of friction, with the gears' lines of `gearing`; `affine` is what inverse
+dynamics shares with that. `instant` does it all in one call, tries modes and finishes.
 """

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics.problem.machine import Machine, Tables, Work
+from pinfric.dynamics.problem.machine import Machine
 from pinfric.friction.dense import affine
 from pinfric.friction.law import site_limits
 from pinfric.kernels.compiled import kernel
@@ -32,67 +32,69 @@ FEW_PASSES, MOST_PASSES = 6, 100
 
 
 @kernel
-def write_lines(t: Tables, w: Work, v: np.ndarray, given: np.ndarray, step: float) -> None:
+def write_lines(machine: Machine, v: np.ndarray, given: np.ndarray, step: float) -> None:
     """Write the line that each gear follows, and what it holds at rest.
 
-    Around `w.delivered`, in the direction `w.gear_way`; 0 is a gear without losses, which is also
-    taken where a line that falls would have to hold what may be at rest.
+    Around `lines.delivered`, in the direction `lines.way`; 0 is a gear without losses, which is
+    also taken where a line that falls would have to hold what may be at rest.
 
     Args:
-        t, w: `w.slope`, `offset`, `reflected`, `line` and laws of the gears' entries are written.
+        machine: `slope`, `offset`, `reflected`, `ends` of the lines and laws of the gears' entries
+            are written.
         v: (nv,).
         given: (na,) u = r T_m (N m or N at the joint).
         step: 0, or a time step (s), at whose end viscous friction acts.
     """
-    layout = t.layout
-    gears = layout.gears
+    drives, w, k = machine.plan.drives, machine.lines, machine.kinematics
+    gears, modes, p = drives.gears, machine.modes, machine.problem
     for d in range(gears.ratio.size):
-        c, e, rate, bend = layout.gear_coordinate[d], layout.gear_entry[d], 0.0, 0.0
+        c, e, rate, bend = drives.gear_coordinate[d], drives.gear_entry[d], 0.0, 0.0
         for i in range(v.size):
-            rate += w.S[d, i] * v[i]
-        if layout.drive_action[d] >= 0:
-            bend = w.rate_derivative[0, layout.drive_action[d]]
+            rate += k.S[d, i] * v[i]
+        if drives.action[d] >= 0:
+            bend = k.rate_derivative[0, drives.action[d]]
         drag = gear_drag(gears, d, rate)
         inertia = gears.ratio[d] * gears.ratio[d] * gears.rotor_inertia[d]
         if step > 0.0 and rate != 0.0:
             inertia += step * max(0.5 * gears.power[d], 1.0) * drag / rate  # as `_add_drag` does
-        way, spent = w.gear_way[d], drag + inertia * bend
+        way, spent = w.way[d], drag + inertia * bend
         w.reflected[d], w.slope[d], w.offset[d] = inertia, 1.0, spent
-        w.line[d, 0], w.line[d, 1] = -np.inf, np.inf
+        w.ends[d, 0], w.ends[d, 1] = -np.inf, np.inf
         if way != 0.0:
             sign, share = (1.0 if way > 0.0 else -1.0), abs(way)
-            slope, offset, w.line[d, 0], w.line[d, 1] = gear_line(
+            slope, offset, w.ends[d, 0], w.ends[d, 1] = gear_line(
                 gears, d, sign, abs(rate), False, w.delivered[d]
             )
-            if slope <= 0.0 and (w.modes.stuck[c] or w.modes.at_rest[c]):
+            if slope <= 0.0 and (modes.stuck[c] or modes.at_rest[c]):
                 way = 0.0
-                if not w.modes.stuck[c]:  # no solution: other lines are not tried in turn for ever
-                    w.line[d, 0], w.line[d, 1] = -np.inf, np.inf
+                if not modes.stuck[c]:  # no solution: other lines are not tried in turn for ever
+                    w.ends[d, 0], w.ends[d, 1] = -np.inf, np.inf
             else:
                 w.slope[d] = 1.0 + share * (slope - 1.0)
                 w.offset[d] += share * offset
-        if c >= 0 and not (w.modes.stuck[c] or w.modes.at_rest[c]):
-            w.problem.coulomb_slip[e, 0] = w.problem.coulomb_slip[e, 1] = 0.0
+        if c >= 0 and not (modes.stuck[c] or modes.at_rest[c]):
+            p.coulomb_slip[e, 0] = p.coulomb_slip[e, 1] = 0.0
         elif c >= 0:
             at_rest = given[d] - spent
             if step > 0.0:
                 at_rest += inertia * rate / step
-            _write_limits(gears, w, d, e, way, at_rest, at_rest + spent)
+            _write_limits(machine, d, e, way, at_rest, at_rest + spent)
 
 
 @kernel
 def _write_limits(
-    gears: Gears, w: Work, d: int, e: int, way: float, arriving: float, given: float
+    machine: Machine, d: int, e: int, way: float, arriving: float, given: float
 ) -> None:
     """Write the law of a gear's entry: between which t it holds, where a line is used already.
 
     Args:
-        gears, w, d, e: the gear and its entry.
+        machine, d, e: the gear and its entry.
         way: the direction of the line in use, 0 for the one without losses.
         arriving: what arrives while it rests.
-        given: the same, with what `w.offset` takes off.
+        given: the same, with what `lines.offset` takes off.
     """
-    p, never = w.problem, _NEVER * (w.push_size[0] + abs(arriving) + 1e-300)
+    gears, w, p = machine.plan.drives.gears, machine.lines, machine.problem
+    never = _NEVER * (w.all_forces[0] + abs(arriving) + 1e-300)
     w.arriving[d] = arriving
     w.held[d, 0], w.held[d, 1] = held(gears, d, arriving, True, w.delivered[d])
     least, greatest = held(gears, d, arriving, False, w.delivered[d])
@@ -105,7 +107,7 @@ def _write_limits(
     forward = on_line - least if least > -np.inf else never
     backward = greatest - on_line if greatest < np.inf else never
     wedged = (least == -np.inf and arriving >= 0.0) or (greatest == np.inf and arriving <= 0.0)
-    if wedged or (way == 0.0 and w.gear_way[d] != 0.0):
+    if wedged or (way == 0.0 and w.way[d] != 0.0):
         forward = backward = never  # from here it slips along a line that falls only
     p.coulomb_slip[e, 0] = 0.0 if way > 0.0 else forward
     p.coulomb_slip[e, 1] = 0.0 if way < 0.0 else backward
@@ -134,10 +136,10 @@ def held(gears: Gears, d: int, arriving: float, static: bool, near: float) -> tu
 
 
 @kernel
-def add_armature(t: Tables, w: Work) -> int:
+def add_armature(machine: Machine) -> int:
     """Add what rotors are to M, along lines that rise; return how many gears follow others."""
-    M, S, locking = w.M, w.S, 0
-    for d in range(t.layout.gears.ratio.size):
+    w, M, S, locking = machine.lines, machine.maps.M, machine.kinematics.S, 0
+    for d in range(machine.plan.drives.gears.ratio.size):
         if w.slope[d] <= 0.0:
             locking += 1
             continue
@@ -150,9 +152,10 @@ def add_armature(t: Tables, w: Work) -> int:
 
 
 @kernel
-def write_delivered(w: Work, given: np.ndarray) -> None:
+def write_delivered(machine: Machine, given: np.ndarray) -> None:
     """Write the efforts that drives deliver as maps of friction, along lines that rise."""
-    S, a_map, out = w.S, w.a_map, w.delivered_map
+    w, S = machine.lines, machine.kinematics.S
+    a_map, out = machine.maps.acceleration, machine.maps.delivered
     for d in range(given.size):
         if w.slope[d] <= 0.0:
             continue
@@ -168,28 +171,29 @@ def write_delivered(w: Work, given: np.ndarray) -> None:
 
 
 @kernel
-def guess_delivered(t: Tables, w: Work, given: np.ndarray, a: np.ndarray) -> int:
+def guess_delivered(machine: Machine, given: np.ndarray, a: np.ndarray) -> int:
     """Write what gears that move deliver at a (nv, 1); return how many leave their lines."""
-    layout, wrong = t.layout, 0
-    for d in range(layout.gear_coordinate.size):
-        c = layout.gear_coordinate[d]
-        if c < 0 or w.modes.stuck[c]:
+    w, S, wrong = machine.lines, machine.kinematics.S, 0
+    for d in range(machine.plan.drives.gear_coordinate.size):
+        c = machine.plan.drives.gear_coordinate[d]
+        if c < 0 or machine.modes.stuck[c]:
             continue
         arriving = given[d] - w.offset[d]
         for i in range(a.size):
-            arriving -= w.reflected[d] * w.S[d, i] * a[i, 0]
+            arriving -= w.reflected[d] * S[d, i] * a[i, 0]
         w.delivered[d] = arriving / w.slope[d]
-        wrong += not w.line[d, 0] <= w.delivered[d] <= w.line[d, 1]
+        wrong += not w.ends[d, 0] <= w.delivered[d] <= w.ends[d, 1]
     return wrong
 
 
 @kernel
-def face_gears(t: Tables, w: Work) -> None:
+def face_gears(machine: Machine) -> None:
     """Let each gear follow the lines of its coordinate's mode."""
-    for d in range(t.layout.gear_coordinate.size):
-        c = t.layout.gear_coordinate[d]
+    coordinate, modes = machine.plan.drives.gear_coordinate, machine.modes
+    for d in range(coordinate.size):
+        c = coordinate[d]
         if c >= 0:
-            w.gear_way[d] = 0.0 if w.modes.stuck[c] else w.modes.direction[c]
+            machine.lines.way[d] = 0.0 if modes.stuck[c] else modes.direction[c]
 
 
 @kernel
@@ -197,38 +201,38 @@ def refit(machine: Machine, cautious: bool) -> int:
     """Compare the lines with the solution; where one does not fit, choose another.
 
     Args:
-        machine: `work.delivered` and `gear_way` are written.
+        machine: `lines.delivered` and `lines.way` are written.
         cautious: change the first that does not fit only, which ends for certain (Murty's rule).
 
     Returns:
         How many do not fit.
     """
-    w, layout, wrong = machine.work, machine.tables.layout, 0
-    x = w.modes.friction
-    for d in range(layout.gear_coordinate.size):
-        c = layout.gear_coordinate[d]
+    w, drives, modes, wrong = machine.lines, machine.plan.drives, machine.modes, 0
+    x, delivered = modes.friction, machine.maps.delivered
+    for d in range(drives.gear_coordinate.size):
+        c = drives.gear_coordinate[d]
         if c < 0:
             continue
-        total = terms = w.delivered_map[d, 0]
+        total = terms = delivered[d, 0]
         terms = abs(terms) + abs(w.offset[d])
         for k in range(x.size):
-            total += w.delivered_map[d, 1 + k] * x[k]
-            terms += abs(w.delivered_map[d, 1 + k] * x[k])
-        way = w.gear_way[d]
-        if w.modes.stuck[c]:
+            total += delivered[d, 1 + k] * x[k]
+            terms += abs(delivered[d, 1 + k] * x[k])
+        way = w.way[d]
+        if modes.stuck[c]:
             total += x[c]
-            least, greatest = held(layout.gears, d, w.arriving[d], True, total)
+            least, greatest = held(drives.gears, d, w.arriving[d], True, total)
             nearest = least == w.held[d, 0] and greatest == w.held[d, 1]
-            chosen = abs(w.delivered[d]) >= MUCH * w.push_size[0]  # the side is to be tried
-            fits = nearest or (chosen and w.modes.verdict[c] == 0)
+            chosen = abs(w.delivered[d]) >= MUCH * w.all_forces[0]  # the side is to be tried
+            fits = nearest or (chosen and modes.verdict[c] == 0)
         else:
-            way = w.modes.direction[c]
-            beyond = max(w.line[d, 0] - total, total - w.line[d, 1])
-            fits = way == w.gear_way[d] and beyond <= _ROUNDING * terms
+            way = modes.direction[c]
+            beyond = max(w.ends[d, 0] - total, total - w.ends[d, 1])
+            fits = way == w.way[d] and beyond <= _ROUNDING * terms
         if not fits:
             wrong += 1
         if fits or wrong == 1 or not cautious:
-            w.gear_way[d], w.delivered[d] = way, total
+            w.way[d], w.delivered[d] = way, total
     return wrong
 
 
@@ -244,29 +248,31 @@ def gear_margins(machine: Machine, d: int) -> tuple[float, float]:
         machine: solved, what the gear drives sticks.
         d: the gear.
     """
-    t, w = machine.tables, machine.work
-    gears, c, x = t.layout.gears, t.layout.gear_coordinate[d], w.modes.friction
-    needed = w.delivered_map[d, 0] + x[c]
+    drives, p, arriving = machine.plan.drives, machine.problem, machine.lines.arriving[d]
+    gears, c, x = drives.gears, drives.gear_coordinate[d], machine.modes.friction
+    delivered = machine.maps.delivered
+    needed = delivered[d, 0] + x[c]
     for k in range(x.size):
-        needed += w.delivered_map[d, 1 + k] * x[k]
+        needed += delivered[d, 1 + k] * x[k]
     least = greatest = 0.0
-    for e in range(w.problem.coordinate.size):
-        if w.problem.coordinate[e] == c and e != t.layout.gear_entry[d]:
-            ends = site_limits(w.problem, w.modes.load, e)
+    for e in range(p.coordinate.size):
+        if p.coordinate[e] == c and e != drives.gear_entry[d]:
+            ends = site_limits(p, machine.modes.load, e)
             least, greatest = least + ends[0], greatest + ends[1]
     if not greatest - least < np.inf:  # another gear holds it, whatever the load
         return np.inf, np.inf
     low, high = needed - greatest, needed - least
     lower, _ = gear_range(gears, d, -1.0, 0.0, True, low, high)
     _, upper = gear_range(gears, d, 1.0, 0.0, True, low, high)
-    return w.arriving[d] - lower, upper - w.arriving[d]
+    return arriving - lower, upper - arriving
 
 
 @kernel
-def write_efforts(t: Tables, w: Work) -> None:
+def write_efforts(machine: Machine) -> None:
     """Write what each drive delivers in the solution; a gear at rest has its share of friction."""
-    affine(w.delivered_map, w.modes.friction, w.effort)
-    for d in range(t.layout.gear_entry.size):
-        e, c = t.layout.gear_entry[d], t.layout.gear_coordinate[d]
-        if e >= 0 and w.modes.stuck[c]:
-            w.effort[d] += w.entry_phi[e]
+    drives, found = machine.plan.drives, machine.solution
+    affine(machine.maps.delivered, machine.modes.friction, found.effort)
+    for d in range(drives.gear_entry.size):
+        e, c = drives.gear_entry[d], drives.gear_coordinate[d]
+        if e >= 0 and machine.modes.stuck[c]:
+            found.effort[d] += found.entry_phi[e]

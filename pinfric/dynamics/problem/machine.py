@@ -1,4 +1,4 @@
-"""What the kernels of `maps` and `gearing` read and write: a scene's tables, figures, buffers."""
+"""What the kernels of forward dynamics read and write: a plan, Pinocchio's figures, buffers."""
 
 from __future__ import annotations
 
@@ -6,60 +6,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem.layout import Layout
+from pinfric.dynamics.problem.plan import Plan
+from pinfric.dynamics.problem.states import unit_parts
 from pinfric.friction.modes import Modes
-from pinfric.friction.problem import Problem
+from pinfric.friction.problem import Problem, empty_problem
 from pinfric.kernels.compiled import record
-from pinfric.model.kinematics import Actions
+from pinfric.model.twin import Twin
 
 
-class Tables(NamedTuple):
-    """A scene for the kernels: its layout, what its actions are, and the freedoms of its joints.
+class Tree(NamedTuple):
+    """The tree's joints with one payload, nj joints, and the nf motions that they can do.
 
     Attributes:
         parent: (nj,) the joint that carries each, -1: the ground.
         mass: (nj,) of all that each joint carries (kg).
         gravity: (3,) m/s^2.
-        first_freedom: (nj + 1,) where each joint's freedoms begin, one after the other.
-        freedom_v, freedom_ratio: (nf,) which velocity, times what.
-        unit_q, unit_count: (nu,) where in q the parts of length 1 begin, and how long they are.
         armature: (nv,) rotor inertia reflected to the joints.
+        first_freedom: (nj + 1,) where each joint's freedoms begin, one after the other.
+        freedom_velocity, freedom_ratio: (nf,) which velocity, times what.
         freedom_axis: (nf, 6) unit motion in the joint's child frame, linear first.
-        wrench_row: (nr,) joints whose wrenches are wanted, the loops' after the tree's.
-        contact_row: (nt,) row of its joint among those wanted. contact_site: its entry.
-        contact_rank: (nt,) how many rows of its map are used.
-        actions: of loops and drives off the joints.
-        planar: (number of loops,) whether the axes of a loop's sides must be parallel unforced.
-        direction_size: (nc,) 0, but for what slides: it has levers for directions, all of which
-            vanish at a dead centre (m).
-        site_row: (ns,) row of each site's joint among those wanted.
-        dependent: whether coordinates may depend on each other: loops close, or friction acts along
-            a cylinder.
+        unit_first, unit_count: (nu,) where in q the parts of length 1 begin, how long they are.
     """
 
-    layout: Layout
     parent: np.ndarray
     mass: np.ndarray
     gravity: np.ndarray
+    armature: np.ndarray
     first_freedom: np.ndarray
-    freedom_v: np.ndarray
+    freedom_velocity: np.ndarray
     freedom_ratio: np.ndarray
     freedom_axis: np.ndarray
-    armature: np.ndarray
-    unit_q: np.ndarray
+    unit_first: np.ndarray
     unit_count: np.ndarray
-    wrench_row: np.ndarray
-    contact_row: np.ndarray
-    contact_site: np.ndarray
-    contact_rank: np.ndarray
-    contact_map: np.ndarray
-    contact_map_moved: np.ndarray
-    site_row: np.ndarray
-    actions: Actions
-    planar: np.ndarray
-    direction_size: np.ndarray
-    multipliers: int
-    dependent: bool
 
 
 class Supply(NamedTuple):
@@ -87,36 +65,16 @@ class Supply(NamedTuple):
     h: np.ndarray
 
 
-class Work(NamedTuple):
-    """Buffers of one scene, overwritten by every solve.
+class Kinematics(NamedTuple):
+    """How things move at one state, in world axes.
 
     Attributes:
-        R, p, velocity, acceleration: (1, nj, ...), of the links in world axes (`relate_pairs`).
+        R, p, velocity, acceleration: (1, nj, ...), of the links (`relate_pairs`).
         motion, momentum: (nf, 6) S and I S of each freedom about the world's origin.
         X, J: (1, nj + pairs, 6, nx), (1, nx, nv), `act_on_joints`.
         gap, rate, rate_derivative, tilt, terms: see `relate_pairs`.
         D, S: (nc, nv), (na, nv) rate of every coordinate, of every drive, per unit velocity.
-        Z: (nv, nv) motions that loops allow. M: (nv, nv).
-        factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
-        a_map: (nv, 1 + nc). multiplier_map: (nl, 1 + nc). wrench_map: (nr, 6, 1 + nc).
         coordinate_rate: (nc,) relative velocity of each coordinate.
-        drag, damping: (nc,) of a time step: what opposes it now, and per unit of it at the end.
-        idle: (nc,) whether a joint is near its dead centre.
-        given, size, push, a_closure: (nv,), lower: (nv, nv), right: (nv, 1 + nc), below, above:
-            (nj, 1 + nc, 6), row (6,): of intermediate results.
-        freedoms: (1,) int.
-        modes: of the coupled problem. least, most: (nc,) static limits.
-        a, phi, load, wrench: (nv,), (ns,), (ns,), (ns, 6), of the solution.
-        multiplier: (nl,). entry_phi: (ne + gears,). site_modes: (ns,) int8. effort: (na,) what
-            drives deliver.
-        gear_way: (na,) direction of the line that each gear follows; 0: without loss.
-        delivered: (na,) the effort around which lines are chosen. delivered_map: (na, 1 + nc).
-        slope, offset, reflected: (na,) of the lines, with drag, and the rotors' inertia; 1, 0, 0
-            where efforts are given.
-        line, held: (na, 2) efforts at which each line holds, and which the gear holds at rest.
-        arriving: (na,) r T_m - drag at rest.
-        problem: the coupled problem.
-        locking: (1,) int, how many lines do not rise. push_size: (1,) sum of all |h|, |given|.
     """
 
     R: np.ndarray
@@ -134,58 +92,243 @@ class Work(NamedTuple):
     terms: np.ndarray
     D: np.ndarray
     S: np.ndarray
-    Z: np.ndarray
-    M: np.ndarray
-    factor: np.ndarray
-    a_map: np.ndarray
-    multiplier_map: np.ndarray
-    wrench_map: np.ndarray
     coordinate_rate: np.ndarray
+
+
+class AffineMaps(NamedTuple):
+    """Everything of one state as a function of friction, [..., 0] + [..., 1:] x, and its means.
+
+    Attributes:
+        acceleration: (nv, 1 + nc). multiplier: (nl, 1 + nc). wrench: (nr, 6, 1 + nc).
+        delivered: (na, 1 + nc) efforts of the drives.
+        M: (nv, nv) mass matrix, with armature.
+        Z: (nv, nv) motions that loops allow, in its first columns; `freedoms`: (1,) how many.
+        a_closure: (nv,) one acceleration that keeps them closed.
+        factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
+        push, push_terms: (nv,) S u - h - M a_closure; size of what it is the sum of.
+        idle: (nc,) whether a joint is near its dead centre.
+        drag, damping: (nc,) of a time step: what opposes it now, and per unit of it at the end.
+    """
+
+    acceleration: np.ndarray
+    multiplier: np.ndarray
+    wrench: np.ndarray
+    delivered: np.ndarray
+    M: np.ndarray
+    Z: np.ndarray
+    freedoms: np.ndarray
+    a_closure: np.ndarray
+    factor: np.ndarray
+    push: np.ndarray
+    push_terms: np.ndarray
+    idle: np.ndarray
     drag: np.ndarray
     damping: np.ndarray
-    idle: np.ndarray
+
+
+class GearLines(NamedTuple):
+    """The line that each drive's gear follows (`drives.gear_line`), na drives.
+
+    Attributes:
+        way: (na,) direction of the line that each gear follows; 0: without loss.
+        delivered: (na,) the effort around which lines are chosen.
+        slope, offset, reflected: (na,) of the lines, with drag, and the rotors' inertia; 1, 0, 0
+            where efforts are given.
+        ends, held: (na, 2) efforts between which each line holds, and which the gear holds at rest.
+        arriving: (na,) r T_m - drag at rest.
+        locking: (1,) int, how many lines do not rise.
+        all_forces: (1,) sum of all |h|, |given|.
+    """
+
+    way: np.ndarray
+    delivered: np.ndarray
+    slope: np.ndarray
+    offset: np.ndarray
+    reflected: np.ndarray
+    ends: np.ndarray
+    held: np.ndarray
+    arriving: np.ndarray
+    locking: np.ndarray
+    all_forces: np.ndarray
+
+
+class Solution(NamedTuple):
+    """What follows from the friction that was found.
+
+    Attributes:
+        a, effort: (nv,), (na,) accelerations, and what drives deliver.
+        multiplier: (nl,) forces that close loops.
+        least, most: (nc,) static limits of the friction x.
+        phi, load, wrench: (ns,), (ns,), (ns, 6) friction, load and wrench of each site.
+        entry_phi: (ne + gears,).
+        site_modes: (ns,) int8, -1, 0, 1; of a ball 0, 1.
+    """
+
+    a: np.ndarray
+    effort: np.ndarray
+    multiplier: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
+    phi: np.ndarray
+    load: np.ndarray
+    wrench: np.ndarray
+    entry_phi: np.ndarray
+    site_modes: np.ndarray
+
+
+class Scratch(NamedTuple):
+    """Intermediate results: given (nv,), lower (nv, nv), right (nv, 1 + nc), below, above
+    (nj, 1 + nc, 6)."""
+
     given: np.ndarray
-    size: np.ndarray
-    push: np.ndarray
-    a_closure: np.ndarray
     lower: np.ndarray
     right: np.ndarray
     below: np.ndarray
     above: np.ndarray
-    row: np.ndarray
-    freedoms: np.ndarray
-    modes: Modes
-    least: np.ndarray
-    most: np.ndarray
-    a: np.ndarray
-    phi: np.ndarray
-    load: np.ndarray
-    wrench: np.ndarray
-    multiplier: np.ndarray
-    entry_phi: np.ndarray
-    site_modes: np.ndarray
-    effort: np.ndarray
-    gear_way: np.ndarray
-    delivered: np.ndarray
-    delivered_map: np.ndarray
-    slope: np.ndarray
-    offset: np.ndarray
-    reflected: np.ndarray
-    line: np.ndarray
-    held: np.ndarray
-    arriving: np.ndarray
-    locking: np.ndarray
-    push_size: np.ndarray
-    problem: Problem
 
 
 class Machine(NamedTuple):
-    """All that the kernels of one scene work on, as one argument."""
+    """All that the kernels of one scene work on, as one argument; buffers follow `supply`."""
 
-    tables: Tables
+    plan: Plan
+    tree: Tree
     supply: Supply
-    work: Work
+    kinematics: Kinematics
+    maps: AffineMaps
+    lines: GearLines
+    solution: Solution
+    scratch: Scratch
+    modes: Modes
+    problem: Problem
 
 
-box_layout, box_tables, box_supply = record(Layout), record(Tables), record(Supply)
-box_work, box_machine = record(Work), record(Machine)
+for _part in (Tree, Supply, Kinematics, AffineMaps, GearLines, Solution, Scratch, Machine):
+    record(_part)
+
+
+def make_machine(twin: Twin, plan: Plan, supply: Supply) -> Machine:
+    """Make the buffers of a scene, with the masses of one payload."""
+    tree, drives, coordinates = make_tree(twin), plan.drives, plan.coordinates
+    nv, nj, na, nc = twin.nv, twin.n_joints, len(drives.part), len(coordinates.dry)
+    geared = drives.gear_coordinate[drives.gear_coordinate >= 0]
+    problem = empty_problem(
+        np.concatenate([plan.entries.coordinate, geared]),
+        np.concatenate([plan.entries.ratio, np.ones(len(geared))]),
+        plan.contacts.owner,
+        np.concatenate([plan.sites.constant[plan.entries.site], np.zeros(len(geared))]),
+    )
+    lines = {name: np.zeros(na) for name in ("way", "delivered", "offset", "reflected", "arriving")}
+    return Machine(
+        plan=plan,
+        tree=tree,
+        supply=supply,
+        kinematics=_make_kinematics(plan, nv, nj, len(tree.freedom_velocity)),
+        maps=_make_maps(plan, nv, na, nc),
+        lines=GearLines(
+            slope=np.ones(na),
+            ends=np.zeros((na, 2)),
+            held=np.zeros((na, 2)),
+            locking=np.zeros(1, dtype=np.int64),
+            all_forces=np.zeros(1),
+            **lines,
+        ),
+        solution=_make_solution(plan, nv, na, len(problem.coordinate)),
+        scratch=Scratch(
+            given=np.zeros(nv),
+            lower=np.zeros((nv, nv)),
+            right=np.zeros((nv, 1 + nc)),
+            below=np.zeros((nj, 1 + nc, 6)),
+            above=np.zeros((nj, 1 + nc, 6)),
+        ),
+        modes=Modes.of(nc, len(problem.coordinate)),
+        problem=problem,
+    )
+
+
+def _make_kinematics(plan: Plan, nv: int, nj: int, nf: int) -> Kinematics:
+    actions = plan.closure.actions
+    nx, pairs = len(actions.column_pair), len(actions.pair_kind)
+    return Kinematics(
+        R=np.zeros((1, nj, 3, 3)),
+        p=np.zeros((1, nj, 3)),
+        velocity=np.zeros((1, nj, 6)),
+        acceleration=np.zeros((1, nj, 6)),
+        motion=np.zeros((nf, 6)),
+        momentum=np.zeros((nf, 6)),
+        X=np.zeros((1, nj + pairs, 6, nx)),
+        J=np.zeros((1, nx, nv)),
+        gap=np.zeros((1, nx)),
+        rate=np.zeros((1, nx)),
+        rate_derivative=np.zeros((1, nx)),
+        tilt=np.zeros((1, pairs)),
+        terms=np.zeros((1, pairs, 2)),
+        D=plan.coordinates.rate_row.copy(),
+        S=plan.drives.rate_row.copy(),
+        coordinate_rate=np.zeros(len(plan.coordinates.dry)),
+    )
+
+
+def _make_maps(plan: Plan, nv: int, na: int, nc: int) -> AffineMaps:
+    return AffineMaps(
+        acceleration=np.zeros((nv, 1 + nc)),
+        multiplier=np.zeros((plan.closure.multipliers, 1 + nc)),
+        wrench=np.zeros((len(plan.contacts.joint), 6, 1 + nc)),
+        delivered=np.zeros((na, 1 + nc)),
+        M=np.zeros((nv, nv)),
+        Z=np.eye(nv),
+        freedoms=np.zeros(1, dtype=np.int64),
+        a_closure=np.zeros(nv),
+        factor=np.zeros((nv, nc)),
+        push=np.zeros(nv),
+        push_terms=np.zeros(nv),
+        idle=np.zeros(nc, dtype=bool),
+        drag=np.zeros(nc),
+        damping=np.zeros(nc),
+    )
+
+
+def _make_solution(plan: Plan, nv: int, na: int, ne: int) -> Solution:
+    ns, nc = len(plan.sites.joint), len(plan.coordinates.dry)
+    return Solution(
+        a=np.zeros(nv),
+        effort=np.zeros(na),
+        multiplier=np.zeros(plan.closure.multipliers),
+        least=np.zeros(nc),
+        most=np.zeros(nc),
+        phi=np.zeros(ns),
+        load=np.zeros(ns),
+        wrench=np.zeros((ns, 6)),
+        entry_phi=np.zeros(ne),
+        site_modes=np.zeros(ns, dtype=np.int8),
+    )
+
+
+def make_tree(twin: Twin) -> Tree:
+    """Tabulate the joints of a twin, with the masses of its payload."""
+    model, nj = twin.model, twin.n_joints
+    unit_first, unit_count = unit_parts(model)
+    parent = np.array(list(model.parents)[1:], dtype=np.int64) - 1
+    mass = np.array([y.mass for y in model.inertias[1:]]).reshape(nj)
+    for j in range(nj - 1, 0, -1):  # parents come before their children
+        if parent[j] >= 0:
+            mass[parent[j]] += mass[j]
+    # joint, velocity, ratio and axis of every motion that a joint can do; mimics' joints too
+    found: list[tuple[int, int, float, np.ndarray]] = []
+    for j in range(nj):
+        if twin.components[j, 0] < 0:
+            found.append((j, int(twin.v_index[j]), float(twin.ratio[j]), twin.axis[j]))
+            continue
+        for n, component in enumerate(c for c in twin.components[j] if c >= 0):
+            found.append((j, int(twin.v_index[j]) + n, 1.0, np.eye(6)[component]))
+    return Tree(
+        parent=parent,
+        mass=mass,
+        gravity=np.array(model.gravity.linear),
+        armature=twin.armature,
+        first_freedom=np.searchsorted([j for j, *_ in found], np.arange(nj + 1)),
+        freedom_velocity=np.array([f[1] for f in found], dtype=np.int64),
+        freedom_ratio=np.array([f[2] for f in found], dtype=float),
+        freedom_axis=np.array([f[3] for f in found], dtype=float).reshape(-1, 6),
+        unit_first=unit_first,
+        unit_count=unit_count,
+    )

@@ -42,7 +42,7 @@ class EventIntegration(Integration):
 
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
         super().__init__(system, settings, record)
-        self.nc = len(self.ws.layout.dry)
+        self.nc = len(self.ws.plan.coordinates.dry)
         self.t, self.y = 0.0, np.zeros(0)
         self.forward = np.zeros(self.nc)
         self.allowance = np.zeros(self.nc)
@@ -56,6 +56,7 @@ class EventIntegration(Integration):
             q, v: (nq,), (nv,) at the start; coordinates at rest are set to exactly 0 velocity.
         """
         self.y = self.start(*begin(self.system, self.record, q, v))
+        self.given = self.ws.modes.kept()
         self._allow()
         first_step: float | None = None
         for end in self.ends():
@@ -67,14 +68,14 @@ class EventIntegration(Integration):
 
     def _sample_now(self) -> None:
         q, v = self.state(self.y)
-        self.system.solve_given_modes(self.t, q, v)
+        self.system.solve_given_modes(self.t, q, v, self.given)
         self.record.sample(self.t, q, v)
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return a (nv,) in the present modes."""
         if self.ws.locked and not v.any():
             return np.zeros(self.ws.nv)
-        return self.system.solve_given_modes(t, q, v)
+        return self.system.solve_given_modes(t, q, v, self.given)
 
     def _smooth(self, end: float, first_step: float | None) -> float | None:
         """Integrate until the modes change, the chart must move or `end`; return the next step."""
@@ -151,8 +152,8 @@ class EventIntegration(Integration):
         for t in record.due(start, end):
             q, v = self.state(polynomial(t))
             if self.linked and not (self.ws.locked and not v.any()):
-                q, v = self.ws.constraints.project(q, v)
-            self.system.solve_given_modes(t, q, v)
+                q, v = self.ws.constraints.project(q, v, self.given.stuck)
+            self.system.solve_given_modes(t, q, v, self.given)
             record.sample(t, q, v)
         record.watch_limits(start, end, along(self.chart, polynomial, nv))
         record.progress(end)
@@ -164,15 +165,15 @@ class EventIntegration(Integration):
 
         Slipping: speed in its direction. Sticking: distance of friction from its limits.
         """
-        modes, dry = self.ws.modes, self.ws.layout.dry
+        stuck, dry = self.given.stuck, self.ws.plan.coordinates.dry
         guards = np.full((len(times), self.nc), np.nan)
-        slips = dry & ~modes.stuck
+        slips = dry & ~stuck
         if slips.any():
             guards[:, slips] = self._advance(states)[:, slips]
-        if modes.stuck.any():
+        if stuck.any():
             for i, (t, y) in enumerate(zip(times.tolist(), states, strict=True)):
-                self.system.solve_given_modes(t, *self.state(y))
-                guards[i, modes.stuck] = self.ws.margins.nearest[modes.stuck]
+                self.system.solve_given_modes(t, *self.state(y), self.given)
+                guards[i, stuck] = self.ws.margins.nearest[stuck]
         return guards
 
     def _advance(self, states: np.ndarray) -> np.ndarray:
@@ -184,7 +185,7 @@ class EventIntegration(Integration):
         if self.ws.constraints.off_joints:
             rates = np.array([self.ws.constraints.rates(*self.state(y)) for y in states])
         else:
-            rates = states[:, self.ws.nv + self.ws.layout.coordinate_v]
+            rates = states[:, self.ws.nv + self.ws.plan.coordinates.velocity_index]
         return self.ws.mechanism.summed(self.forward * rates)
 
     def _watch(self) -> None:
@@ -196,7 +197,7 @@ class EventIntegration(Integration):
     def _slack(self) -> np.ndarray:
         """(nc,) rounding of the guards: of friction where it sticks, of velocity where it slips."""
         slack = np.full(self.nc, 1e-15 * np.abs(self.y[self.ws.nv :]).max(initial=0.0))
-        stuck = self.ws.modes.stuck
+        stuck = self.given.stuck
         if stuck.any():
             slack[stuck] = self.ws.margins.rounding()[stuck]
         return slack
@@ -213,7 +214,7 @@ class EventIntegration(Integration):
         """First time in a step at which guards fire, and which do."""
         assert callable(polynomial)
         self._guards_at_end = np.zeros(0)
-        if not self.ws.layout.dry.any():
+        if not self.ws.plan.coordinates.dry.any():
             self._guards_at_end = np.zeros(self.nc)
             return None
         times = np.linspace(start, end, max(_LOOKS, 1 + int((end - start) / self.settings.look)))
@@ -221,7 +222,7 @@ class EventIntegration(Integration):
         self._guards_at_end = values[-1]
         values, slack = values + self.allowance, self._slack()
         fired = np.full(self.nc, np.inf)
-        for c in np.flatnonzero(self.ws.layout.dry).tolist():
+        for c in np.flatnonzero(self.ws.plan.coordinates.dry).tolist():
 
             def guard(t: float, c: int = c) -> float:
                 return float(self._guard(c, t, polynomial(t)) + self.allowance[c])
@@ -236,9 +237,9 @@ class EventIntegration(Integration):
 
     def _guard(self, c: int, t: float, y: np.ndarray) -> float:
         """One guard at one time."""
-        if not self.ws.modes.stuck[c]:
+        if not self.given.stuck[c]:
             return float(self._advance(y[None, :])[0, c])
-        self.system.solve_given_modes(t, *self.state(y))
+        self.system.solve_given_modes(t, *self.state(y), self.given)
         return float(self.ws.margins.nearest[c])
 
     # ------------------------------------------------------------ changes of modes
@@ -255,7 +256,7 @@ class EventIntegration(Integration):
         q, v = self.state(self.y)
         forced: dict[int, float] = {}
         if len(stopped) < len(fired):
-            self.system.solve_given_modes(self.t, q, v)
+            self.system.solve_given_modes(self.t, q, v, self.given)
             way = ws.margins.breakaway_direction()
             broken = ws.mechanism.companions(modes.stuck, fired[modes.stuck[fired]])
             forced = {int(c): float(way[c]) for c in broken}
@@ -278,13 +279,14 @@ class EventIntegration(Integration):
         if found != Found.SOLVED:
             raise ws.failures.failure(found, ws.state).at(self.t)
         ws.finish()
+        self.given = modes.kept()
         self.changed[(modes.stuck != before.stuck) | (modes.direction != before.direction)] = self.t
         turned = np.isin(np.arange(self.nc), stopped) & (modes.direction != before.direction)
         self.record.changes(self.t, before, turned)
         if self.linked:
             self.y = self.projected(self.y)
             q, v = self.state(self.y)
-            self.ws.constraints.hold_position(q)
+            self.ws.constraints.hold_position(q, modes.stuck)
         self.record.sample(self.t, q, v)
         self._allow()
         held = fired[before.stuck[fired] & modes.stuck[fired]]

@@ -16,11 +16,13 @@ def begin(
     """Record t = 0; return the state with exactly 0 where a coordinate is slow: it stands there."""
     ws = system.ws
     speed = ws.mechanism.speeds(ws.constraints.rates(q, v))
-    v = ws.constraints.stop(q, v, ws.layout.dry & (speed <= ws.layout.stick_velocity))[0]
+    v = ws.constraints.stop(
+        q, v, ws.plan.coordinates.dry & (speed <= ws.plan.coordinates.stick_velocity)
+    )[0]
     system.solve(0.0, q, v)
     record.phase(0.0)
     record.sample(0.0, q, v)
-    return ws.constraints.hold_position(q), v
+    return ws.constraints.hold_position(q, ws.modes.stuck), v
 
 
 class Integration:
@@ -31,6 +33,7 @@ class Integration:
         ws: the system's workspace.
         linked: whether loops close.
         chart: what the coordinates xi count from.
+        given: the modes that hold now.
     """
 
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
@@ -38,6 +41,7 @@ class Integration:
         self.ws = system.ws
         self.linked = system.ws.scene.linkage is not None
         self.chart: Chart
+        self.given = self.ws.modes.kept()
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the accelerations (nv,) of a state."""
@@ -63,7 +67,7 @@ class Integration:
         """Return the state nearest to y in which loops are closed and what sticks is at rest."""
         nv = self.ws.nv
         before, v = self.state(y)
-        q, v = self.ws.constraints.project(before, v)
+        q, v = self.ws.constraints.project(before, v, self.given.stuck)
         moved = self.chart.rate(y[:nv], difference(self.chart.model, before, q))
         return np.concatenate([y[:nv] + moved, v])
 

@@ -62,7 +62,9 @@ class Recorder:
         except RollMomentError as problem:
             raise timed(problem, t) from None
         torque = (
-            self.system.u / ws.layout.gears.ratio if ws.given == "motor_torque" else np.zeros(0)
+            self.system.u / ws.plan.drives.gears.ratio
+            if ws.given == "motor_torque"
+            else np.zeros(0)
         )
         return (
             np.array(t),
@@ -111,7 +113,7 @@ class Recorder:
         if not (turned.any() or (ws.modes.stuck != before.stuck).any()):
             return
         for (name, c, _), now in zip(ws.places, ws.place_modes.tolist(), strict=True):
-            if not ws.layout.dry[c]:
+            if not ws.plan.coordinates.dry[c]:
                 continue
             if ws.modes.stuck[c] and not before.stuck[c]:
                 self.event(t, name, "stick", 0)
@@ -207,10 +209,10 @@ class Recorder:
 
         def solve(t: float, q: np.ndarray, v: np.ndarray) -> Row:
             phase = np.clip(phase_t.searchsorted(t, side="right") - 1, 0, len(phase_modes) - 1)
-            system.ws.set_modes(phase_modes[phase])
+            given = system.ws.modes_of(phase_modes[phase])
             system.within(*pieces[max(int(starts.searchsorted(t, side="right")) - 1, 0)])
-            q, v = system.ws.constraints.project(q, v)
-            system.solve_given_modes(t, q, v)
+            q, v = system.ws.constraints.project(q, v, given.stuck)
+            system.solve_given_modes(t, q, v, given)
             return self.row(t, q, v)
 
         return Dense(np.array(self.step_t), at, solve)

@@ -15,6 +15,7 @@ from pinfric.dynamics.simulation.integration import Integration
 from pinfric.dynamics.simulation.recorder import Recorder, along
 from pinfric.dynamics.simulation.system import Settings, System, finite
 from pinfric.errors import SimulationError
+from pinfric.friction.modes import GivenModes
 
 
 class RegularizedIntegration(Integration):
@@ -22,7 +23,6 @@ class RegularizedIntegration(Integration):
 
     def __init__(self, system: System, settings: Settings, record: Recorder) -> None:
         super().__init__(system, settings, record)
-        self.ws.turns_balls = False  # their directions are smooth, too
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return a (nv,) with smoothed friction; modes are 0 below the regularization velocity."""
@@ -30,11 +30,12 @@ class RegularizedIntegration(Integration):
         rates = ws.constraints.rates(q, v)
         speed = ws.mechanism.speeds(rates)
         part = np.divide(rates, speed, out=np.zeros_like(rates), where=speed > 0.0)
-        ws.modes.stuck[:] = False
-        ws.modes.direction[:] = np.where(ws.layout.dry, np.tanh(speed / velocity), 1.0) * part
-        a = self.system.solve_given_modes(t, q, v)
+        dry, site_coordinate = ws.plan.coordinates.dry, ws.plan.site_coordinate
+        direction = np.where(dry, np.tanh(speed / velocity), 1.0) * part
+        self.given = GivenModes(np.zeros(len(dry), dtype=bool), direction, balls_turn=False)
+        a = self.system.solve_given_modes(t, q, v, self.given)
         slow = speed <= velocity
-        ws.site_modes[slow[ws.layout.coordinate] & ws.layout.dry[ws.layout.coordinate]] = 0
+        ws.site_modes[slow[site_coordinate] & dry[site_coordinate]] = 0
         return a
 
     def run(self, q: np.ndarray, v: np.ndarray) -> None:

@@ -13,6 +13,7 @@ from pinfric.dynamics.forward.efforts import Effort, by_name
 from pinfric.dynamics.forward.workspace import Workspace
 from pinfric.dynamics.problem.reactions import AppliedWrench
 from pinfric.errors import AccelerationError, PinfricError, SimulationError, StateError
+from pinfric.friction.modes import GivenModes
 from pinfric.model.arrays import real_numbers
 
 #: Joints described around a base configuration, and how many of their last numbers are rotations.
@@ -173,7 +174,7 @@ class System:
                 f"{self.ws.given}: the function returned shape {u.shape} at t = {t:.9g} s; should "
                 f"be ({self.ws.na},)"
             )
-        self.u = u * self.ws.layout.gears.ratio if self.ws.given == "motor_torque" else u
+        self.u = u * self.ws.plan.drives.gears.ratio if self.ws.given == "motor_torque" else u
         return self.u
 
     def solve(self, t: float, q: np.ndarray, v: np.ndarray) -> None:
@@ -185,12 +186,14 @@ class System:
         except PinfricError as problem:
             raise timed(problem, t) from None
 
-    def solve_given_modes(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return a (nv,), a view, in the modes that `ws` holds."""
+    def solve_given_modes(
+        self, t: float, q: np.ndarray, v: np.ndarray, given: GivenModes
+    ) -> np.ndarray:
+        """Return a (nv,), a view, in given modes."""
         self.evaluations += 1
         u = self.efforts(t, q, v)
         try:
-            self.ws.solve_given_modes(q, v, u, self.applied)
+            self.ws.solve_given_modes(q, v, u, self.applied, given)
         except PinfricError as problem:
             raise timed(problem, t) from None
         return self.ws.a

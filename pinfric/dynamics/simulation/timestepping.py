@@ -8,8 +8,8 @@ with x by the laws of friction at the *end* of the step: a coordinate sticks if 
 limits brings it to v' = 0 exactly, else it slips against x. That is the problem of an instant with
 the next velocity in place of the acceleration, so there is nothing to locate, no step is too long
 for friction to be stable, and what stands still does so exactly. First order. Drag acts at the end
-of the step, too (`maps._add_drag`); efforts are taken at its middle: those that depend on q want a
-step below 2 / omega of the oscillation that they cause.
+of the step, too (`accelerations._add_drag`). Efforts are taken at its middle: those that depend on
+q want a step below 2 / omega of the oscillation that they cause.
 
 A step also ends at exactly zero where it passes a turning point and friction could take what was
 left of the velocity. Whether that is a stop is a question to the instant, not to the step: it is
@@ -60,20 +60,20 @@ def step_through(
         stopped = bool((ws.modes.stuck & ~before.stuck).any())
         ws.finish()
         v = v + dt * ws.accelerations()
-        v = ws.constraints.project(middle, v)[1]
+        v = ws.constraints.project(middle, v, ws.modes.stuck)[1]
         q = pin.integrate(model, middle, 0.5 * dt * v)
         # v obeys the loops at the middle; made to obey them here it would lack half their impulse
-        q, at_end = ws.constraints.project(q, v)
+        q, at_end = ws.constraints.project(q, v, ws.modes.stuck)
         if stopped:
             _hold_or_turn(system, end, q, at_end, before)
-        ws.constraints.hold_position(q)
-        turned = (ws.modes.direction * before.direction < 0.0) & ~ws.layout.ball
+        ws.constraints.hold_position(q, ws.modes.stuck)
+        turned = (ws.modes.direction * before.direction < 0.0) & ~ws.plan.coordinates.ball
         # what came to rest did so at the step's end, what left at its start
         record.changes(end if stopped else t, before, turned)
         before = ws.modes.copy()
         record.watch_limits(t, end, _between(model, t, dt, start, q))
         if (k + 1) % stride == 0 or k + 1 == steps:
-            system.solve_given_modes(end, q, at_end)
+            system.solve_given_modes(end, q, at_end, before.kept())
             record.sample(end, q, at_end)
         record.progress(end)
 
@@ -87,7 +87,7 @@ def _between(
 
 def _solve_step(ws: Workspace, rates: np.ndarray, before: Modes) -> Found:
     """Find the modes at the end of a step, from those before it."""
-    modes, dry = ws.modes, ws.layout.dry
+    modes, dry = ws.modes, ws.plan.coordinates.dry
     modes.at_rest[:] = dry
     modes.stuck[:] = before.stuck
     # where there is no dry friction there is no mode: the direction only says which way it moves

@@ -98,14 +98,15 @@ class _Sample:
     @classmethod
     def of(cls, result: InverseResult, sample: int) -> _Sample | None:
         """Return a sample's problem; None where the drives cannot balance its load."""
-        layout, _, samples, velocity = one_sample(result, sample)
-        solver = Solver(layout, samples.maps, velocity, result.reversal[sample][None])
+        plan, _, samples, velocity = one_sample(result, sample)
+        solver = Solver(plan, samples.maps, velocity, result.reversal[sample][None])
         if samples.maps.singular[0]:
             return None
-        law, ns = solver.law, len(layout.joint)
-        slope = np.zeros((len(layout.contact_site), ns, 3))
+        law, ns = solver.law, len(plan.sites.joint)
+        slope = np.zeros((len(plan.contacts.site), ns, 3))
         for s in range(ns):
-            part = slice(layout.first_entry[s], layout.first_entry[s] + layout.entry_count[s])
+            first = plan.sites.first_entry[s]
+            part = slice(first, first + plan.sites.entry_count[s])
             along = samples.maps.contact[0, :, 1:][:, part]
             slope[:, s] = np.einsum("tke,k->te", along, law.direction[0, part])
         times = result.states.t
@@ -115,10 +116,10 @@ class _Sample:
             friction=CoupledFriction(
                 free=np.ascontiguousarray(samples.maps.contact[0, :, 0]),
                 slope=slope,
-                site=layout.contact_site,
+                site=plan.contacts.site,
                 gain=-law.way[SLIDES, 0] * law.mu[SLIDES, 0],
                 rest=-law.way[SLIDES, 0] * law.coulomb[SLIDES, 0],
-                constant=layout.constant,
+                constant=plan.sites.constant,
             ),
         )
 

@@ -12,9 +12,9 @@ from mechanisms import cut_slider_crank, four_bar
 
 import pinfric as pf
 from pinfric.dynamics.forward.workspace import Workspace
-from pinfric.dynamics.problem import maps
-from pinfric.dynamics.problem.buffers import Supplier
+from pinfric.dynamics.problem import instant
 from pinfric.dynamics.problem.closure import independent_joints
+from pinfric.dynamics.problem.supply import Supplier
 from pinfric.kernels.interpreted import plain
 
 
@@ -42,14 +42,14 @@ def test_mass_matrix_accelerations_and_wrenches_are_pinocchio_s(seed):
     ws = Workspace(scene)
     ws.assemble(q, v, u)
     M = columns(model, q)
-    np.testing.assert_allclose(ws.work.M, M, atol=1e-11 * np.abs(M).max())
+    np.testing.assert_allclose(ws.machine.maps.M, M, atol=1e-11 * np.abs(M).max())
     x = np.random.default_rng(seed).normal(size=len(ws.modes.friction))
-    a = ws.work.a_map @ np.r_[1.0, x]
-    effort = u + np.bincount(ws.layout.coordinate_v, x, model.nv)
+    a = ws.machine.maps.acceleration @ np.r_[1.0, x]
+    effort = u + np.bincount(ws.plan.coordinates.velocity_index, x, model.nv)
     data = model.createData()
     np.testing.assert_allclose(a, pin.aba(model, data, q, v, effort), atol=1e-9 * np.abs(a).max())
-    wrench = ws.work.wrench_map @ np.r_[1.0, x]
-    wanted = pf.joint_wrenches(scene, q, v, a)[0][np.unique(ws.layout.joint)]
+    wrench = ws.machine.maps.wrench @ np.r_[1.0, x]
+    wanted = pf.joint_wrenches(scene, q, v, a)[0][np.unique(ws.plan.sites.joint)]
     np.testing.assert_allclose(wrench, wanted, atol=1e-10 * np.abs(wanted).max())
 
 
@@ -96,13 +96,12 @@ def test_interpreted_maps_are_the_compiled_ones(case):
     compiled, interpreted = Workspace(scene), Workspace(scene)
     for ws in (compiled, interpreted):
         ws.supplier.at(q, v, None)
-    assert maps.assemble(compiled.machine, q, v, u, 0.0) == 0
-    machine = interpreted._argument.given
-    assert plain(maps.assemble)(machine, q, v, u, 0.0) == 0
-    for name in ("M", "a_map", "wrench_map", "multiplier_map", "problem.rate_free",
-                 "problem.rate_slope", "problem.contact",
-                 "problem.mu_slip", "problem.coulomb_slip", "problem.drag"):  # fmt: skip
-        ours, theirs = (attrgetter(name)(ws.work) for ws in (compiled, interpreted))
+    assert instant.assemble(compiled.argument, q, v, u, 0.0) == 0
+    assert plain(instant.assemble)(interpreted.machine, q, v, u, 0.0) == 0
+    maps = "M", "acceleration", "wrench", "multiplier"
+    numbers = "rate_free", "rate_slope", "contact", "mu_slip", "coulomb_slip", "drag"
+    for name in (*(f"maps.{one}" for one in maps), *(f"problem.{one}" for one in numbers)):
+        ours, theirs = (attrgetter(name)(ws.machine) for ws in (compiled, interpreted))
         size = np.abs(ours).max(initial=1e-9)
         np.testing.assert_allclose(theirs, ours, atol=1e-12 * size, err_msg=name)
 

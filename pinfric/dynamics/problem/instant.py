@@ -1,0 +1,267 @@
+"""One instant: from a state to its friction problem, its modes and its accelerations.
+
+    state -> move, write_laws -> write_accelerations -> write_wrenches -> try_modes -> finish
+
+Everything is affine in friction x until `try_modes` finds it: a = a[:, 0] + a[:, 1:] x, and so on
+for wrenches, multipliers and contact forces. A tree is a linkage without closures.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinfric.dynamics.problem.accelerations import (
+    NOT_FINITE,
+    substitute,
+    write_accelerations,
+    write_given,
+)
+from pinfric.dynamics.problem.gearing import (
+    FEW_PASSES,
+    MOST_PASSES,
+    add_armature,
+    face_gears,
+    guess_delivered,
+    refit,
+    write_efforts,
+    write_lines,
+)
+from pinfric.dynamics.problem.machine import Machine
+from pinfric.dynamics.problem.rates import ball_speed, move, write_laws, write_mass_matrix
+from pinfric.dynamics.problem.wrenches import write_wrenches
+from pinfric.friction.consistency import site_friction, try_modes
+from pinfric.friction.dense import affine, factorize
+from pinfric.friction.law import slip_law, stick_limits
+from pinfric.kernels.compiled import kernel
+
+#: Which modes `solve_instant` tries: those of the velocities; those in `modes`; the same, but balls
+#: face their motion; those in `modes`, of the state that was assembled last. What has no dry
+#: friction faces its motion in any case.
+FREE, GIVEN, TURNED, SETTLED = range(4)
+#: An outcome of `solve_instant`, beside 0 and those of `write_accelerations`: no modes were tried.
+UNDECIDED = 4
+_EPS = float(np.finfo(float).eps)
+#: So many times its inertia something moves little.
+_HELD = 1e9
+
+
+@kernel
+def prepare(machine: Machine, v: np.ndarray, effort: np.ndarray, step: float) -> None:
+    """Write what a state is whatever gears do: kinematics, rates, laws. See `assemble`."""
+    move(machine, v)
+    write_laws(machine, step)
+    machine.lines.all_forces[0] = np.abs(machine.supply.h).sum() + np.abs(effort).sum()
+
+
+@kernel
+def couple(machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float) -> int:
+    """Write the coupled problem and all maps of a prepared state, with the lines of its gears.
+
+    Args, returns: see `assemble`.
+    """
+    outcome = write_accelerations(machine, q, v, effort, step)
+    if outcome != 0:
+        return outcome
+    return 0 if write_wrenches(machine, q) else NOT_FINITE
+
+
+@kernel
+def assemble(
+    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, step: float
+) -> int:
+    """Write the coupled problem and all maps at one state.
+
+    Args:
+        machine: its buffers are overwritten.
+        q, v: (nq,), (nv,).
+        effort: (na,) of the drives; where motors drive, r T_m of each.
+        step: 0: r is the relative acceleration; else the time step (s) of which r is the relative
+            velocity at the end, with viscous friction implicit.
+
+    Returns:
+        0, `NOT_FINITE`, `SINGULAR`, or `TOGGLE`: the loops leave more freedoms than elsewhere.
+    """
+    prepare(machine, v, effort, step)
+    face_gears(machine)
+    return couple(machine, q, v, effort, step)
+
+
+@kernel
+def _face(machine: Machine) -> int:
+    """Set the modes that velocities fix and stick everything at rest; return how many are.
+
+    At no speed at all the direction of what has no dry friction stays as it is.
+    """
+    t, m = machine.plan.coordinates, machine.modes
+    rate, resting = machine.kinematics.coordinate_rate, 0
+    for c in range(rate.size):
+        speed = ball_speed(t, rate, c) if t.ball[c] else abs(rate[c])
+        m.at_rest[c] = t.dry[c] and speed <= t.stick_velocity[c]
+        m.stuck[c] = m.at_rest[c]
+        if m.stuck[c]:
+            m.direction[c] = 0.0
+            resting += 1
+        elif speed > 0.0:
+            m.direction[c] = rate[c] / speed
+        elif not t.ball[c]:
+            m.direction[c] = 0.0
+    return resting
+
+
+@kernel
+def _turn(machine: Machine, balls: bool) -> None:
+    """Point the friction of coordinates without dry friction against their motion.
+
+    Args:
+        machine: `modes.direction` is written.
+        balls: whether that of balls that slip, too; at no speed it stays.
+    """
+    rate, t, m = machine.kinematics.coordinate_rate, machine.plan.coordinates, machine.modes
+    for c in range(rate.size):
+        if t.ball[c]:
+            if not m.stuck[c] and (balls or not t.dry[c]):
+                speed = ball_speed(t, rate, c)
+                if speed > 0.0:
+                    m.direction[c] = rate[c] / speed
+        elif not t.dry[c]:
+            m.direction[c] = np.sign(rate[c])
+
+
+@kernel
+def accelerations_under_friction(machine: Machine, a: np.ndarray) -> None:
+    """Write accelerations a (nv,) under the friction found.
+
+    Where something sticks, its friction cancels what pushes it. Of the n terms of such a sum each
+    comes from m equations: no more than n m eps times their magnitudes is rounding, and set to 0.
+    """
+    a_map, m = machine.maps.acceleration, machine.modes
+    x = m.friction
+    sticks = False
+    for c in range(x.size):
+        sticks |= m.stuck[c]
+    share = (1 + x.size) * a.size * _EPS if sticks else 0.0
+    for i in range(a.size):
+        total = a_map[i, 0]
+        terms = abs(total)
+        for c in range(x.size):
+            part = a_map[i, 1 + c] * x[c]
+            total += part
+            terms += abs(part)
+        a[i] = total if abs(total) > share * terms else 0.0
+
+
+@kernel
+def finish(machine: Machine) -> None:
+    """Write accelerations, wrenches, multipliers and each site's friction from the solution."""
+    sites, entries, coordinates = machine.plan.sites, machine.plan.entries, machine.plan.coordinates
+    w, m, p, G = machine.solution, machine.modes, machine.problem, machine.maps.wrench
+    x, wrench, phi, stuck = m.friction, w.wrench, w.phi, m.stuck
+    accelerations_under_friction(machine, w.a)
+    for c in range(x.size):
+        if stuck[c] and coordinates.velocity_index[c] >= 0:
+            w.a[coordinates.velocity_index[c]] = 0.0
+    affine(machine.maps.multiplier, x, w.multiplier)
+    stick_limits(p, m.load, w.least, w.most)
+    site_friction(p, m, w.least, w.most, w.entry_phi)
+    write_efforts(machine)
+    for s in range(phi.size):
+        e = sites.first_entry[s]
+        c, row = entries.coordinate[e], machine.plan.contacts.site_row[s]
+        w.load[s], phi[s] = m.load[e], w.entry_phi[e]
+        w.site_modes[s] = np.sign(m.direction[c] * p.ratio[e])
+        if coordinates.ball[c]:
+            phi[s] = -np.sqrt(x[c] ** 2 + x[c + 1] ** 2 + x[c + 2] ** 2)
+            w.site_modes[s] = 0 if stuck[c] else 1
+        for i in range(6):
+            wrench[s, i] = G[row, i, 0]
+            for n in range(x.size):
+                wrench[s, i] += G[row, i, 1 + n] * x[n]
+
+
+@kernel
+def _guess_lines(machine: Machine, v: np.ndarray, effort: np.ndarray) -> None:
+    """Choose the lines of gears in a tree by accelerations with the loads of the last solution.
+
+    At a fraction of a pass of `couple`, which then mostly is the only one.
+    """
+    m, p, M, D = machine.modes, machine.problem, machine.maps.M, machine.kinematics.D
+    L, a, given = machine.scratch.lower, np.empty((v.size, 1)), machine.scratch.given
+    velocity_index = machine.plan.coordinates.velocity_index
+    gain, x = np.empty(p.constant.size), np.empty(m.stuck.size)
+    slip_law(p, m.stuck, m.direction, gain, x)
+    for e in range(machine.plan.entries.site.size):
+        x[p.coordinate[e]] += gain[e] * m.load[e]
+    for _ in range(FEW_PASSES):
+        write_lines(machine, v, effort, 0.0)
+        write_given(machine, effort)
+        write_mass_matrix(machine)
+        if add_armature(machine) > 0:
+            return
+        for i in range(v.size):
+            a[i, 0] = given[i] - machine.supply.h[i]
+            for j in range(i + 1):
+                L[i, j] = M[i, j]
+        for c in range(m.stuck.size):
+            for i in range(v.size):
+                a[i, 0] += D[c, i] * x[c]
+            i = velocity_index[c]
+            if m.stuck[c] and i >= 0:
+                L[i, i] *= _HELD
+        if not factorize(L):
+            return
+        substitute(L, a, machine.maps.factor)
+        if guess_delivered(machine, effort, a) == 0:
+            return
+
+
+@kernel
+def solve_instant(
+    machine: Machine, q: np.ndarray, v: np.ndarray, effort: np.ndarray, choice: int, step: float
+) -> tuple[int, int, int, int]:
+    """Assemble, try the modes with every gear on the line that fits, and finish: one call.
+
+    With modes given, what a gear passes on rises with what arrives at it. So for gears that do not
+    lock themselves Newton's method over the lines ends at the one solution.
+
+    Args:
+        machine ... effort: see `assemble`.
+        choice: `FREE`, `GIVEN` or `TURNED`; or `SETTLED`: the modes in `modes`, of the state that
+            was assembled last, and nothing is finished.
+        step: see `assemble`; 0 but for `SETTLED`.
+
+    Returns:
+        (outcome, number of solutions or -1, how many obey, how many are at rest); the outcome is
+        `UNDECIDED` where joints that may share their friction stick: no modes were tried.
+    """
+    m, closure = machine.modes, machine.plan.closure
+    resting = 0
+    if choice != SETTLED:
+        prepare(machine, v, effort, 0.0)
+        if choice == FREE:
+            resting = _face(machine)
+        else:
+            m.at_rest[:] = False
+            _turn(machine, choice == TURNED)
+    face_gears(machine)
+    gears = machine.plan.drives.gears.ratio.size
+    if choice != SETTLED and gears > 0 and closure.multipliers == 0:
+        _guess_lines(machine, v, effort)
+    found = obeying = 0
+    for passes in range(MOST_PASSES):
+        outcome = couple(machine, q, v, effort, step)
+        if outcome != 0:
+            return outcome, 0, 0, 0
+        if closure.dependent:
+            for c in range(m.stuck.size):
+                if m.stuck[c]:
+                    return UNDECIDED, 0, 0, resting
+        found, obeying = try_modes(machine.problem, m)
+        if found <= 0 or refit(machine, passes >= FEW_PASSES) == 0:
+            break
+        if passes == MOST_PASSES - 1:
+            found, obeying = -1, 0
+    if found <= 0:
+        m.friction[:1] = np.nan  # no guess for the next solve
+    elif obeying == 1 and choice != SETTLED:
+        finish(machine)
+    return 0, found, obeying, resting
