@@ -34,10 +34,10 @@ STEPS = {
     "inverse dynamics": (
         ("inverse_dynamics", "dynamics.inverse.inverse", "checks the motion"),
         ("solve_tree", "dynamics.inverse.tree", "goes through the samples in batches"),
-        ("reactions", "dynamics.problem.reactions", "wrench at each joint, by Pinocchio"),
+        ("reactions", "dynamics.samples.reactions", "wrench at each joint, by Pinocchio"),
         ("normal_loads", "model.bearings", "load of each bearing"),
         ("friction_bounds", "model.laws", "friction, an interval at rest"),
-        ("effort_bounds", "dynamics.problem.motion_kernels", "effort = frictionless - friction"),
+        ("effort_bounds", "dynamics.samples.motion_kernels", "effort = frictionless - friction"),
     ),
     "forward dynamics": (
         ("forward_dynamics", "dynamics.forward.forward", "checks the state"),

@@ -21,8 +21,8 @@ _PUBLIC = {
     "inverse_dynamics": "pinfric.dynamics.inverse.inverse",
     "InverseResult": "pinfric.dynamics.inverse.result",
     "StickInterval": "pinfric.dynamics.inverse.result",
-    "joint_wrenches": "pinfric.dynamics.problem.reactions",
-    "consistent_motion": "pinfric.dynamics.problem.closure",
+    "joint_wrenches": "pinfric.dynamics.samples.reactions",
+    "consistent_motion": "pinfric.dynamics.samples.closure",
     "forward_dynamics": "pinfric.dynamics.forward.forward",
     "Instant": "pinfric.dynamics.forward.forward",
     "Solver": "pinfric.dynamics.forward.solver",
@@ -78,8 +78,8 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.dynamics.inverse.inverse import inverse_dynamics as inverse_dynamics
     from pinfric.dynamics.inverse.result import InverseResult as InverseResult
     from pinfric.dynamics.inverse.result import StickInterval as StickInterval
-    from pinfric.dynamics.problem.closure import consistent_motion as consistent_motion
-    from pinfric.dynamics.problem.reactions import joint_wrenches as joint_wrenches
+    from pinfric.dynamics.samples.closure import consistent_motion as consistent_motion
+    from pinfric.dynamics.samples.reactions import joint_wrenches as joint_wrenches
     from pinfric.dynamics.simulation.motion import Motion as Motion
     from pinfric.dynamics.simulation.motion_file import load_motion as load_motion
     from pinfric.dynamics.simulation.simulate import simulate as simulate

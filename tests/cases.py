@@ -15,7 +15,7 @@ from dynamics.planar_newton_euler import FourBar, bar_angles, bar_rates
 from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction, shifted
 
 import pinfric as pf
-from pinfric.dynamics.problem.closure import complete_configurations, consistent_motion
+from pinfric.dynamics.samples.closure import complete_configurations, consistent_motion
 
 
 @dataclass(frozen=True)

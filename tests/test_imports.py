@@ -15,7 +15,7 @@ LAYERS = [
     *("terminal", "cli", "__main__"),
 ]
 #: Folders of `dynamics` in the order in which they may import.
-DYNAMICS = ["problem", "judge", "inverse", "forward", "simulation"]
+DYNAMICS = ["samples", "problem", "judge", "inverse", "forward", "simulation"]
 #: The files of `paper/` that are its formulation; the others set it beside ours.
 JUDGE = ("bodies", "equations", "inverse", "forward", "simulate", "examples")
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -75,7 +75,7 @@ def test_the_judge_reads_results_only():
         if module.startswith("pinfric.dynamics")
     }
     others = {module for module in read if ".judge." not in module}
-    assert others == {"pinfric.dynamics.problem.outcome"}
+    assert others == {"pinfric.dynamics.samples.outcome"}
 
 
 def test_the_package_as_a_whole_is_above_every_room(tmp_path, monkeypatch):

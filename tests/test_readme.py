@@ -17,7 +17,7 @@ import yaml
 import pinfric as pf
 from pinfric import cli
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.states import States
 
 ROOT = Path(__file__).parents[1]
 GUIDE = ROOT / "notebooks/guide"

@@ -17,7 +17,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
-from pinfric.dynamics.problem.reactions import joint_wrenches
+from pinfric.dynamics.samples.reactions import joint_wrenches
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import bundled_folder, load_scene

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.closure import working_rates
+from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import StateError
 from pinfric.show.figure.efforts import effort_figure

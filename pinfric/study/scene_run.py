@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pinfric.dynamics.problem.closure import consistent_motion, independent_joints
+from pinfric.dynamics.samples.closure import consistent_motion, independent_joints
 from pinfric.dynamics.simulation.motion import INTERRUPTED, Motion
 from pinfric.dynamics.simulation.simulate import simulate
 from pinfric.errors import ClosureError, SceneError, choose_from

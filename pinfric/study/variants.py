@@ -10,7 +10,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.states import MotionLike, attached_columns
+from pinfric.dynamics.samples.states import MotionLike, attached_columns
 from pinfric.model.effects import with_effects
 from pinfric.model.friction_terms import CoulombFriction, LoadFriction
 from pinfric.model.scene import Scene

@@ -8,8 +8,8 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
 from pinfric.dynamics.inverse.effort_maps import share_work
-from pinfric.dynamics.problem.closure import working_rates
 from pinfric.dynamics.problem.plan import make_inverse_plan
+from pinfric.dynamics.samples.closure import working_rates
 from pinfric.errors import SceneError, SimulationError, StateError, UndrivenMotionError
 
 CART, POLE, LENGTH = 2.0, 0.5, 0.6

@@ -33,7 +33,7 @@ from dynamics.planar_newton_euler import FourBar, crank_torque
 from mechanisms import pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.samples.outcome import Status
 from pinfric.study.summary import summarize
 
 SOLVED = {Status.CONVERGED, Status.AMBIGUOUS}

@@ -25,7 +25,7 @@ from pinfric.dynamics.inverse import interval_ends, result
 from pinfric.dynamics.inverse.choices import LOWER, UPPER
 from pinfric.dynamics.judge import states as check_states
 from pinfric.dynamics.judge.search import Loads, all_solutions
-from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.samples.outcome import Status
 
 EFFORTS = ("effort_lower", "effort_upper", "motor_torque_lower", "motor_torque_upper")
 

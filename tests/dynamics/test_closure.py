@@ -12,7 +12,7 @@ from dynamics.planar_newton_euler import FourBar, bar_angles
 from mechanisms import FOUR_BAR, add_link, bar, four_bar, grounded_model, shifted
 
 import pinfric as pf
-from pinfric.dynamics.problem.closure import (
+from pinfric.dynamics.samples.closure import (
     complete_configurations,
     consistent_motion,
     independent_joints,

@@ -16,7 +16,7 @@ import pinfric as pf
 from pinfric.dynamics.inverse import choices, interval_ends
 from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Solver
 from pinfric.dynamics.inverse.solutions import one_sample
-from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.samples.outcome import Status
 
 # ---------------------------------------------------------------- without drives
 

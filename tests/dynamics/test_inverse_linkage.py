@@ -25,7 +25,7 @@ from mechanisms import FOUR_BAR, LENGTHS, MASSES, four_bar, pin_friction
 import pinfric as pf
 from pinfric.dynamics.inverse.interval_ends import Solver
 from pinfric.dynamics.inverse.solutions import one_sample, reduced_problem
-from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.samples.outcome import Status
 from pinfric.friction.given_modes import fixed_point, newton
 
 ROBOTS = Path(__file__).parents[2] / "robots"

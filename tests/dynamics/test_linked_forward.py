@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 from mechanisms import four_bar, two_ball_loops
 
 import pinfric as pf
-from pinfric.dynamics.problem.closure import consistent_motion
+from pinfric.dynamics.samples.closure import consistent_motion
 from pinfric.errors import (
     LoopMotionError,
     NoConsistentAcceleration,

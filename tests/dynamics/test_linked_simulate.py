@@ -11,7 +11,7 @@ from dynamics.test_forward import mimic_scene
 from mechanisms import add_link, bar, four_bar, grounded_model, shifted
 
 import pinfric as pf
-from pinfric.dynamics.problem.closure import consistent_motion
+from pinfric.dynamics.samples.closure import consistent_motion
 from pinfric.errors import LoopMotionError, SceneError
 from pinfric.model.closure import loop_state
 from pinfric.study.scene_run import run_scene, start_state

@@ -8,7 +8,7 @@ import pytest
 from mechanisms import add_link, crank_rates, cut_slider_crank, grounded_model, spatial_loop
 
 import pinfric as pf
-from pinfric.dynamics.problem.closure import consistent_motion, working_rates
+from pinfric.dynamics.samples.closure import consistent_motion, working_rates
 from pinfric.errors import SceneError
 from pinfric.model.closure import action_maps, loop_state
 

@@ -17,7 +17,7 @@ from cases import ball_tripod, drawer_scene, jamming_drawer, resting_four_bar, t
 from mechanisms import crank_rates, cut_slider_crank, four_bar, pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.samples.outcome import Status
 from pinfric.errors import (
     AccelerationError,
     LoopMotionError,

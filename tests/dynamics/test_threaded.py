@@ -14,8 +14,8 @@ import pytest
 from builders import random_friction, random_states, random_tree
 
 import pinfric as pf
-from pinfric.dynamics.problem.reversals import reversals
-from pinfric.dynamics.problem.threaded import team
+from pinfric.dynamics.samples.reversals import reversals
+from pinfric.dynamics.samples.threaded import team
 from pinfric.model.twin import LARGEST
 
 EVERYTHING = ("effort_lower", "effort_upper", "effort_frictionless", "normal_load", "wrench",

@@ -11,7 +11,7 @@ import pytest
 from mechanisms import FOUR_BAR, crank_rates, cut_slider_crank, four_bar, pin_friction
 
 import pinfric as pf
-from pinfric.dynamics.problem.closure import complete_configurations, consistent_motion
+from pinfric.dynamics.samples.closure import complete_configurations, consistent_motion
 from pinfric.errors import PinfricWarning, SceneError
 from pinfric.model.closure import closure_jacobian
 

@@ -26,7 +26,7 @@ BUDGET = {
     "dynamics.inverse.effort_maps.write_wrenches": 1_100,
     "dynamics.inverse.choices.solve_list": 12_700,
     "dynamics.forward.solver.rub": 5_800,
-    "dynamics.problem.threaded.bound_in_parts": 3_900,
+    "dynamics.samples.threaded.bound_in_parts": 3_900,
     "friction.branching.branch": 6_700,
     "friction.least_use.descend": 5_050,
     "model.kinematics.relate_pairs": 6_700,

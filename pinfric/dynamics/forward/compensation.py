@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, StateError
 from pinfric.kernels.compiled import kernel
 from pinfric.model.arrays import real_numbers

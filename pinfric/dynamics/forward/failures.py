@@ -9,7 +9,7 @@ import numpy as np
 
 from pinfric.dynamics.problem.accelerations import NOT_FINITE, TOGGLE
 from pinfric.dynamics.problem.machine import Machine
-from pinfric.dynamics.problem.reactions import AppliedWrench
+from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.errors import (
     AccelerationError,
     AmbiguousAcceleration,

@@ -16,10 +16,10 @@ import numpy as np
 
 from pinfric.dynamics.forward.efforts import by_name
 from pinfric.dynamics.forward.workspace import Workspace, workspace
-from pinfric.dynamics.problem.closure import check_closed
-from pinfric.dynamics.problem.outcome import Status
-from pinfric.dynamics.problem.reactions import AppliedWrench, applied_wrenches
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.closure import check_closed
+from pinfric.dynamics.samples.outcome import Status
+from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
+from pinfric.dynamics.samples.states import States
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, screen

@@ -9,8 +9,8 @@ import numpy as np
 
 from pinfric.dynamics.forward.forward import drive_vector, one_of, vector
 from pinfric.dynamics.forward.workspace import Workspace
-from pinfric.dynamics.problem.closure import check_closed
-from pinfric.dynamics.problem.reactions import AppliedWrench, applied_wrenches
+from pinfric.dynamics.samples.closure import check_closed
+from pinfric.dynamics.samples.reactions import AppliedWrench, applied_wrenches
 from pinfric.errors import AccelerationError
 from pinfric.friction.balance import RANK, Balance
 from pinfric.friction.consistency import evaluate

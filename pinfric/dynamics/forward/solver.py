@@ -28,12 +28,12 @@ from pinfric.dynamics.forward.workspace import Workspace, closed_configuration, 
 from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.tree import check_finite, solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
-from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_within
-from pinfric.dynamics.problem.motor_torques import scene_gears
-from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.rates import is_normalized
-from pinfric.dynamics.problem.reactions import applied_wrenches, state_wrenches
-from pinfric.dynamics.problem.states import States, unit_parts
+from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_within
+from pinfric.dynamics.samples.motor_torques import scene_gears
+from pinfric.dynamics.samples.outcome import Status
+from pinfric.dynamics.samples.reactions import applied_wrenches, state_wrenches
+from pinfric.dynamics.samples.states import States, unit_parts
 from pinfric.errors import PinfricError
 from pinfric.kernels.compiled import compile_for, compiling, kernel, record
 from pinfric.model.bearings import Contacts

@@ -31,8 +31,8 @@ from pinfric.dynamics.problem.instant import (
 from pinfric.dynamics.problem.machine import Machine, make_machine
 from pinfric.dynamics.problem.plan import make_plan
 from pinfric.dynamics.problem.rates import is_exact, measure_rates, relate
-from pinfric.dynamics.problem.reactions import AppliedWrench
 from pinfric.dynamics.problem.supply import Supplier
+from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.errors import (
     ClosureError,
     PinfricError,

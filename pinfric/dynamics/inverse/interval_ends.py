@@ -29,8 +29,8 @@ from pinfric.dynamics.inverse.choices import (
     solve_list,
 )
 from pinfric.dynamics.inverse.effort_maps import Maps
-from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.plan import Plan
+from pinfric.dynamics.samples.outcome import Status
 from pinfric.friction.given_modes import MOST_SOLUTIONS
 from pinfric.friction.problem import empty_problem
 

@@ -18,8 +18,8 @@ from pinfric.dynamics.inverse.linkage import solve_linkage
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.tree import solve_tree
 from pinfric.dynamics.inverse.undriven import check_shares
-from pinfric.dynamics.problem.reactions import applied_wrenches, slices
-from pinfric.dynamics.problem.states import MotionLike, States, attached_columns
+from pinfric.dynamics.samples.reactions import applied_wrenches, slices
+from pinfric.dynamics.samples.states import MotionLike, States, attached_columns
 from pinfric.errors import StateError
 from pinfric.model.arrays import whole_number
 from pinfric.model.scene import Scene, expect_scene

@@ -17,20 +17,20 @@ from pinfric.dynamics.inverse.interval_ends import MOST_PASSES, Answer, Solver
 from pinfric.dynamics.inverse.linkage_batch import friction_maps, friction_velocities, loop_wrenches
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven
-from pinfric.dynamics.problem.closure import PairRates, pair_rates
-from pinfric.dynamics.problem.motor_torques import motor_torques
-from pinfric.dynamics.problem.outcome import Status
 from pinfric.dynamics.problem.plan import Plan, make_inverse_plan
-from pinfric.dynamics.problem.reactions import (
+from pinfric.dynamics.samples.closure import PairRates, pair_rates
+from pinfric.dynamics.samples.motor_torques import motor_torques
+from pinfric.dynamics.samples.outcome import Status
+from pinfric.dynamics.samples.reactions import (
     CHUNK,
     AppliedWrench,
     Batch,
     check_roll_moments,
     constant_payloads,
 )
-from pinfric.dynamics.problem.reversals import reversals
-from pinfric.dynamics.problem.states import States
-from pinfric.dynamics.problem.threaded import threads_for
+from pinfric.dynamics.samples.reversals import reversals
+from pinfric.dynamics.samples.states import States
+from pinfric.dynamics.samples.threaded import threads_for
 from pinfric.errors import PinfricWarning
 from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.couples import drive_rates

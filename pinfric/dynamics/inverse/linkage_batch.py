@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinfric.dynamics.inverse.effort_maps import Maps, map_friction
-from pinfric.dynamics.problem.closure import PairRates
 from pinfric.dynamics.problem.plan import Plan
-from pinfric.dynamics.problem.reactions import (
+from pinfric.dynamics.samples.closure import PairRates
+from pinfric.dynamics.samples.reactions import (
     AppliedWrench,
     Batch,
     reactions,
     subtract_external_wrenches,
 )
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.states import States
 from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.closure import action_maps, tree_tables
 from pinfric.model.kinematics import place_links

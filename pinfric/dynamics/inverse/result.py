@@ -9,7 +9,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.solutions import find_jamming_site, find_solutions
 from pinfric.dynamics.judge.check import Check, check_result
-from pinfric.dynamics.problem.outcome import Solution, SolvedMotion, Status
+from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 from pinfric.errors import StateError
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.coordinates import motion_columns

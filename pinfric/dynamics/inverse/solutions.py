@@ -13,10 +13,10 @@ from pinfric.dynamics.inverse.linkage_batch import (
     friction_velocities,
     loop_wrenches,
 )
-from pinfric.dynamics.problem.closure import pair_rates
-from pinfric.dynamics.problem.outcome import Solution, SolvedMotion
 from pinfric.dynamics.problem.plan import Plan, make_inverse_plan, make_plan
-from pinfric.dynamics.problem.reactions import Batch
+from pinfric.dynamics.samples.closure import pair_rates
+from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
+from pinfric.dynamics.samples.reactions import Batch
 from pinfric.friction.dense import spectral_radius_bound
 from pinfric.friction.given_modes import Reduced, contraction_matrix, newton, reduce_problem
 from pinfric.friction.law import write_loads

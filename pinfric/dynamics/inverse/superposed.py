@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem.motion_kernels import (
+from pinfric.dynamics.samples.motion_kernels import (
     TreeSamples,
     bound_within,
     mark_reversals,

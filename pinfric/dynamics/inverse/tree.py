@@ -13,10 +13,10 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.undriven import check_undriven, narrow_friction
-from pinfric.dynamics.problem.motion_kernels import TreeSamples, bound_efforts
-from pinfric.dynamics.problem.motor_torques import motor_torques
 from pinfric.dynamics.problem.plan import make_plan
-from pinfric.dynamics.problem.reactions import (
+from pinfric.dynamics.samples.motion_kernels import TreeSamples, bound_efforts
+from pinfric.dynamics.samples.motor_torques import motor_torques
+from pinfric.dynamics.samples.reactions import (
     AppliedWrench,
     Batch,
     batch_size,
@@ -25,9 +25,9 @@ from pinfric.dynamics.problem.reactions import (
     reactions,
     subtract_external_wrenches,
 )
-from pinfric.dynamics.problem.reversals import reversals
-from pinfric.dynamics.problem.states import States
-from pinfric.dynamics.problem.threaded import bound_in_parts, team, threads_for
+from pinfric.dynamics.samples.reversals import reversals
+from pinfric.dynamics.samples.states import States
+from pinfric.dynamics.samples.threaded import bound_in_parts, team, threads_for
 from pinfric.errors import StateError
 from pinfric.model.couples import deliver_interval, drive_rates
 from pinfric.model.scene import Scene, SiteTables

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.states import States
 from pinfric.errors import SceneError, UndrivenMotionError
 from pinfric.model.closure import velocity_names
 from pinfric.model.scene import Scene

@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.judge.linkage import Verdict, judge_linkage
 from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_friction, plain_normal_load
-from pinfric.dynamics.problem.outcome import Solution, SolvedMotion, Status
+from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from pinfric.dynamics.judge.balance import Balance, balance
 from pinfric.dynamics.judge.pairs import Pair, Sample, pair_friction
 from pinfric.dynamics.judge.plain_laws import plain_displacement, plain_friction, plain_normal_load
 from pinfric.dynamics.judge.states import Enumeration, States, site_laws
-from pinfric.dynamics.problem.outcome import Solution, SolvedMotion, Status
+from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 from pinfric.model.scene import Scene
 
 #: A status "singular" is wrong if no singular value that counts is as small as this.

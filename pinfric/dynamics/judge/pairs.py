@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.problem.outcome import SolvedMotion
+from pinfric.dynamics.samples.outcome import SolvedMotion
 from pinfric.model.scene import Scene, Site
 
 

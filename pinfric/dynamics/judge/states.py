@@ -16,7 +16,7 @@ from pinfric.dynamics.judge.balance import Balance
 from pinfric.dynamics.judge.pairs import Sample
 from pinfric.dynamics.judge.plain_laws import plain_friction
 from pinfric.dynamics.judge.search import Loads, all_solutions
-from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.samples.outcome import Status
 
 #: Up to so many choices of one sample all are tried; beyond, one friction at a time is changed.
 _ENUMERATED = 4096

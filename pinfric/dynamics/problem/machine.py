@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pinfric.dynamics.problem.plan import Plan
-from pinfric.dynamics.problem.states import unit_parts
+from pinfric.dynamics.samples.states import unit_parts
 from pinfric.friction.modes import Modes
 from pinfric.friction.problem import Problem, empty_problem
 from pinfric.kernels.compiled import record

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.kernels.compiled import record
 from pinfric.model.closure import actions_of
 from pinfric.model.couples import delivery, rate_rows

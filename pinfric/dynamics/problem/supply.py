@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.problem.machine import Supply
-from pinfric.dynamics.problem.reactions import AppliedWrench
+from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.model.twin import Twin
 
 _WORLD = pin.Convention.WORLD

@@ -15,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.inverse.result import StickInterval, runs
-from pinfric.dynamics.problem.closure import working_rates
-from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.dynamics.samples.closure import working_rates
+from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, SimulationError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen

@@ -13,9 +13,9 @@ import numpy as np
 from pinfric.dynamics.forward.efforts import Effort, EffortLike, make_effort
 from pinfric.dynamics.forward.forward import vector
 from pinfric.dynamics.forward.workspace import Workspace
-from pinfric.dynamics.problem.closure import check_closed
-from pinfric.dynamics.problem.reactions import applied_wrenches
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.closure import check_closed
+from pinfric.dynamics.samples.reactions import applied_wrenches
+from pinfric.dynamics.samples.states import States
 from pinfric.dynamics.simulation.event import EventIntegration
 from pinfric.dynamics.simulation.motion import FAILED, FINISHED, INTERRUPTED, Motion
 from pinfric.dynamics.simulation.recorder import Recorder

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.forward.efforts import Effort, by_name
 from pinfric.dynamics.forward.workspace import Workspace
-from pinfric.dynamics.problem.reactions import AppliedWrench
+from pinfric.dynamics.samples.reactions import AppliedWrench
 from pinfric.errors import AccelerationError, PinfricError, SimulationError, StateError
 from pinfric.friction.modes import GivenModes
 from pinfric.model.arrays import real_numbers

@@ -14,11 +14,11 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval, runs
-from pinfric.dynamics.problem.closure import working_rates
-from pinfric.dynamics.problem.motor_torques import drive_stick_velocity, motor_torques
-from pinfric.dynamics.problem.outcome import Status
-from pinfric.dynamics.problem.reactions import state_wrenches
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.closure import working_rates
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, motor_torques
+from pinfric.dynamics.samples.outcome import Status
+from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.dynamics.samples.states import States
 from pinfric.dynamics.simulation.motion import FINISHED, Motion
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import loop_state

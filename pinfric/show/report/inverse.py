@@ -12,7 +12,7 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.dynamics.inverse.result import InverseResult, runs
-from pinfric.dynamics.problem.outcome import Status
+from pinfric.dynamics.samples.outcome import Status
 from pinfric.model.brief import counted
 from pinfric.show.report.elastic import elasticity_json, elasticity_parts
 from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs

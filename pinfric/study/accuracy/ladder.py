@@ -13,7 +13,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.states import MotionLike, attached_columns
+from pinfric.dynamics.samples.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
 from pinfric.model.effects import MOTOR_SIDE, effects, switchable, with_effects
 from pinfric.model.scene import Scene

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
-from pinfric.dynamics.problem.states import MotionLike, attached_columns
+from pinfric.dynamics.samples.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
 from pinfric.model.scene import Scene
 from pinfric.study.summary import ends_by_magnitude

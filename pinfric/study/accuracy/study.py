@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pinfric.dynamics.problem.states import MotionLike
+from pinfric.dynamics.samples.states import MotionLike
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import PinfricError, SceneError
 from pinfric.model.scene import Scene

@@ -17,7 +17,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, runs
-from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import action_maps, closure_jacobian, loop_state
 from pinfric.model.couples import delivery, rate_rows, taking_part

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError
 from pinfric.study.trajectory.joint_columns import JointColumn
 from pinfric.study.trajectory.log.judged import measured_interval

@@ -17,9 +17,9 @@ from pinfric.dynamics.forward.compensation import (
 )
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
-from pinfric.dynamics.problem.reactions import state_wrenches
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
+from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.dynamics.samples.states import States
 from pinfric.model.brief import file_name
 from pinfric.model.scene import Scene
 from pinfric.model.twin import project

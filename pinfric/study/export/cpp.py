@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.forward.compensation import check_compensated, freedom_names
-from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.errors import PinfricError, choose_from, one_line
 from pinfric.model.bearings import axes_along, contacts
 from pinfric.model.couples import delivery, rate_rows, taking_part

@@ -11,7 +11,7 @@ import numpy as np
 from pinfric.dynamics.forward.compensation import check_compensated
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.states import MotionLike
+from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import PinfricError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.effects import effects

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.dynamics.problem.reactions import state_wrenches
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.reactions import state_wrenches
+from pinfric.dynamics.samples.states import States
 from pinfric.study.identify.columns import PASS, Prepared, Rows
 from pinfric.study.identify.estimate import Estimate
 from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, INERTIA, SLOT, SLOTS

@@ -11,7 +11,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import RetimeError
 from pinfric.model.couples import rate_rows
 from pinfric.model.drives import gear_table

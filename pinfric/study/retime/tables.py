@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import PPoly
 
-from pinfric.dynamics.problem.reactions import (
+from pinfric.dynamics.samples.reactions import (
     Batch,
     batch_size,
     reactions,

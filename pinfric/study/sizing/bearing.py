@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import model_validator
 
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.reactions import state_wrenches
+from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.model.bearings import axes_along
 from pinfric.model.entry import Entry, NonNegative, Positive
 

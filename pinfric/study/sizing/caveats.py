@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.states import States
 from pinfric.model.scene import Scene
 from pinfric.study.sizing.catalog import Catalog, Conditions
 from pinfric.study.sizing.duty import Schedule

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.motor_torques import drive_stick_velocity
-from pinfric.dynamics.problem.reversals import reversals
+from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
+from pinfric.dynamics.samples.reversals import reversals
 from pinfric.errors import StateError
 from pinfric.kernels.compiled import kernel
 from pinfric.model.coordinates import one_number

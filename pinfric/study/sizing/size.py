@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.problem.states import MotionLike, States
+from pinfric.dynamics.samples.states import MotionLike, States
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.couples import delivery, taking_part

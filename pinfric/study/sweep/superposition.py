@@ -24,8 +24,8 @@ import pinocchio as pin
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.superposed import Basis, Cycle, Path, Varied, write_figures
-from pinfric.dynamics.problem.motor_torques import scene_gears
-from pinfric.dynamics.problem.states import States, attached_columns
+from pinfric.dynamics.samples.motor_torques import scene_gears
+from pinfric.dynamics.samples.states import States, attached_columns
 from pinfric.errors import PinfricError
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION
 from pinfric.model.scene import Scene

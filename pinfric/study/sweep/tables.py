@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pinfric.dynamics.problem.motor_torques import scene_gears
+from pinfric.dynamics.samples.motor_torques import scene_gears
 from pinfric.model.drives import Gears
 from pinfric.model.friction_terms import CONSTANT, FrictionTerm, Stribeck
 from pinfric.model.laws import Laws, friction_law, law_table

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.dynamics.problem.closure import (
+from pinfric.dynamics.samples.closure import (
     complete_configurations,
     consistent_motion,
     independent_joints,

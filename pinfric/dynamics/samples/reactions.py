@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.problem.states import States
-from pinfric.dynamics.problem.threaded import embed_in_parts, team, threads_for
+from pinfric.dynamics.samples.states import States
+from pinfric.dynamics.samples.threaded import embed_in_parts, team, threads_for
 from pinfric.errors import RollMomentError, SceneError, StateError, choose_from
 from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import tree_tables

@@ -7,8 +7,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from pinfric.dynamics.problem.reactions import AppliedWrench
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.reactions import AppliedWrench
+from pinfric.dynamics.samples.states import States
 from pinfric.model.scene import Scene
 
 

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 import numba
 import numpy as np
 
-from pinfric.dynamics.problem.motion_kernels import (
+from pinfric.dynamics.samples.motion_kernels import (
     TreeSamples,
     bound_within,
     mark_reversals,

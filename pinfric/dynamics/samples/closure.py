@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.states import States
 from pinfric.errors import ClosureError, LoopMotionError, SceneError, StateError
 from pinfric.model.arrays import real_numbers
 from pinfric.model.closure import (

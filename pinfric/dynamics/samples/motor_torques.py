@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics.problem.reversals import reversals
-from pinfric.dynamics.problem.states import States
+from pinfric.dynamics.samples.reversals import reversals
+from pinfric.dynamics.samples.states import States
 from pinfric.model.drives import Drive, Gears, gear_table, motor_torque_bounds
 from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene

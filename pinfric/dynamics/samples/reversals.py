@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinfric.dynamics.problem.motion_kernels import mark_reversals
-from pinfric.dynamics.problem.threaded import reversals_in_parts, team
+from pinfric.dynamics.samples.motion_kernels import mark_reversals
+from pinfric.dynamics.samples.threaded import reversals_in_parts, team
 
 
 def reversals(velocity: np.ndarray, stick_velocity: np.ndarray, threads: int = 1) -> np.ndarray:
