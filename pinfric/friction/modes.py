@@ -26,7 +26,8 @@ class Modes(NamedTuple):
     Attributes:
         stuck: (nc,) bool.
         direction: (nc,) of the slip, -1 or 1; 0 where it sticks or does not move.
-        at_rest: (nc,) bool, which modes the law leaves open.
+        at_rest: (nc,) bool. True: the search may change this mode, and the judge checks it. False:
+            the speed or the caller fixes it, and the judge ignores it.
         friction: (nc,) N m or N; the guess of the next solve, NaN in the first place: none.
         load: (ns,) N m or N.
         rate: (nc,) relative acceleration, or what the problem says.

@@ -24,6 +24,8 @@ import numpy as np
 class Problem(NamedTuple):
     """One coupled friction problem: nc coordinates, ns sites, nt contact forces.
 
+    A site here is one entry of the plan: a ball has three, and a gear that loses has one.
+
     Attributes:
         rate_free: (nc,) r without friction.
         rate_slope: (nc, nc) change of r per unit friction; symmetric, positive definite.

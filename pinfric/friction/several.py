@@ -18,13 +18,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.friction.given_modes import Reduced, reduce_problem
+from pinfric.friction.given_modes import Reduced, newton, reduce_problem
 from pinfric.friction.problem import Problem
 
 #: Up to so many frictions that follow loads all solutions are found; most simplices to look at.
 MOST_COUPLED, MOST_PARTS = 6, 20_000
 #: Solutions closer than this, relative to their size, are one; a simplex so small is not cut.
 _DISTINCT, _SMALL = 1e-6, 1e-7
+#: Starts of a wide search; what Newton's method must reach there (it stops at rounding).
+_STARTS, _RESIDUAL = 200, 1e-12
 #: What rounding leaves of zero; what Newton's method must reach; its passes.
 _ROUNDING, _FOUND, _PASSES = 1e-12, 1e-13, 40
 #: Error of tau, as a share of it, up to which a solution counts.
@@ -58,6 +60,46 @@ def find_all(problem: Problem, stuck: np.ndarray, direction: np.ndarray) -> Fric
     found, parts, complete = _Rays(reduced).search()
     solutions = [reduced.X[:, 0] + reduced.X[:, 1:] @ z for z in found]
     return Frictions(solutions, parts, complete)
+
+
+def from_many_starts(reduced: Reduced, direction: np.ndarray) -> np.ndarray:
+    """Return the frictions (n, nc) that Newton's method finds from many starts on every scale.
+
+    A search that proves nothing; it takes milliseconds. The same friction may come several times.
+
+    Args:
+        reduced: `Reduced`.
+        direction: (nc,) of the slip.
+    """
+    unknown, X, _, _, gain, contact = reduced
+    nz, rng = contact.shape[1] - 1, np.random.default_rng(0)
+    scale = float(np.abs(contact[:, 0]).max(initial=0.0)) * float(np.abs(gain).max(initial=0.0))
+    way = np.ones(nz)
+    for c in np.flatnonzero(unknown >= 0):
+        way[unknown[c]] = -direction[c]
+    found = []
+    for start in range(_STARTS if nz else 1):
+        z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)
+        error = newton(reduced, z, False)[0] if nz else 0.0
+        if error <= _RESIDUAL:
+            found.append(X[:, 0] + X[:, 1:] @ z)
+    return np.array(found).reshape(len(found), len(X))
+
+
+def distinct(found: np.ndarray) -> list[np.ndarray]:
+    """Return the frictions (n, nc) that differ by more than rounding: each by its own scale.
+
+    By the largest friction of all, a small pin's two limits beside a large one's would be one.
+    """
+    kept: list[np.ndarray] = []
+    for x in found:
+        floor = _ROUNDING * float(np.abs(x).max(initial=0.0))
+        if all(
+            (np.abs(x - other) > _DISTINCT * np.maximum(np.abs(x), np.abs(other)) + floor).any()
+            for other in kept
+        ):
+            kept.append(x)
+    return kept
 
 
 class _Rays:

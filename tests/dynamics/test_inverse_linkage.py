@@ -20,7 +20,16 @@ from cases import (
     turning_four_bar,
 )
 from dynamics.planar_newton_euler import PINS, FourBar, crank_torque
-from mechanisms import FOUR_BAR, LENGTHS, MASSES, four_bar, pin_friction
+from mechanisms import (
+    FOUR_BAR,
+    LENGTHS,
+    MASSES,
+    add_link,
+    bar,
+    four_bar,
+    grounded_model,
+    pin_friction,
+)
 
 import pinfric as pf
 from pinfric.dynamics.inverse.interval_ends import Solver
@@ -186,6 +195,42 @@ def test_drawers_critical_mu_is_length_over_twice_the_offset(mu):
     assert result.status[0] == (Status.JAMMED if jams else Status.CONVERGED)
     assert np.isnan(result.effort_lower[0, 0]) == jams
     assert len(result.solutions(0)) == (0 if jams else 1)
+
+
+def test_a_second_solution_that_newton_misses_from_rest_and_far_out_is_found():
+    """A ring of five pins, three of them with friction; two states obey."""
+    height = [-0.0967089515, 0.0478765526, 0.3418381237, 0.1411391439, -0.0616641828]
+    place = np.column_stack([0.3 * np.arange(5), height])
+    gravity = 9.0153110924, -8.0129454118, 0.0
+    model, parent, turned, at = grounded_model(gravity), 0, 0.0, place[0]
+    q = []
+    for k, mass in enumerate([0.9610563018, 5.5600508755, 0.1914113952, 4.9825390311]):
+        along = place[k + 1] - place[k]
+        length, angle = np.hypot(*along), np.arctan2(along[1], along[0])
+        start = pin.SE3(np.eye(3), np.array([*at, 0.0]))
+        parent = add_link(model, parent, pin.JointModelRZ(), start, f"p{k}", bar(mass, length))
+        q.append(angle - turned)
+        turned, at = angle, np.array([length, 0.0])
+    at_end, on_ground = [*at, 0.0], [*place[4], 0.0]
+    ends = {"a": {"link": "p3", "xyz": at_end}, "b": {"link": "ground", "xyz": on_ground}}
+    radius = {"p0": 0.0475957602, "p2": 0.0202658341, "L": 0.0669774954}
+    scene = pf.Scene(
+        model=model,
+        friction={name: pin_friction(1.2251227851, r) for name, r in radius.items()},
+        loops=[{"name": "L", "kind": "planar_pin", **ends}],
+        actuators=[{"joint": "p0"}, {"joint": "p1"}],
+    )
+    q = scene.close(np.array(q))
+    rates, accelerations = [[0.796784408, -1.352419026]], [[7.778423898, -13.656162439]]
+    v, a = pf.consistent_motion(scene, q[None], ["p0", "p1"], rates, accelerations)
+    result = pf.inverse_dynamics(scene, q, v, a)
+    assert result.status[0] == Status.AMBIGUOUS
+    efforts = [solution.effort for solution in result.solutions(0)]
+    assert np.abs(efforts[0] - efforts[1]).max() > 10.0
+    for effort in efforts:  # each causes the motion
+        back = pf.forward_dynamics(scene, q, v[0], effort)
+        np.testing.assert_allclose(back.a, a[0], rtol=1e-8)
+    assert result.check().passed()
 
 
 def test_a_decelerating_drawer_beyond_its_critical_mu_has_two_solutions():

@@ -5,5 +5,6 @@ kernels write the friction problem and try modes, and searches modes where joint
 `self_locking` gives gears that lock their lines meanwhile; `failures` says why there is no answer.
 `constraints` keeps a state on its loops and what sticks where it is, `margins` measures how far
 that is from slipping: both for integrators. `holds` asks whether friction holds everything at rest.
-`solver` is the same, and inverse dynamics of one state, for control loops.
+`solver` is the same, and inverse dynamics of one state, for control loops; `compensation` is the
+friction that a controller adds to its efforts.
 """

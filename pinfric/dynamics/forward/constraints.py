@@ -68,7 +68,7 @@ class Constraints:
         return np.asarray(v[self._plan.coordinates.velocity_index])
 
     def is_exact(self, q: np.ndarray) -> bool:
-        """Whether the state solved last is normalized and obeys its loops to the last digits."""
+        """Whether the state solved last is normalized and obeys its loops to 1e-8."""
         return bool(is_exact(self._argument.now, q))
 
     def project(

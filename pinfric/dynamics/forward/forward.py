@@ -2,8 +2,8 @@
 
     M a + h - J_ext^T f_ext = u + D phi,     phi_k opposes v_k and depends on the wrench w_k
 
-(paper eq. 3, 16, 17). `maps` writes accelerations, reactions and loads as functions of the friction
-alone, from Pinocchio's figures at the state; what is left is the small coupled problem of
+(paper eq. 3, 16, 17). `problem.instant` writes accelerations, reactions and loads as functions of
+friction alone, from Pinocchio's figures at the state; what is left is the small coupled problem of
 `friction/problem.py`.
 """
 
@@ -154,7 +154,7 @@ def _solved_as_given(
     effort: np.ndarray,
     applied: list[AppliedWrench] | None,
 ) -> bool:
-    """Solve a state; False where it is not closed, or not normalized, to the last digits."""
+    """Solve a state; False where it is not closed, or not normalized, to 1e-8."""
     try:
         ws.solve(q, v, effort, applied)
     except PinfricError:  # what is wrong with the state is said first

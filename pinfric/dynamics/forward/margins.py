@@ -63,7 +63,11 @@ class Margins:
         return self.both().min(axis=0)
 
     def breakaway_direction(self) -> np.ndarray:
-        """Return the direction (nc,) in which what sticks would break away: against friction."""
+        """Return the direction (nc,) in which what sticks would break away.
+
+        In an open chain friction opposes it at the nearer limit. In a mechanism it is a first
+        guess, `Mechanism.way`.
+        """
         if self._mechanism.closed:
             return self._mechanism.way.copy()
         below, above = self.both()

@@ -19,9 +19,9 @@ from pinfric.dynamics.problem.gearing import MOST_PASSES as MOST_LINES
 from pinfric.dynamics.problem.instant import (
     FREE,
     GIVEN,
+    NOT_TRIED,
     SETTLED,
     TURNED,
-    UNDECIDED,
     accelerations_under_friction,
     assemble,
     couple,
@@ -166,7 +166,7 @@ class Workspace:
         Raises:
             StateError: a value is not finite; SceneError: the mass matrix is singular.
             ToggleError: the loops leave more freedoms here than elsewhere.
-            NoConsistentAcceleration, AmbiguousAcceleration, UndecidedAcceleration: see there.
+            AccelerationError: there is none, there are several, or it is undecided, see there.
         """
         solutions, obeying, resting = self._try(q, v, effort, applied, FREE)
         several = self.modes.figures[0] >= 1.0  # one was found; there may be others
@@ -227,14 +227,14 @@ class Workspace:
         self._kept = None
         self.state = q, v, effort, applied, 0.0
         self.supplier.at(q, v, applied)
-        outcome, solutions, obeying, resting = solve_instant(
+        refused, solutions, obeying, resting = solve_instant(
             self.argument, q, v, effort, choice, 0.0
         )
         self.locked = False
-        if outcome == 0:
+        if refused == 0:
             return solutions, obeying, resting
-        if outcome != UNDECIDED:
-            self.failures.refuse(outcome, self.state)
+        if refused != NOT_TRIED:
+            self.failures.refuse(refused, self.state)
         self._take_factor()
         return solutions, obeying, resting if choice == FREE else -1
 
@@ -259,9 +259,9 @@ class Workspace:
         self._kept = None
         self.state = q, v, effort, applied, step
         self.supplier.at(q, v, applied)
-        outcome = assemble(self.argument, q, v, effort, step)
-        if outcome:
-            self.failures.refuse(outcome, self.state)
+        refused = assemble(self.argument, q, v, effort, step)
+        if refused:
+            self.failures.refuse(refused, self.state)
         self._take_factor()
 
     def _take_factor(self) -> None:
@@ -339,9 +339,9 @@ class Workspace:
     def couple(self) -> None:
         """Write the coupled problem of the present state once more, with other lines of gears."""
         q, v, effort, _, step = self.state
-        outcome = couple(self.argument, q, v, effort, step)
-        if outcome:
-            self.failures.refuse(outcome, self.state)
+        refused = couple(self.argument, q, v, effort, step)
+        if refused:
+            self.failures.refuse(refused, self.state)
         self._take_factor()
 
     def _leave_dead_centres(self) -> None:

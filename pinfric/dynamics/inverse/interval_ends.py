@@ -31,8 +31,9 @@ from pinfric.dynamics.inverse.choices import (
 from pinfric.dynamics.inverse.effort_maps import Maps
 from pinfric.dynamics.problem.plan import Plan
 from pinfric.dynamics.samples.outcome import Status
-from pinfric.friction.given_modes import MOST_SOLUTIONS
+from pinfric.friction.given_modes import MOST_SOLUTIONS, reduce_problem
 from pinfric.friction.problem import empty_problem
+from pinfric.friction.several import distinct, from_many_starts
 
 #: Choices of one sample that are all looked at: 2^8.
 ENUMERATED = 256
@@ -40,6 +41,8 @@ ENUMERATED = 256
 MOST_PASSES = 100_000
 #: Statuses without efforts: nothing more is looked for.
 _FAILED = (Status.JAMMED, Status.NOT_CONVERGED, Status.SINGULAR)
+#: Candidates of one call of which more solutions are looked for.
+_MOST_SEARCHED = 100
 #: Candidates per call of the kernel.
 _AT_ONCE = 1 << 14
 #: Turns of a ball's friction until it stays, and what counts as staying.
@@ -144,10 +147,27 @@ class Solver:
         x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
         out = Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
         if ns > 0:  # else nothing rubs, and that is the solution
-            solve_list(
-                self.maps.contact, self._rows, self.plan.entries.site, self.base, self.law, out
-            )
+            self._solve(out)
+            self._complete(out)
         return out
+
+    def _solve(self, c: Candidates) -> None:
+        solve_list(self.maps.contact, self._rows, self.plan.entries.site, self.base, self.law, c)
+
+    def _complete(self, c: Candidates) -> None:
+        """Look for more solutions of candidates whose contraction allows them: from many starts.
+
+        Of `_MOST_SEARCHED` candidates at most: it takes milliseconds each.
+        """
+        nobody = np.zeros(len(self.base.constant), dtype=bool)
+        doubtful = (c.figures[:, 0] >= 1.0) & (c.found < 2)
+        for i in np.flatnonzero(doubtful)[:_MOST_SEARCHED].tolist():
+            self._solve(Candidates(*(field[i : i + 1] for field in c)))  # writes the problem
+            way = self.law.way[c.code[i], c.sample[i], np.arange(len(nobody))]
+            nz, reduced = reduce_problem(self.base, nobody, way)
+            every = distinct(from_many_starts(reduced, way))[:MOST_SOLUTIONS] if nz > 0 else []
+            if len(every) > c.found[i]:
+                c.x[i, : len(every)], c.found[i] = every, len(every)
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
         """(m, ne) friction coordinates of one of the solutions."""

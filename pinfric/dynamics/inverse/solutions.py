@@ -18,16 +18,11 @@ from pinfric.dynamics.samples.closure import pair_rates
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.dynamics.samples.reactions import Batch
 from pinfric.friction.dense import spectral_radius_bound
-from pinfric.friction.given_modes import Reduced, contraction_matrix, newton, reduce_problem
+from pinfric.friction.given_modes import Reduced, contraction_matrix, reduce_problem
 from pinfric.friction.law import write_loads
+from pinfric.friction.several import distinct, from_many_starts
 from pinfric.kernels.compiled import KernelArgument
 from pinfric.model.loops import Linkage
-
-#: Starts of the wide search; how far apart solutions are at a site, relative to its friction; what
-#: rounding of the largest friction leaves in the smallest.
-_STARTS, _DISTINCT, _ROUNDING = 200, 1e-6, 1e-12
-#: What `given_modes.newton` must reach to count as a solution (it stops at rounding).
-_RESIDUAL = 1e-12
 
 
 def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
@@ -45,7 +40,7 @@ def find_solutions(result: SolvedMotion, sample: int) -> tuple[Solution, ...]:
     else:
         found = _search(solver)
     na = len(result.scene.drives)
-    return tuple(_solution(plan, linkage, samples, phi, na) for phi in _distinct(found))
+    return tuple(_solution(plan, linkage, samples, phi, na) for phi in distinct(found))
 
 
 def one_sample(result: SolvedMotion, sample: int) -> tuple[Plan, Linkage, Samples, np.ndarray]:
@@ -94,38 +89,9 @@ def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:
 def _search(solver: Solver) -> np.ndarray:
     """Newton from many starts on every scale; (number found, ne) friction coordinates."""
     plan, law = solver.plan, solver.law
-    reduced = reduced_problem(solver)
-    unknown, X, _, _, gain, contact = reduced
-    nz = contact.shape[1] - 1
-    rng = np.random.default_rng(0)
-    scale = float(np.abs(contact[:, 0]).max(initial=0.0)) * float(np.abs(gain).max(initial=0.0))
-    way = np.ones(nz)
-    for s in np.flatnonzero(unknown >= 0):
-        way[unknown[s]] = -law.way[SLIDES, 0, s]
-    found = []
-    for start in range(_STARTS if nz else 1):
-        z = way * (scale or 1.0) * 10.0 ** rng.uniform(-4, 5, size=nz) * (start > 0)
-        error = newton(reduced, z, False)[0] if nz else 0.0
-        if error <= _RESIDUAL:
-            found.append(X[:, 0] + X[:, 1:] @ z)
-    x = np.array(found).reshape(len(found), len(plan.sites.first_entry))
+    x = from_many_starts(reduced_problem(solver), law.way[SLIDES, 0])
+    x = x.reshape(len(x), len(plan.sites.first_entry))
     return np.asarray(x[:, plan.entries.site] * law.direction[0])
-
-
-def _distinct(found: np.ndarray) -> list[np.ndarray]:
-    """Those that differ at a site by more than rounding: each site by its own friction's scale.
-
-    By the largest friction of all, a small pin's two limits beside a large one's would be one.
-    """
-    kept: list[np.ndarray] = []
-    for phi in found:
-        floor = _ROUNDING * float(np.abs(phi).max(initial=0.0))
-        if all(
-            (np.abs(phi - other) > _DISTINCT * np.maximum(np.abs(phi), np.abs(other)) + floor).any()
-            for other in kept
-        ):
-            kept.append(phi)
-    return kept
 
 
 def _solution(plan: Plan, linkage: Linkage, samples: Samples, phi: np.ndarray, na: int) -> Solution:

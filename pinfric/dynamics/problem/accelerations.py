@@ -218,7 +218,7 @@ def _write_problem_rates(machine: Machine, v: np.ndarray, step: float) -> None:
 
 @kernel
 def _find_dead_centres(machine: Machine) -> None:
-    """Mark joints that stand still while the mechanism moves; those at rest get no slope."""
+    """Mark joints that stand still while the mechanism moves; their slope is set to 0."""
     D, w, size_of = machine.kinematics.D, machine.maps, machine.plan.coordinates.direction_size
     Z, factor, d = w.Z, w.factor, w.freedoms[0]
     nc, nv = D.shape

@@ -19,7 +19,8 @@ from pinfric.kernels.compiled import kernel
 def solve_balance(A: np.ndarray, scale: float, y: np.ndarray, free: np.ndarray) -> int:
     """Write one solution of A[:, :ny] y = A[:, ny:], and what may be added to it; return the rank.
 
-    Full pivoting, the paper's choice, finds the rank. Fewer than A has rows: there may be none.
+    Full pivoting, the paper's choice, finds the rank. A rank below the number of rows: there may be
+    no solution.
 
     Args:
         A: (nr, ny + columns), overwritten.
@@ -50,7 +51,7 @@ def add_friction(X: np.ndarray, action: np.ndarray, wrench: np.ndarray) -> None:
     Args:
         X: (6, nx) what actions do to the joint.
         action: (n,) of each friction; -1: it acts in a joint of the tree.
-        wrench: overwritten.
+        wrench: added to.
     """
     for k in range(action.size):
         if action[k] >= 0:
@@ -87,7 +88,7 @@ def add_reactions(
         first: where in it the columns of y begin.
         free: (ny, nf) what may be added to y.
         y: (ny, columns), changed where nf > 0.
-        wrench: (nr, 6, columns), overwritten.
+        wrench: (nr, 6, columns), added to.
 
     Returns:
         False where no way to share is the best.

@@ -39,8 +39,8 @@ def write_lines(machine: Machine, v: np.ndarray, given: np.ndarray, step: float)
     also taken where a line that falls would have to hold what may be at rest.
 
     Args:
-        machine: `slope`, `offset`, `reflected`, `ends` of the lines and laws of the gears' entries
-            are written.
+        machine: its `lines`, but for `way` and `delivered`, and laws of the gears' entries are
+            written.
         v: (nv,).
         given: (na,) u = r T_m (N m or N at the joint).
         step: 0, or a time step (s), at whose end viscous friction acts.

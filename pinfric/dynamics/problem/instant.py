@@ -38,8 +38,9 @@ from pinfric.kernels.compiled import kernel
 #: face their motion; those in `modes`, of the state that was assembled last. What has no dry
 #: friction faces its motion in any case.
 FREE, GIVEN, TURNED, SETTLED = range(4)
-#: An outcome of `solve_instant`, beside 0 and those of `write_accelerations`: no modes were tried.
-UNDECIDED = 4
+#: An outcome of `solve_instant`, beside 0 and those of `write_accelerations`: joints stick that may
+#: share their friction, and the caller has to find it.
+NOT_TRIED = 4
 _EPS = float(np.finfo(float).eps)
 #: So many times its inertia something moves little.
 _HELD = 1e9
@@ -90,7 +91,7 @@ def assemble(
 def _face(machine: Machine) -> int:
     """Set the modes that velocities fix and stick everything at rest; return how many are.
 
-    At no speed at all the direction of what has no dry friction stays as it is.
+    At zero speed a ball without dry friction keeps its direction; anything else has none.
     """
     t, m = machine.plan.coordinates, machine.modes
     rate, resting = machine.kinematics.coordinate_rate, 0
@@ -231,7 +232,7 @@ def solve_instant(
 
     Returns:
         (outcome, number of solutions or -1, how many obey, how many are at rest); the outcome is
-        `UNDECIDED` where joints that may share their friction stick: no modes were tried.
+        `NOT_TRIED` where joints that may share their friction stick: no modes were tried.
     """
     m, closure = machine.modes, machine.plan.closure
     resting = 0
@@ -254,7 +255,7 @@ def solve_instant(
         if closure.dependent:
             for c in range(m.stuck.size):
                 if m.stuck[c]:
-                    return UNDECIDED, 0, 0, resting
+                    return NOT_TRIED, 0, 0, resting
         found, obeying = try_modes(machine.problem, m)
         if found <= 0 or refit(machine, passes >= FEW_PASSES) == 0:
             break

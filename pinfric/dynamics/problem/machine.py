@@ -43,7 +43,7 @@ class Tree(NamedTuple):
 class Supply(NamedTuple):
     """Pinocchio's figures at one state: views of its `Data` after `crba` (world) and `rnea`.
 
-    The first row of each is the ground's, as in Pinocchio.
+    The first row of each but `h` is the ground's, as in Pinocchio.
 
     Attributes:
         R, p: (1 + nj, 3, 3), (1 + nj, 3) of the joints' child frames in the world.
@@ -101,11 +101,11 @@ class AffineMaps(NamedTuple):
     Attributes:
         acceleration: (nv, 1 + nc). multiplier: (nl, 1 + nc). wrench: (nr, 6, 1 + nc).
         delivered: (na, 1 + nc) efforts of the drives.
-        M: (nv, nv) mass matrix, with armature.
+        M: (nv, nv) mass matrix, with armature; of a time step with drag.
         Z: (nv, nv) motions that loops allow, in its first columns; `freedoms`: (1,) how many.
         a_closure: (nv,) one acceleration that keeps them closed.
-        factor: (nv, nc) A of rate_slope = A^T A, its first d rows.
-        push, push_terms: (nv,) S u - h - M a_closure; size of what it is the sum of.
+        factor: (nv, nc) A of rate_slope = A^T A, its first d rows; 0 with lines that do not rise.
+        push, push_terms: (nv,) S u - h - M a_closure; size of S u and h.
         idle: (nc,) whether a joint is near its dead centre.
         drag, damping: (nc,) of a time step: what opposes it now, and per unit of it at the end.
     """
@@ -135,7 +135,7 @@ class GearLines(NamedTuple):
         slope, offset, reflected: (na,) of the lines, with drag, and the rotors' inertia; 1, 0, 0
             where efforts are given.
         ends, held: (na, 2) efforts between which each line holds, and which the gear holds at rest.
-        arriving: (na,) r T_m - drag at rest.
+        arriving: (na,) what arrives at each gear at rest: r T_m, less drag and inertia.
         locking: (1,) int, how many lines do not rise.
         all_forces: (1,) sum of all |h|, |given|.
     """

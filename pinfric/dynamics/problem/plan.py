@@ -98,7 +98,7 @@ class Coordinates(NamedTuple):
 
     Attributes:
         velocity_index, action: (nc,) the velocity of a tree's, the action of a loop's, of a
-            cylinder's or of another drive off the joints; -1, both of a coupled gear's.
+            cylinder's or of another drive off the joints; -1 else. A coupled gear has neither.
         rate_row: (nc, nv) its rate per unit velocity; 0 along an action.
         viscous: (nc,) N m s/rad or N s/m.
         dry: (nc,) bool, whether anything on it can stick.
@@ -151,7 +151,7 @@ class Closure(NamedTuple):
         balanced: (nr,) velocities that no joint drive moves: only actions balance them.
         freedoms: degrees of freedom that the loops leave.
         dependent: whether coordinates may depend on each other: loops close, or friction acts
-            along a cylinder.
+            along a cylinder or in a coupled gear.
         shared: number of joints, the loops' too, that share reactions; 0 where they are unique.
         inverse_length: 1/l of the weights that share reactions of redundant closures (1/m).
         scale: size of the levers and directions in Jacobians; what is small beside it is 0.

@@ -193,7 +193,7 @@ def _write_rates(machine: Machine, v: np.ndarray) -> None:
 
 @kernel
 def write_laws(machine: Machine, step: float) -> None:
-    """Write the law of every entry at its present speed (see `laws`).
+    """Write the law of every site's entry at its present speed (see `laws`).
 
     Of a time step, what vanishes at rest goes into `drag` and `damping` (see `accelerations`), not
     into the entries' laws, under the loads of the last solution.

@@ -99,7 +99,7 @@ class Supplier:
         return out
 
     def _inertias(self, lever: np.ndarray) -> np.ndarray:
-        """(nj, 6) rotational inertias: they stand behind the levers, which is put to the test."""
+        """(1 + nj, 6) rotational inertias: they stand behind the levers, which is tested."""
         rows, columns = np.array([0, 1, 1, 2, 2, 2]), np.array([0, 0, 1, 0, 1, 2])
         given = np.array([y.inertia[rows, columns] for y in self.data.oYcrb])
         if not self._copies:

@@ -1,4 +1,4 @@
-"""Samples of a motion, before friction is solved.
+"""Samples of a motion: their states, reactions and results; no coupled friction is solved here.
 
 `states` checks shapes and numbers; `closure` solves the joints that loops lead, and measures loops'
 joints; `reactions` gets the wrenches at the joints from Pinocchio, a batch at a time; `reversals`

@@ -245,7 +245,13 @@ class EventIntegration(Integration):
     # ------------------------------------------------------------ changes of modes
 
     def _change_modes(self, fired: np.ndarray) -> None:
-        """Search the modes at the present instant after the guards of coordinates `fired` have."""
+        """Search the modes at the present instant, where guards of some coordinates crossed zero.
+
+        What broke away is made to slip first; where that has no solution, nothing is.
+
+        Args:
+            fired: which coordinates.
+        """
         ws, modes = self.ws, self.ws.modes
         before = modes.copy()
         stopped = self._stop([int(c) for c in fired if not modes.stuck[c]])
