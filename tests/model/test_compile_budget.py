@@ -20,15 +20,15 @@ from pinfric.friction.consistency import site_friction
 #: of gears and bearings that hold without limit, and exact zeros beside what sticks. A kernel that
 #: entries share counts in each of them, and is compiled once.
 BUDGET = {
-    "dynamics.problem.instant.solve_instant": 59_900,
+    "dynamics.problem.instant.solve_instant": 66_300,
     "dynamics.problem.instant.finish": 3_500,
-    "dynamics.inverse.effort_maps.map_friction": 5_500,
-    "dynamics.inverse.effort_maps.write_wrenches": 1_100,
-    "dynamics.inverse.choices.solve_list": 12_700,
+    "dynamics.inverse.effort_maps.map_friction": 6_300,
+    "dynamics.inverse.effort_maps.write_wrenches": 1_400,
+    "dynamics.inverse.choices.solve_list": 13_400,
     "dynamics.forward.solver.rub": 5_800,
     "dynamics.samples.threaded.bound_in_parts": 3_900,
     "friction.branching.branch": 6_700,
-    "friction.least_use.descend": 5_050,
+    "friction.least_use.descend": 5_100,
     "model.kinematics.relate_pairs": 6_700,
     "model.kinematics.act_on_joints": 3_400,
 }
