@@ -28,8 +28,11 @@ def as_markdown(text: str) -> str:
             blocks.append(f"```text\n{inspect.cleandoc(block)}\n```")
         else:
             parts = CODE.split(block)
-            blocks.append("".join(part if i % 2 else re.sub(r"([*_|<>\[\]])", r"\\\1", part)
-                                  for i, part in enumerate(parts)))  # fmt: skip
+            plain = (
+                part if i % 2 else re.sub(r"([*_|<>\[\]])", r"\\\1", part)
+                for i, part in enumerate(parts)
+            )
+            blocks.append("".join(plain))
     return "\n\n".join(blocks)
 
 
@@ -47,11 +50,18 @@ class FormatPage:
             self.lines += self._sections(place, found)
 
     def _sections(self, place: str, schema: Any) -> list[str]:
-        kinds = schema.get("anyOf", [])
-        if not kinds:
+        if "discriminator" not in schema:
             return self._keys(place, schema)
-        return [line for kind in kinds
-                for line in self._keys(place, kind, _of_kind(place, kind))]  # fmt: skip
+        return [
+            line
+            for kind, cls in self._kinds(schema).items()
+            for line in self._keys(place, cls, _of_kind(place, kind))
+        ]
+
+    def _kinds(self, schema: Any) -> dict[str, Any]:
+        """The members of a union, by their `kind`."""
+        named = schema["discriminator"]["mapping"].items()
+        return {kind: self.defs[ref.rpartition("/")[2]] for kind, ref in named}
 
     def _keys(self, place: str, schema: Any, title: str = "") -> list[str]:
         shown = title or place
@@ -86,12 +96,12 @@ class FormatPage:
                 self.places[name] = place
                 self.waiting.append((place, self.defs[name]))
             place = self.places[name]
-            if kinds := self.defs[name].get("anyOf"):
-                return " or ".join(self._link(_kind_of(kind), _of_kind(place, kind))
-                                   for kind in kinds)  # fmt: skip
+            if "discriminator" in self.defs[name]:
+                kinds = self._kinds(self.defs[name])
+                return " or ".join(self._link(kind, _of_kind(place, kind)) for kind in kinds)
             return self._link(place, place)
-        if "anyOf" in value:
-            kinds = [kind for kind in value["anyOf"] if kind.get("type") != "null"]
+        if forms := value.get("anyOf", value.get("oneOf")):
+            kinds = [form for form in forms if form.get("type") != "null"]
             return " or ".join(dict.fromkeys(self._kind(place, kind) for kind in kinds))
         if "const" in value:
             return f"`{value['const']}`"
@@ -108,12 +118,8 @@ class FormatPage:
         return " ".join([_NAME.get(value.get("type", ""), "anything"), ", ".join(bounds)]).strip()
 
 
-def _kind_of(schema: Any) -> str:
-    return str(schema["properties"]["kind"]["const"])
-
-
-def _of_kind(place: str, schema: Any) -> str:
-    return f"{place.rpartition('.')[2]}: {{kind: {_kind_of(schema)}, ...}}"
+def _of_kind(place: str, kind: str) -> str:
+    return f"{place.rpartition('.')[2]}: {{kind: {kind}, ...}}"
 
 
 def _yaml(value: Any) -> str:
