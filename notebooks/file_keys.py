@@ -75,9 +75,9 @@ class FormatPage:
             if key in schema.get("required", []):
                 kind += ", **required**"
             elif value.get("default") not in (None, {}, [], ""):
-                kind += f", by default `{_yaml(value['default'])}`"
+                kind += f", by default `{as_yaml(value['default'])}`"
             meaning = value.get("description", "").removesuffix(f" ({unit})")
-            examples = ", ".join(f"`{_yaml(given)}`" for given in value.get("examples", []))
+            examples = ", ".join(f"`{as_yaml(given)}`" for given in value.get("examples", []))
             lines += [f"`{key}`", f": {as_markdown(meaning)}", "", f"  {kind}; e.g. {examples}", ""]
         return lines
 
@@ -106,7 +106,7 @@ class FormatPage:
         if "const" in value:
             return f"`{value['const']}`"
         if "enum" in value:
-            return " or ".join(f"`{_yaml(word)}`" for word in value["enum"])
+            return " or ".join(f"`{as_yaml(word)}`" for word in value["enum"])
         if value.get("type") == "array":
             if "prefixItems" in value:
                 kinds = dict.fromkeys(self._kind(place, x) for x in value["prefixItems"])
@@ -122,8 +122,8 @@ def _of_kind(place: str, kind: str) -> str:
     return f"{place.rpartition('.')[2]}: {{kind: {kind}, ...}}"
 
 
-def _yaml(value: Any) -> str:
-    """A value as one line of YAML."""
+def as_yaml(value: Any) -> str:
+    """Return a value as one line of YAML."""
     text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=10**6)
     return text.removesuffix("\n").removesuffix("\n...").replace("|", "\\|")
 

@@ -452,7 +452,11 @@ class SceneFile(Entry):
     stick: Annotated[Stick, key("when a joint stands still", {"velocity": 1e-06})] = Stick()
     tool: Annotated[
         str | None,
-        key("link whose frame is the tool's, for where elastic gears let it stand", "tool0"),
+        key(
+            "link whose frame is the tool's, for where elastic gears let it stand; how far off it "
+            "may be, a catalogue's `conditions` say",
+            "tool0",
+        ),
     ] = None
     simulation: Annotated[
         Simulation | None, key("what `pinfric simulate` runs", {"t_end": 1.0})
