@@ -6,8 +6,7 @@ import inspect
 import re
 from typing import Any
 
-import yaml
-
+from pinfric.model.yamlfile import yaml_line
 from pinfric.study.formats import json_schema
 
 CODE = re.compile(r"(`[^`\n]+`)")
@@ -123,9 +122,8 @@ def _of_kind(place: str, kind: str) -> str:
 
 
 def as_yaml(value: Any) -> str:
-    """Return a value as one line of YAML."""
-    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=10**6)
-    return text.removesuffix("\n").removesuffix("\n...").replace("|", "\\|")
+    """Return a value as one line of YAML in a table's cell."""
+    return yaml_line(value).replace("|", "\\|")
 
 
 def _anchor(place: str) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -29,6 +28,7 @@ from pinfric.model.robot import (
 )
 from pinfric.model.scene import Scene
 from pinfric.model.urdf_document import UrdfDynamics
+from pinfric.model.yamlfile import yaml_line
 from pinfric.study.check.joint_loads import JointLoad, joint_loads
 from pinfric.study.formats import json_schema
 from pinfric.study.trajectory.followers import Follower, find_followers
@@ -42,8 +42,6 @@ _LONGEST = 10.0
 _GEAR, _STATIC = 0.02, 1.2
 #: Rolling bearings: mu of catalogues (SKF 0.0015-0.0030) and, at rest, 1.5 times that.
 _MU = {"static": 0.003, "kinetic": 0.002}
-_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*\Z")
-_YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 
 
 def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
@@ -67,11 +65,11 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         _head(urdf, robot),
         "pinfric: 1",
         "robot:",
-        f"  urdf: {scalar(locator(urdf, folder))}",
+        f"  urdf: {yaml_line(locator(urdf, folder))}",
         "  gravity: [0.0, 0.0, -9.81]",
         *_dynamics_section(robot),
         "  # payloads:                  # what it carries; com in the link's frame",
-        f"  #   box: {{link: {scalar(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
+        f"  #   box: {{link: {yaml_line(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
         "friction:",
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
@@ -94,7 +92,7 @@ def new_waypoints(urdf: str | Path) -> str:
     columns = tuple(_followed(column, followers) for column in columns)
     start = [_start(column) for column in columns]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
-    names = ", ".join(scalar(column.name) for column in columns)
+    names = ", ".join(yaml_line(column.name) for column in columns)
     return "\n".join([
         f"# A first motion for {urdf.name}: every joint moves a little, holds, and returns.",
         "# Made by `pinfric new`; positions in rad and m, times in s.",
@@ -151,12 +149,12 @@ def _checked(kind: str, text: str) -> str:
 
 def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> list[str]:
     """The lines of one joint; a joint without a single axis is only listed."""
-    name = scalar(joint.name)
+    name = yaml_line(joint.name)
     if joint.degrees > 1:
         return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
     unit, position = ("N", "m") if joint.sliding else ("N m", "rad")
     if joint.leader is not None:
-        about = f"follows {scalar(joint.leader)}: bearings of its own, no drive"
+        about = f"follows {yaml_line(joint.leader)}: bearings of its own, no drive"
     elif math.isfinite(joint.upper):
         about = f"{joint.lower:.4g} to {joint.upper:.4g} {position}"
     else:
@@ -172,7 +170,7 @@ def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> li
         "  # guess: rolling bearings (plain bushings: 0.1 to 0.2)",
         f"    coulomb: {{static: {_short(_STATIC * gear)}, kinetic: {_short(gear)}}}"
         f"  # guess: gear and seals, {100 * _GEAR:g} % of {joint.load:.3g} {unit}{friction}",
-        f"    # viscous: {yaml_number(f'{given.damping:.6g}')}  # {unit} s/{position}{damping}",
+        f"    # viscous: {_short(given.damping, 6)}  # {unit} s/{position}{damping}",
     ]
 
 
@@ -240,7 +238,7 @@ def _actuators_section(robot: Robot) -> list[str]:
     if not robot.gears.keys() & set(single):
         return [
             "# actuators:                   # without this section: one ideal drive per joint",
-            f"#   - joint: {scalar(single[0] if single else robot.model.names[1])}",
+            f"#   - joint: {yaml_line(single[0] if single else robot.model.names[1])}",
             "#     transmission: {ratio: 100, efficiency: 0.85, back_efficiency: 0.82, "
             "rotor_inertia: 1.0e-5}",
         ]
@@ -251,8 +249,8 @@ def _actuators_section(robot: Robot) -> list[str]:
     for name in Scene(robot.model).actuator_names:
         ratio = robot.gears.get(name) if name in single else None
         gear = "" if ratio is None else (
-            f", transmission: {{ratio: {yaml_number(f'{ratio:.12g}')}}}")  # fmt: skip
-        lines.append(f"  - {{joint: {scalar(name)}{gear}}}{'  # the URDF' if gear else ''}")
+            f", transmission: {{ratio: {_short(ratio, 12)}}}")  # fmt: skip
+        lines.append(f"  - {{joint: {yaml_line(name)}{gear}}}{'  # the URDF' if gear else ''}")
     return lines
 
 
@@ -311,24 +309,10 @@ def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[fl
     return max(1.0, math.ceil(10.0 * max(needed, default=0.0)) / 10.0)
 
 
-def scalar(text: str) -> str:
-    """Text as YAML that reads back as the same text."""
-    plain = _PLAIN.match(text) or re.match(r"[A-Za-z0-9_./\-]+(:[A-Za-z0-9_./\-]+)?\Z", text)
-    if plain and text.lower() not in _YAML_WORDS and not text[0].isdigit() and text[0] not in "-.":
-        return text
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _short(x: float) -> str:
-    """Two significant digits, as YAML reads a number."""
-    return yaml_number(f"{x:.2g}")
-
-
-def yaml_number(text: str) -> str:
-    """A number as YAML 1.1 reads it: 5e-05 would be text there, 5.0e-5 is not."""
-    digits, e, exponent = text.partition("e")
-    return f"{digits if '.' in digits else digits + '.0'}e{int(exponent)}" if e else text
+def _short(x: float, digits: int = 2) -> str:
+    """A number with so many significant digits."""
+    return yaml_line(float(f"{x:.{digits}g}"))
 
 
 def _numbers(values: list[float]) -> str:
-    return "[" + ", ".join(yaml_number(f"{value:.12g}") for value in values) + "]"
+    return yaml_line([float(f"{value:.12g}") for value in values])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,12 @@ from pinfric.model.robot import Robot, example_robot_data
 from pinfric.model.schema import Simulation, TableEffort
 from pinfric.model.urdf import mesh_file
 from pinfric.model.urdf_file import read_xml
+from pinfric.model.yamlfile import yaml_text
 from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.findings import Findings
 from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter, couples, on_motor
-from pinfric.study.new_scene import locator, scalar, yaml_number
+from pinfric.study.new_scene import locator
 
 #: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
 _ABSOLUTE = ("efficiency", "back_efficiency")
@@ -110,7 +111,7 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
     content["stick"] = {"velocity": scene.stick_velocity}
     if scene.simulation is not None:
         content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
-    return "\n".join([*_heading(found), *_block(content, 0, (), _comments(found))]) + "\n"
+    return "\n".join([*_heading(found), yaml_text(content, _comments(found))])
 
 
 def _heading(found: Findings) -> Iterator[str]:
@@ -169,53 +170,6 @@ def _interval(parameter: Parameter) -> str:
         return f"not determined: {parameter.why}"
     text = f"{parameter.low:.3g} to {parameter.high:.3g} {parameter.unit}".rstrip()
     return text if parameter.determined else f"not determined: {parameter.why} ({text})"
-
-
-def _block(
-    node: Mapping[str, Any] | Sequence[Any],
-    depth: int,
-    path: tuple[str, ...],
-    comments: Mapping[tuple[str, ...], str],
-) -> Iterator[str]:
-    """Yield lines of YAML: what is flat on one line, the rest indented, comments beside both."""
-    for key, value in node.items() if isinstance(node, Mapping) else enumerate(node):
-        here = (*path, str(key))
-        pad = "  " * depth
-        lead = f"{pad}- " if not isinstance(node, Mapping) else f"{pad}{scalar(str(key))}:"
-        beside = f"  # {comments[here]}" if here in comments else ""
-        inner = any(len(at) > len(here) and at[: len(here)] == here for at in comments)
-        if (_flat(value) and not inner) or not value:
-            yield f"{lead.rstrip()} {_flow(value)}{beside}"
-        elif isinstance(node, Mapping):
-            yield f"{lead}{beside}"
-            yield from _block(value, depth + 1, here, comments)
-        else:
-            if beside:
-                yield f"{pad}{beside.strip()}"
-            lines = list(_block(value, depth + 1, here, comments))
-            yield f"{pad}- {lines[0].lstrip()}"
-            yield from lines[1:]
-
-
-def _flat(value: Any) -> bool:
-    """Whether a value stands on one line: a scalar, numbers, or a mapping of scalars."""
-    if isinstance(value, Mapping):
-        return all(not isinstance(x, Mapping | list) for x in value.values())
-    if isinstance(value, list | tuple):
-        return all(not isinstance(x, Mapping | list | tuple) for x in value)
-    return True
-
-
-def _flow(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{scalar(str(k))}: {_flow(x)}" for k, x in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_flow, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, int | float):
-        return yaml_number(f"{value:.10g}")
-    return scalar(str(value))
 
 
 def _robot_text(robot: Robot, model: pin.Model) -> str:

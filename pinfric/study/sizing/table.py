@@ -12,13 +12,12 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import Field, model_validator
 
 from pinfric.errors import CatalogError, PinfricError, choose_from
 from pinfric.model.entry import Entry, Forms, key, parse
 from pinfric.model.files import write_file
-from pinfric.model.yamlfile import brief, read_yaml
+from pinfric.model.yamlfile import brief, read_yaml, yaml_text
 from pinfric.study.sizing.catalog import Gear, GearMotor, Motor, Sourced, Text
 from pinfric.study.sizing.units import FIGURES, in_si, unit_of
 
@@ -110,9 +109,10 @@ def write_catalog(content: dict[str, Any], path: str | Path, origin: str = "") -
     Raises:
         PinfricError: it cannot be written.
     """
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
     head = f"# Imported from {origin}: SI units.\n" if origin else ""
-    return write_file(path, lambda file: file.write_text(head + text, encoding="utf-8"))
+    return write_file(
+        path, lambda file: file.write_text(head + yaml_text(content), encoding="utf-8")
+    )
 
 
 def _rows(
