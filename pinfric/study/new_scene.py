@@ -27,7 +27,7 @@ from pinfric.model.robot import (
     urdf_file,
 )
 from pinfric.model.scene import Scene
-from pinfric.model.urdf_document import UrdfDynamics
+from pinfric.model.urdf import UrdfDynamics
 from pinfric.model.yamlfile import yaml_line
 from pinfric.study.check.joint_loads import JointLoad, joint_loads
 from pinfric.study.formats import json_schema
@@ -311,8 +311,9 @@ def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[fl
 
 def _short(x: float, digits: int = 2) -> str:
     """A number with so many significant digits."""
-    return yaml_line(float(f"{x:.{digits}g}"))
+    number = float(f"{x:.{digits}g}")
+    return yaml_line(int(number) if number.is_integer() else number)
 
 
 def _numbers(values: list[float]) -> str:
-    return yaml_line([float(f"{value:.12g}") for value in values])
+    return f"[{', '.join(_short(value, 12) for value in values)}]"

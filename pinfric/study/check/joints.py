@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 from pinfric.model.robot import Robot
-from pinfric.model.urdf import mass_and_inertia, reductions
-from pinfric.model.urdf_document import Joint
+from pinfric.model.urdf import reductions
 from pinfric.study.check.findings import ANGLES, LENGTHS, Finding, Severity, in_unit, likely_unit
 from pinfric.study.check.joint_loads import joint_loads
 from pinfric.study.check.robot import RobotFacts
@@ -47,7 +47,7 @@ def joint_findings(facts: RobotFacts, robot: Robot | None) -> Iterator[Finding]:
     yield from _transmissions(facts)
 
 
-def _placement(joint: Joint, facts: RobotFacts) -> Iterator[Finding]:
+def _placement(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
     """Roll, pitch and yaw, as they are written: the document has only their matrix."""
     origin = facts.elements[joint.name].find("origin")
     rpy = [] if origin is None else [float(x) for x in origin.get("rpy", "").split()]
@@ -61,7 +61,7 @@ def _placement(joint: Joint, facts: RobotFacts) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _limits(joint: Joint, reach: float) -> Iterator[Finding]:
+def _limits(joint: Any, reach: float) -> Iterator[Finding]:
     limit, place = joint.limit, f"joint {joint.name}"
     if limit is None:
         return
@@ -99,14 +99,14 @@ def _limits(joint: Joint, reach: float) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _axis(joint: Joint, facts: RobotFacts) -> Iterator[Finding]:
+def _axis(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
     if facts.elements[joint.name].find("axis") is None:
         yield Finding(Severity.WARNING, "axis", f"joint {joint.name}", "no <axis>",
                       "taken as 1 0 0, along its x")  # fmt: skip
 
 
-def _masses(joint: Joint, facts: RobotFacts) -> Iterator[Finding]:
-    masses = {link.name: mass_and_inertia(link)[0] for link in facts.document.links}
+def _masses(joint: Any, facts: RobotFacts) -> Iterator[Finding]:
+    masses = facts.masses
     if facts.moved_mass(joint) == 0.0:
         yield Finding(Severity.WARNING, "no mass", f"joint {joint.name}", "moves no mass",
                       "its friction has no load, and it cannot be simulated")  # fmt: skip
@@ -119,11 +119,11 @@ def _masses(joint: Joint, facts: RobotFacts) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _friction(joint: Joint) -> Iterator[Finding]:
+def _friction(joint: Any) -> Iterator[Finding]:
     """Friction above what the drive can give: it would never move."""
     given, limit = joint.dynamics, joint.limit
     effort = 0.0 if limit is None else limit.effort or 0.0
-    friction = 0.0 if given is None else given.friction
+    friction = 0.0 if given is None else float(given.friction or 0)
     if 0.0 < effort < friction:
         unit = "N" if joint.type == "prismatic" else "N m"
         yield Finding(
