@@ -79,7 +79,7 @@ SCENE_CASES = [
     case("a list", "arm.yaml", None, "- 1\n- 2\n", "arm.yaml", "mapping", "list"),
     case("tab", "arm.yaml", "  urdf", "\turdf", "arm.yaml, line 3", "not valid YAML"),
     case("not text", "arm.yaml", None, "\x00\x01", "arm.yaml", "not"),
-    case("key twice", "arm.yaml", "actuators:", "friction:", "arm.yaml, line", "friction", "duplicate"),
+    case("key twice", "arm.yaml", "actuators:", "friction:", "arm.yaml, line", "duplicate"),
     case("other version", "arm.yaml", "pinfric: 1", "pinfric: 2", "arm.yaml", "pinfric", "2"),
     case("no version", "arm.yaml", "pinfric: 1\n", "", "arm.yaml", "pinfric", "missing"),
     case("unknown key", "arm.yaml", "actuators", "actuator", "arm.yaml", "'actuators'", "actuator"),
