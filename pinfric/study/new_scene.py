@@ -74,7 +74,7 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
         *_simulation_section(robot.model),
-    ]  # fmt: skip
+    ]
     return "\n".join(parts) + "\n"
 
 
@@ -93,20 +93,18 @@ def new_waypoints(urdf: str | Path) -> str:
     start = [_start(column) for column in columns]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
     names = ", ".join(yaml_line(column.name) for column in columns)
-    return "\n".join([
-        f"# A first motion for {urdf.name}: every joint moves a little, holds, and returns.",
-        "# Made by `pinfric new`; positions in rad and m, times in s.",
-        "pinfric_trajectory: 1",
-        "profile: quintic",
-        "sample_rate: 250",
-        f"joints: [{names}]",
-        "points:",
-        f"  - {{name: start, q: {_numbers(start)}, hold: 0.3}}",
-        f"  - {{name: there, q: {_numbers(end)}, duration: {_duration(columns, start, end):g}, "
-        "hold: 0.5}",
-        f"  - {{name: start, q: {_numbers(start)}, duration: {_duration(columns, start, end):g}, "
-        "hold: 0.3}",
-    ]) + "\n"  # fmt: skip
+    there, back, time = _numbers(end), _numbers(start), f"{_duration(columns, start, end):g}"
+    return f"""# A first motion for {urdf.name}: each joint moves a little, holds, and returns.
+# Made by `pinfric new`; positions in rad and m, times in s.
+pinfric_trajectory: 1
+profile: quintic
+sample_rate: 250
+joints: [{names}]
+points:
+  - {{name: start, q: {back}, hold: 0.3}}
+  - {{name: there, q: {there}, duration: {time}, hold: 0.5}}
+  - {{name: start, q: {back}, duration: {time}, hold: 0.3}}
+"""
 
 
 def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
@@ -133,12 +131,17 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     for file in contents:
         if (folder / file).exists():
             raise PinfricError(f"{folder / file}: is there already; name another folder (--out)")
-    schemas = {f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
-               for kind in ("scene", "waypoints")}  # fmt: skip
-    write_folder(folder, {
-        file: partial(Path.write_text, data=text, encoding="utf-8")
-        for file, text in {**schemas, **contents}.items()
-    })  # fmt: skip
+    schemas = {
+        f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
+        for kind in ("scene", "waypoints")
+    }
+    write_folder(
+        folder,
+        {
+            file: partial(Path.write_text, data=text, encoding="utf-8")
+            for file, text in {**schemas, **contents}.items()
+        },
+    )
     return [folder / file for file in contents]
 
 
@@ -248,8 +251,7 @@ def _actuators_section(robot: Robot) -> list[str]:
     ]
     for name in Scene(robot.model).actuator_names:
         ratio = robot.gears.get(name) if name in single else None
-        gear = "" if ratio is None else (
-            f", transmission: {{ratio: {_short(ratio, 12)}}}")  # fmt: skip
+        gear = "" if ratio is None else (f", transmission: {{ratio: {_short(ratio, 12)}}}")
         lines.append(f"  - {{joint: {yaml_line(name)}{gear}}}{'  # the URDF' if gear else ''}")
     return lines
 
@@ -259,8 +261,10 @@ def _simulation_section(model: pin.Model) -> list[str]:
     M = pin.crba(model, model.createData(), pin.neutral(model))
     if np.linalg.eigvalsh(np.triu(M) + np.triu(M, 1).T)[0] <= 1e-12 * max(float(M.max()), 1e-9):
         return ["# simulation: not possible, a joint moves no mass; give its link an <inertial>"]
-    return ["simulation:                    # pinfric simulate: lets go of the robot for a second",
-            "  t_end: 1.0"]  # fmt: skip
+    return [
+        "simulation:                    # pinfric simulate: lets go of the robot for a second",
+        "  t_end: 1.0",
+    ]
 
 
 def _followed(column: JointColumn, followers: Sequence[Follower]) -> JointColumn:

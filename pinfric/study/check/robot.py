@@ -97,8 +97,16 @@ class RobotFacts:
         document = read_document(root, urdf)
         folders = mesh_folders(urdf)
         extents, unread = link_extents(document, urdf, folders)
-        return cls(urdf, root, document, nameless, lost,
-                   missing_meshes(root, urdf, folders), unread, extents)  # fmt: skip
+        return cls(
+            urdf,
+            root,
+            document,
+            nameless,
+            lost,
+            missing_meshes(root, urdf, folders),
+            unread,
+            extents,
+        )
 
     @cached_property
     def elements(self) -> dict[str, ElementTree.Element]:
@@ -111,8 +119,11 @@ class RobotFacts:
         below: dict[str, list[Any]] = {}
         for joint in self.document.joints:
             below.setdefault(joint.parent, []).append(joint)
-        far = {link: 0.0 for link in {link.name for link in self.document.links}
-               - {joint.child for joint in self.document.joints}}  # fmt: skip
+        far = {
+            link: 0.0
+            for link in {link.name for link in self.document.links}
+            - {joint.child for joint in self.document.joints}
+        }
         ahead = list(far)
         while ahead:
             link = ahead.pop()
@@ -164,10 +175,18 @@ class RobotFacts:
             shares = np.divide([mass, np.trace(inertia)], total, np.zeros(2), where=total > 0)
             at = link.inertial.origin
             shapes = self.shapes.get(link.name)
-            found.append(LinkFacts(
-                link.name, mass, inertia, place_of(at)[:3, 3], at is not None,
-                shapes or self._around(), shapes is not None, *map(float, shares),
-            ))  # fmt: skip
+            found.append(
+                LinkFacts(
+                    link.name,
+                    mass,
+                    inertia,
+                    place_of(at)[:3, 3],
+                    at is not None,
+                    shapes or self._around(),
+                    shapes is not None,
+                    *map(float, shares),
+                )
+            )
         return tuple(found)
 
     def moved_mass(self, joint: Any) -> float:

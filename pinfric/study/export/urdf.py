@@ -56,8 +56,9 @@ def urdf(
             _fix(element, joint_of[name], locked[name])
         elif name in constants:
             found = constants[name]
-            ElementTree.SubElement(element, "dynamics", damping=repr(found.damping),
-                                   friction=repr(found.frictionloss))  # fmt: skip
+            ElementTree.SubElement(
+                element, "dynamics", damping=repr(found.damping), friction=repr(found.frictionloss)
+            )
     for mesh in root.iter("mesh"):
         name = mesh.get("filename", "")
         if name and "://" not in name:  # beside the file that it was named in
