@@ -358,8 +358,9 @@ def bodies(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
 
 def implausible_links(root: ElementTree.Element) -> dict[str, str]:
     """Return link -> why no body has its mass and inertia; links that never move left out."""
-    moving = {name: x for name, x in bodies(root).items() if name not in still_links(root)}
-    return {name: why for name, x in moving.items() if (why := implausible_body(*x))}
+    still = still_links(root)
+    moving = {name: body for name, body in bodies(root).items() if name not in still}
+    return {name: why for name, body in moving.items() if (why := implausible_body(*body))}
 
 
 def _check_inertias(root: ElementTree.Element, urdf: Path) -> None:
