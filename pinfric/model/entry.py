@@ -115,7 +115,7 @@ def _written_as(form: Any) -> str:
 class Entry(BaseModel):
     """Base of all sections: unknown keys are errors, nothing changes after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @classmethod
     def key_names(cls) -> list[str]:

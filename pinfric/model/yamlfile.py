@@ -48,22 +48,42 @@ def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
 
 
 def _load(text: str) -> Any:
-    from ruamel.yaml.constructor import ConstructorError
-
     yaml = _yaml()
     yaml.Constructor = _constructor()
     node = yaml.compose(text)
     if node is None:
         return None
-    sizes: dict[int, int] = {}
-    size = _expanded_size(node, sizes)
-    if size > _MOST_REPEATS * len(sizes):
-        problem = (
-            f"its aliases (*name) make {size:.2g} entries of {len(sizes)}: nothing that is meant; "
-            "write out what they repeat"
-        )
-        raise ConstructorError(None, None, problem, node.start_mark)
+    if "&" in text:
+        _check_aliases(node)
     return yaml.constructor.construct_document(node)
+
+
+def _check_aliases(root: Any) -> None:
+    """Refuse a file whose aliases stand for far more than it has, or for themselves."""
+    from ruamel.yaml.composer import ComposerError
+    from ruamel.yaml.nodes import MappingNode, ScalarNode
+
+    sizes: dict[int, int] = {}  # of each node, where every alias is written out
+
+    def size_of(node: Any) -> int:
+        known = sizes.get(id(node))
+        if known == 0:  # still being counted: it lies within itself
+            problem = "an alias (*name) stands within what it refers to"
+            raise ComposerError(None, None, problem, node.start_mark)
+        if known is None:
+            sizes[id(node)] = 0
+            parts = () if isinstance(node, ScalarNode) else node.value
+            if isinstance(node, MappingNode):
+                parts = [part for pair in node.value for part in pair]
+            known = sizes[id(node)] = 1 + sum(size_of(part) for part in parts)
+        return known
+
+    if size_of(root) > _MOST_REPEATS * len(sizes):
+        problem = (
+            f"its aliases (*name) make {sizes[id(root)]:.2g} entries of {len(sizes)}: nothing that "
+            "is meant; write out what they repeat"
+        )
+        raise ComposerError(None, None, problem, root.start_mark)
 
 
 @cache
@@ -82,26 +102,6 @@ def _constructor() -> type:
     # a date is text, as in YAML 1.2
     Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
     return Constructor
-
-
-def _expanded_size(node: Any, sizes: dict[int, int]) -> int:
-    """Number of nodes where every alias is written out; `sizes` collects that of each node."""
-    from ruamel.yaml.composer import ComposerError
-    from ruamel.yaml.nodes import MappingNode, SequenceNode
-
-    known = sizes.get(id(node))
-    if known == 0:  # still being counted: it lies within itself
-        problem = "an alias (*name) stands within what it refers to"
-        raise ComposerError(None, None, problem, node.start_mark)
-    if known is None:
-        sizes[id(node)] = 0
-        children: list[Any] = []
-        if isinstance(node, MappingNode):
-            children = [part for pair in node.value for part in pair]
-        elif isinstance(node, SequenceNode):
-            children = node.value
-        known = sizes[id(node)] = 1 + sum(_expanded_size(child, sizes) for child in children)
-    return known
 
 
 def yaml_text(content: Any, comments: Mapping[tuple[str, ...], str] | None = None) -> str:
