@@ -6,8 +6,7 @@ import inspect
 import re
 from typing import Any
 
-import yaml
-
+from pinfric.model.yamlfile import yaml_line
 from pinfric.study.formats import json_schema
 
 CODE = re.compile(r"(`[^`\n]+`)")
@@ -28,8 +27,11 @@ def as_markdown(text: str) -> str:
             blocks.append(f"```text\n{inspect.cleandoc(block)}\n```")
         else:
             parts = CODE.split(block)
-            blocks.append("".join(part if i % 2 else re.sub(r"([*_|<>\[\]])", r"\\\1", part)
-                                  for i, part in enumerate(parts)))  # fmt: skip
+            plain = (
+                part if i % 2 else re.sub(r"([*_|<>\[\]])", r"\\\1", part)
+                for i, part in enumerate(parts)
+            )
+            blocks.append("".join(plain))
     return "\n\n".join(blocks)
 
 
@@ -47,11 +49,18 @@ class FormatPage:
             self.lines += self._sections(place, found)
 
     def _sections(self, place: str, schema: Any) -> list[str]:
-        kinds = schema.get("anyOf", [])
-        if not kinds:
+        if "discriminator" not in schema:
             return self._keys(place, schema)
-        return [line for kind in kinds
-                for line in self._keys(place, kind, _of_kind(place, kind))]  # fmt: skip
+        return [
+            line
+            for kind, cls in self._kinds(schema).items()
+            for line in self._keys(place, cls, _of_kind(place, kind))
+        ]
+
+    def _kinds(self, schema: Any) -> dict[str, Any]:
+        """The members of a union, by their `kind`."""
+        named = schema["discriminator"]["mapping"].items()
+        return {kind: self.defs[ref.rpartition("/")[2]] for kind, ref in named}
 
     def _keys(self, place: str, schema: Any, title: str = "") -> list[str]:
         shown = title or place
@@ -65,9 +74,9 @@ class FormatPage:
             if key in schema.get("required", []):
                 kind += ", **required**"
             elif value.get("default") not in (None, {}, [], ""):
-                kind += f", by default `{_yaml(value['default'])}`"
+                kind += f", by default `{as_yaml(value['default'])}`"
             meaning = value.get("description", "").removesuffix(f" ({unit})")
-            examples = ", ".join(f"`{_yaml(given)}`" for given in value.get("examples", []))
+            examples = ", ".join(f"`{as_yaml(given)}`" for given in value.get("examples", []))
             lines += [f"`{key}`", f": {as_markdown(meaning)}", "", f"  {kind}; e.g. {examples}", ""]
         return lines
 
@@ -86,17 +95,17 @@ class FormatPage:
                 self.places[name] = place
                 self.waiting.append((place, self.defs[name]))
             place = self.places[name]
-            if kinds := self.defs[name].get("anyOf"):
-                return " or ".join(self._link(_kind_of(kind), _of_kind(place, kind))
-                                   for kind in kinds)  # fmt: skip
+            if "discriminator" in self.defs[name]:
+                kinds = self._kinds(self.defs[name])
+                return " or ".join(self._link(kind, _of_kind(place, kind)) for kind in kinds)
             return self._link(place, place)
-        if "anyOf" in value:
-            kinds = [kind for kind in value["anyOf"] if kind.get("type") != "null"]
+        if forms := value.get("anyOf", value.get("oneOf")):
+            kinds = [form for form in forms if form.get("type") != "null"]
             return " or ".join(dict.fromkeys(self._kind(place, kind) for kind in kinds))
         if "const" in value:
             return f"`{value['const']}`"
         if "enum" in value:
-            return " or ".join(f"`{_yaml(word)}`" for word in value["enum"])
+            return " or ".join(f"`{as_yaml(word)}`" for word in value["enum"])
         if value.get("type") == "array":
             if "prefixItems" in value:
                 kinds = dict.fromkeys(self._kind(place, x) for x in value["prefixItems"])
@@ -108,18 +117,13 @@ class FormatPage:
         return " ".join([_NAME.get(value.get("type", ""), "anything"), ", ".join(bounds)]).strip()
 
 
-def _kind_of(schema: Any) -> str:
-    return str(schema["properties"]["kind"]["const"])
+def _of_kind(place: str, kind: str) -> str:
+    return f"{place.rpartition('.')[2]}: {{kind: {kind}, ...}}"
 
 
-def _of_kind(place: str, schema: Any) -> str:
-    return f"{place.rpartition('.')[2]}: {{kind: {_kind_of(schema)}, ...}}"
-
-
-def _yaml(value: Any) -> str:
-    """A value as one line of YAML."""
-    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=10**6)
-    return text.removesuffix("\n").removesuffix("\n...").replace("|", "\\|")
+def as_yaml(value: Any) -> str:
+    """Return a value as one line of YAML in a table's cell."""
+    return yaml_line(value).replace("|", "\\|")
 
 
 def _anchor(place: str) -> str:

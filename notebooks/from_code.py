@@ -14,11 +14,12 @@ from typing import Any
 import typer
 from docutils import nodes
 from docutils.statemachine import StringList
-from file_keys import CODE, FormatPage
+from file_keys import CODE, FormatPage, as_yaml
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from pinfric.cli import app
+from pinfric.model.entry import Entry
 
 _SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Warns|Yields):$")
 #: Several attributes described at once; to Sphinx the first of two words would be a type.
@@ -128,6 +129,18 @@ class Commands(_Generated):
         return command_lines()
 
 
+def key_lines(it: Any) -> list[str]:
+    """Return what a class of a file's section says of its keys, as a section of its docstring."""
+    if not (isinstance(it, type) and issubclass(it, Entry)):
+        return []
+    fields = {name: field for name, field in it.model_fields.items() if field.examples}
+    keys = [
+        f"    {name}: {field.description}, e.g. `{as_yaml(*field.examples)}`"
+        for name, field in fields.items()
+    ]
+    return ["", "Attributes:", *keys] if keys else []
+
+
 class _Docstrings:
     """Marks docstrings before napoleon reads their sections; of a property it would make a type."""
 
@@ -135,7 +148,7 @@ class _Docstrings:
         self.marked: list[str] = []
 
     def before(self, app: Sphinx, what: str, name: str, it: Any, o: Any, lines: list[str]) -> None:
-        self.marked = as_restructured_text(lines)
+        self.marked = as_restructured_text([*lines, *key_lines(it)])
         lines[:] = self.marked
 
     def after(self, app: Sphinx, what: str, name: str, it: Any, o: Any, lines: list[str]) -> None:

@@ -250,12 +250,19 @@ def problems_line(where: str, problems: Sequence[str]) -> str:
     return f"{where}: {count}{'; '.join(problems[:_MOST_PROBLEMS])}{more}"
 
 
-def choose_from(name: object, allowed: Iterable[str]) -> str:
-    """Say which names there are, the nearest one first, for the end of an error message."""
+def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = ()) -> str:
+    """Say which names there are, the nearest one first, for the end of an error message.
+
+    Args:
+        name: what was found.
+        allowed: the names that there are.
+        taken: those that cannot have been meant.
+    """
     names = list(allowed)
     if not names:
         return "there are none"
-    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.6)
+    free = [other for other in names if other not in list(taken)]
+    near = difflib.get_close_matches(str(name), free, n=1, cutoff=0.6)
     guess = f"did you mean {near[0]!r}? " if near else ""
     shown, rest = names[:_MOST_NAMES], len(names) - _MOST_NAMES
     more = f" and {rest} more" if rest > 0 else ""

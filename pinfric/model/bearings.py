@@ -14,21 +14,22 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, Literal, NamedTuple, get_args
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar, Union, get_args
 
 import numpy as np
 from pydantic import (
+    Field,
     GetJsonSchemaHandler,
-    ValidationError,
-    ValidatorFunctionWrapHandler,
+    ModelWrapValidatorHandler,
+    TypeAdapter,
     model_validator,
 )
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, InitErrorDetails
+from pydantic_core import CoreSchema
 
-from pinfric.errors import choose_from
 from pinfric.kernels.compiled import kernel
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, unlikely
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, key, unlikely
 
 #: Rows that take one component of the wrench, z along the joint's axis.
 FX, FY, FZ, MX, MY, MZ = np.eye(6)
@@ -71,7 +72,7 @@ def two_ends(length: float, middle: float) -> list[np.ndarray]:
 class Bearing(Entry):
     """Where a joint's load is carried: the base of all kinds, and what reads `bearing:` as one.
 
-    A subclass is a new kind as soon as it is defined; nothing else is edited for it.
+    A subclass with the decorator `bearing_kind` is a new kind; nothing else is edited for it.
 
     Attributes:
         kind: what the scene file calls it, a `Literal` of one word in each subclass.
@@ -88,19 +89,19 @@ class Bearing(Entry):
     kind: str
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Make it a kind."""
-        KINDS[get_args(cls.model_fields["kind"].annotation)[0]] = cls
-
-    @classmethod
     def __get_pydantic_json_schema__(
         cls, core: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
         """Any of the kinds."""
-        if cls is not Bearing:
-            return super().__get_pydantic_json_schema__(core, handler)
-        kinds = ((kind, handler(kind.__pydantic_core_schema__)) for kind in KINDS.values())
-        return {"anyOf": [kind.describe_keys(schema) for kind, schema in kinds]}
+        return handler(_any_of(*KINDS.values()).core_schema if cls is Bearing else core)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_its_kind(cls, value: Any, read: ModelWrapValidatorHandler[Bearing]) -> Bearing:
+        """Read as a bearing of any kind, a mapping is one of the kind that it names."""
+        if cls is Bearing and not isinstance(value, Bearing):
+            return _any_of(*KINDS.values()).validate_python(value)
+        return read(value)
 
     @abstractmethod
     def terms(self) -> LoadTerms:
@@ -134,85 +135,54 @@ class Bearing(Entry):
         """
         return self
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _of_its_kind(cls, value: Any, read: ValidatorFunctionWrapHandler) -> Bearing:
-        """Read a mapping as the class of its kind, whose keys it may have and must have."""
-        if not isinstance(value, dict):
-            found: Bearing = read(value)
-            return found
-        given = {key: part for key, part in value.items() if part is not None}
-        if cls is Bearing:
-            return _class_of(given).model_validate(given)
-        kind, keys = given.get("kind"), cls.model_fields
-        if foreign := sorted(given.keys() - keys, key=str):
-            raise ValidationError.from_exception_data(
-                "Bearing",
-                [
-                    InitErrorDetails(
-                        type="value_error",
-                        loc=(key,),
-                        input=given[key],
-                        ctx={
-                            "error": f"a {kind} has no `{key}`; {choose_from(key, list(keys)[1:])}"
-                        },
-                    )
-                    for key in foreign
-                ],
-            )
-        for key, field in keys.items():
-            if field.is_required() and key not in given:
-                raise ValueError(f"a {kind} needs `{key}`")
-        made: Bearing = read(given)
-        return made
-
     def questions(self) -> Iterator[str]:
         """Ask about sizes that are larger than a machine."""
-        for key in self.sizes:
-            yield from unlikely(key, getattr(self, key), 1.0, "m")
+        for name in self.sizes:
+            yield from unlikely(name, getattr(self, name), 1.0, "m")
 
 
 #: The classes of all kinds of bearing, by what the scene file calls them.
 KINDS: dict[str, type[Bearing]] = {}
+_Kind = TypeVar("_Kind", bound=Bearing)
 
 
-def _class_of(given: dict[str, Any]) -> type[Bearing]:
-    """The class of a mapping's kind, or pydantic's own error at the key `kind`."""
-    kind = given.get("kind")
-    if isinstance(kind, str) and kind in KINDS:
-        return KINDS[kind]
-    *others, last = map(repr, KINDS)
-    wrong = InitErrorDetails(type="missing", loc=("kind",), input=given)
-    if kind is not None:
-        expected = {"expected": f"{', '.join(others)} or {last}"}
-        wrong = InitErrorDetails(type="literal_error", loc=("kind",), input=kind, ctx=expected)
-    raise ValidationError.from_exception_data("Bearing", [wrong])
+def bearing_kind(cls: type[_Kind]) -> type[_Kind]:
+    """Make a class of bearings one that scene files know by its `kind`: a decorator."""
+    (name,) = get_args(cls.model_fields["kind"].annotation)
+    KINDS[name] = cls
+    return cls
 
 
+@cache
+def _any_of(*kinds: type[Bearing]) -> TypeAdapter[Bearing]:
+    union: Any = Annotated[Union[kinds], Field(discriminator="kind")]  # noqa: UP007 - any number
+    return TypeAdapter(union)
+
+
+@bearing_kind
 class Pin(Bearing):
     """A plain bearing; with a length, its two ends carry the bending moment (paper's Fig. 3).
 
     c = radius (|F_r/2 + M_b x k/length| + |F_r/2 - M_b x k/length| + preload)
         + thrust_radius |F_a|;     without length   radius (|F_r| + preload) + ...
-
-    Attributes:
-        kind: a plain bearing, e.g. pin
-        radius (m): at which it rubs, e.g. 0.05
-        length (m): between the ends that carry bending; left out, bending is not seen, e.g. 0.10
-        thrust_radius (m): mean radius of the face that carries the axial force, e.g. 0.04
-        preload (N): that presses without any load, e.g. 50.0
-        offset (m): of the bearing's middle along the axis from the joint's origin, e.g. -0.02
     """
 
     fits = ("turning joint", "revolute loop", "planar_pin loop")
     sizes = ("radius", "thrust_radius", "length")
 
-    kind: Literal["pin"]
-    radius: NonNegative
-    length: Positive | None = None
-    thrust_radius: NonNegative = 0.0
-    preload: NonNegative = 0.0
-    offset: Number = 0.0
+    kind: Annotated[Literal["pin"], key("a plain bearing", "pin")]
+    radius: Annotated[NonNegative, key("at which it rubs", 0.05, "m")]
+    length: Annotated[
+        Positive | None,
+        key("between the ends that carry bending; left out, bending is not seen", 0.1, "m"),
+    ] = None
+    thrust_radius: Annotated[
+        NonNegative, key("mean radius of the face that carries the axial force", 0.04, "m")
+    ] = 0.0
+    preload: Annotated[NonNegative, key("that presses without any load", 50.0, "N")] = 0.0
+    offset: Annotated[
+        Number, key("of the bearing's middle along the axis from the joint's origin", -0.02, "m")
+    ] = 0.0
 
     def terms(self) -> LoadTerms:
         """See the class."""
@@ -234,30 +204,29 @@ class Pin(Bearing):
         return self if self.length is None else self.model_copy(update={"length": None})
 
 
+@bearing_kind
 class Guide(Bearing):
     """Sliding pads at two ends, fixed to the child or to the parent.
 
     c = |F_r/2 + M_b x k/length| + |F_r/2 - M_b x k/length| + 2 |M_a|/width + preload
-
-    Attributes:
-        kind: sliding pads, e.g. guide
-        length (m): between the pads along the axis, e.g. 0.20
-        width (m): between the pads across it; left out, a moment about the axis is refused, e.g.
-            0.12
-        preload (N): that presses without any load, e.g. 50.0
-        offset (m): of the pads' middle along the axis from the joint's origin, e.g. 0.05
-        on: which side the pads are fixed to and move with, e.g. parent
     """
 
     fits = ("prismatic joint", "prismatic loop")
     sizes = ("length", "width")
 
-    kind: Literal["guide"]
-    length: Positive
-    width: Positive | None = None
-    preload: NonNegative = 0.0
-    offset: Number = 0.0
-    on: Literal["child", "parent"] = "child"
+    kind: Annotated[Literal["guide"], key("sliding pads", "guide")]
+    length: Annotated[Positive, key("between the pads along the axis", 0.2, "m")]
+    width: Annotated[
+        Positive | None,
+        key("between the pads across it; left out, a moment about the axis is refused", 0.12, "m"),
+    ] = None
+    preload: Annotated[NonNegative, key("that presses without any load", 50.0, "N")] = 0.0
+    offset: Annotated[
+        Number, key("of the pads' middle along the axis from the joint's origin", 0.05, "m")
+    ] = 0.0
+    on: Annotated[
+        Literal["child", "parent"], key("which side the pads are fixed to and move with", "parent")
+    ] = "child"
 
     def misfit(self, joint: str) -> str:
         """See `Bearing.misfit`."""
@@ -280,6 +249,7 @@ class Guide(Bearing):
         return self.length if self.width is None else None
 
 
+@bearing_kind
 class Linear(Bearing):
     """Rolling bearings as catalogues give them: a weight for each part of the load.
 
@@ -287,14 +257,6 @@ class Linear(Bearing):
 
     Of a slewing ring of raceway diameter D (m): radial 1.025 D, axial 0.5 D, moment 2.05. At a
     joint that slides the weights are pure numbers and preload is in N.
-
-    Attributes:
-        kind: rolling bearings, e.g. linear
-        radial (m): weight of the force across the axis, e.g. 0.04
-        axial (m): weight of the force along the axis, e.g. 0.04
-        moment (1): weight of the moment across the axis, 1/m where the joint slides, e.g. 2.0
-        preload (N m): load without any force, N where the joint slides, e.g. 0.5
-        offset (m): of the bearing's middle along the axis from the joint's origin, e.g. 0.0
     """
 
     fits = (
@@ -306,12 +268,19 @@ class Linear(Bearing):
     )
     rolling = True
 
-    kind: Literal["linear"]
-    radial: NonNegative = 0.0
-    axial: NonNegative = 0.0
-    moment: NonNegative = 0.0
-    preload: NonNegative = 0.0
-    offset: Number = 0.0
+    kind: Annotated[Literal["linear"], key("rolling bearings", "linear")]
+    radial: Annotated[NonNegative, key("weight of the force across the axis", 0.04, "m")] = 0.0
+    axial: Annotated[NonNegative, key("weight of the force along the axis", 0.04, "m")] = 0.0
+    moment: Annotated[
+        NonNegative,
+        key("weight of the moment across the axis, 1/m where the joint slides", 2.0, "1"),
+    ] = 0.0
+    preload: Annotated[
+        NonNegative, key("load without any force, N where the joint slides", 0.5, "N m")
+    ] = 0.0
+    offset: Annotated[
+        Number, key("of the bearing's middle along the axis from the joint's origin", 0.0, "m")
+    ] = 0.0
 
     @model_validator(mode="after")
     def _something(self) -> Linear:
@@ -344,42 +313,34 @@ class Linear(Bearing):
         return self.model_copy(update={"moment": 0.0}) if left else None
 
 
+@bearing_kind
 class Ball(Bearing):
-    """A ball in its socket: c = radius (|F| + preload).
-
-    Attributes:
-        kind: a ball joint, e.g. ball
-        radius (m): of the ball, e.g. 0.01
-        preload (N): that presses without any load, e.g. 20.0
-    """
+    """A ball in its socket: c = radius (|F| + preload)."""
 
     fits = ("spherical loop",)
     sizes = ("radius",)
 
-    kind: Literal["ball"]
-    radius: NonNegative
-    preload: NonNegative = 0.0
+    kind: Annotated[Literal["ball"], key("a ball joint", "ball")]
+    radius: Annotated[NonNegative, key("of the ball", 0.01, "m")]
+    preload: Annotated[NonNegative, key("that presses without any load", 20.0, "N")] = 0.0
 
     def terms(self) -> LoadTerms:
         """See the class."""
         return LoadTerms([self.radius * norm_of(FX, FY, FZ)], self.radius * self.preload)
 
 
+@bearing_kind
 class Seal(Bearing):
     """Seals of a cylinder: c = |F| + preload, F the force that it passes on, friction included.
 
     friction: {ram: {bearing: {kind: seal}, mu: {static: 0.04, kinetic: 0.03},
                      coulomb: {static: 120.0, kinetic: 80.0}, viscous: 400.0}}
-
-    Attributes:
-        kind: seals of a cylinder, e.g. seal
-        preload (N): load without any force, e.g. 200.0
     """
 
     fits = ("cylinder",)
 
-    kind: Literal["seal"]
-    preload: NonNegative = 0.0
+    kind: Annotated[Literal["seal"], key("seals of a cylinder", "seal")]
+    preload: Annotated[NonNegative, key("load without any force", 200.0, "N")] = 0.0
 
     def terms(self) -> LoadTerms:
         """See the class."""

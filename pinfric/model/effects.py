@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pinfric.errors import SceneError, choose_from
-from pinfric.model.friction_terms import FrictionTerm
+from pinfric.model.friction_terms import TERMS, FrictionTerm
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Friction, Transmission, added_terms
+from pinfric.model.schema import Actuator, Friction, Transmission
 from pinfric.model.transmission import driven_loss, driving_loss
 
 
@@ -81,7 +81,7 @@ def _kinds() -> tuple[_Kind, ...]:
         _Kind("load", "bearing", _has_load, lambda _: {"bearing": None, "mu": None}),
         _Kind("bending", "bearing.length, bearing.moment", _bends, _without_bending),
         _Kind("static", "mu.static, coulomb.static", _jumps, _without_static),
-        *(_term(key) for key in ("stribeck", "coulomb", "viscous", *added_terms())),
+        *(_term(key) for key in ("stribeck", "coulomb", "viscous", *TERMS)),
     )
 
 

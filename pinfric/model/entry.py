@@ -1,36 +1,49 @@
-"""Entries of the files a user writes: what a number is, and what is said of one that cannot be.
+"""Entries of the files a user writes: what a key means, what a number is, what cannot be.
 
-What a key means stands in the section `Attributes` of its class: name (unit): text, e.g. example.
-Reference pages and JSON schemas are made of it (`documented`).
+A key is a field with its meaning, an example and a unit beside its type:
+
+    mass: Annotated[Positive, key("of the body", 2.0, "kg")]
+
+JSON schemas and the reference show them, for pydantic keeps them with the field.
 """
 
 from __future__ import annotations
 
-import inspect
 import math
-import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Any, Literal, TypeVar, Union, get_origin
 
-import yaml
 from pydantic import (
     AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     FiniteFloat,
-    GetJsonSchemaHandler,
-    TypeAdapter,
+    GetCoreSchemaHandler,
+    Tag,
     ValidationError,
+    model_validator,
 )
-from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from pinfric.errors import PinfricError, PinfricWarning, SceneError, choose_from, problems_line
 from pinfric.model.magnitudes import LARGEST, SMALLEST
 from pinfric.model.yamlfile import brief
+
+
+def key(text: str, example: Any, unit: str = "") -> Any:
+    """Return what a key of a file means, as pydantic's field.
+
+    Args:
+        text: its meaning, read after its name.
+        example: a value, as a file gives it.
+        unit: empty where it has none, "1" of a ratio.
+    """
+    shown = f"{text} ({unit})" if unit else text
+    return Field(description=shown, examples=[example], json_schema_extra={"unit": unit})
 
 
 def strict_number(value: Any) -> Any:
@@ -56,190 +69,164 @@ Positive = Annotated[Number, Field(gt=0), AfterValidator(not_vanishing)]
 Version = Annotated[Literal[1], BeforeValidator(strict_number)]
 #: What every question of an entry says; its reader may ask for it.
 USUALLY = "usually at most"
-#: What reads the value of a key, before pydantic checks its type.
-Reader = Callable[[Any], Any]
+Vector3 = tuple[Number, Number, Number]
 
 
-def number_or(entry: Reader, number: Any, made: Reader = lambda x: x) -> Reader:
-    """Return what reads a mapping as `entry` says, anything else as `made` of a number.
-
-    Decided here, an error names the one form that was meant, not every member of a union.
+class Forms:
+    """Several ways to write one value, told apart by its type, and mappings by their keys.
 
     Args:
-        entry: reads a mapping.
-        number: the annotation of numbers.
-        made: of a valid number.
+        forms: first, of all that no other fits; entries for mappings, a tuple for lists, a
+            `Literal` for words.
     """
-    adapter = TypeAdapter(number)
 
-    def read(value: Any) -> Any:
-        if value is None or isinstance(value, Entry):
-            return value
-        return entry(value) if isinstance(value, dict) else made(adapter.validate_python(value))
+    def __init__(self, *forms: Any) -> None:
+        self.forms = {_written_as(form): form for form in forms}
 
-    return read
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Give pydantic a union with the discriminator `chosen`."""
+        members = tuple(Annotated[form, Tag(tag)] for tag, form in self.forms.items())
+        return handler.generate_schema(Annotated[Union[members], Discriminator(self.chosen)])  # noqa: UP007
+
+    def chosen(self, value: Any) -> str:
+        """Return the form of a value; of several entries that with most of a mapping's keys."""
+        found, *_ = self.forms
+        if isinstance(value, dict):
+            fitting = {
+                tag: len(value.keys() & form.key_names())
+                for tag, form in self.forms.items()
+                if isinstance(form, type) and issubclass(form, Entry)
+            }
+            return max(fitting, key=fitting.__getitem__, default=found)
+        written = _written_as(value)
+        return written if written in self.forms else found
 
 
-Vector3 = tuple[Number, Number, Number]
+def _written_as(form: Any) -> str:
+    """How a form or a value is written: the name of its entry, or a list, a word or a number."""
+    kind = form if isinstance(form, type) else get_origin(form) or type(form)
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return kind.__name__
+    return {list: "list", tuple: "list", str: "word", Literal: "word"}.get(kind, "number")
 
 
 class Entry(BaseModel):
     """Base of all sections: unknown keys are errors, nothing changes after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @classmethod
-    def keys_and_kinds(cls) -> dict[str, Any]:
-        """Return the keys a mapping may have, and the annotation of what stands there."""
-        return {key: field.annotation for key, field in cls.model_fields.items()}
+    def key_names(cls) -> list[str]:
+        """Return the keys a mapping may have."""
+        return list(cls.model_fields)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, given: Any) -> Any:
+        """Put what there is to choose from in place of the value of an unknown key.
+
+        Pydantic refuses the key and gives that back. A key that is given was not meant.
+        """
+        if not isinstance(given, dict):
+            return given
+        names = cls.key_names()
+        return {
+            name: value if name in names else choose_from(name, names, given)
+            for name, value in given.items()
+        }
 
     def questions(self) -> Iterator[str]:
         """Yield what to ask about values of this entry alone: `unlikely` of each; `parse` warns."""
         yield from ()
 
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        """Add to the schema what the class says of its keys."""
-        schema = handler(core)
-        cls.describe_keys(handler.resolve_ref_schema(schema))
-        return schema
-
-    @classmethod
-    def describe_keys(cls, schema: JsonSchemaValue) -> JsonSchemaValue:
-        """Write what the class says of its keys into its JSON schema, and return it."""
-        schema["description"] = _text(cls).partition("\n\nAttributes:")[0]
-        for name, key in documented(cls).items():
-            shown = schema["properties"].get(name, {})
-            shown |= {"description": key.shown, "examples": [key.example], "unit": key.unit}
-            if shown.get("default") in (math.inf, None):  # JSON has no infinity
-                shown.pop("default", None)
-        return schema
-
-
-class Key(NamedTuple):
-    """What a class says of one of its keys.
-
-    Attributes:
-        text: its meaning. unit: empty where it has none, "1" of a ratio.
-        example: a value, as a file gives it.
-    """
-
-    text: str
-    unit: str
-    example: Any
-
-    @property
-    def shown(self) -> str:
-        """Meaning and unit in one text."""
-        return f"{self.text} ({self.unit})" if self.unit else self.text
-
-
-_KEY = re.compile(r"    (\w+)(?: \((.+?)\))?: (.+),\s+e\.g\.\s+(.+)", re.DOTALL)
-
-
-def _text(cls: type[BaseModel]) -> str:
-    return inspect.cleandoc(vars(cls).get("__doc__") or "")
-
-
-def documented(entry: type[BaseModel]) -> dict[str, Key]:
-    """Return what a class and its bases say of its keys, by name."""
-    found: dict[str, Key] = {}
-    for cls in reversed(entry.__mro__):
-        if issubclass(cls, BaseModel):
-            section = _text(cls).partition("\n\nAttributes:\n")[2]
-            for item in re.split(r"\n(?=    \S)", section):
-                if match := _KEY.fullmatch(item):
-                    name, unit, *texts = match.groups()
-                    meaning, example = (" ".join(text.split()) for text in texts)
-                    found[name] = Key(meaning, unit or "", yaml.safe_load(example))
-    return found
-
 
 _Kind = TypeVar("_Kind", bound=BaseModel)
 
 
+def place(path: Iterable[int | str]) -> str:
+    """Return how messages name a place in a file, e.g. actuators[1].transmission.ratio."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    return "".join(parts).removeprefix(".")
+
+
 def parse(
-    entry: type[_Kind], content: Any, where: str, error: type[PinfricError] = SceneError
+    entry: type[_Kind],
+    content: Any,
+    where: str,
+    error: type[PinfricError] = SceneError,
+    at: tuple[int | str, ...] = (),
 ) -> _Kind:
     """Validate `content` as `entry`; all problems in one error that begins with `where`.
 
     What entries ask (`Entry.questions`) comes as warnings that begin with `where`, too.
+
+    Args:
+        entry: what it should be.
+        content: a mapping, or such an entry.
+        where: the file.
+        error: what is raised.
+        at: the place of `content` in the file.
     """
     if isinstance(content, entry):
         return content
     if not isinstance(content, dict):
-        raise error(f"{where}: should be a mapping of keys, found {brief(content)}")
+        key = f"`{place(at)}`: " if at else ""
+        raise error(f"{where}: {key}should be a mapping of keys, found {brief(content)}")
     try:
         made = entry.model_validate(content)
     except ValidationError as found:
-        problems = [_problem(entry, problem) for problem in found.errors()]
+        problems = [_problem(problem, content, at) for problem in found.errors()]
         raise error(problems_line(where, problems)) from None
-    for text in _questions(made, ""):
-        warnings.warn(f"{where}: {text}", PinfricWarning, stacklevel=2)
+    for path, text in _questions(made, at):
+        warnings.warn(
+            f"{where}: {place(path)}{'.' * bool(path)}{text}", PinfricWarning, stacklevel=2
+        )
     return made
 
 
-def _problem(entry: type[BaseModel], problem: Any) -> str:
-    """One pydantic problem in our words: key path, what was found, what is allowed."""
-    path = [str(part) for part in problem["loc"] if not _is_union_tag(part)]
-    key = ".".join(path)
-    if problem["type"] == "extra_forbidden":
-        allowed = _fields_at(entry, problem["loc"][:-1])
-        return f"unknown key `{key}`; {choose_from(path[-1], allowed)}"
-    if problem["type"] == "missing":
+def _problem(problem: Any, content: Any, at: tuple[int | str, ...]) -> str:
+    """One pydantic problem in our words: place, what was found, what is allowed."""
+    kind, found = problem["type"], brief(problem["input"])
+    key = place((*at, *_path(problem["loc"], content, kind == "missing")))
+    if kind == "extra_forbidden":
+        return f"unknown key `{key}`; {problem['input']}"
+    if kind == "missing":
         return f"`{key}` is missing"
-    if problem["type"] in ("model_type", "dict_type", "model_attributes_type"):
-        text = f"should be a mapping of keys, found {brief(problem['input'])}"
-    elif problem["type"] in ("tuple_type", "list_type"):
-        text = f"should be a list, found {brief(problem['input'])}"
-    elif problem["type"] in ("too_short", "too_long"):
-        text = f"has a wrong length, found {brief(problem['input'])}"
-    elif problem["type"] == "value_error":
+    if kind == "union_tag_not_found":
+        return f"`{key}.kind` is missing"
+    if kind == "union_tag_invalid":
+        kinds = problem["ctx"]["expected_tags"].replace("'", "").split(", ")
+        tag = problem["ctx"]["tag"]
+        return f"`{key}.kind`: there is no {brief(tag)}; {choose_from(tag, kinds)}"
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        text = f"should be a mapping of keys, found {found}"
+    elif kind in ("tuple_type", "list_type"):
+        text = f"should be a list, found {found}"
+    elif kind in ("too_short", "too_long"):
+        text = f"has a wrong length, found {found}"
+    elif kind == "value_error":
         text = str(problem["ctx"]["error"])
     else:
-        text = f"{problem['msg'][0].lower()}{problem['msg'][1:]}, found {brief(problem['input'])}"
+        text = f"{problem['msg'][0].lower()}{problem['msg'][1:]}, found {found}"
     return f"`{key}`: {text}" if key else text
 
 
-def _is_union_tag(part: int | str) -> bool:
-    return isinstance(part, str) and part in {
-        "SineEffort",
-        "TableEffort",
-        "CoulombFriction",
-        "DirectedCoulombFriction",
-        "constrained-float",
-        "finite-float",
-        "function-before[strict_number(), finite-float]",
-    }
+def _path(loc: tuple[int | str, ...], content: Any, missing: bool) -> list[int | str]:
+    """The keys on the way to a problem, without the members of unions, which no file names.
 
-
-def _fields_at(entry: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """The keys allowed where `path` leads, by walking the annotations."""
-    current: Any = entry
-    for part in path:
-        found = _step(current, part)
-        if found is None:
-            return []
-        current = found
-    models = _models_in(current)
-    return [key for model in models for key in model.keys_and_kinds()]
-
-
-def _step(current: Any, part: int | str) -> Any:
-    for model in _models_in(current):
-        if part in model.keys_and_kinds():
-            return model.keys_and_kinds()[str(part)]
-        if model.__name__ == part:
-            return model
-    return current  # an index into a list or a name in a mapping: the annotation covers it
-
-
-def _models_in(annotation: Any) -> list[type[Entry]]:
-    if isinstance(annotation, type) and issubclass(annotation, Entry):
-        return [annotation]
-    return [model for arg in getattr(annotation, "__args__", ()) for model in _models_in(arg)]
+    Args:
+        loc: pydantic's, both among it.
+        content: what was read.
+        missing: whether the last part is a key that is not there.
+    """
+    path: list[int | str] = []
+    for part in loc:
+        inside = range(len(content)) if isinstance(content, list | tuple) else content
+        if isinstance(inside, dict | range) and part in inside:
+            path, content = [*path, part], content[part]
+    return [*path, loc[-1]] if missing else path
 
 
 def unlikely(
@@ -257,13 +244,13 @@ def unlikely(
         yield f"{key} = {number}: {USUALLY} {usual}; {hint or 'check the unit'}"
 
 
-def _questions(made: Any, path: str) -> Iterator[str]:
-    """What the entries at and below a path ask about what they hold, each key with its path."""
+def _questions(made: Any, at: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], str]]:
+    """What the entries at and below a place ask about what they hold, each with its place."""
     if isinstance(made, Entry):
-        yield from (f"{path}{text}" for text in made.questions())
+        yield from ((at, text) for text in made.questions())
     if isinstance(made, BaseModel | dict):
         parts: Iterable[tuple[Any, Any]] = made.items() if isinstance(made, dict) else made
     else:
         parts = enumerate(made) if isinstance(made, list | tuple) else ()
-    for key, part in parts:
-        yield from _questions(part, f"{path}{key}.")
+    for name, part in parts:
+        yield from _questions(part, (*at, name))

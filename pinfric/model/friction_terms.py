@@ -14,11 +14,12 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, ClassVar, NamedTuple, Self
+from collections.abc import Callable
+from typing import Annotated, ClassVar, NamedTuple, Self, TypeVar
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from pinfric.model.entry import Entry, NonNegative, Positive, number_or
+from pinfric.model.entry import Entry, Forms, NonNegative, Positive, key
 
 
 class Strength(NamedTuple):
@@ -58,35 +59,25 @@ Row = tuple[Shape, Strength]
 
 
 class Stribeck(Entry):
-    """The fall from static to kinetic: exp(-(|v|/velocity)^exponent), joint velocity.
+    """The fall from static to kinetic: exp(-(|v|/velocity)^exponent), joint velocity."""
 
-    Attributes:
-        velocity (rad/s or m/s): at which 1/e of the difference is left, e.g. 0.02
-        exponent (1): 2 of a bell curve, 1 of a plain decay, e.g. 2.0
-    """
-
-    velocity: Positive
-    exponent: Positive = 2.0
+    velocity: Annotated[
+        Positive, key("at which 1/e of the difference is left", 0.02, "rad/s or m/s")
+    ]
+    exponent: Annotated[Positive, key("2 of a bell curve, 1 of a plain decay", 2.0, "1")] = 2.0
 
 
 class FrictionTerm(Entry):
     """One term of a joint's friction: the base of all.
 
-    A subclass is a key of `friction.<joint>` as soon as it is defined; nothing else is edited for
-    it.
+    A subclass with the decorator `friction_term(NAME)` is a key of `friction.<joint>`; nothing else
+    is edited for it.
 
     Attributes:
-        key: what the scene file calls it.
         coefficients: fields that the term's strength is proportional to.
     """
 
-    key: ClassVar[str]
     coefficients: ClassVar[tuple[str, ...]] = ("coefficient",)
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        """Make it a term."""
-        TERMS[cls.key] = cls
 
     @abstractmethod
     def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
@@ -115,20 +106,26 @@ class FrictionTerm(Entry):
         return self
 
 
-#: The classes of all terms, by their keys.
+#: The classes of terms that are no field of a scene's friction, by their keys.
 TERMS: dict[str, type[FrictionTerm]] = {}
+_Term = TypeVar("_Term", bound=FrictionTerm)
+
+
+def friction_term(name: str) -> Callable[[type[_Term]], type[_Term]]:
+    """Make a class of terms one that scene files know by a name: a decorator."""
+
+    def add(cls: type[_Term]) -> type[_Term]:
+        TERMS[name] = cls
+        return cls
+
+    return add
 
 
 class Coefficients(Entry):
-    """A static and a kinetic value of the same kind of friction.
+    """A static and a kinetic value of the same kind of friction."""
 
-    Attributes:
-        static (N m or N): up to which a joint at rest is held, e.g. 6.0
-        kinetic (N m or N): in motion, at most the static one, e.g. 5.0
-    """
-
-    static: NonNegative
-    kinetic: NonNegative
+    static: Annotated[NonNegative, key("up to which a joint at rest is held", 6.0, "N m or N")]
+    kinetic: Annotated[NonNegative, key("in motion, at most the static one", 5.0, "N m or N")]
 
     @model_validator(mode="after")
     def _static_is_the_larger(self) -> Self:
@@ -150,14 +147,12 @@ class Coefficients(Entry):
 
 
 class LoadFriction(Coefficients, FrictionTerm):
-    """Friction of the bearing's load, mu c (paper eq. 20, 21).
+    """Friction of the bearing's load, mu c (paper eq. 20, 21)."""
 
-    Attributes:
-        static (1): coefficient up to which a joint at rest is held, e.g. 0.15
-        kinetic (1): coefficient in motion, at most the static one, e.g. 0.10
-    """
-
-    key = "mu"
+    static: Annotated[
+        NonNegative, key("coefficient up to which a joint at rest is held", 0.15, "1")
+    ]
+    kinetic: Annotated[NonNegative, key("coefficient in motion, at most the static one", 0.1, "1")]
 
     def at_rest(self) -> Strength:
         """See `FrictionTerm.at_rest`."""
@@ -171,8 +166,6 @@ class LoadFriction(Coefficients, FrictionTerm):
 class CoulombFriction(Coefficients, FrictionTerm):
     """Friction that does not depend on the load, the same both ways (N m or N)."""
 
-    key = "coulomb"
-
     def at_rest(self) -> Strength:
         """See `FrictionTerm.at_rest`."""
         return Strength(0.0, self.static, self.static)
@@ -183,17 +176,15 @@ class CoulombFriction(Coefficients, FrictionTerm):
 
 
 class DirectedCoulombFriction(FrictionTerm):
-    """Coulomb friction that differs by the direction of motion (N m or N).
+    """Coulomb friction that differs by the direction of motion (N m or N)."""
 
-    Attributes:
-        positive: against motion in the joint's positive direction, e.g. {static: 6.0, kinetic: 5.0}
-        negative: against motion in the other one, e.g. {static: 4.5, kinetic: 4.0}
-    """
-
-    key = "coulomb"
-
-    positive: Coefficients
-    negative: Coefficients
+    positive: Annotated[
+        Coefficients,
+        key("against motion in the joint's positive direction", {"static": 6.0, "kinetic": 5.0}),
+    ]
+    negative: Annotated[
+        Coefficients, key("against motion in the other one", {"static": 4.5, "kinetic": 4.0})
+    ]
 
     def at_rest(self) -> Strength:
         """See `FrictionTerm.at_rest`."""
@@ -221,10 +212,10 @@ def constant_friction(size: float) -> CoulombFriction | None:
     return CoulombFriction(static=size, kinetic=size) if size > 0 else None
 
 
-def coulomb_of(value: Any) -> CoulombFriction | DirectedCoulombFriction:
-    """Read a mapping as Coulomb friction, by the direction of motion if it says one."""
-    directed = bool({"positive", "negative"} & value.keys())
-    return (DirectedCoulombFriction if directed else CoulombFriction).model_validate(value)
+#: Friction that does not depend on the load, as a file gives it.
+Coulomb = Annotated[
+    CoulombFriction | DirectedCoulombFriction, Forms(CoulombFriction, DirectedCoulombFriction)
+]
 
 
 class ViscousFriction(FrictionTerm):
@@ -232,16 +223,14 @@ class ViscousFriction(FrictionTerm):
 
     viscous: 3.0                                    # N m s/rad or N s/m
     viscous: {coefficient: 0.4, exponent: 0.667}    # N m (s/rad)^exponent: grease, strain waves
-
-    Attributes:
-        coefficient (N m or N at 1 rad/s or 1 m/s): friction at that speed, e.g. 0.4
-        exponent (1): power of the speed, at most 4, e.g. 0.667
     """
 
-    key = "viscous"
-
-    coefficient: NonNegative
-    exponent: Annotated[Positive, Field(le=4.0)] = 1.0
+    coefficient: Annotated[
+        NonNegative, key("friction at that speed", 0.4, "N m or N at 1 rad/s or 1 m/s")
+    ]
+    exponent: Annotated[
+        Positive, Field(le=4.0), key("power of the speed, at most 4", 0.667, "1")
+    ] = 1.0
 
     def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
         """See `FrictionTerm.rows`."""
@@ -254,13 +243,13 @@ def linear_drag(coefficient: float) -> ViscousFriction | None:
 
 
 #: `ViscousFriction`, also as a number; 0 is none.
-Viscous = Annotated[
-    ViscousFriction | None,
-    BeforeValidator(
-        number_or(ViscousFriction.model_validate, NonNegative, linear_drag),
-        json_schema_input_type=NonNegative | ViscousFriction | None,
-    ),
-]
+Viscous = (
+    Annotated[
+        ViscousFriction,
+        Forms(Annotated[NonNegative, AfterValidator(linear_drag)], ViscousFriction),
+    ]
+    | None
+)
 
 
 def falling(static: Strength, kinetic: Strength, stribeck: Stribeck | None) -> tuple[Row, ...]:

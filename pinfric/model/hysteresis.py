@@ -25,13 +25,14 @@ class Excess(NamedTuple):
     """A joint whose friction implies more hysteresis than its gear's maker states.
 
     Attributes:
-        drive, joint: names.
+        place: of the stated figure in the scene file.
+        joint: its name.
         friction: at rest without load behind the spring, the mean of both directions (N m or N).
         most: that the stated hysteresis admits.
         implied, stated: whole width at zero torque, rad (m).
     """
 
-    drive: str
+    place: str
     joint: str
     friction: float
     most: float
@@ -77,7 +78,7 @@ def excessive_friction(
         friction: by joint. actuators: of a scene.
     """
     coupled = {name for a in actuators or () for name in (a.couples and {*a.couples, a.joint})}
-    for actuator in actuators or ():
+    for i, actuator in enumerate(actuators or ()):
         gear, joint = actuator.transmission, actuator.joint
         if gear is None or gear.stiffness is None or gear.hysteresis is None:
             continue
@@ -89,4 +90,5 @@ def excessive_friction(
             rubs = load_free_friction(friction.get(joint))
             most = largest_friction(spring, gear.hysteresis)
             mean = 0.5 * (rubs.forward + rubs.backward)
-            yield Excess(actuator.drive_name, joint, mean, most, implied, gear.hysteresis)
+            place = f"actuators[{i}].transmission.hysteresis"
+            yield Excess(place, joint, mean, most, implied, gear.hysteresis)

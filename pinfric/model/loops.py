@@ -338,9 +338,9 @@ def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
             "joints, each with its own"
         )
     check_bearing(friction, f"{loop.kind} loop", where)
-    for term in friction.terms if loop.kind == "spherical" else ():
+    for name, term in friction.named_terms.items() if loop.kind == "spherical" else ():
         if term.directed:
-            raise SceneError(f"{where}.{term.key}: a ball has no positive and negative direction")
+            raise SceneError(f"{where}.{name}: a ball has no positive and negative direction")
 
 
 def check_bearing(friction: Friction, joint: str, where: str) -> None:

@@ -17,8 +17,16 @@ import pinocchio as pin
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
 from pinfric.model.schema import Payload
-from pinfric.model.urdf import read_document, reductions, warn_of_missing_meshes
-from pinfric.model.urdf_document import Document, Mimic, UrdfDynamics
+from pinfric.model.urdf import (
+    Mimic,
+    UrdfDynamics,
+    check_urdf,
+    dynamics,
+    followers,
+    link_of,
+    reductions,
+    warn_of_missing_meshes,
+)
 from pinfric.model.urdf_file import read_xml
 from pinfric.model.yamlfile import brief, brief_path
 
@@ -99,14 +107,11 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
         RobotError: not XML, not a URDF, a mass, inertia or axis that cannot be, an unknown joint.
     """
     root = read_xml(urdf)
-    document = read_document(root, urdf)
+    check_urdf(root, urdf)
     package_dirs = mesh_folders(urdf)
-    warn_of_missing_meshes(document, urdf, package_dirs)
-    model = _build(root, urdf, document, locked)
-    dynamics = {
-        joint.name: joint.dynamics for joint in document.joints if joint.dynamics is not None
-    }
-    return Robot(model, urdf, package_dirs, dynamics, reductions(root), locked)
+    warn_of_missing_meshes(root, urdf, package_dirs)
+    model = _build(root, urdf, locked)
+    return Robot(model, urdf, package_dirs, dynamics(root), reductions(root), locked)
 
 
 def mesh_folders(urdf: Path) -> tuple[Path, ...]:
@@ -115,23 +120,21 @@ def mesh_folders(urdf: Path) -> tuple[Path, ...]:
     return (*urdf.resolve().parents, share.parents[1], share.parent, share)
 
 
-def _build(
-    root: ElementTree.Element, urdf: Path, document: Document, locked: Mapping[str, float]
-) -> pin.Model:
-    movable = [j.name for j in document.joints if j.type != "fixed"]
+def _build(root: ElementTree.Element, urdf: Path, locked: Mapping[str, float]) -> pin.Model:
+    movable = [j.attrib["name"] for j in root.findall("joint") if j.get("type") != "fixed"]
     for name in locked:
         if name not in movable:
             raise RobotError(
                 f"robot.locked: {urdf} has no joint {name!r}; {choose_from(name, movable)}"
             )
-    followers = {j.name: j.mimic for j in document.joints if j.mimic is not None}
-    positions = with_followers(locked, followers)
+    mimics = followers(root)
+    positions = with_followers(locked, mimics)
     # Pinocchio cannot reduce a model around a mimic joint: without one left, leave mimicry out.
-    mimic = bool(followers.keys() - positions.keys())
-    if mimic and followers.keys() & positions.keys():
+    mimic = bool(mimics.keys() - positions.keys())
+    if mimic and mimics.keys() & positions.keys():
         raise RobotError(
             f"robot.locked: {sorted(locked)} would lock some mimic joints of {urdf} and keep "
-            f"others ({sorted(followers.keys() - positions.keys())}): lock all of them or none"
+            f"others ({sorted(mimics.keys() - positions.keys())}): lock all of them or none"
         )
     model = _pinocchio_model(root, urdf, mimic)
     if positions:
@@ -212,15 +215,15 @@ def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.nd
     return worst
 
 
-def with_followers(locked: Mapping[str, float], followers: Mapping[str, Mimic]) -> dict[str, float]:
+def with_followers(locked: Mapping[str, float], mimics: Mapping[str, Mimic]) -> dict[str, float]:
     """Return `locked`, plus each mimic joint whose leader is locked, where it follows to.
 
     Args:
         locked: joint -> position (rad or m).
-        followers: joint -> what it mimics.
+        mimics: joint -> what it mimics (`followers`).
     """
     positions = dict(locked)
-    for name, mimic in followers.items():
+    for name, mimic in mimics.items():
         if mimic.joint in locked:
             positions[name] = mimic.multiplier * locked[mimic.joint] + mimic.offset
     return positions
@@ -253,12 +256,12 @@ def _leaders_first(root: ElementTree.Element) -> pin.Model:
     joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
     mimics = [mimic for joint in joints.values() for mimic in joint.findall("mimic")]
     leading: set[str] = set()  # leaders, and all joints on the way to them
-    below = {_link(joint, "child"): name for name, joint in joints.items()}
+    below = {link_of(joint, "child"): name for name, joint in joints.items()}
     for name in {str(mimic.get("joint")) for mimic in mimics}:
         above: str | None = name
         while above is not None and above not in leading:
             leading.add(above)
-            above = below.get(_link(joints[above], "parent"))
+            above = below.get(link_of(joints[above], "parent"))
     for name, joint in joints.items():
         joint.set("name", f"{int(name not in leading)} {name}")
     for mimic in mimics:
@@ -270,12 +273,6 @@ def _leaders_first(root: ElementTree.Element) -> pin.Model:
         if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
             frame.name = frame.name[2:]
     return model
-
-
-def _link(joint: ElementTree.Element, end: str) -> str:
-    """The name of a joint's `parent` or `child` link; that there is one was checked."""
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")
 
 
 class _silent_stderr:  # noqa: N801 - used like a function

@@ -157,8 +157,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         def entries(kind: type[Any], section: str, given: Mapping[str, Any]) -> dict[str, Any]:
-            where = f"{self.source}: {section}"
-            return {name: parse(kind, entry, f"{where}.{name}") for name, entry in given.items()}
+            at = tuple(section.split("."))
+            return {
+                name: parse(kind, entry, self.source, at=(*at, name))
+                for name, entry in given.items()
+            }
 
         if not isinstance(self.model, pin.Model):
             given = f" ({self.model!r})" if isinstance(self.model, str | os.PathLike) else ""
@@ -174,17 +177,14 @@ class Scene:
         payloads = entries(Payload, "robot.payloads", self.payloads)
         set_(self, "payloads", MappingProxyType(payloads))
         if self.actuators is not None:
-            where = f"{self.source}: actuators"
-            listed = [parse(Actuator, a, f"{where}[{i}]") for i, a in enumerate(self.actuators)]
-            set_(self, "actuators", tuple(listed))
-        listed_loops = enumerate(self.loops)
-        where = f"{self.source}: loops"
-        set_(self, "loops", tuple(parse(Loop, x, f"{where}[{i}]") for i, x in listed_loops))
-        where = f"{self.source}: loop_tolerance"
-        set_(self, "loop_tolerance", parse(LoopTolerance, self.loop_tolerance, where))
-        if self.simulation is not None:
-            where = f"{self.source}: simulation"
-            set_(self, "simulation", parse(Simulation, self.simulation, where))
+            listed = enumerate(self.actuators)
+            drives = [parse(Actuator, x, self.source, at=("actuators", i)) for i, x in listed]
+            set_(self, "actuators", tuple(drives))
+        loops = [parse(Loop, x, self.source, at=("loops", i)) for i, x in enumerate(self.loops)]
+        set_(self, "loops", tuple(loops))
+        for name, kind in (("loop_tolerance", LoopTolerance), ("simulation", Simulation)):
+            if (entry := getattr(self, name)) is not None:
+                set_(self, name, parse(kind, entry, self.source, at=(name,)))
         self._check_bodies()
         self._check_payloads()
         self._check_tool()

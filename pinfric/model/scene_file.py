@@ -39,8 +39,7 @@ def load_scene(path: str | Path) -> Scene:
     robot.model.gravity.linear = np.array(entries.robot.gravity)
     friction = _with_urdf_dynamics(entries, robot, str(file))
     for excess in excessive_friction(friction, entries.actuators):
-        where = f"{file}: actuators.{excess.drive}.transmission.hysteresis"
-        warnings.warn(f"{where}: {excess.text}", PinfricWarning, stacklevel=2)
+        warnings.warn(f"{file}: {excess.place}: {excess.text}", PinfricWarning, stacklevel=2)
     return Scene(
         model=robot.model,
         friction=friction,

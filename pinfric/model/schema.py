@@ -23,132 +23,149 @@ from pydantic_core import CoreSchema, PydanticKnownError
 from pinfric.model.bearings import Bearing
 from pinfric.model.entry import (
     Entry,
+    Forms,
     NonNegative,
     Number,
     Positive,
     Vector3,
     Version,
-    number_or,
+    key,
     unlikely,
 )
 from pinfric.model.friction_terms import (
     TERMS,
-    CoulombFriction,
-    DirectedCoulombFriction,
+    Coulomb,
     FrictionTerm,
     LoadFriction,
     Stribeck,
     Viscous,
-    coulomb_of,
 )
 from pinfric.model.transmission import Transmission
 
-Coulomb = Annotated[
-    CoulombFriction | DirectedCoulombFriction | None,
-    BeforeValidator(lambda value: coulomb_of(value) if isinstance(value, dict) else value),
-]
-
 
 class Payload(Entry):
-    """A body carried by a link.
+    """A body carried by a link."""
 
-    Attributes:
-        link: of the robot that carries it, e.g. tool0
-        mass (kg): of the body, e.g. 2.0
-        com (m): centre of mass in the link's frame, e.g. [0, 0, 0.05]
-        inertia (kg m^2): ixx, ixy, ixz, iyy, iyz, izz about its own `com`, in the link's axes, e.g.
-            [0.01, 0, 0, 0.01, 0, 0.01]
-        attached: whether it is carried unless a trajectory says otherwise, e.g. false
-    """
-
-    link: str
-    mass: Positive
-    com: Vector3
-    inertia: tuple[Number, Number, Number, Number, Number, Number] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    attached: bool = True
+    link: Annotated[str, key("of the robot that carries it", "tool0")]
+    mass: Annotated[Positive, key("of the body", 2.0, "kg")]
+    com: Annotated[Vector3, key("centre of mass in the link's frame", [0, 0, 0.05], "m")]
+    inertia: Annotated[
+        tuple[Number, Number, Number, Number, Number, Number],
+        key(
+            "ixx, ixy, ixz, iyy, iyz, izz about its own `com`, in the link's axes",
+            [0.01, 0, 0, 0.01, 0, 0.01],
+            "kg m^2",
+        ),
+    ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    attached: Annotated[
+        bool, key("whether it is carried unless a trajectory says otherwise", False)
+    ] = True
 
 
 class RobotEntry(Entry):
-    """Which URDF, how gravity acts on it, what is locked and what it carries.
+    """Which URDF, how gravity acts on it, what is locked and what it carries."""
 
-    Attributes:
-        urdf: file beside the scene, or one of example-robot-data, e.g.
-            'example-robot-data:ur_description/urdf/ur5_robot.urdf'
-        gravity (m/s^2): in the world's axes, e.g. [0.0, 0.0, -9.81]
-        locked (rad or m): joints that are fixed there and removed, e.g. {finger_joint: 0.02}
-        payloads: bodies by name, e.g. {box: {link: tool0, mass: 2.0, com: [0, 0, 0.05]}}
-        urdf_dynamics: whether to take the URDF's <dynamics> as `coulomb` and `viscous`, e.g. use
-    """
+    urdf: Annotated[
+        str,
+        key(
+            "file beside the scene, or one of example-robot-data",
+            "example-robot-data:ur_description/urdf/ur5_robot.urdf",
+        ),
+    ]
+    gravity: Annotated[Vector3, key("in the world's axes", [0.0, 0.0, -9.81], "m/s^2")] = (
+        0.0,
+        0.0,
+        -9.81,
+    )
+    locked: Annotated[
+        dict[str, Number],
+        key("joints that are fixed there and removed", {"finger_joint": 0.02}, "rad or m"),
+    ] = Field(default_factory=dict)
+    payloads: Annotated[
+        dict[str, Payload],
+        key("bodies by name", {"box": {"link": "tool0", "mass": 2.0, "com": [0, 0, 0.05]}}),
+    ] = Field(default_factory=dict)
+    urdf_dynamics: Annotated[
+        Literal["ignore", "use"],
+        key("whether to take the URDF's <dynamics> as `coulomb` and `viscous`", "use"),
+    ] = "ignore"
 
-    urdf: str
-    gravity: Vector3 = (0.0, 0.0, -9.81)
-    locked: dict[str, Number] = Field(default_factory=dict)
-    payloads: dict[str, Payload] = Field(default_factory=dict)
-    urdf_dynamics: Literal["ignore", "use"] = "ignore"
 
-
-def added_terms() -> dict[str, type[FrictionTerm]]:
-    """Return the classes of the terms that are no field of `Friction`, by their keys."""
-    return {key: cls for key, cls in TERMS.items() if key not in Friction.model_fields}
-
-
-def _added_term(keyed: tuple[str, Any]) -> FrictionTerm | None:
-    key, value = keyed
-    cls = added_terms().get(key)
-    if cls is None:
+def _added_term(named: tuple[str, Any] | str) -> FrictionTerm | None:
+    if isinstance(named, str):  # see `Entry._known_keys`
         raise PydanticKnownError("extra_forbidden")
-    return None if value is None else cls.model_validate(value)
+    name, value = named
+    return None if value is None else TERMS[name].model_validate(value)
 
 
 class Friction(Entry):
     """The friction of one joint: a bearing with coefficients, a constant part, a viscous part.
 
     Keys beyond these are terms that a class of `FrictionTerm` adds.
-
-    Attributes:
-        bearing: what makes a normal load of the joint's wrench, e.g. {kind: pin, radius: 0.05}
-        mu: friction per load, e.g. {static: 0.15, kinetic: 0.10}
-        stribeck: how `mu` and `coulomb` fall from static to kinetic; left out, in a jump, e.g.
-            {velocity: 0.02}
-        coulomb: friction whatever the load, also by direction, e.g. {static: 6.0, kinetic: 5.0}
-        viscous (N m or N at 1 rad/s or 1 m/s): friction that grows with the speed, e.g. 3.0
-        stick_velocity (rad/s or m/s): at or below which the joint sticks, e.g. 1.0e-4
-        includes_drive: `coulomb` and `viscous` were measured through the drive (by its motor's
-            current) and hold its losses, which go where another drive takes its place, e.g. true
     """
 
-    model_config = ConfigDict(extra="allow")  # `_added_term` refuses what no class adds
+    model_config = ConfigDict(extra="allow")  # `key_names` says which
     __pydantic_extra__: dict[str, Annotated[Any, BeforeValidator(_added_term)]] = Field(init=False)
 
-    bearing: SerializeAsAny[Bearing] | None = None
-    mu: LoadFriction | None = None
-    stribeck: Stribeck | None = None
-    coulomb: Coulomb = None
-    viscous: Viscous = None
-    stick_velocity: NonNegative | None = None
-    includes_drive: bool = False
+    bearing: Annotated[
+        SerializeAsAny[Bearing] | None,
+        key("what makes a normal load of the joint's wrench", {"kind": "pin", "radius": 0.05}),
+    ] = None
+    mu: Annotated[
+        LoadFriction | None, key("friction per load", {"static": 0.15, "kinetic": 0.1})
+    ] = None
+    stribeck: Annotated[
+        Stribeck | None,
+        key(
+            "how `mu` and `coulomb` fall from static to kinetic; left out, in a jump",
+            {"velocity": 0.02},
+        ),
+    ] = None
+    coulomb: Annotated[
+        Coulomb | None,
+        key("friction whatever the load, also by direction", {"static": 6.0, "kinetic": 5.0}),
+    ] = None
+    viscous: Annotated[
+        Viscous, key("friction that grows with the speed", 3.0, "N m or N at 1 rad/s or 1 m/s")
+    ] = None
+    stick_velocity: Annotated[
+        NonNegative | None, key("at or below which the joint sticks", 0.0001, "rad/s or m/s")
+    ] = None
+    includes_drive: Annotated[
+        bool,
+        key(
+            "`coulomb` and `viscous` were measured through the drive (by its motor's current) and "
+            "hold its losses, which go where another drive takes its place",
+            True,
+        ),
+    ] = False
 
     @classmethod
-    def keys_and_kinds(cls) -> dict[str, Any]:
+    def key_names(cls) -> list[str]:
         """Return the keys a mapping may have, those that classes add, too."""
-        return super().keys_and_kinds() | added_terms()
+        return [*super().key_names(), *TERMS]
 
     @classmethod
     def __get_pydantic_json_schema__(
         cls, core: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
         """With the keys that classes add, and no others."""
-        schema = super().__get_pydantic_json_schema__(core, handler)
+        schema = handler(core)
         made = handler.resolve_ref_schema(schema)
         made["additionalProperties"] = False
-        for key, term in added_terms().items():
-            made["properties"][key] = term.describe_keys(handler(term.__pydantic_core_schema__))
+        for name, term in TERMS.items():
+            made["properties"][name] = handler(term.__pydantic_core_schema__)
         return schema
 
     @property
     def terms(self) -> tuple[FrictionTerm, ...]:
         """The terms it is a sum of."""
-        return tuple(term for _, term in self if isinstance(term, FrictionTerm))
+        return tuple(self.named_terms.values())
+
+    @property
+    def named_terms(self) -> dict[str, FrictionTerm]:
+        """The same by their keys."""
+        return {name: term for name, term in self if isinstance(term, FrictionTerm)}
 
     @model_validator(mode="before")
     @classmethod
@@ -174,59 +191,39 @@ class Friction(Entry):
 
 
 class LinkPoint(Entry):
-    """A point of a link.
+    """A point of a link."""
 
-    Attributes:
-        link: of the robot, e.g. base
-        xyz (m): in the link's frame, e.g. [0.2, 0, 0.1]
-    """
-
-    link: str
-    xyz: Vector3 = (0.0, 0.0, 0.0)
+    link: Annotated[str, key("of the robot", "base")]
+    xyz: Annotated[Vector3, key("in the link's frame", [0.2, 0, 0.1], "m")] = (0.0, 0.0, 0.0)
 
 
 class Cylinder(Entry):
-    """A drive along the line between two points of two links; a positive effort lengthens it.
+    """A drive along the line between two points of two links; a positive effort lengthens it."""
 
-    Attributes:
-        name: of the drive, e.g. boom
-        a: the point it stands on, e.g. {link: base, xyz: [0.2, 0, 0.1]}
-        b: the point it pushes, e.g. {link: boom, xyz: [0.5, 0, 0.2]}
-    """
-
-    name: str
-    a: LinkPoint
-    b: LinkPoint
+    name: Annotated[str, key("of the drive", "boom")]
+    a: Annotated[LinkPoint, key("the point it stands on", {"link": "base", "xyz": [0.2, 0, 0.1]})]
+    b: Annotated[LinkPoint, key("the point it pushes", {"link": "boom", "xyz": [0.5, 0, 0.2]})]
 
 
 class PointForce(Entry):
-    """A drive that pushes a point of a link and reacts on the world; all in the link's frame.
+    """A drive that pushes a point of a link and reacts on the world; all in the link's frame."""
 
-    Attributes:
-        name: of the drive, e.g. push
-        link: of the robot, e.g. drawer
-        xyz (m): where it pushes, e.g. [0, 0.2, 0]
-        direction (1): of the force, of any length, e.g. [1, 0, 0]
-    """
-
-    name: str
-    link: str
-    xyz: Vector3 = (0.0, 0.0, 0.0)
-    direction: Vector3
+    name: Annotated[str, key("of the drive", "push")]
+    link: Annotated[str, key("of the robot", "drawer")]
+    xyz: Annotated[Vector3, key("where it pushes", [0, 0.2, 0], "m")] = (0.0, 0.0, 0.0)
+    direction: Annotated[Vector3, key("of the force, of any length", [1, 0, 0], "1")]
 
 
 class LinkFrame(Entry):
-    """A frame on a link, in the link's frame.
+    """A frame on a link, in the link's frame."""
 
-    Attributes:
-        link: of the robot, e.g. coupler
-        xyz (m): its origin, e.g. [0.35, 0, 0]
-        rpy (rad): its axes, as in a URDF, e.g. [0, 0, 1.5707963]
-    """
-
-    link: str
-    xyz: Vector3 = (0.0, 0.0, 0.0)
-    rpy: Vector3 = (0.0, 0.0, 0.0)
+    link: Annotated[str, key("of the robot", "coupler")]
+    xyz: Annotated[Vector3, key("its origin", [0.35, 0, 0], "m")] = (0.0, 0.0, 0.0)
+    rpy: Annotated[Vector3, key("its axes, as in a URDF", [0, 0, 1.5707963], "rad")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 class Loop(Entry):
@@ -235,24 +232,25 @@ class Loop(Entry):
     The frames coincide but for what the joint lets free: a `prismatic` one slides along the axis, a
     `cylindrical` one turns about it besides, a `universal` one keeps frame a's axis and frame b's
     `axis_b` perpendicular.
-
-    Attributes:
-        name: of the loop, by which `friction` and `actuators` find it, e.g. rocker_pin
-        kind: what the joint lets free, e.g. spherical
-        axis (1): in frame a, and in frame b where they coincide, e.g. [0, 0, 1]
-        axis_b (1): of a `universal` one, in frame b, e.g. [0, 1, 0]
-        a: frame on one link, e.g. {link: coupler, xyz: [0.35, 0, 0]}
-        b: frame on the other link, e.g. {link: rocker, xyz: [0.25, 0, 0]}
     """
 
-    name: str
-    kind: Literal[
-        "spherical", "revolute", "fixed", "planar_pin", "prismatic", "cylindrical", "universal"
+    name: Annotated[
+        str, key("of the loop, by which `friction` and `actuators` find it", "rocker_pin")
     ]
-    axis: Vector3 = (0.0, 0.0, 1.0)
-    axis_b: Vector3 | None = None
-    a: LinkFrame
-    b: LinkFrame
+    kind: Annotated[
+        Literal[
+            "spherical", "revolute", "fixed", "planar_pin", "prismatic", "cylindrical", "universal"
+        ],
+        key("what the joint lets free", "spherical"),
+    ]
+    axis: Annotated[
+        Vector3, key("in frame a, and in frame b where they coincide", [0, 0, 1], "1")
+    ] = (0.0, 0.0, 1.0)
+    axis_b: Annotated[Vector3 | None, key("of a `universal` one, in frame b", [0, 1, 0], "1")] = (
+        None
+    )
+    a: Annotated[LinkFrame, key("frame on one link", {"link": "coupler", "xyz": [0.35, 0, 0]})]
+    b: Annotated[LinkFrame, key("frame on the other link", {"link": "rocker", "xyz": [0.25, 0, 0]})]
 
     @model_validator(mode="after")
     def _second_axis_of_a_universal(self) -> Loop:
@@ -266,25 +264,18 @@ class Loop(Entry):
 
 
 class LoopTolerance(Entry):
-    """By how much rounded files may miss what a loop needs; 0 for not at all.
+    """By how much rounded files may miss what a loop needs; 0 for not at all."""
 
-    Attributes:
-        angle (rad): by which axes may miss being parallel or perpendicular, e.g. 1.0e-5
-        length (m): by which frames may miss each other, e.g. 1.0e-6
-    """
-
-    angle: NonNegative = 1.0e-5
-    length: NonNegative = 1.0e-6
+    angle: Annotated[
+        NonNegative, key("by which axes may miss being parallel or perpendicular", 1e-05, "rad")
+    ] = 1.0e-5
+    length: Annotated[NonNegative, key("by which frames may miss each other", 1e-06, "m")] = 1.0e-6
 
 
 class Redundancy(Entry):
-    """How reactions are shared that a redundant mechanism leaves open: least |F|^2 + |M/l|^2.
+    """How reactions are shared that a redundant mechanism leaves open: least |F|^2 + |M/l|^2."""
 
-    Attributes:
-        length (m): l, which weighs moments against forces, e.g. 0.1
-    """
-
-    length: Positive = 0.1
+    length: Annotated[Positive, key("l, which weighs moments against forces", 0.1, "m")] = 0.1
 
 
 class Actuator(Entry):
@@ -302,27 +293,39 @@ class Actuator(Entry):
     turn forward while the other joint moves forward and its own stands; a controller's figure in
     motor turns per turn of the other joint is factor x ratio (per m of a joint that slides). The
     drive's effort t acts on its own joint, and factor x t on the other.
-
-    Attributes:
-        joint: of the robot or of a loop that it drives, e.g. joint_2
-        name: of the drive; left out, its joint's, e.g. joint_2_left
-        share (1): w, of the work that redundant drives share, e.g. 2.0
-        couples: other joints that turn this drive, with their factors, e.g. {joint_2: 1.0}
-        transmission: gear and motor; left out, an ideal drive, e.g. {ratio: 100}
-        encoder: what the controller measures, the motor's angle or the joint's: behind an elastic
-            gear only the first lets the load move the joint, e.g. joint
-        cylinder: a drive between two points, e.g. {name: boom, a: {link: base}, b: {link: boom}}
-        force: a drive at a point, e.g. {name: push, link: drawer, direction: [1, 0, 0]}
     """
 
-    joint: str | None = None
-    name: str | None = None
-    share: Positive | None = None
-    couples: dict[str, Number] = Field(default_factory=dict)
-    transmission: Transmission | None = None
-    encoder: Literal["motor", "joint"] = "motor"
-    cylinder: Cylinder | None = None
-    force: PointForce | None = None
+    joint: Annotated[str | None, key("of the robot or of a loop that it drives", "joint_2")] = None
+    name: Annotated[str | None, key("of the drive; left out, its joint's", "joint_2_left")] = None
+    share: Annotated[
+        Positive | None, key("w, of the work that redundant drives share", 2.0, "1")
+    ] = None
+    couples: Annotated[
+        dict[str, Number],
+        key("other joints that turn this drive, with their factors", {"joint_2": 1.0}),
+    ] = Field(default_factory=dict)
+    transmission: Annotated[
+        Transmission | None, key("gear and motor; left out, an ideal drive", {"ratio": 100})
+    ] = None
+    encoder: Annotated[
+        Literal["motor", "joint"],
+        key(
+            "what the controller measures, the motor's angle or the joint's: behind an elastic "
+            "gear only the first lets the load move the joint",
+            "joint",
+        ),
+    ] = "motor"
+    cylinder: Annotated[
+        Cylinder | None,
+        key(
+            "a drive between two points",
+            {"name": "boom", "a": {"link": "base"}, "b": {"link": "boom"}},
+        ),
+    ] = None
+    force: Annotated[
+        PointForce | None,
+        key("a drive at a point", {"name": "push", "link": "drawer", "direction": [1, 0, 0]}),
+    ] = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> Actuator:
@@ -348,84 +351,63 @@ class Actuator(Entry):
 
 
 class Stick(Entry):
-    """When a joint stands still.
+    """When a joint stands still."""
 
-    Attributes:
-        velocity (rad/s or m/s): at or below it a joint sticks; logs need more, e.g. 1.0e-3
-    """
-
-    velocity: NonNegative = 1.0e-6
+    velocity: Annotated[
+        NonNegative, key("at or below it a joint sticks; logs need more", 0.001, "rad/s or m/s")
+    ] = 1.0e-6
 
 
 class Sine(Entry):
-    """amplitude sin(angular_frequency t + phase).
+    """amplitude sin(angular_frequency t + phase)."""
 
-    Attributes:
-        amplitude (N m or N): of the effort, N m of a motor's torque, e.g. 5.0
-        angular_frequency (rad/s): 2 pi times the frequency, e.g. 1.0
-        phase (rad): at t = 0, e.g. 1.5707963
-    """
-
-    amplitude: Number
-    angular_frequency: Number
-    phase: Number = 0.0
+    amplitude: Annotated[Number, key("of the effort, N m of a motor's torque", 5.0, "N m or N")]
+    angular_frequency: Annotated[Number, key("2 pi times the frequency", 1.0, "rad/s")]
+    phase: Annotated[Number, key("at t = 0", 1.5707963, "rad")] = 0.0
 
 
 class SineEffort(Entry):
-    """A drive's effort, or its motor's torque, as a sine of time.
+    """A drive's effort, or its motor's torque, as a sine of time."""
 
-    Attributes:
-        sine: its numbers, e.g. {amplitude: 5.0, angular_frequency: 1.0}
-    """
-
-    sine: Sine
+    sine: Annotated[Sine, key("its numbers", {"amplitude": 5.0, "angular_frequency": 1.0})]
 
 
 class TableEffort(Entry):
-    """A drive's effort, or its motor's torque, from a CSV file with columns t and one per drive.
+    """A drive's effort, or its motor's torque, from a CSV file with columns t and one per drive."""
 
-    Attributes:
-        table: file beside the scene, e.g. torques.csv
-    """
-
-    table: str
+    table: Annotated[str, key("file beside the scene", "torques.csv")]
 
 
-def _sine_or_table(given: dict[str, object]) -> SineEffort | TableEffort:
-    return (TableEffort if "table" in given else SineEffort).model_validate(given)
-
-
-GivenEffort = Annotated[
-    float | SineEffort | TableEffort, BeforeValidator(number_or(_sine_or_table, Number))
-]
+GivenEffort = Annotated[float | SineEffort | TableEffort, Forms(Number, SineEffort, TableEffort)]
 
 
 class Start(Entry):
-    """Initial angles (or lengths) and rates by joint; the rest 0.
+    """Initial angles (or lengths) and rates by joint; the rest 0."""
 
-    Attributes:
-        q (rad or m): by joint, e.g. {joint_1: 0.5}
-        v (rad/s or m/s): by joint, e.g. {joint_1: 1.0, joint_12: -1.0}
-    """
-
-    q: dict[str, Number] = Field(default_factory=dict)
-    v: dict[str, Number] = Field(default_factory=dict)
+    q: Annotated[dict[str, Number], key("by joint", {"joint_1": 0.5}, "rad or m")] = Field(
+        default_factory=dict
+    )
+    v: Annotated[
+        dict[str, Number], key("by joint", {"joint_1": 1.0, "joint_12": -1.0}, "rad/s or m/s")
+    ] = Field(default_factory=dict)
 
 
 class Simulation(Entry):
-    """What `pinfric simulate SCENE` runs: efforts of drives, or torques of their motors.
+    """What `pinfric simulate SCENE` runs: efforts of drives, or torques of their motors."""
 
-    Attributes:
-        start: where it starts, e.g. {q: {joint_1: 0.5}}
-        effort (N m or N): by drive, the rest 0, e.g. {joint_1: 2.0, joint_23: {table: torques.csv}}
-        motor_torque (N m): in its place, at the motors' shafts, e.g. {joint_2: 0.1}
-        t_end (s): when it ends, e.g. 1.0
-    """
-
-    start: Start = Start()
-    effort: dict[str, GivenEffort] = Field(default_factory=dict)
-    motor_torque: dict[str, GivenEffort] = Field(default_factory=dict)
-    t_end: Positive
+    start: Annotated[Start, key("where it starts", {"q": {"joint_1": 0.5}})] = Start()
+    effort: Annotated[
+        dict[str, GivenEffort],
+        key(
+            "by drive, the rest 0",
+            {"joint_1": 2.0, "joint_23": {"table": "torques.csv"}},
+            "N m or N",
+        ),
+    ] = Field(default_factory=dict)
+    motor_torque: Annotated[
+        dict[str, GivenEffort], key("in its place, at the motors' shafts", {"joint_2": 0.1}, "N m")
+    ] = Field(default_factory=dict)
+    t_end: Annotated[Positive, key("when it ends", 1.0, "s")]
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Simulation:
@@ -435,29 +417,47 @@ class Simulation(Entry):
 
 
 class SceneFile(Entry):
-    """A whole scene file.
+    """A whole scene file."""
 
-    Attributes:
-        pinfric: version of the format, e.g. 1
-        robot: which robot, e.g. {urdf: three_link.urdf}
-        friction: by joint, loop or cylinder; one not named has none, e.g. {elbow: {viscous: 3.0}}
-        loops: joints that close loops, e.g. [{name: rocker_pin, kind: spherical, a: {link:
-            coupler}, b: {link: rocker}}]
-        loop_tolerance: for files that round, e.g. {angle: 1.0e-5}
-        redundancy: for mechanisms with more closures than they need, e.g. {length: 0.1}
-        actuators: the drives; left out, one ideal drive per joint, e.g. [{joint: joint_1}]
-        stick: when a joint stands still, e.g. {velocity: 1.0e-6}
-        tool: link whose frame is the tool's, for where elastic gears let it stand, e.g. tool0
-        simulation: what `pinfric simulate` runs, e.g. {t_end: 1.0}
-    """
-
-    pinfric: Version
-    robot: RobotEntry
-    friction: dict[str, Friction] = Field(default_factory=dict)
-    loops: list[Loop] = Field(default_factory=list)
-    loop_tolerance: LoopTolerance = LoopTolerance()
-    redundancy: Redundancy = Redundancy()
-    actuators: list[Actuator] | None = None
-    stick: Stick = Stick()
-    tool: str | None = None
-    simulation: Simulation | None = None
+    pinfric: Annotated[Version, key("version of the format", 1)]
+    robot: Annotated[RobotEntry, key("which robot", {"urdf": "three_link.urdf"})]
+    friction: Annotated[
+        dict[str, Friction],
+        key("by joint, loop or cylinder; one not named has none", {"elbow": {"viscous": 3.0}}),
+    ] = Field(default_factory=dict)
+    loops: Annotated[
+        list[Loop],
+        key(
+            "joints that close loops",
+            [
+                {
+                    "name": "rocker_pin",
+                    "kind": "spherical",
+                    "a": {"link": "coupler"},
+                    "b": {"link": "rocker"},
+                }
+            ],
+        ),
+    ] = Field(default_factory=list)
+    loop_tolerance: Annotated[LoopTolerance, key("for files that round", {"angle": 1e-05})] = (
+        LoopTolerance()
+    )
+    redundancy: Annotated[
+        Redundancy, key("for mechanisms with more closures than they need", {"length": 0.1})
+    ] = Redundancy()
+    actuators: Annotated[
+        list[Actuator] | None,
+        key("the drives; left out, one ideal drive per joint", [{"joint": "joint_1"}]),
+    ] = None
+    stick: Annotated[Stick, key("when a joint stands still", {"velocity": 1e-06})] = Stick()
+    tool: Annotated[
+        str | None,
+        key(
+            "link whose frame is the tool's, for where elastic gears let it stand; how far off it "
+            "may be, a catalogue's `conditions` say",
+            "tool0",
+        ),
+    ] = None
+    simulation: Annotated[
+        Simulation | None, key("what `pinfric simulate` runs", {"t_end": 1.0})
+    ] = None

@@ -16,9 +16,9 @@ from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from pinfric.model.entry import Entry, Positive, number_or
+from pinfric.model.entry import Entry, Forms, Positive, key
 
 
 class StiffnessLines(Entry):
@@ -27,20 +27,15 @@ class StiffnessLines(Entry):
         stiffness: {k1: 3.1e4, k2: 5.0e4, k3: 5.7e4, t1: 14, t2: 48}
 
     Source: Harmonic Drive engineering data 1018854 8/2018, tables 54.3, 54.4.
-
-    Attributes:
-        k1 (N m/rad or N/m): up to `t1`, e.g. 31000.0
-        k2 (N m/rad or N/m): from `t1` on, e.g. 50000.0
-        k3 (N m/rad or N/m): from `t2` on, e.g. 57000.0
-        t1 (N m or N): torque at the joint where the second line begins, e.g. 14.0
-        t2 (N m or N): where the third begins, e.g. 48.0
     """
 
-    k1: Positive
-    k2: Positive
-    k3: Positive | None = None
-    t1: Positive
-    t2: Positive | None = None
+    k1: Annotated[Positive, key("up to `t1`", 31000.0, "N m/rad or N/m")]
+    k2: Annotated[Positive, key("from `t1` on", 50000.0, "N m/rad or N/m")]
+    k3: Annotated[Positive | None, key("from `t2` on", 57000.0, "N m/rad or N/m")] = None
+    t1: Annotated[
+        Positive, key("torque at the joint where the second line begins", 14.0, "N m or N")
+    ]
+    t2: Annotated[Positive | None, key("where the third begins", 48.0, "N m or N")] = None
 
     @model_validator(mode="after")
     def _rising(self) -> StiffnessLines:
@@ -65,18 +60,18 @@ class LostMotionStiffness(Entry):
     same with a softer first line.
 
         stiffness: {k: 3.9e5, lost_motion: 2.9e-4, rated_torque: 412, share: 0.03}
-
-    Attributes:
-        k (N m/rad or N/m): torsional rigidity beyond the lost motion (b/a), e.g. 390000.0
-        lost_motion (rad or m): Phi, e.g. 2.9e-4
-        rated_torque (N m or N): T_N, at the joint, e.g. 412.0
-        share (1): of the rated torque at which the lost motion is measured, e.g. 0.03
     """
 
-    k: Positive
-    lost_motion: Positive
-    rated_torque: Positive
-    share: Annotated[Positive, Field(lt=1)] = 0.03
+    k: Annotated[
+        Positive, key("torsional rigidity beyond the lost motion (b/a)", 390000.0, "N m/rad or N/m")
+    ]
+    lost_motion: Annotated[Positive, key("Phi", 0.00029, "rad or m")]
+    rated_torque: Annotated[Positive, key("T_N, at the joint", 412.0, "N m or N")]
+    share: Annotated[
+        Positive,
+        Field(lt=1),
+        key("of the rated torque at which the lost motion is measured", 0.03, "1"),
+    ] = 0.03
 
     @property
     def soft(self) -> float:
@@ -94,18 +89,10 @@ class LostMotionStiffness(Entry):
         return self.model_copy(update=update)
 
 
-def _lines(given: dict[str, object]) -> StiffnessLines | LostMotionStiffness:
-    lost = {"lost_motion", "k", "rated_torque", "share"} & given.keys()
-    return (LostMotionStiffness if lost else StiffnessLines).model_validate(given)
-
-
 #: What a file gives as `stiffness`.
 Stiffness = Annotated[
-    float | StiffnessLines | LostMotionStiffness | None,
-    BeforeValidator(
-        number_or(_lines, Positive),
-        json_schema_input_type=Positive | StiffnessLines | LostMotionStiffness | None,
-    ),
+    float | StiffnessLines | LostMotionStiffness,
+    Forms(Positive, StiffnessLines, LostMotionStiffness),
 ]
 
 

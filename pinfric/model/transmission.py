@@ -17,16 +17,17 @@ from itertools import pairwise
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from pinfric.model.entry import (
     USUALLY,
     Entry,
+    Forms,
     NonNegative,
     Number,
     Positive,
+    key,
     not_vanishing,
-    number_or,
     unlikely,
 )
 from pinfric.model.friction_terms import (
@@ -34,17 +35,17 @@ from pinfric.model.friction_terms import (
     DirectedCoulombFriction,
     Viscous,
     constant_friction,
-    coulomb_of,
 )
 from pinfric.model.springs import Stiffness
 
 Share = Annotated[Positive, Field(le=1)]
 #: A number is the same both ways, at rest as in motion.
 NoLoadTorque = Annotated[
-    CoulombFriction | DirectedCoulombFriction | None,
-    BeforeValidator(
-        number_or(coulomb_of, NonNegative, constant_friction),
-        json_schema_input_type=NonNegative | CoulombFriction | DirectedCoulombFriction | None,
+    CoulombFriction | DirectedCoulombFriction,
+    Forms(
+        Annotated[NonNegative, AfterValidator(constant_friction)],
+        CoulombFriction,
+        DirectedCoulombFriction,
     ),
 ]
 #: By how much curves over load and over speed may miss each other where they meet.
@@ -55,14 +56,12 @@ class Temperature(Entry):
     """What the temperature does to the part of a loss that grows with the speed: a factor on d.
 
     temperature: {factor: 2.7, source: "CSD-20-100 curves: 0.71 at 0 C over 0.26 at 20 C"}
-
-    Attributes:
-        factor (1): on what grows with the speed, e.g. 2.7
-        source: where that comes from, e.g. maker's curves at 0 and 20 C
     """
 
-    factor: Positive
-    source: Annotated[str, Field(min_length=1)]
+    factor: Annotated[Positive, key("on what grows with the speed", 2.7, "1")]
+    source: Annotated[
+        str, Field(min_length=1), key("where that comes from", "maker's curves at 0 and 20 C")
+    ]
 
 
 class MakersEfficiency(Entry):
@@ -76,26 +75,35 @@ class MakersEfficiency(Entry):
 
     `speed` counts `motor_viscous` as part of what is lost there. A curve over the speed is fitted
     by a loss c + d w^exponent; with both curves, the one over load holds at `speed`.
-
-    Attributes:
-        rated (1): efficiency at `load` and `speed`, e.g. 0.77
-        load (N m or N): at the output, where `rated` or `over_speed` holds, e.g. 52.0
-        speed (rad/s): of the motor, where `rated` or `over_load` holds, e.g. 209.4
-        over_load: efficiency at rising loads (N m or N), e.g. [[8, 0.52], [20, 0.70], [34, 0.78]]
-        over_speed: efficiency at rising speeds of the motor (rad/s), e.g. [[52.4, 0.76], [209.4,
-            0.64]]
-        exponent (1): with which the loss grows with the speed, at most 4, e.g. 0.667
-        temperature: a factor on the part that grows with the speed, e.g. {factor: 2.7, source:
-            curves at 0 and 20 C}
     """
 
-    rated: Share | None = None
-    load: Positive | None = None
-    speed: NonNegative = 0.0
-    over_load: tuple[tuple[Positive, Share], ...] = ()
-    over_speed: tuple[tuple[NonNegative, Share], ...] = ()
-    exponent: Annotated[Positive, Field(le=4.0)] = 2.0 / 3.0
-    temperature: Temperature | None = None
+    rated: Annotated[Share | None, key("efficiency at `load` and `speed`", 0.77, "1")] = None
+    load: Annotated[
+        Positive | None, key("at the output, where `rated` or `over_speed` holds", 52.0, "N m or N")
+    ] = None
+    speed: Annotated[
+        NonNegative, key("of the motor, where `rated` or `over_load` holds", 209.4, "rad/s")
+    ] = 0.0
+    over_load: Annotated[
+        tuple[tuple[Positive, Share], ...],
+        key("efficiency at rising loads (N m or N)", [[8, 0.52], [20, 0.7], [34, 0.78]]),
+    ] = ()
+    over_speed: Annotated[
+        tuple[tuple[NonNegative, Share], ...],
+        key("efficiency at rising speeds of the motor (rad/s)", [[52.4, 0.76], [209.4, 0.64]]),
+    ] = ()
+    exponent: Annotated[
+        Positive,
+        Field(le=4.0),
+        key("with which the loss grows with the speed, at most 4", 0.667, "1"),
+    ] = 2.0 / 3.0
+    temperature: Annotated[
+        Temperature | None,
+        key(
+            "a factor on the part that grows with the speed",
+            {"factor": 2.7, "source": "curves at 0 and 20 C"},
+        ),
+    ] = None
 
     @model_validator(mode="after")
     def _complete(self) -> MakersEfficiency:
@@ -113,12 +121,14 @@ class MakersEfficiency(Entry):
             )
         if self.over_load and self.over_speed and "speed" not in self.model_fields_set:
             raise ValueError("`over_load` beside `over_speed` needs `speed`, at which it holds")
-        for key in {"exponent", "temperature"} & self.model_fields_set:
+        for name in {"exponent", "temperature"} & self.model_fields_set:
             if not self.over_speed:
-                raise ValueError(f"`{key}` says how losses grow with the speed: needs `over_speed`")
-        for key, points in (("over_load", self.over_load), ("over_speed", self.over_speed)):
+                raise ValueError(
+                    f"`{name}` says how losses grow with the speed: needs `over_speed`"
+                )
+        for name, points in (("over_load", self.over_load), ("over_speed", self.over_speed)):
             if points and (len(points) < 2 or any(b[0] <= a[0] for a, b in pairwise(points))):
-                raise ValueError(f"`{key}` needs two points or more, ascending")
+                raise ValueError(f"`{name}` needs two points or more, ascending")
         return self
 
 
@@ -129,31 +139,16 @@ class BackDriving(Entry):
 
     With nothing at the input, F_b at the output leaves eta_b F_b for the |r| n_s that holds it:
     eta_b = |ratio| starting_torque/back_driving_torque.
-
-    Attributes:
-        starting_torque (N m): at the input, e.g. 0.029
-        back_driving_torque (N m or N): at the output, e.g. 3.06
     """
 
-    starting_torque: Positive
-    back_driving_torque: Positive
+    starting_torque: Annotated[Positive, key("at the input", 0.029, "N m")]
+    back_driving_torque: Annotated[Positive, key("at the output", 3.06, "N m or N")]
 
 
-Efficiency = Annotated[
-    float | MakersEfficiency,
-    BeforeValidator(
-        number_or(MakersEfficiency.model_validate, Share),
-        json_schema_input_type=Share | MakersEfficiency,
-    ),
-]
-_AtMostOne = Annotated[Number, Field(le=1)]
-_back_efficiency = number_or(BackDriving.model_validate, _AtMostOne)
+Efficiency = Annotated[float | MakersEfficiency, Forms(Share, MakersEfficiency)]
 BackEfficiency = Annotated[
-    float | BackDriving | Literal["same_loss"] | None,
-    BeforeValidator(
-        lambda given: given if given == "same_loss" else _back_efficiency(given),
-        json_schema_input_type=_AtMostOne | BackDriving | Literal["same_loss"] | None,
-    ),
+    float | BackDriving | Literal["same_loss"],
+    Forms(Annotated[Number, Field(le=1)], BackDriving, Literal["same_loss"]),
 ]
 
 
@@ -169,31 +164,53 @@ class Transmission(Entry):
                        back_efficiency: {starting_torque: 0.037, back_driving_torque: 3.89},
                        no_load_torque: {static: 0.037, kinetic: 0.030},
                        motor_viscous: {coefficient: 0.0021, exponent: 0.667}}
-
-    Attributes:
-        ratio (1): motor turns per turn of the joint; rad/m of a joint that slides, e.g. 100.0
-        efficiency (1): of the load alone, or the maker's, e.g. {rated: 0.77, load: 52.0, speed:
-            209.4}
-        back_efficiency (1): where the load drives, at most 1 and below 0 of a self-locking gear; or
-            the torques that start it, or `same_loss`, e.g. 0.89
-        no_load_torque (N m): that the gear takes without load, e.g. 0.037
-        motor_viscous (N m at 1 rad/s): friction that grows with the motor's speed, e.g. 5.0e-5
-        rotor_inertia (kg m^2): of all that turns with the motor, e.g. 5.0e-5
-        stiffness (N m/rad or N/m): of the gear's output against a held motor, at the joint: one
-            number, a strain wave gear's lines, or those of a gear with lost motion, e.g. {k1:
-            31000, k2: 50000, k3: 57000, t1: 14, t2: 48}
-        hysteresis (rad or m): the gear's hysteresis loss, the whole width at zero torque: it bounds
-            the friction behind the spring, e.g. 2.9e-4
     """
 
-    ratio: Number
-    efficiency: Efficiency = 1.0
-    back_efficiency: BackEfficiency = None
-    no_load_torque: NoLoadTorque = None
-    motor_viscous: Viscous = None
-    rotor_inertia: NonNegative = 0.0
-    stiffness: Stiffness = None
-    hysteresis: Positive | None = None
+    ratio: Annotated[
+        Number, key("motor turns per turn of the joint; rad/m of a joint that slides", 100.0, "1")
+    ]
+    efficiency: Annotated[
+        Efficiency,
+        key(
+            "of the load alone, or the maker's", {"rated": 0.77, "load": 52.0, "speed": 209.4}, "1"
+        ),
+    ] = 1.0
+    back_efficiency: Annotated[
+        BackEfficiency | None,
+        key(
+            "where the load drives, at most 1 and below 0 of a self-locking gear; or the torques "
+            "that start it, or `same_loss`",
+            0.89,
+            "1",
+        ),
+    ] = None
+    no_load_torque: Annotated[
+        NoLoadTorque | None, key("that the gear takes without load", 0.037, "N m")
+    ] = None
+    motor_viscous: Annotated[
+        Viscous, key("friction that grows with the motor's speed", 5e-05, "N m at 1 rad/s")
+    ] = None
+    rotor_inertia: Annotated[
+        NonNegative, key("of all that turns with the motor", 5e-05, "kg m^2")
+    ] = 0.0
+    stiffness: Annotated[
+        Stiffness | None,
+        key(
+            "of the gear's output against a held motor, at the joint: one number, a strain wave "
+            "gear's lines, or those of a gear with lost motion",
+            {"k1": 31000, "k2": 50000, "k3": 57000, "t1": 14, "t2": 48},
+            "N m/rad or N/m",
+        ),
+    ] = None
+    hysteresis: Annotated[
+        Positive | None,
+        key(
+            "the gear's hysteresis loss, the whole width at zero torque: it bounds the friction "
+            "behind the spring",
+            0.00029,
+            "rad or m",
+        ),
+    ] = None
 
     @model_validator(mode="after")
     def _plausible(self) -> Transmission:

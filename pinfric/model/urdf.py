@@ -1,22 +1,26 @@
-"""The URDF, checked: what Pinocchio would pass over or say badly is said here."""
+"""The URDF, checked: what Pinocchio would pass over or say badly is said here.
+
+What Pinocchio's model does not keep and every command needs (mimicry, <dynamics>, <transmission>)
+is read here, too; all else of a URDF is yourdfpy's (`read_document`).
+"""
 
 from __future__ import annotations
 
+import io
 import logging
 import math
 import os
 import warnings
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pinfric.errors import PinfricWarning, RobotError, choose_from
 from pinfric.model.magnitudes import LARGEST
-from pinfric.model.urdf_document import Document, Joint, Link, parse_document
 from pinfric.model.urdf_file import NAMELESS
 from pinfric.model.yamlfile import brief
 
@@ -25,10 +29,28 @@ _INERTIA_SLACK = 1e-3
 #: Moments below this (kg m^2) are rounding of an exporter, not a statement.
 _INERTIA_FLOOR = 1e-9
 _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating")
+_MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
+#: What a shape must say of its geometry.
+_MEASURES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ()}
 
 
-def read_document(root: ElementTree.Element, urdf: Path) -> Document:
-    """Return what a URDF says of links and joints, checked; its meshes are not read.
+class UrdfDynamics(NamedTuple):
+    """A joint's friction (N m or N) and damping (N m s/rad or N s/m), 0 where not given."""
+
+    friction: float
+    damping: float
+
+
+class Mimic(NamedTuple):
+    """The joint that a follower follows: position = multiplier * the leader's + offset."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
+    """Check what a URDF says of links and joints; its meshes are not read.
 
     A robot without a name gets one in `root`. Mimicry of joints that are not there is taken out
     of it, and bodies that no matter could form are kept, each with one `PinfricWarning`: other
@@ -45,15 +67,55 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Document:
     if not root.get("name"):
         root.set("name", NAMELESS)
     _release_followers(root, urdf)
+    _check_tree(root, urdf)
+    _check_joints(root, urdf)
+    _check_mimics(root, urdf)
+    _check_inertias(root, urdf)
+
+
+def read_document(root: ElementTree.Element, urdf: Path) -> Any:
+    """Return links and joints of a checked URDF as yourdfpy's `Robot`; no mesh is loaded.
+
+    Args:
+        root: see `check_urdf`.
+        urdf: named in messages.
+
+    Raises:
+        RobotError: what yourdfpy does not read, such as a colour that is none.
+    """
+    from yourdfpy import URDF  # 0.5 s: only where it is used
+
+    content = io.BytesIO(ElementTree.tostring(root))
     try:
-        document = parse_document(root)
-    except ValueError as problem:
-        raise RobotError(f"{urdf}: {problem}") from None
-    _check_tree(document, urdf)
-    _check_joints(document, urdf)
-    _check_mimics(document, urdf)
-    _check_inertias(document, urdf)
-    return document
+        return URDF.load(content, build_scene_graph=False, load_meshes=False).robot
+    except Exception as problem:  # of lxml, or of what stands in the file
+        raise RobotError(f"{urdf}: cannot be read: {brief(str(problem), 300)}") from None
+
+
+def followers(root: ElementTree.Element) -> dict[str, Mimic]:
+    """Return joint -> what it mimics."""
+    return {
+        name: Mimic(
+            mimic.attrib["joint"],
+            float(mimic.get("multiplier", 1.0)),
+            float(mimic.get("offset", 0.0)),
+        )
+        for name, mimic in _parts(root, "mimic")
+    }
+
+
+def dynamics(root: ElementTree.Element) -> dict[str, UrdfDynamics]:
+    """Return joint -> its <dynamics>."""
+    return {
+        name: UrdfDynamics(float(given.get("friction", 0)), float(given.get("damping", 0)))
+        for name, given in _parts(root, "dynamics")
+    }
+
+
+def _parts(root: ElementTree.Element, tag: str) -> list[tuple[str, ElementTree.Element]]:
+    """The joints that have such a part, with the first of them."""
+    found = ((joint.attrib["name"], joint.find(tag)) for joint in root.findall("joint"))
+    return [(name, part) for name, part in found if part is not None]
 
 
 def reductions(root: ElementTree.Element) -> dict[str, float]:
@@ -105,6 +167,16 @@ def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
         _check_inertial(link, where)
         for shape in (*link.findall("visual"), *link.findall("collision")):
             _check_numbers(shape, where)
+            _check_geometry(shape, where)
+
+
+def _check_geometry(shape: ElementTree.Element, where: str) -> None:
+    body = next(iter(shape.find("geometry") or ()), None)
+    if body is None or body.tag not in _MEASURES:
+        kinds = ", ".join(_MEASURES)
+        raise RobotError(f"{where}: a <{shape.tag}> needs a <geometry>, of {kinds}")
+    if missing := [name for name in _MEASURES[body.tag] if body.get(name) is None]:
+        raise RobotError(f"{where}: a <{shape.tag}> has a <{body.tag}> without {missing[0]}")
 
 
 def _check_inertial(link: ElementTree.Element, where: str) -> None:
@@ -163,73 +235,80 @@ def _number(word: str) -> float | None:
         return None
 
 
-def _check_tree(document: Document, urdf: Path) -> None:
-    links = [link.name for link in document.links]
+def _check_tree(root: ElementTree.Element, urdf: Path) -> None:
+    links = [link.attrib["name"] for link in root.findall("link")]
     if not links:
         raise RobotError(f"{urdf}: has no <link>")
-    parents: dict[str, Joint] = {}
-    for joint in document.joints:
-        for end in (joint.parent, joint.child):
+    above: dict[str, str] = {}
+    for joint in root.findall("joint"):
+        name, ends = joint.attrib["name"], (link_of(joint, "parent"), link_of(joint, "child"))
+        for end in ends:
             if end not in links:
                 raise RobotError(
-                    f"{urdf}: joint {joint.name!r} names link {end!r}; {choose_from(end, links)}"
+                    f"{urdf}: joint {name!r} names link {end!r}; {choose_from(end, links)}"
                 )
-        if joint.child in parents:
+        if ends[1] in above:
             raise RobotError(
-                f"{urdf}: link {joint.child!r} is the child of {parents[joint.child].name!r} and "
-                f"{joint.name!r}; a URDF is a tree: close loops in the scene's `loops`"
+                f"{urdf}: link {ends[1]!r} is the child of {above[ends[1]]!r} and "
+                f"{name!r}; a URDF is a tree: close loops in the scene's `loops`"
             )
-        parents[joint.child] = joint
-    roots = [name for name in links if name not in parents]
+        above[ends[1]] = name
+    roots = [name for name in links if name not in above]
     if len(roots) != 1:
         raise RobotError(f"{urdf}: needs one root link, found {roots or 'a ring of links'}")
-    reached = _reachable(roots, document.joints)
+    reached = _reachable(roots, root.findall("joint"))
     if lost := [name for name in links if name not in reached]:
         raise RobotError(f"{urdf}: links {lost} hang in a ring that no joint ties to {roots[0]!r}")
 
 
-def _reachable(start: Sequence[str], joints: Iterable[Joint]) -> set[str]:
+def link_of(joint: ElementTree.Element, end: str) -> str:
+    """Return the name of a joint's `parent` or `child` link; that there is one was checked."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def _reachable(start: Sequence[str], joints: Iterable[ElementTree.Element]) -> set[str]:
     """Links reached from `start` along the joints, downwards."""
     reached = set(start)
-    joints = list(joints)
-    while grown := {j.child for j in joints if j.parent in reached} - reached:
+    ends = [(link_of(joint, "parent"), link_of(joint, "child")) for joint in joints]
+    while grown := {child for parent, child in ends if parent in reached} - reached:
         reached |= grown
     return reached
 
 
-def _check_joints(document: Document, urdf: Path) -> None:
-    for joint in document.joints:
-        where = f"{urdf}: joint {joint.name!r}"
-        if joint.type in ("fixed", "floating"):
+def _check_joints(root: ElementTree.Element, urdf: Path) -> None:
+    for joint in root.findall("joint"):
+        where, kind = f"{urdf}: joint {joint.get('name')!r}", joint.get("type")
+        if kind in ("fixed", "floating"):
             continue
-        if not 1e-9 < np.abs(joint.axis).max() < 1e9:
-            raise RobotError(f"{where} has the axis {joint.axis.tolist()}; give a direction")
-        limit = joint.limit
-        if limit is None or limit.lower is None or limit.upper is None:
-            continue
-        if joint.type in ("revolute", "prismatic") and limit.lower > limit.upper:
-            raise RobotError(f"{where}: limits lower {limit.lower} > upper {limit.upper}")
+        given, limit = joint.find("axis"), joint.find("limit")
+        axis = [1.0, 0.0, 0.0] if given is None else list(map(float, given.attrib["xyz"].split()))
+        if not 1e-9 < max(map(abs, axis)) < 1e9:
+            raise RobotError(f"{where} has the axis {axis}; give a direction")
+        if kind in ("revolute", "prismatic") and limit is not None:
+            lower, upper = (limit.get(end) for end in ("lower", "upper"))
+            if lower is not None and upper is not None and float(lower) > float(upper):
+                raise RobotError(f"{where}: limits lower {float(lower)} > upper {float(upper)}")
 
 
-def _check_mimics(document: Document, urdf: Path) -> None:
-    joints = {joint.name: joint for joint in document.joints}
-    for name, joint in joints.items():
-        if joint.mimic is None:
-            continue
-        where, leader = f"{urdf}: joint {name!r}", joint.mimic.joint
+def _check_mimics(root: ElementTree.Element, urdf: Path) -> None:
+    types = {joint.get("name"): joint.get("type") for joint in root.findall("joint")}
+    mimics = followers(root)
+    for name, mimic in mimics.items():
+        where, leader = f"{urdf}: joint {name!r}", mimic.joint
         if leader == name:
             raise RobotError(f"{where} mimics itself")
-        if (above := joints[leader].mimic) is not None:
+        if (above := mimics.get(leader)) is not None:
             raise RobotError(
                 f"{where} mimics {leader!r}, which mimics {above.joint!r}: "
                 f"Pinocchio takes no chains; mimic {above.joint!r} directly"
             )
-        if joints[leader].type not in ("revolute", "prismatic"):
+        if types[leader] not in ("revolute", "prismatic"):
             raise RobotError(
-                f"{where} mimics {leader!r}, a {joints[leader].type} joint; Pinocchio takes "
+                f"{where} mimics {leader!r}, a {types[leader]} joint; Pinocchio takes "
                 "revolute and prismatic leaders: give it limits"
             )
-        if joint.mimic.multiplier == 0.0:
+        if mimic.multiplier == 0.0:
             raise RobotError(f"{where} mimics with the multiplier 0: make it a fixed joint")
 
 
@@ -262,23 +341,34 @@ def _release_followers(root: ElementTree.Element, urdf: Path) -> None:
     )
 
 
-def implausible_links(document: Document) -> dict[str, str]:
-    """Return link -> why no rigid body has its mass and inertia; links that never move left out."""
-    still = still_links(document)
-    bodies = {
-        link.name: mass_and_inertia(link)
-        for link in document.links
-        if link.inertial is not None and link.name not in still
-    }
-    return {name: why for name, body in bodies.items() if (why := implausible_body(*body))}
+def bodies(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
+    """Return link -> its mass (kg), and its inertia (3, 3) about its centre of mass (kg m^2).
+
+    Links without an <inertial> are left out.
+    """
+    found = {}
+    for link in root.findall("link"):
+        if (mass := link.find("inertial/mass")) is not None:
+            moments = link.find("inertial/inertia")
+            given: Mapping[str, str] = {} if moments is None else moments.attrib
+            inertia = np.reshape([float(given.get(moment, 0)) for moment in _MOMENTS], (3, 3))
+            found[link.attrib["name"]] = float(mass.attrib["value"]), inertia
+    return found
 
 
-def _check_inertias(document: Document, urdf: Path) -> None:
+def implausible_links(root: ElementTree.Element) -> dict[str, str]:
+    """Return link -> why no body has its mass and inertia; links that never move left out."""
+    still = still_links(root)
+    moving = {name: body for name, body in bodies(root).items() if name not in still}
+    return {name: why for name, body in moving.items() if (why := implausible_body(*body))}
+
+
+def _check_inertias(root: ElementTree.Element, urdf: Path) -> None:
     """Refuse negative masses; warn once of other bodies that cannot be."""
-    problems = implausible_links(document)
-    for link in document.links:
-        if link.name in problems and mass_and_inertia(link)[0] < 0:
-            raise RobotError(f"{urdf}: link {link.name!r}: {problems[link.name]}")
+    problems, found = implausible_links(root), bodies(root)
+    for name, problem in problems.items():
+        if found[name][0] < 0:
+            raise RobotError(f"{urdf}: link {name!r}: {problem}")
     if problems:
         first, *others = problems
         also = f"; the like of {', '.join(others)}" if others else ""
@@ -290,17 +380,14 @@ def _check_inertias(document: Document, urdf: Path) -> None:
         )
 
 
-def still_links(document: Document) -> set[str]:
+def still_links(root: ElementTree.Element) -> set[str]:
     """Return the links that never move: the root and what is fixed to it."""
-    children = {joint.child for joint in document.joints}
-    roots = [link.name for link in document.links if link.name not in children]
-    return _reachable(roots, (joint for joint in document.joints if joint.type == "fixed"))
-
-
-def mass_and_inertia(link: Link) -> tuple[float, np.ndarray]:
-    """Return a link's mass (kg) and its inertia (3, 3) about its centre of mass, zeros if none."""
-    given = link.inertial
-    return (0.0, np.zeros((3, 3))) if given is None else (given.mass, given.inertia)
+    joints = root.findall("joint")
+    children = {link_of(joint, "child") for joint in joints}
+    roots = [
+        name for link in root.findall("link") if (name := link.get("name", "")) not in children
+    ]
+    return _reachable(roots, (joint for joint in joints if joint.get("type") == "fixed"))
 
 
 def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
@@ -332,9 +419,12 @@ def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
     return None
 
 
-def missing_meshes(document: Document, urdf: Path, package_dirs: Sequence[Path]) -> list[str]:
+def missing_meshes(
+    root: ElementTree.Element, urdf: Path, package_dirs: Sequence[Path]
+) -> list[str]:
     """Return the mesh names of a URDF whose files are not there, sorted."""
-    names = {shape.mesh for link in document.links for shape in link.shapes} - {None}
+    shapes = (*root.iterfind("link/visual"), *root.iterfind("link/collision"))
+    names = {mesh.get("filename", "") for shape in shapes for mesh in shape.iter("mesh")}
     return sorted(
         name or "(a <mesh> without a filename)"
         for name in names
@@ -342,9 +432,11 @@ def missing_meshes(document: Document, urdf: Path, package_dirs: Sequence[Path])
     )
 
 
-def warn_of_missing_meshes(document: Document, urdf: Path, package_dirs: Sequence[Path]) -> None:
+def warn_of_missing_meshes(
+    root: ElementTree.Element, urdf: Path, package_dirs: Sequence[Path]
+) -> None:
     """Warn once, naming them, of mesh files that are not there; the dynamics do without them."""
-    if missing := missing_meshes(document, urdf, package_dirs):
+    if missing := missing_meshes(root, urdf, package_dirs):
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         warnings.warn(
             f"{urdf}: there is no mesh {missing[0]}{more}; loaded without (efforts do not need "

@@ -1,19 +1,17 @@
-"""Read YAML safely: no objects, no duplicate keys, and the scalars of YAML 1.2.
-
-PyYAML follows YAML 1.1, where 010 is 8, 1:30 is 90, `on` (a guide's key) is true and 1e-6 is text.
-Here a plain scalar is what YAML 1.2's core schema says (yaml.org/spec/1.2.2, section 10.3.2):
-010 is 10, true and false are the only truths, and what is no number there (1:30, 1_000) is text.
-"""
+"""Read and write YAML 1.2: no objects, no duplicate keys, comments beside what they are of."""
 
 from __future__ import annotations
 
-import re
+import io
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any
-
-import yaml
+from typing import TYPE_CHECKING, Any
 
 from pinfric.errors import PinfricError, cut
+
+if TYPE_CHECKING:
+    from ruamel.yaml import YAML
 
 #: Letters of a value that a message repeats: enough to find it in the file.
 _SHOWN = 80
@@ -21,54 +19,13 @@ _SHOWN = 80
 _MOST_REPEATS = 100
 
 
-class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader with YAML 1.2's scalars; of two equal keys it refuses the second."""
-
-    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - none of YAML 1.1's
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, str):
-                continue
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {brief(key)} stands twice", key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
-
-    def construct_whole(self, node: Any) -> int:
-        """An integer: decimal, 0o octal or 0x hexadecimal."""
-        text = str(self.construct_scalar(node))
-        base = {"0o": 8, "0x": 16}.get(text[:2], 10)
-        try:
-            return int(text[2:] if base != 10 else text, base)
-        except ValueError:  # Python refuses thousands of digits; a tag may stand at anything
-            raise yaml.constructor.ConstructorError(
-                None, None, f"{brief(text)} is no integer that can be meant", node.start_mark
-            ) from None
-
-
-for _tag, _pattern, _first in (
-    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
-    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
-    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
-    ("float", r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", list("-+.0123456789")),
-    ("float", r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", list("-+.")),
-):
-    _Loader.add_implicit_resolver(
-        f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first
-    )
-_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_whole)
-
-
 def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
     """Read a YAML file whose top level is a mapping.
 
     Raises `error`, naming the file (and the line where YAML itself is malformed).
     """
+    from ruamel.yaml.error import YAMLError
+
     try:
         content = _load(path.read_text(encoding="utf-8"))
     except OSError as problem:
@@ -78,9 +35,7 @@ def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
         raise error(f"{path}: is not a text file in UTF-8") from None
     except RecursionError:
         raise error(f"{path}: is nested too deep to be meant; check its brackets") from None
-    except (ValueError, KeyError, AttributeError, TypeError) as problem:  # !!float at a word
-        raise error(f"{path}: a tag (!!) does not fit its value: {brief(str(problem))}") from None
-    except yaml.YAMLError as problem:
+    except YAMLError as problem:
         mark = getattr(problem, "problem_mark", None)
         line = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         text = getattr(problem, "problem", None) or getattr(problem, "reason", None) or problem
@@ -93,42 +48,123 @@ def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
 
 
 def _load(text: str) -> Any:
-    loader = _Loader(text)
-    try:
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        sizes: dict[int, int] = {}
-        size = _expanded_size(node, sizes)
-        if size > _MOST_REPEATS * len(sizes):
-            raise yaml.constructor.ConstructorError(
-                None,
-                None,
-                f"its aliases (*name) make {size:.2g} entries of {len(sizes)}: nothing "
-                "that is meant; write out what they repeat",
-                node.start_mark,
-            )
-        return loader.construct_document(node)
-    finally:
-        loader.dispose()
+    yaml = _yaml()
+    yaml.Constructor = _constructor()
+    node = yaml.compose(text)
+    if node is None:
+        return None
+    if "&" in text:
+        _check_aliases(node)
+    return yaml.constructor.construct_document(node)
 
 
-def _expanded_size(node: Any, sizes: dict[int, int]) -> int:
-    """Number of nodes where every alias is written out; `sizes` collects that of each node."""
-    known = sizes.get(id(node))
-    if known == 0:  # still being counted: it lies within itself
-        raise yaml.constructor.ConstructorError(
-            None, None, "an alias (*name) stands within what it refers to", node.start_mark
+def _check_aliases(root: Any) -> None:
+    """Refuse a file whose aliases stand for far more than it has, or for themselves."""
+    from ruamel.yaml.composer import ComposerError
+    from ruamel.yaml.nodes import MappingNode, ScalarNode
+
+    sizes: dict[int, int] = {}  # of each node, where every alias is written out
+
+    def size_of(node: Any) -> int:
+        known = sizes.get(id(node))
+        if known == 0:  # still being counted: it lies within itself
+            problem = "an alias (*name) stands within what it refers to"
+            raise ComposerError(None, None, problem, node.start_mark)
+        if known is None:
+            sizes[id(node)] = 0
+            parts = () if isinstance(node, ScalarNode) else node.value
+            if isinstance(node, MappingNode):
+                parts = [part for pair in node.value for part in pair]
+            known = sizes[id(node)] = 1 + sum(size_of(part) for part in parts)
+        return known
+
+    if size_of(root) > _MOST_REPEATS * len(sizes):
+        problem = (
+            f"its aliases (*name) make {sizes[id(root)]:.2g} entries of {len(sizes)}: nothing that "
+            "is meant; write out what they repeat"
         )
-    if known is None:
-        sizes[id(node)] = 0
-        children: list[Any] = []
-        if isinstance(node, yaml.MappingNode):
-            children = [part for pair in node.value for part in pair]
-        elif isinstance(node, yaml.SequenceNode):
-            children = node.value
-        known = sizes[id(node)] = 1 + sum(_expanded_size(child, sizes) for child in children)
-    return known
+        raise ComposerError(None, None, problem, root.start_mark)
+
+
+@cache
+def _constructor() -> type:
+    """The library's, which says the line of a value that its type does not fit."""
+    from ruamel.yaml.constructor import ConstructorError, SafeConstructor
+
+    class Constructor(SafeConstructor):
+        def construct_object(self, node: Any, deep: bool = False) -> Any:
+            try:
+                return super().construct_object(node, deep)
+            except (ValueError, TypeError, AttributeError, KeyError):
+                problem = f"{brief(node.value)} is no !!{node.tag.rpartition(':')[2]}"
+                raise ConstructorError(None, None, problem, node.start_mark) from None
+
+    # a date is text, as in YAML 1.2
+    Constructor.add_constructor("tag:yaml.org,2002:timestamp", SafeConstructor.construct_yaml_str)
+    return Constructor
+
+
+def yaml_text(content: Any, comments: Mapping[tuple[str, ...], str] | None = None) -> str:
+    """Return content as YAML: what is flat on one line, the rest indented.
+
+    Args:
+        content: mappings, sequences and scalars.
+        comments: by the path of keys (and numbers, as text) that they stand beside.
+    """
+    yaml = _yaml("rt")
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    return _dumped(yaml, _with_comments(content, (), comments or {}))
+
+
+def yaml_line(value: Any) -> str:
+    """Return a value as YAML on one line."""
+    yaml = _yaml()
+    yaml.default_flow_style = True
+    return _dumped(yaml, value).removesuffix("\n").removesuffix("\n...")
+
+
+def _yaml(kind: str = "safe") -> YAML:
+    from ruamel.yaml import YAML  # where it is used: 0.03 s
+
+    yaml = YAML(typ=kind, pure=True)
+    yaml.width = 10**6
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    return yaml
+
+
+def _dumped(yaml: YAML, content: Any) -> str:
+    writer = yaml.representer
+    writer.ignore_aliases = lambda _: True
+    writer.yaml_representers = {**writer.yaml_representers, float: _number}
+    stream = io.StringIO()
+    yaml.dump(content, stream)
+    return stream.getvalue()
+
+
+def _number(writer: Any, value: float) -> Any:
+    """A float as YAML 1.1 reads it, too: 6e-05 would be text there."""
+    node = type(writer).represent_float(writer, value)
+    node.value = node.value if "." in node.value else node.value.replace("e", ".0e")
+    return node
+
+
+def _with_comments(value: Any, at: tuple[str, ...], comments: Mapping[tuple[str, ...], str]) -> Any:
+    from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+    if isinstance(value, float):
+        return float(f"{value:.10g}")
+    if not isinstance(value, Mapping | list | tuple):
+        return value
+    pairs = value.items() if isinstance(value, Mapping) else enumerate(value)
+    parts = {key: _with_comments(part, (*at, str(key)), comments) for key, part in pairs}
+    made = CommentedMap(parts) if isinstance(value, Mapping) else CommentedSeq(parts.values())
+    flat = not any(isinstance(part, dict | list) for part in parts.values())
+    if at and flat and not any(len(key) > len(at) and key[: len(at)] == at for key in comments):
+        made.fa.set_flow_style()
+    for key in parts:
+        if text := comments.get((*at, str(key))):
+            made.yaml_add_eol_comment(text, key, column=0)
+    return made
 
 
 def brief(value: object, letters: int = _SHOWN) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
@@ -53,7 +54,7 @@ def json_schema(name: str) -> dict[str, Any]:
 
 
 def _in_its_words(schema: Any) -> Any:
-    """Bounds that pydantic leaves in its own words, and no titles that repeat the key."""
+    """Bounds that pydantic leaves in its own words; no titles that repeat the key, no infinity."""
     if isinstance(schema, list):
         return [_in_its_words(part) for part in schema]
     if not isinstance(schema, dict):
@@ -62,5 +63,6 @@ def _in_its_words(schema: Any) -> Any:
         key: value
         for key, value in schema.items()
         if not (key == "title" and isinstance(value, str) and schema.get("type") != "object")
+        and not (key == "default" and value in (None, math.inf))
     }
     return {_BOUNDS.get(key, key): _in_its_words(value) for key, value in plain.items()}

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -28,7 +27,8 @@ from pinfric.model.robot import (
     urdf_file,
 )
 from pinfric.model.scene import Scene
-from pinfric.model.urdf_document import UrdfDynamics
+from pinfric.model.urdf import UrdfDynamics
+from pinfric.model.yamlfile import yaml_line
 from pinfric.study.check.joint_loads import JointLoad, joint_loads
 from pinfric.study.formats import json_schema
 from pinfric.study.trajectory.followers import Follower, find_followers
@@ -42,8 +42,6 @@ _LONGEST = 10.0
 _GEAR, _STATIC = 0.02, 1.2
 #: Rolling bearings: mu of catalogues (SKF 0.0015-0.0030) and, at rest, 1.5 times that.
 _MU = {"static": 0.003, "kinetic": 0.002}
-_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.\-]*\Z")
-_YAML_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 
 
 def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
@@ -67,16 +65,16 @@ def new_scene(urdf: str | Path, folder: str | Path | None = None) -> str:
         _head(urdf, robot),
         "pinfric: 1",
         "robot:",
-        f"  urdf: {scalar(locator(urdf, folder))}",
+        f"  urdf: {yaml_line(locator(urdf, folder))}",
         "  gravity: [0.0, 0.0, -9.81]",
         *_dynamics_section(robot),
         "  # payloads:                  # what it carries; com in the link's frame",
-        f"  #   box: {{link: {scalar(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
+        f"  #   box: {{link: {yaml_line(_last_link(robot.model))}, mass: 1.0, com: [0, 0, 0.05]}}",
         "friction:",
         *[line for joint in joints for line in _joint_section(joint, robot.dynamics)],
         *_actuators_section(robot),
         *_simulation_section(robot.model),
-    ]  # fmt: skip
+    ]
     return "\n".join(parts) + "\n"
 
 
@@ -94,21 +92,19 @@ def new_waypoints(urdf: str | Path) -> str:
     columns = tuple(_followed(column, followers) for column in columns)
     start = [_start(column) for column in columns]
     end = [_end(column, at) for column, at in zip(columns, start, strict=True)]
-    names = ", ".join(scalar(column.name) for column in columns)
-    return "\n".join([
-        f"# A first motion for {urdf.name}: every joint moves a little, holds, and returns.",
-        "# Made by `pinfric new`; positions in rad and m, times in s.",
-        "pinfric_trajectory: 1",
-        "profile: quintic",
-        "sample_rate: 250",
-        f"joints: [{names}]",
-        "points:",
-        f"  - {{name: start, q: {_numbers(start)}, hold: 0.3}}",
-        f"  - {{name: there, q: {_numbers(end)}, duration: {_duration(columns, start, end):g}, "
-        "hold: 0.5}",
-        f"  - {{name: start, q: {_numbers(start)}, duration: {_duration(columns, start, end):g}, "
-        "hold: 0.3}",
-    ]) + "\n"  # fmt: skip
+    names = ", ".join(yaml_line(column.name) for column in columns)
+    there, back, time = _numbers(end), _numbers(start), f"{_duration(columns, start, end):g}"
+    return f"""# A first motion for {urdf.name}: each joint moves a little, holds, and returns.
+# Made by `pinfric new`; positions in rad and m, times in s.
+pinfric_trajectory: 1
+profile: quintic
+sample_rate: 250
+joints: [{names}]
+points:
+  - {{name: start, q: {back}, hold: 0.3}}
+  - {{name: there, q: {there}, duration: {time}, hold: 0.5}}
+  - {{name: start, q: {back}, duration: {time}, hold: 0.3}}
+"""
 
 
 def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
@@ -135,12 +131,17 @@ def write_new(urdf: str | Path, folder: str | Path = ".") -> list[Path]:
     for file in contents:
         if (folder / file).exists():
             raise PinfricError(f"{folder / file}: is there already; name another folder (--out)")
-    schemas = {f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
-               for kind in ("scene", "waypoints")}  # fmt: skip
-    write_folder(folder, {
-        file: partial(Path.write_text, data=text, encoding="utf-8")
-        for file, text in {**schemas, **contents}.items()
-    })  # fmt: skip
+    schemas = {
+        f"{kind}.schema.json": json.dumps(json_schema(kind), indent=1) + "\n"
+        for kind in ("scene", "waypoints")
+    }
+    write_folder(
+        folder,
+        {
+            file: partial(Path.write_text, data=text, encoding="utf-8")
+            for file, text in {**schemas, **contents}.items()
+        },
+    )
     return [folder / file for file in contents]
 
 
@@ -151,12 +152,12 @@ def _checked(kind: str, text: str) -> str:
 
 def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> list[str]:
     """The lines of one joint; a joint without a single axis is only listed."""
-    name = scalar(joint.name)
+    name = yaml_line(joint.name)
     if joint.degrees > 1:
         return [f"  # {name}: {joint.degrees} degrees of freedom; friction needs one axis"]
     unit, position = ("N", "m") if joint.sliding else ("N m", "rad")
     if joint.leader is not None:
-        about = f"follows {scalar(joint.leader)}: bearings of its own, no drive"
+        about = f"follows {yaml_line(joint.leader)}: bearings of its own, no drive"
     elif math.isfinite(joint.upper):
         about = f"{joint.lower:.4g} to {joint.upper:.4g} {position}"
     else:
@@ -172,7 +173,7 @@ def _joint_section(joint: JointLoad, dynamics: Mapping[str, UrdfDynamics]) -> li
         "  # guess: rolling bearings (plain bushings: 0.1 to 0.2)",
         f"    coulomb: {{static: {_short(_STATIC * gear)}, kinetic: {_short(gear)}}}"
         f"  # guess: gear and seals, {100 * _GEAR:g} % of {joint.load:.3g} {unit}{friction}",
-        f"    # viscous: {yaml_number(f'{given.damping:.6g}')}  # {unit} s/{position}{damping}",
+        f"    # viscous: {_short(given.damping, 6)}  # {unit} s/{position}{damping}",
     ]
 
 
@@ -240,7 +241,7 @@ def _actuators_section(robot: Robot) -> list[str]:
     if not robot.gears.keys() & set(single):
         return [
             "# actuators:                   # without this section: one ideal drive per joint",
-            f"#   - joint: {scalar(single[0] if single else robot.model.names[1])}",
+            f"#   - joint: {yaml_line(single[0] if single else robot.model.names[1])}",
             "#     transmission: {ratio: 100, efficiency: 0.85, back_efficiency: 0.82, "
             "rotor_inertia: 1.0e-5}",
         ]
@@ -250,9 +251,8 @@ def _actuators_section(robot: Robot) -> list[str]:
     ]
     for name in Scene(robot.model).actuator_names:
         ratio = robot.gears.get(name) if name in single else None
-        gear = "" if ratio is None else (
-            f", transmission: {{ratio: {yaml_number(f'{ratio:.12g}')}}}")  # fmt: skip
-        lines.append(f"  - {{joint: {scalar(name)}{gear}}}{'  # the URDF' if gear else ''}")
+        gear = "" if ratio is None else (f", transmission: {{ratio: {_short(ratio, 12)}}}")
+        lines.append(f"  - {{joint: {yaml_line(name)}{gear}}}{'  # the URDF' if gear else ''}")
     return lines
 
 
@@ -261,8 +261,10 @@ def _simulation_section(model: pin.Model) -> list[str]:
     M = pin.crba(model, model.createData(), pin.neutral(model))
     if np.linalg.eigvalsh(np.triu(M) + np.triu(M, 1).T)[0] <= 1e-12 * max(float(M.max()), 1e-9):
         return ["# simulation: not possible, a joint moves no mass; give its link an <inertial>"]
-    return ["simulation:                    # pinfric simulate: lets go of the robot for a second",
-            "  t_end: 1.0"]  # fmt: skip
+    return [
+        "simulation:                    # pinfric simulate: lets go of the robot for a second",
+        "  t_end: 1.0",
+    ]
 
 
 def _followed(column: JointColumn, followers: Sequence[Follower]) -> JointColumn:
@@ -311,24 +313,11 @@ def _duration(columns: tuple[JointColumn, ...], start: list[float], end: list[fl
     return max(1.0, math.ceil(10.0 * max(needed, default=0.0)) / 10.0)
 
 
-def scalar(text: str) -> str:
-    """Text as YAML that reads back as the same text."""
-    plain = _PLAIN.match(text) or re.match(r"[A-Za-z0-9_./\-]+(:[A-Za-z0-9_./\-]+)?\Z", text)
-    if plain and text.lower() not in _YAML_WORDS and not text[0].isdigit() and text[0] not in "-.":
-        return text
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _short(x: float) -> str:
-    """Two significant digits, as YAML reads a number."""
-    return yaml_number(f"{x:.2g}")
-
-
-def yaml_number(text: str) -> str:
-    """A number as YAML 1.1 reads it: 5e-05 would be text there, 5.0e-5 is not."""
-    digits, e, exponent = text.partition("e")
-    return f"{digits if '.' in digits else digits + '.0'}e{int(exponent)}" if e else text
+def _short(x: float, digits: int = 2) -> str:
+    """A number with so many significant digits."""
+    number = float(f"{x:.{digits}g}")
+    return yaml_line(int(number) if number.is_integer() else number)
 
 
 def _numbers(values: list[float]) -> str:
-    return "[" + ", ".join(yaml_number(f"{value:.12g}") for value in values) + "]"
+    return f"[{', '.join(_short(value, 12) for value in values)}]"

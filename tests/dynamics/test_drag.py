@@ -9,7 +9,15 @@ from scipy.optimize import brentq
 
 import pinfric as pf
 from pinfric.model.entry import NonNegative, Positive
-from pinfric.model.friction_terms import TERMS, FrictionTerm, Row, Shape, Strength, Stribeck
+from pinfric.model.friction_terms import (
+    TERMS,
+    FrictionTerm,
+    Row,
+    Shape,
+    Strength,
+    Stribeck,
+    friction_term,
+)
 
 M, G, METHODS = 2.0, 9.81, ("event", "timestepping", "regularized")
 
@@ -18,9 +26,8 @@ M, G, METHODS = 2.0, 9.81, ("event", "timestepping", "regularized")
 def load_drag():
     """A term mu |v|^exponent times the load, known while the tests of this file run."""
 
+    @friction_term("load_drag")
     class LoadDrag(FrictionTerm):
-        key = "load_drag"
-
         coefficient: NonNegative
         exponent: Positive
 

@@ -16,16 +16,25 @@ from mechanisms import pin_friction
 
 import pinfric as pf
 from pinfric.errors import SceneError
-from pinfric.model.bearings import FZ, KINDS, MX, MY, MZ, Bearing, LoadTerms, norm_of
+from pinfric.model.bearings import FZ, KINDS, MX, MY, MZ, Bearing, LoadTerms, bearing_kind, norm_of
 from pinfric.model.effects import effects, with_effects
 from pinfric.model.entry import NonNegative, Positive
-from pinfric.model.friction_terms import TERMS, FrictionTerm, Row, Shape, Strength, Stribeck
+from pinfric.model.friction_terms import (
+    TERMS,
+    FrictionTerm,
+    Row,
+    Shape,
+    Strength,
+    Stribeck,
+    friction_term,
+)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def added():
     """The two classes, known while the tests of this file run."""
 
+    @bearing_kind
     class Collar(Bearing):
         fits = ("turning joint",)
 
@@ -35,9 +44,8 @@ def added():
         def terms(self) -> LoadTerms:
             return LoadTerms([self.weight * norm_of(FZ), norm_of(MX, MY, MZ)])
 
+    @friction_term("power_drag")
     class PowerDrag(FrictionTerm):
-        key = "power_drag"
-
         coefficient: NonNegative
         exponent: Positive
 
@@ -164,9 +172,9 @@ def test_they_are_effects_by_their_keys(tmp_path):
     ("friction", "says"),
     [
         (COLLAR.replace("weight", "wieght"),
-         "`friction.turn.bearing.wieght`: a collar has no `wieght`; did you mean 'weight'"),
-        (COLLAR.replace("weight", "radius"), "a collar has no `radius`; there are: weight"),
-        (COLLAR.replace(", weight: 2.0", ""), "a collar needs `weight`"),
+         "unknown key `friction.turn.bearing.wieght`; did you mean 'weight'"),
+        (COLLAR.replace("weight", "radius"), r"bearing\.radius`; there are: kind, weight"),
+        (COLLAR.replace(", weight: 2.0", ""), r"`friction\.turn\.bearing\.weight` is missing"),
         (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*greater than or equal to 0"),
         (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*or equal to 0"),
         (POWER_DRAG.replace("exponent", "exponant"),

@@ -65,11 +65,11 @@ def test_a_scene_file_warns_with_both_figures(tmp_path):
     with pytest.warns(pf.PinfricWarning) as warned:
         pf.load_scene(file)
     (text,) = (str(w.message) for w in warned)
-    assert "arm.yaml: actuators.elbow_joint.transmission.hysteresis: 0.000291 rad" in text
+    assert "arm.yaml: actuators[2].transmission.hysteresis: 0.000291 rad" in text
     assert "0.000387 rad (1.3 arcmin) implied by 6 N m" in text
     report = pf.check(file)
     (finding,) = (f for f in report.findings if f.kind == "hysteresis")
-    assert finding.place == "actuators.elbow_joint.transmission.hysteresis"
+    assert finding.place == "actuators[2].transmission.hysteresis"
     assert finding.excess == pytest.approx(1.33, abs=0.01)
 
 

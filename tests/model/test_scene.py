@@ -127,7 +127,7 @@ def test_with_gives_a_changed_scene_and_leaves_the_first():
     both = scene.with_(model=model, gravity=[0.0, 0.0, -1.0])
     assert upper(both) == pytest.approx(0.5 * 10.0)
     assert model.gravity.linear[2] == -9.81
-    with pytest.raises(SceneError, match=r"scene: simulation: `t_end`.*greater than 0"):
+    with pytest.raises(SceneError, match=r"scene: `simulation\.t_end`.*greater than 0"):
         scene.with_(simulation={"t_end": 0})
     assert scene.with_(simulation={"t_end": 2}).simulation.t_end == 2.0
     geared = scene.with_(actuators=[{"joint": "slide", "transmission": {"ratio": 10.0}}])

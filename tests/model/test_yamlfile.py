@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pinfric.errors import SceneError
-from pinfric.model.yamlfile import brief, read_yaml
+from pinfric.model.yamlfile import brief, read_yaml, yaml_line, yaml_text
 
 
 def content(tmp_path, text):
@@ -28,7 +28,7 @@ def message(tmp_path, text):
         ("010", 10), ("-007", -7), ("+3", 3), ("0o17", 15), ("0x1F", 31), ("0", 0),
         ("1e-6", 1e-6), ("1e3", 1000.0), (".5", 0.5), ("5.", 5.0), ("-1.5E+2", -150.0),
         ("-.inf", float("-inf")), ("1:30", "1:30"), ("190:20:30.15", "190:20:30.15"),
-        ("1_000", "1_000"), ("0b101", "0b101"), ("true", True), ("False", False),
+        ("1_000", 1000), ("0b101", 5), ("true", True), ("False", False),
         ("yes", "yes"), ("off", "off"), ("~", None), ("null", None), ("2024-01-01", "2024-01-01"),
         ("'10'", "10"), ("1e", "1e"), ("0x", "0x"),
     ],
@@ -47,13 +47,13 @@ def test_on_is_a_key_like_any_other(tmp_path):
     [
         ("a: " + "[" * 3000 + "]" * 3000, ["nested too deep"]),
         ("a: " + "{b: " * 3000 + "}" * 3000, ["nested too deep"]),
-        ("a: " + "9" * 5000, ["line 1", "999 ... 999", "no integer"]),
+        ("a: " + "9" * 5000, ["line 1", "999 ... 999", "is no !!int"]),
         ("a: *" + "x" * 5000, ["line 1", "undefined alias"]),
         ("a: &a [*a]", ["within what it refers to"]),
-        ("a: !!float wide", ["a tag (!!) does not fit", "wide"]),
-        ("a: !!int wide", ["'wide' is no integer"]),
+        ("a: !!float wide", ["line 1", "'wide' is no !!float"]),
+        ("a: !!int wide", ["line 1", "'wide' is no !!int"]),
         ("a: !!python/object:os.system x", ["not valid YAML", "python/object"]),
-        (f"{'k' * 900}: 1\n{'k' * 900}: 1", ["line 2", "stands twice"]),
+        (f"{'k' * 900}: 1\n{'k' * 900}: 1", ["line 2", "duplicate key"]),
     ],
     ids=lambda x: x[:12] if isinstance(x, str) else "",
 )
@@ -75,3 +75,18 @@ def test_what_was_found_is_shown_in_brief():
     assert brief("word") == "'word'"
     assert len(brief(list(range(100_000)))) < 100
     assert brief("x" * 500).endswith("x'")
+
+
+def test_what_is_written_is_read_back_with_comments_beside_it(tmp_path):
+    content = {
+        "friction": {"a b": {"mu": {"static": 0.25, "kinetic": 5e-5}, "viscous": 3.0}, "yes": {}},
+        "drives": [{"joint": "010", "on": None}, {"joint": "#2", "q": [1, 2.5, True]}],
+    }
+    beside = {("friction", "a b", "mu"): "per load", ("drives", "1", "joint"): "the second"}
+    text = yaml_text(content, beside)
+    path = tmp_path / "a.yaml"
+    path.write_text(text, encoding="utf-8")
+    assert read_yaml(path, SceneError) == content
+    assert "    mu: {static: 0.25, kinetic: 5.0e-05} # per load\n" in text
+    assert "'#2' # the second\n" in text
+    assert yaml_line(["a: b", 6e-5, None, [1e300]]) == "['a: b', 6.0e-05, null, [1.0e+300]]"

@@ -164,8 +164,8 @@ def _added(
 ) -> float:
     """Magnitude of the terms that classes have added: what drags, or what is dry (see `_dry`)."""
     total = 0.0
-    for term in friction.terms:
-        if term.key in Friction.model_fields:
+    for name, term in friction.named_terms.items():
+        if name in Friction.model_fields:
             continue
         parts = (
             [(1.0, term.at_rest())]

@@ -99,8 +99,12 @@ class Unit:
 
 LENGTHS = (Unit("mm", 1e-3), Unit("cm", 1e-2), Unit("inches", 0.0254))
 MASSES = (Unit("g", 1e-3),)
-INERTIAS = (Unit("kg mm^2", 1e-6), Unit("g mm^2", 1e-9), Unit("kg cm^2", 1e-4),
-            Unit("g cm^2", 1e-7))  # fmt: skip
+INERTIAS = (
+    Unit("kg mm^2", 1e-6),
+    Unit("g mm^2", 1e-9),
+    Unit("kg cm^2", 1e-4),
+    Unit("g cm^2", 1e-7),
+)
 ANGLES = (Unit("degrees", 0.017453292519943295),)
 
 

@@ -50,8 +50,11 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
     """Return what each joint must stand: its effort limit, or the weight it carries in q0."""
     twin, data = make_twin(model), model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
-    leaders = {int(twin.v_index[j - 1]): str(model.names[j])
-               for j in range(1, model.njoints) if model.joints[j].nv == 1}  # fmt: skip
+    leaders = {
+        int(twin.v_index[j - 1]): str(model.names[j])
+        for j in range(1, model.njoints)
+        if model.joints[j].nv == 1
+    }
     found = []
     for j in range(1, model.njoints):
         kind, sliding = model.joints[j], bool(twin.kind[j - 1] == PRISMATIC)
@@ -64,8 +67,19 @@ def joint_loads(model: pin.Model) -> list[JointLoad]:
         load, why, remark = _load(limit, weight, float(masses.sum()), sliding)
         lower, upper = _limits(model, kind)
         follows = leaders[int(twin.v_index[j - 1])] if kind.nv == 0 else None
-        found.append(JointLoad(str(model.names[j]), sliding, max(kind.nv, 1), follows,
-                            lower, upper, load, why, remark))  # fmt: skip
+        found.append(
+            JointLoad(
+                str(model.names[j]),
+                sliding,
+                max(kind.nv, 1),
+                follows,
+                lower,
+                upper,
+                load,
+                why,
+                remark,
+            )
+        )
     return found
 
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.urdf import mesh_file, read_mesh_scene
-from pinfric.model.urdf_document import Document, Shape
 
 _CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
 
@@ -47,7 +47,7 @@ class Extent:
 
 
 def link_extents(
-    document: Document, urdf: Path, folders: Sequence[Path]
+    document: Any, urdf: Path, folders: Sequence[Path]
 ) -> tuple[dict[str, Extent], dict[str, str]]:
     """Return link -> its extent where it has shapes, and mesh -> why it cannot be read.
 
@@ -60,10 +60,11 @@ def link_extents(
     unread: dict[str, str] = {}
     for link in document.links:
         corners = []
-        for shape in link.shapes:
+        for shape in (*link.visuals, *link.collisions):
             box = _shape_box(shape, urdf, folders, unread)
             if box is not None:
-                turn, place = shape.origin[:3, :3], shape.origin[:3, 3]
+                origin = place_of(shape.origin)
+                turn, place = origin[:3, :3], origin[:3, 3]
                 center, size = box
                 with np.errstate(all="ignore"):
                     points = (center + _CORNERS * size) @ turn.T + place
@@ -78,20 +79,35 @@ def link_extents(
 
 
 def _shape_box(
-    shape: Shape, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
+    shape: Any, urdf: Path, folders: Sequence[Path], unread: dict[str, str]
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Centre and edges of the box that holds a shape, in the shape's frame."""
-    if shape.size is not None:
-        return np.zeros(3), shape.size
-    path = mesh_file(shape.mesh, urdf, folders)
+    mesh = shape.geometry.mesh
+    if mesh is None:
+        return np.zeros(3), _edges(shape.geometry)
+    path = mesh_file(mesh.filename, urdf, folders)
     if path is None:
         return None  # said where the robot is read
     bounds = _mesh_bounds(path)
     if isinstance(bounds, str):
-        unread[str(shape.mesh)] = bounds
+        unread[str(mesh.filename)] = bounds
         return None
-    low, high = shape.scale * bounds
+    low, high = (1.0 if mesh.scale is None else mesh.scale) * bounds
     return (low + high) / 2.0, np.abs(high - low)
+
+
+def _edges(geometry: Any) -> np.ndarray:
+    """Edges of the box that holds a body (m)."""
+    if geometry.box is not None:
+        return np.asarray(geometry.box.size)
+    body = geometry.sphere or geometry.cylinder
+    across = 2.0 * body.radius
+    return np.array([across, across, across if geometry.sphere else body.length])
+
+
+def place_of(origin: np.ndarray | None) -> np.ndarray:
+    """Return an <origin> as a matrix (4, 4); without one, nothing is moved."""
+    return np.eye(4) if origin is None else origin
 
 
 @lru_cache(maxsize=512)

@@ -49,8 +49,9 @@ def link_findings(facts: RobotFacts) -> Iterator[Finding]:
     heavy = any(finding.kind == "masses" for finding in whole)
     for link in facts.links:
         if problem := implausible_body(link.mass, link.inertia):
-            yield Finding(Severity.WARNING, "impossible inertia", f"link {link.name}",
-                          problem, "", excess=3.0)  # fmt: skip
+            yield Finding(
+                Severity.WARNING, "impossible inertia", f"link {link.name}", problem, "", excess=3.0
+            )
         if link.has_shapes and (finding := _shape(link, facts.reach)):
             yield finding
         elif link.mass > 0 and (link.has_shapes or facts.reach > 0):
@@ -64,16 +65,23 @@ def _whole_robot(facts: RobotFacts) -> Iterator[Finding]:
     if reach > _FARTHEST:
         unit = likely_unit(LENGTHS, lambda size: 0.05 < size * reach < 20.0)
         yield Finding(
-            Severity.ERROR, "lengths", "robot", f"its joints reach {reach:.3g} m",
+            Severity.ERROR,
+            "lengths",
+            "robot",
+            f"its joints reach {reach:.3g} m",
             "no robot is so large; all lengths look wrong",
-            in_unit(unit, "m", reach), reach / _FARTHEST,
-        )  # fmt: skip
+            in_unit(unit, "m", reach),
+            reach / _FARTHEST,
+        )
     elif 0.0 < reach < _NEAREST:
         yield Finding(
-            Severity.WARNING, "lengths", "robot", f"its joints reach {reach:.3g} m",
+            Severity.WARNING,
+            "lengths",
+            "robot",
+            f"its joints reach {reach:.3g} m",
             "so small a robot is rare; are all lengths 1000 times too small?",
             excess=_NEAREST / reach,
-        )  # fmt: skip
+        )
     if reach <= _FARTHEST and (finding := _masses(facts)):
         yield finding
 
@@ -93,8 +101,15 @@ def _masses(facts: RobotFacts) -> Finding | None:
     if excess <= 1.0:
         return None
     unit = likely_unit(MASSES, lambda size: size * excess < 0.5)
-    return Finding(Severity.ERROR, "masses", "robot", f"{mass:.4g} kg move", why,
-                   in_unit(unit, "kg", mass), excess)  # fmt: skip
+    return Finding(
+        Severity.ERROR,
+        "masses",
+        "robot",
+        f"{mass:.4g} kg move",
+        why,
+        in_unit(unit, "kg", mass),
+        excess,
+    )
 
 
 def _fixed_mass(facts: RobotFacts) -> Iterator[Finding]:
@@ -103,10 +118,12 @@ def _fixed_mass(facts: RobotFacts) -> Iterator[Finding]:
         first, *others = fixed
         more = f" and {len(others)} more" if others else ""
         yield Finding(
-            Severity.NOTE, "fixed mass", "robot",
+            Severity.NOTE,
+            "fixed mass",
+            "robot",
             f"{sum(fixed.values()):.3g} kg never move (link {first}{more})",
             "fixed to the ground, they count in no effort",
-        )  # fmt: skip
+        )
 
 
 def _shape(link: LinkFacts, reach: float) -> Finding | None:
@@ -117,9 +134,14 @@ def _shape(link: LinkFacts, reach: float) -> Finding | None:
     unit = likely_unit(LENGTHS, lambda factor: factor * size < 3.0 * reach)
     hint = f"in {unit.name} (scale {unit.size:g}) {unit.size * size:.3g} m" if unit else ""
     return Finding(
-        Severity.WARNING, "shape", f"link {link.name}", f"its shapes are {size:.3g} m large",
-        f"the whole robot reaches {reach:.3g} m", hint, size / (_SHAPE_OVER_REACH * reach),
-    )  # fmt: skip
+        Severity.WARNING,
+        "shape",
+        f"link {link.name}",
+        f"its shapes are {size:.3g} m large",
+        f"the whole robot reaches {reach:.3g} m",
+        hint,
+        size / (_SHAPE_OVER_REACH * reach),
+    )
 
 
 def _com(link: LinkFacts) -> Finding | None:
@@ -132,13 +154,20 @@ def _com(link: LinkFacts) -> Finding | None:
     away = float(np.linalg.norm(link.com))
     where = f"{away:.3g} m from the link's origin" if away else "at the link's origin"
     where += "" if link.com_given else ", as no <origin> is given"
-    size = f"its shapes are {box.diagonal:.3g} m large" if link.has_shapes else (
-        f"{box.high[0]:.3g} m are {BEYOND:g} times the robot's reach")  # fmt: skip
+    size = (
+        f"its shapes are {box.diagonal:.3g} m large"
+        if link.has_shapes
+        else (f"{box.high[0]:.3g} m are {BEYOND:g} times the robot's reach")
+    )
     return Finding(
-        Severity.ERROR if unit else Severity.WARNING, "centre of mass", f"link {link.name}",
-        f"centre of mass {where}", f"{outside:.3g} m outside: {size}",
-        in_unit(unit, "m", away), outside / allowed,
-    )  # fmt: skip
+        Severity.ERROR if unit else Severity.WARNING,
+        "centre of mass",
+        f"link {link.name}",
+        f"centre of mass {where}",
+        f"{outside:.3g} m outside: {size}",
+        in_unit(unit, "m", away),
+        outside / allowed,
+    )
 
 
 def _large_inertia(link: LinkFacts) -> Finding | None:
@@ -147,15 +176,22 @@ def _large_inertia(link: LinkFacts) -> Finding | None:
     if radius <= _WIDE * farthest or link.inertia_share < _SHARE:
         return None
     size = link.extent.diagonal
-    unit = likely_unit(
-        INERTIAS, lambda factor: _USUAL[0] < radius * math.sqrt(factor) / size < _USUAL[1]
-    ) if radius > 30.0 * farthest else None  # fmt: skip
+    unit = (
+        likely_unit(
+            INERTIAS, lambda factor: _USUAL[0] < radius * math.sqrt(factor) / size < _USUAL[1]
+        )
+        if radius > 30.0 * farthest
+        else None
+    )
     return Finding(
-        Severity.ERROR if unit and link.has_shapes else Severity.WARNING, "large inertia",
-        f"link {link.name}", f"inertia {moment:.3g} kg m^2 for {link.mass:.3g} kg",
+        Severity.ERROR if unit and link.has_shapes else Severity.WARNING,
+        "large inertia",
+        f"link {link.name}",
+        f"inertia {moment:.3g} kg m^2 for {link.mass:.3g} kg",
         f"that of mass {radius:.3g} m away, but {_extends(link, farthest)}",
-        in_unit(unit, "kg m^2", moment), radius / (_WIDE * farthest),
-    )  # fmt: skip
+        in_unit(unit, "kg m^2", moment),
+        radius / (_WIDE * farthest),
+    )
 
 
 def _small_inertia(link: LinkFacts) -> Finding | None:
@@ -164,10 +200,13 @@ def _small_inertia(link: LinkFacts) -> Finding | None:
     if not link.has_shapes or radius >= least or link.mass_share < _MAIN:
         return None
     return Finding(
-        Severity.WARNING, "small inertia", f"link {link.name}",
+        Severity.WARNING,
+        "small inertia",
+        f"link {link.name}",
         f"inertia {moment if moment > 1e-12 else 0:.3g} kg m^2 for {link.mass:.3g} kg",
-        f"that of a point, but {_extends(link, farthest)}", excess=min(least / (radius + 1e-9), 10),
-    )  # fmt: skip
+        f"that of a point, but {_extends(link, farthest)}",
+        excess=min(least / (radius + 1e-9), 10),
+    )
 
 
 def _gyration(link: LinkFacts) -> tuple[float, float, float]:
@@ -191,15 +230,23 @@ def _density(link: LinkFacts) -> Finding | None:
     if density > _DENSEST:
         unit = likely_unit(MASSES, lambda g: 50.0 < g * density < 3000.0)
         return Finding(
-            Severity.WARNING, "dense", f"link {link.name}", found,
+            Severity.WARNING,
+            "dense",
+            f"link {link.name}",
+            found,
             f"{density:.3g} kg/m^3 (tungsten: 19300, steel: 7850)",
-            in_unit(unit, "kg", link.mass), density / _DENSEST,
-        )  # fmt: skip
+            in_unit(unit, "kg", link.mass),
+            density / _DENSEST,
+        )
     if density < _LIGHTEST:
         return Finding(
-            Severity.WARNING, "light", f"link {link.name}", found,
-            f"{density:.2g} kg/m^3 (water: 1000, air: 1.2)", excess=_LIGHTEST / density,
-        )  # fmt: skip
+            Severity.WARNING,
+            "light",
+            f"link {link.name}",
+            found,
+            f"{density:.2g} kg/m^3 (water: 1000, air: 1.2)",
+            excess=_LIGHTEST / density,
+        )
     return None
 
 

@@ -90,12 +90,17 @@ def _urdf_findings(facts: RobotFacts) -> Iterator[Finding]:
     if facts.nameless:
         yield Finding(Severity.NOTE, "no name", "robot", "has no name", "called 'robot'")
     for mesh in facts.missing:
-        yield Finding(Severity.NOTE, "missing mesh", f"mesh {Path(mesh).name}",
-                      f"there is no file {mesh}",
-                      "efforts do not need it, but its link's size is not judged")  # fmt: skip
+        yield Finding(
+            Severity.NOTE,
+            "missing mesh",
+            f"mesh {Path(mesh).name}",
+            f"there is no file {mesh}",
+            "efforts do not need it, but its link's size is not judged",
+        )
     for mesh, why in facts.unread.items():
-        yield Finding(Severity.NOTE, "unreadable mesh", f"mesh {Path(mesh).name}", "cannot be read",
-                      why)  # fmt: skip
+        yield Finding(
+            Severity.NOTE, "unreadable mesh", f"mesh {Path(mesh).name}", "cannot be read", why
+        )
 
 
 def _figures(facts: RobotFacts) -> dict[str, float]:

@@ -7,21 +7,22 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pinfric.errors import PinfricWarning
 from pinfric.model.robot import mesh_folders
 from pinfric.model.urdf import (
+    bodies,
+    check_urdf,
     lost_leaders,
-    mass_and_inertia,
     missing_meshes,
     read_document,
     still_links,
 )
-from pinfric.model.urdf_document import Document, Joint
 from pinfric.model.urdf_file import read_xml
-from pinfric.study.check.link_extent import Extent, link_extents
+from pinfric.study.check.link_extent import Extent, link_extents, place_of
 
 #: Shapes smaller than this part of the robot's reach stand in for something.
 _STAND_IN = 0.01
@@ -65,7 +66,7 @@ class RobotFacts:
     Attributes:
         urdf: the file.
         root: its XML.
-        document: as `read_document` returns it.
+        document: the same as yourdfpy reads it (`read_document`).
         nameless: the file gives the robot no name.
         lost: joint -> the leader that is not there.
         missing, unread: meshes that are not there; those that cannot be read -> why.
@@ -74,7 +75,7 @@ class RobotFacts:
 
     urdf: Path
     root: ElementTree.Element
-    document: Document
+    document: Any
     nameless: bool
     lost: dict[str, str]
     missing: list[str]
@@ -92,11 +93,20 @@ class RobotFacts:
         lost, nameless = lost_leaders(root), not root.get("name")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PinfricWarning)
-            document = read_document(root, urdf)
+            check_urdf(root, urdf)
+        document = read_document(root, urdf)
         folders = mesh_folders(urdf)
         extents, unread = link_extents(document, urdf, folders)
-        return cls(urdf, root, document, nameless, lost,
-                   missing_meshes(document, urdf, folders), unread, extents)  # fmt: skip
+        return cls(
+            urdf,
+            root,
+            document,
+            nameless,
+            lost,
+            missing_meshes(root, urdf, folders),
+            unread,
+            extents,
+        )
 
     @cached_property
     def elements(self) -> dict[str, ElementTree.Element]:
@@ -106,29 +116,42 @@ class RobotFacts:
     @cached_property
     def reach(self) -> float:
         """The longest way from the root along the joints' origins, m."""
-        below: dict[str, list[Joint]] = {}
+        below: dict[str, list[Any]] = {}
         for joint in self.document.joints:
             below.setdefault(joint.parent, []).append(joint)
-        far = {link: 0.0 for link in {link.name for link in self.document.links}
-               - {joint.child for joint in self.document.joints}}  # fmt: skip
+        far = {
+            link: 0.0
+            for link in {link.name for link in self.document.links}
+            - {joint.child for joint in self.document.joints}
+        }
         ahead = list(far)
         while ahead:
             link = ahead.pop()
             for joint in below.get(link, ()):
-                far[joint.child] = far[link] + float(np.linalg.norm(joint.offset))
+                far[joint.child] = far[link] + float(np.linalg.norm(place_of(joint.origin)[:3, 3]))
                 ahead.append(joint.child)
         return max(far.values())
 
     @cached_property
     def still(self) -> set[str]:
         """Links that never move."""
-        return still_links(self.document)
+        return still_links(self.root)
 
     @cached_property
     def fixed_mass(self) -> dict[str, float]:
         """Link that never moves -> its mass, where it has one."""
-        masses = {x.name: mass_and_inertia(x)[0] for x in self.document.links}
-        return {name: mass for name, mass in masses.items() if name in self.still and mass > 0}
+        return {name: m for name, m in self.masses.items() if name in self.still and m > 0}
+
+    @cached_property
+    def bodies(self) -> dict[str, tuple[float, np.ndarray]]:
+        """Link -> its mass and inertia, zeros where it has none."""
+        nothing = {link.name: (0.0, np.zeros((3, 3))) for link in self.document.links}
+        return nothing | bodies(self.root)
+
+    @property
+    def masses(self) -> dict[str, float]:
+        """Link -> its mass, kg."""
+        return {name: mass for name, (mass, _) in self.bodies.items()}
 
     @cached_property
     def shapes(self) -> dict[str, Extent]:
@@ -139,29 +162,36 @@ class RobotFacts:
     @cached_property
     def links(self) -> tuple[LinkFacts, ...]:
         """The links that move and have an inertial."""
-        bodies = {x.name: mass_and_inertia(x) for x in self.document.links}
         whole: dict[str, np.ndarray] = {}  # body -> its links' masses and moments, summed
-        for name, (mass, inertia) in bodies.items():
+        for name, (mass, inertia) in self.bodies.items():
             both = np.array([mass, np.trace(inertia)])
             whole[self._body(name)] = whole.get(self._body(name), np.zeros(2)) + both
         found = []
         for link in self.document.links:
             if link.inertial is None or link.name in self.still:
                 continue
-            mass, inertia = bodies[link.name]
+            mass, inertia = self.bodies[link.name]
             total = whole[self._body(link.name)]
             shares = np.divide([mass, np.trace(inertia)], total, np.zeros(2), where=total > 0)
-            com = link.inertial.com
+            at = link.inertial.origin
             shapes = self.shapes.get(link.name)
-            found.append(LinkFacts(
-                link.name, mass, inertia, np.zeros(3) if com is None else com, com is not None,
-                shapes or self._around(), shapes is not None, *map(float, shares),
-            ))  # fmt: skip
+            found.append(
+                LinkFacts(
+                    link.name,
+                    mass,
+                    inertia,
+                    place_of(at)[:3, 3],
+                    at is not None,
+                    shapes or self._around(),
+                    shapes is not None,
+                    *map(float, shares),
+                )
+            )
         return tuple(found)
 
-    def moved_mass(self, joint: Joint) -> float:
+    def moved_mass(self, joint: Any) -> float:
         """Return the mass beyond a joint, kg."""
-        masses = {x.name: mass_and_inertia(x)[0] for x in self.document.links}
+        masses = self.masses
         beyond, ahead = 0.0, [joint.child]
         while ahead:
             link = ahead.pop()

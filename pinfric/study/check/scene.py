@@ -76,10 +76,14 @@ def _bearing(site: Site, scene: Scene, facts: RobotFacts | None) -> Iterator[Fin
             continue
         unit = likely_unit(LENGTHS, _below(value, most))
         yield Finding(
-            Severity.WARNING, "bearing", f"friction.{site.name}.bearing.{key}", f"{value:g} m",
-            f"the links it joins are {largest:.3g} m large", in_unit(unit, "m", value),
+            Severity.WARNING,
+            "bearing",
+            f"friction.{site.name}.bearing.{key}",
+            f"{value:g} m",
+            f"the links it joins are {largest:.3g} m large",
+            in_unit(unit, "m", value),
             value / most,
-        )  # fmt: skip
+        )
 
 
 def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
@@ -87,37 +91,53 @@ def _coefficients(site: Site, scene: Scene) -> Iterator[Finding]:
     rolling = friction.bearing is not None and friction.bearing.rolling
     if friction.mu is not None:
         most = _ROLLING if rolling else _PLAIN
-        what = "rolling bearings have 0.001 to 0.005" if rolling else (
-            "plain bearings have 0.03 to 0.6")  # fmt: skip
+        what = (
+            "rolling bearings have 0.001 to 0.005"
+            if rolling
+            else ("plain bearings have 0.03 to 0.6")
+        )
         if friction.mu.static > most:
-            yield Finding(Severity.WARNING, "coefficient", f"{place}.mu.static",
-                          f"{friction.mu.static:g}", what,
-                          excess=friction.mu.static / most)  # fmt: skip
+            yield Finding(
+                Severity.WARNING,
+                "coefficient",
+                f"{place}.mu.static",
+                f"{friction.mu.static:g}",
+                what,
+                excess=friction.mu.static / most,
+            )
     effort, speed = _limits_of(site, scene)
     unit = "N" if site.sliding else "N m"
     if isinstance(friction.coulomb, CoulombFriction) and friction.coulomb.static > effort:
         yield Finding(
-            Severity.WARNING, "coulomb", f"{place}.coulomb", f"{friction.coulomb.static:g} {unit}",
+            Severity.WARNING,
+            "coulomb",
+            f"{place}.coulomb",
+            f"{friction.coulomb.static:g} {unit}",
             f"the joint's effort limit is {effort:g} {unit}: it could not start",
             excess=friction.coulomb.static / effort,
-        )  # fmt: skip
+        )
     if math.isfinite(speed) and (viscous := friction.viscous) is not None:
         drag = viscous.coefficient * speed**viscous.exponent
         if drag > effort:
             per = "s/m" if site.sliding else "s/rad"
             per = per if viscous.exponent == 1 else f"({per})^{viscous.exponent:g}"
             yield Finding(
-                Severity.WARNING, "viscous", f"{place}.viscous",
+                Severity.WARNING,
+                "viscous",
+                f"{place}.viscous",
                 f"{viscous.coefficient:g} {unit} {per}",
                 f"{drag:.3g} {unit} at the joint's speed limit, more than its effort limit "
-                f"{effort:g} {unit}", excess=drag / effort,
-            )  # fmt: skip
+                f"{effort:g} {unit}",
+                excess=drag / effort,
+            )
     if friction.stribeck is not None and friction.stribeck.velocity > speed:
         yield Finding(
-            Severity.NOTE, "stribeck", f"{place}.stribeck.velocity",
+            Severity.NOTE,
+            "stribeck",
+            f"{place}.stribeck.velocity",
             f"{friction.stribeck.velocity:g}",
             f"above the joint's speed limit {speed:g}: friction hardly falls to kinetic",
-        )  # fmt: skip
+        )
 
 
 def _limits_of(site: Site, scene: Scene) -> tuple[float, float]:
@@ -137,26 +157,37 @@ def _payloads(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
         if payload.mass > _PAYLOAD * moving > 0:
             unit = likely_unit(MASSES, _below(payload.mass, 0.5 * moving))
             yield Finding(
-                Severity.WARNING, "payload", f"{place}.mass", f"{payload.mass:g} kg",
-                f"{moving:.3g} kg of the robot move", in_unit(unit, "kg", payload.mass),
+                Severity.WARNING,
+                "payload",
+                f"{place}.mass",
+                f"{payload.mass:g} kg",
+                f"{moving:.3g} kg of the robot move",
+                in_unit(unit, "kg", payload.mass),
                 payload.mass / (_PAYLOAD * moving),
-            )  # fmt: skip
+            )
         away = float(np.linalg.norm(payload.com))
         if reach > 0 and away > max(BEYOND * reach, 0.3):
             unit = likely_unit(LENGTHS, _below(away, 0.5 * reach))
             yield Finding(
-                Severity.WARNING, "payload", f"{place}.com", f"{away:.3g} m from its link",
-                f"the robot reaches {reach:.3g} m", in_unit(unit, "m", away), away / reach,
-            )  # fmt: skip
+                Severity.WARNING,
+                "payload",
+                f"{place}.com",
+                f"{away:.3g} m from its link",
+                f"the robot reaches {reach:.3g} m",
+                in_unit(unit, "m", away),
+                away / reach,
+            )
         moment = float(np.linalg.eigvalsh(payload_inertia(payload).inertia)[2])
         radius = math.sqrt(max(moment, 0.0) / payload.mass)
         if reach > 0 and radius > max(BEYOND * reach, 0.3):
             yield Finding(
-                Severity.WARNING, "payload", f"{place}.inertia",
+                Severity.WARNING,
+                "payload",
+                f"{place}.inertia",
                 f"{moment:.3g} kg m^2 for {payload.mass:g} kg",
                 f"that of mass {radius:.3g} m away; the robot reaches {reach:.3g} m",
                 excess=radius / reach,
-            )  # fmt: skip
+            )
 
 
 def _positions(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
@@ -180,10 +211,13 @@ def _positions(scene: Scene, facts: RobotFacts | None) -> Iterator[Finding]:
             unit = likely_unit(units, _below(position, 1.01 * max(abs(low), abs(high))))
             si = "m" if sliding else "rad"
             yield Finding(
-                Severity.WARNING, "position", f"{section}.{name}", f"{position:g} {si}",
+                Severity.WARNING,
+                "position",
+                f"{section}.{name}",
+                f"{position:g} {si}",
                 f"outside its limits {low:g} to {high:g} {si}",
                 in_unit(unit, si, position),
-            )  # fmt: skip
+            )
 
 
 def _drives(scene: Scene) -> Iterator[Finding]:
@@ -192,28 +226,37 @@ def _drives(scene: Scene) -> Iterator[Finding]:
     M = pin.crba(model, model.createData(), scene.start_configuration)
     moved = float(M.diagonal().max())
     ratios = scene.robot.reductions if scene.robot is not None else {}
-    for actuator in scene.actuators or ():
+    for i, actuator in enumerate(scene.actuators or ()):
         transmission, joint = actuator.transmission, actuator.joint
         if transmission is None or joint not in scene.joint_names:
             continue
-        place = f"actuators.{joint}.transmission"
+        place = f"actuators[{i}].transmission"
         stated = ratios.get(joint)
-        if stated is not None and abs(stated) not in (0.0, 1.0) and not math.isclose(
-            abs(stated), abs(transmission.ratio), rel_tol=1e-3
-        ):  # fmt: skip
-            yield Finding(Severity.WARNING, "ratio", f"{place}.ratio", f"{transmission.ratio:g}",
-                          f"the URDF's <transmission> says {stated:g}")  # fmt: skip
+        if (
+            stated is not None
+            and abs(stated) not in (0.0, 1.0)
+            and not math.isclose(abs(stated), abs(transmission.ratio), rel_tol=1e-3)
+        ):
+            yield Finding(
+                Severity.WARNING,
+                "ratio",
+                f"{place}.ratio",
+                f"{transmission.ratio:g} at joint {joint}",
+                f"the URDF's <transmission> says {stated:g}",
+            )
         index = model.joints[model.getJointId(joint)].idx_v
-        yield from _losses(transmission, place, float(model.effortLimit[index]))
+        yield from _losses(transmission, place, joint, float(model.effortLimit[index]))
         rotor = transmission.rotor_inertia * transmission.ratio**2
         if moved > 0 and rotor > _ROTOR * moved:
             yield Finding(
-                Severity.WARNING, "rotor", f"{place}.rotor_inertia",
-                f"{transmission.rotor_inertia:g} kg m^2",
+                Severity.WARNING,
+                "rotor",
+                f"{place}.rotor_inertia",
+                f"{transmission.rotor_inertia:g} kg m^2 at joint {joint}",
                 f"{rotor:.3g} kg m^2 at the joint; no joint moves more than {moved:.3g} kg m^2",
                 f"if it is in kg cm^2: {1e-4 * transmission.rotor_inertia:.3g} kg m^2",
                 rotor / (_ROTOR * moved),
-            )  # fmt: skip
+            )
 
 
 def _elastic_gears(scene: Scene) -> Iterator[Finding]:
@@ -222,7 +265,7 @@ def _elastic_gears(scene: Scene) -> Iterator[Finding]:
         yield Finding(
             Severity.WARNING,
             "hysteresis",
-            f"actuators.{excess.drive}.transmission.hysteresis",
+            excess.place,
             excess.text,
             "",
             excess=excess.implied / excess.stated,
@@ -235,7 +278,7 @@ def _elastic_gears(scene: Scene) -> Iterator[Finding]:
         yield Finding(
             Severity.WARNING,
             "frequency",
-            "actuators.<name>.transmission.stiffness",
+            "actuators[].transmission.stiffness",
             f"lowest natural frequency {frequency:.3g} Hz, motors held",
             f"robots have {low:g} to {high:g} Hz: stiffness in N m/arcmin, or in N m/deg, entered "
             "as N m/rad?",
@@ -243,20 +286,28 @@ def _elastic_gears(scene: Scene) -> Iterator[Finding]:
         )
 
 
-def _losses(transmission: Transmission, place: str, effort: float) -> Iterator[Finding]:
+def _losses(transmission: Transmission, place: str, joint: str, effort: float) -> Iterator[Finding]:
     if (fit := driving_loss(transmission)).error > 0:
-        yield Finding(Severity.NOTE, "efficiency", f"{place}.efficiency.over_speed",
-                      f"fitted by a loss {fit.constant:.3g} + {fit.rise:.3g} w^{fit.exponent:.3g}",
-                      f"misses an efficiency by at most {100 * fit.error:.2g} points")  # fmt: skip
+        yield Finding(
+            Severity.NOTE,
+            "efficiency",
+            f"{place}.efficiency.over_speed",
+            f"fitted by a loss {fit.constant:.3g} + {fit.rise:.3g} w^{fit.exponent:.3g}",
+            f"misses an efficiency by at most {100 * fit.error:.2g} points",
+        )
     if transmission.no_load_torque is None:
         return
     static = max(transmission.no_load_torque.at_rest())
     lost = static * abs(transmission.ratio)
     if 0 < effort < lost:
         yield Finding(
-            Severity.WARNING, "no-load torque", f"{place}.no_load_torque", f"{static:g} N m",
-            f"{lost:.3g} at the joint, whose effort limit is {effort:.4g}", excess=lost / effort,
-        )  # fmt: skip
+            Severity.WARNING,
+            "no-load torque",
+            f"{place}.no_load_torque",
+            f"{static:g} N m",
+            f"{lost:.3g} at joint {joint}, whose effort limit is {effort:.4g}",
+            excess=lost / effort,
+        )
 
 
 def _below(value: float, most: float) -> Callable[[float], bool]:

@@ -311,8 +311,8 @@ def _left_out(scene: Scene, to: str) -> tuple[str, ...]:
     lines = [f"{_LEFT_OUT[effect.name]} ({effect.why})" for effect in effects(scene)
              if effect.on and effect.name in _LEFT_OUT.keys() - held]  # fmt: skip
     for name, friction in scene.friction.items():
-        lines += [f"the direction of friction.{name}.{term.key}: one constant for both ways"
-                  for term in friction.terms if term.directed]  # fmt: skip
+        lines += [f"the direction of friction.{name}.{key}: one constant for both ways"
+                  for key, term in friction.named_terms.items() if term.directed]  # fmt: skip
     for name, payload in scene.payloads.items():
         if not payload.attached and to in ("mjcf", "urdf", "sdf"):
             lines.append(f"the payload {name!r} ({payload.mass:g} kg at {payload.link}), which the "

@@ -6,6 +6,7 @@ import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,8 +15,7 @@ from pinfric.errors import PinfricError, PinfricWarning
 from pinfric.model.robot import Robot, changed_parts, read_robot, with_followers
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
-from pinfric.model.urdf import read_document
-from pinfric.model.urdf_document import Document, Joint
+from pinfric.model.urdf import check_urdf, followers, read_document
 from pinfric.model.urdf_file import read_xml
 from pinfric.study.export.constants import JointConstants
 from pinfric.study.export.mjcf import xml_comment, xml_text
@@ -42,9 +42,9 @@ def urdf(
     root = read_xml(robot.urdf)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PinfricWarning)  # said when the scene was read
-        document = read_document(root, robot.urdf)
-    mimics = {joint.name: joint.mimic for joint in document.joints if joint.mimic is not None}
-    locked = with_followers(robot.locked, mimics)
+        check_urdf(root, robot.urdf)
+    joint_of = {joint.name: joint for joint in read_document(root, robot.urdf).joints}
+    locked = with_followers(robot.locked, followers(root))
     constants = {joint.joint: joint for joint in joints if joint.moving}
     for element in root.findall("joint"):
         name = str(element.get("name"))
@@ -53,11 +53,12 @@ def urdf(
         if name in lines:
             root.insert(list(root).index(element), xml_comment(lines[name]))
         if name in locked:
-            _fix(element, _joint(document, name), locked[name])
+            _fix(element, joint_of[name], locked[name])
         elif name in constants:
             found = constants[name]
-            ElementTree.SubElement(element, "dynamics", damping=repr(found.damping),
-                                   friction=repr(found.frictionloss))  # fmt: skip
+            ElementTree.SubElement(
+                element, "dynamics", damping=repr(found.damping), friction=repr(found.frictionloss)
+            )
     for mesh in root.iter("mesh"):
         name = mesh.get("filename", "")
         if name and "://" not in name:  # beside the file that it was named in
@@ -90,19 +91,14 @@ def _unchanged_robot(scene: Scene) -> Robot:
     return robot
 
 
-def _joint(document: Document, name: str) -> Joint:
-    return next(joint for joint in document.joints if joint.name == name)
-
-
-def _fix(element: ElementTree.Element, joint: Joint, position: float) -> None:
+def _fix(element: ElementTree.Element, joint: Any, position: float) -> None:
     """Make a joint fixed where it is locked."""
     origin = element.find("origin")
     if origin is None:
         origin = ElementTree.SubElement(element, "origin")
     axis = joint.axis / np.linalg.norm(joint.axis)
-    rpy = np.array(origin.get("rpy", "0 0 0").split(), dtype=float)
-    turn = pin.rpy.rpyToMatrix(rpy)
-    place = joint.offset
+    frame = np.eye(4) if joint.origin is None else joint.origin
+    turn, place = frame[:3, :3], frame[:3, 3]
     if joint.type == "prismatic":
         place = place + turn @ axis * position
     else:

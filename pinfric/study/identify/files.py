@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,12 @@ from pinfric.model.robot import Robot, example_robot_data
 from pinfric.model.schema import Simulation, TableEffort
 from pinfric.model.urdf import mesh_file
 from pinfric.model.urdf_file import read_xml
+from pinfric.model.yamlfile import yaml_text
 from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.findings import Findings
 from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter, couples, on_motor
-from pinfric.study.new_scene import locator, scalar, yaml_number
+from pinfric.study.new_scene import locator
 
 #: Columns of the posterior that a sweep sets as they are; all others are factors on the scene's.
 _ABSOLUTE = ("efficiency", "back_efficiency")
@@ -40,11 +41,16 @@ def identified_files(found: Findings, folder: Path) -> dict[str, Callable[[Path]
     """
     robot = found.scene.robot
     if robot is None:
-        raise IdentificationError(f"{found.scene.source}: was made in Python and has no URDF; a "
-                                  "scene file needs one (`found.scene` is complete)")  # fmt: skip
-    texts = {"scene.yaml": scene_text(found, robot, folder), "posterior.csv": posterior_text(found),
-             "sweep.yaml": _SWEEP,
-             "advice.waypoints.yaml": advice_text(found.advice[0], found.scene)}  # fmt: skip
+        raise IdentificationError(
+            f"{found.scene.source}: was made in Python and has no URDF; a "
+            "scene file needs one (`found.scene` is complete)"
+        )
+    texts = {
+        "scene.yaml": scene_text(found, robot, folder),
+        "posterior.csv": posterior_text(found),
+        "sweep.yaml": _SWEEP,
+        "advice.waypoints.yaml": advice_text(found.advice[0], found.scene),
+    }
     if not found.keeps_inertias:
         texts["robot.urdf"] = _robot_text(robot, found.scene.model)
 
@@ -75,8 +81,10 @@ def posterior_text(found: Findings) -> str:
         head, _, way = key.rpartition(".")
         if key not in values:
             values[key] = values[f"{head}.{'negative' if way == 'positive' else 'positive'}"]
-    columns = {key: draws if key.rpartition(".")[2] in _ABSOLUTE else draws / values[key]
-               for key, draws in found.posterior.items()}  # fmt: skip
+    columns = {
+        key: draws if key.rpartition(".")[2] in _ABSOLUTE else draws / values[key]
+        for key, draws in found.posterior.items()
+    }
     lines = [",".join(columns)]
     rows = np.column_stack(list(columns.values())) if columns else np.zeros((0, 0))
     return "\n".join([*lines, *(",".join(f"{x:.6g}" for x in row) for row in rows)]) + "\n"
@@ -98,19 +106,24 @@ def scene_text(found: Findings, robot: Robot, folder: Path) -> str:
     if scene.payloads:
         section["payloads"] = {name: _dump(payload) for name, payload in scene.payloads.items()}
     content: dict[str, Any] = {
-        "pinfric": 1, "robot": section,
-        "friction": {name: _dump(scene.friction[name]) for name in scene.joint_names
-                     if name in scene.friction},
+        "pinfric": 1,
+        "robot": section,
+        "friction": {
+            name: _dump(scene.friction[name])
+            for name in scene.joint_names
+            if name in scene.friction
+        },
         "actuators": [
-            {"joint": drive.name} | ({"couples": couples(scene, drive)} if drive.couples else {})
+            {"joint": drive.name}
+            | ({"couples": couples(scene, drive)} if drive.couples else {})
             | ({"transmission": _dump(drive.transmission)} if drive.transmission else {})
             for drive in scene.drives
         ],
-    }  # fmt: skip
+    }
     content["stick"] = {"velocity": scene.stick_velocity}
     if scene.simulation is not None:
         content["simulation"] = _simulation(scene.simulation, Path(scene.source).parent)
-    return "\n".join([*_heading(found), *_block(content, 0, (), _comments(found))]) + "\n"
+    return "\n".join([*_heading(found), yaml_text(content, _comments(found))])
 
 
 def _heading(found: Findings) -> Iterator[str]:
@@ -131,8 +144,12 @@ def _heading(found: Findings) -> Iterator[str]:
 def _dump(entry: Entry) -> dict[str, Any]:
     """An entry as a file has it: what is not said is left out, a number stands by itself."""
     content = entry.model_dump(exclude_defaults=True)
-    return {key: value["coefficient"] if isinstance(value, dict) and set(value) == {"coefficient"}
-            else value for key, value in content.items()}  # fmt: skip
+    return {
+        key: value["coefficient"]
+        if isinstance(value, dict) and set(value) == {"coefficient"}
+        else value
+        for key, value in content.items()
+    }
 
 
 def _simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
@@ -154,13 +171,17 @@ def _comments(found: Findings) -> dict[tuple[str, ...], str]:
             where = ("actuators", str(order.index(parameter.joint)), "transmission")
         where += tuple(parameter.name.split("."))
         comments[where] = _interval(parameter)
-    comments |= {("friction", name): "not explained by the logs: as the scene says"
-                 for name in found.errors.keys() - found.laws.keys()}  # fmt: skip
+    comments |= {
+        ("friction", name): "not explained by the logs: as the scene says"
+        for name in found.errors.keys() - found.laws.keys()
+    }
     for name, law in found.laws.items():
         error = found.errors[name]
         where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
-        comments[where] = (f"{law}: off by {error.share} where not "
-                           f"fitted ({error.error / error.plain:.2f} of {PLAIN})")  # fmt: skip
+        comments[where] = (
+            f"{law}: off by {error.share} where not "
+            f"fitted ({error.error / error.plain:.2f} of {PLAIN})"
+        )
     return comments
 
 
@@ -171,53 +192,6 @@ def _interval(parameter: Parameter) -> str:
     return text if parameter.determined else f"not determined: {parameter.why} ({text})"
 
 
-def _block(
-    node: Mapping[str, Any] | Sequence[Any],
-    depth: int,
-    path: tuple[str, ...],
-    comments: Mapping[tuple[str, ...], str],
-) -> Iterator[str]:
-    """Yield lines of YAML: what is flat on one line, the rest indented, comments beside both."""
-    for key, value in node.items() if isinstance(node, Mapping) else enumerate(node):
-        here = (*path, str(key))
-        pad = "  " * depth
-        lead = f"{pad}- " if not isinstance(node, Mapping) else f"{pad}{scalar(str(key))}:"
-        beside = f"  # {comments[here]}" if here in comments else ""
-        inner = any(len(at) > len(here) and at[: len(here)] == here for at in comments)
-        if (_flat(value) and not inner) or not value:
-            yield f"{lead.rstrip()} {_flow(value)}{beside}"
-        elif isinstance(node, Mapping):
-            yield f"{lead}{beside}"
-            yield from _block(value, depth + 1, here, comments)
-        else:
-            if beside:
-                yield f"{pad}{beside.strip()}"
-            lines = list(_block(value, depth + 1, here, comments))
-            yield f"{pad}- {lines[0].lstrip()}"
-            yield from lines[1:]
-
-
-def _flat(value: Any) -> bool:
-    """Whether a value stands on one line: a scalar, numbers, or a mapping of scalars."""
-    if isinstance(value, Mapping):
-        return all(not isinstance(x, Mapping | list) for x in value.values())
-    if isinstance(value, list | tuple):
-        return all(not isinstance(x, Mapping | list | tuple) for x in value)
-    return True
-
-
-def _flow(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{scalar(str(k))}: {_flow(x)}" for k, x in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_flow, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, int | float):
-        return yaml_number(f"{value:.10g}")
-    return scalar(str(value))
-
-
 def _robot_text(robot: Robot, model: pin.Model) -> str:
     """The URDF with the model's inertias: each body's at the link its joint moves.
 
@@ -225,8 +199,11 @@ def _robot_text(robot: Robot, model: pin.Model) -> str:
     """
     root = copy.deepcopy(read_xml(robot.urdf))
     links = {str(link.get("name")): link for link in root.findall("link")}
-    moved_by = {str(joint.get("name")): str(child.get("link")) for joint in root.findall("joint")
-                if (child := joint.find("child")) is not None}  # fmt: skip
+    moved_by = {
+        str(joint.get("name")): str(child.get("link"))
+        for joint in root.findall("joint")
+        if (child := joint.find("child")) is not None
+    }
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY and frame.parentJoint > 0:
             link = links[frame.name]
@@ -238,8 +215,9 @@ def _robot_text(robot: Robot, model: pin.Model) -> str:
     for mesh in root.iter("mesh"):
         name = mesh.get("filename")
         file = mesh_file(name, robot.urdf, robot.package_dirs)
-        if file is not None and not (str(name).startswith("package:")
-                                     and file.resolve().is_relative_to(bundled)):  # fmt: skip
+        if file is not None and not (
+            str(name).startswith("package:") and file.resolve().is_relative_to(bundled)
+        ):
             mesh.set("filename", f"file://{file.resolve()}")
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -19,7 +19,7 @@ from pydantic import BeforeValidator, Field
 
 from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
-from pinfric.model.entry import Entry, Positive, Version, parse
+from pinfric.model.entry import Entry, Positive, Version, key, parse
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import read_yaml
@@ -30,38 +30,39 @@ from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.joint_columns import stated_limit
 
 #: What can hold a motion back, in the order of every table of shares.
-KINDS = ("peak torque", "speed-torque line", "motor speed", "effort", "input speed",
-         "joint speed", "acceleration")  # fmt: skip
+KINDS = (
+    "peak torque",
+    "speed-torque line",
+    "motor speed",
+    "effort",
+    "input speed",
+    "joint speed",
+    "acceleration",
+)
 
 
 class DriveLimits(Entry):
-    """The limits of one drive; what is left out is no limit.
+    """The limits of one drive; what is left out is no limit."""
 
-    Attributes:
-        peak_torque (N m): at the motor's shaft, e.g. 1.0
-        stall_torque (N m): where the speed-torque line begins; needs `no_load_speed`, e.g. 2.4
-        no_load_speed (rad/s): of the motor, where that line ends, e.g. 400.0
-        max_speed (rad/s): of the motor, e.g. 450.0
-        effort (N m or N): most that the gear may deliver, e.g. 60.0
-        input_speed (rad/s): of the gear, e.g. 680.0
-        velocity (rad/s or m/s): of the joint, e.g. 2.0
-        acceleration (rad/s^2 or m/s^2): of the joint, e.g. 20.0
-        continuous_torque (N m): at the motor's shaft, over the cycle, where asked for, e.g. 0.45
-        transmission: in place of the scene's, e.g. {ratio: 100}
-        motor: a name for tables, e.g. left shoulder
-    """
-
-    peak_torque: Positive = math.inf
-    stall_torque: Positive = math.inf
-    no_load_speed: Positive = math.inf
-    max_speed: Positive = math.inf
-    effort: Positive = math.inf
-    input_speed: Positive = math.inf
-    velocity: Positive = math.inf
-    acceleration: Positive = math.inf
-    continuous_torque: Positive = math.inf
-    transmission: Transmission | None = None
-    motor: str = ""
+    peak_torque: Annotated[Positive, key("at the motor's shaft", 1.0, "N m")] = math.inf
+    stall_torque: Annotated[
+        Positive, key("where the speed-torque line begins; needs `no_load_speed`", 2.4, "N m")
+    ] = math.inf
+    no_load_speed: Annotated[
+        Positive, key("of the motor, where that line ends", 400.0, "rad/s")
+    ] = math.inf
+    max_speed: Annotated[Positive, key("of the motor", 450.0, "rad/s")] = math.inf
+    effort: Annotated[Positive, key("most that the gear may deliver", 60.0, "N m or N")] = math.inf
+    input_speed: Annotated[Positive, key("of the gear", 680.0, "rad/s")] = math.inf
+    velocity: Annotated[Positive, key("of the joint", 2.0, "rad/s or m/s")] = math.inf
+    acceleration: Annotated[Positive, key("of the joint", 20.0, "rad/s^2 or m/s^2")] = math.inf
+    continuous_torque: Annotated[
+        Positive, key("at the motor's shaft, over the cycle, where asked for", 0.45, "N m")
+    ] = math.inf
+    transmission: Annotated[Transmission | None, key("in place of the scene's", {"ratio": 100})] = (
+        None
+    )
+    motor: Annotated[str, key("a name for tables", "left shoulder")] = ""
 
     @property
     def driven(self) -> bool:
@@ -71,18 +72,23 @@ class DriveLimits(Entry):
 
 
 #: The field of `DriveLimits` behind each of `KINDS`.
-FIELDS = ("peak_torque", "stall_torque", "max_speed", "effort", "input_speed", "velocity",
-          "acceleration")  # fmt: skip
+FIELDS = (
+    "peak_torque",
+    "stall_torque",
+    "max_speed",
+    "effort",
+    "input_speed",
+    "velocity",
+    "acceleration",
+)
 
 
 class NamedDrive(DriveLimits):
-    """A drive of the catalogue; limits beside its name take the place of its own.
+    """A drive of the catalogue; limits beside its name take the place of its own."""
 
-    Attributes:
-        drive: motor and gear as `pinfric size` names them, e.g. CubeMars AK80-64
-    """
-
-    drive: str | None = None
+    drive: Annotated[
+        str | None, key("motor and gear as `pinfric size` names them", "CubeMars AK80-64")
+    ] = None
 
 
 #: Limits as a file has them, read by `_limits` once the catalogue is known.
@@ -91,22 +97,28 @@ _Conditions = BeforeValidator(lambda x: x, json_schema_input_type=Conditions)
 
 
 class MotorsFile(Entry):
-    """A file of motors: for each drive limits, or the name of a drive of the catalogue.
+    """A file of motors: for each drive limits, or the name of a drive of the catalogue."""
 
-    Attributes:
-        pinfric_motors: version of the format, e.g. 1
-        catalog: file, or `default` for the bundled one, e.g. default
-        conditions: what differs from those of the catalogue, e.g. {bus_voltage: 24.0}
-        drives: limits, or a drive of the catalogue, by the scene's drives, e.g. {panda_joint1:
-            {peak_torque: 1.0}, panda_joint2: {drive: CubeMars AK80-64, acceleration: 20.0}}
-        others: the same for all drives that are not named, e.g. {peak_torque: 0.5}
-    """
-
-    pinfric_motors: Version
-    catalog: str = "default"
-    conditions: Annotated[dict[str, Any], _Conditions] = Field(default_factory=dict)
-    drives: dict[str, _Given] = Field(default_factory=dict)
-    others: _Given = None
+    pinfric_motors: Annotated[Version, key("version of the format", 1)]
+    catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
+    conditions: Annotated[
+        dict[str, Any],
+        _Conditions,
+        key("what differs from those of the catalogue", {"bus_voltage": 24.0}),
+    ] = Field(default_factory=dict)
+    drives: Annotated[
+        dict[str, _Given],
+        key(
+            "limits, or a drive of the catalogue, by the scene's drives",
+            {
+                "panda_joint1": {"peak_torque": 1.0},
+                "panda_joint2": {"drive": "CubeMars AK80-64", "acceleration": 20.0},
+            },
+        ),
+    ] = Field(default_factory=dict)
+    others: Annotated[
+        _Given, key("the same for all drives that are not named", {"peak_torque": 0.5})
+    ] = None
 
 
 #: What `retime` takes as limits.
@@ -142,15 +154,18 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
         catalog = file.catalog
     for name in given:
         if name not in scene.actuator_names:
-            raise RetimeError(f"limits: there is no drive {name!r}; "
-                              f"{choose_from(name, scene.actuator_names)}")  # fmt: skip
+            raise RetimeError(
+                f"limits: there is no drive {name!r}; {choose_from(name, scene.actuator_names)}"
+            )
     shop = _Shop(catalog, conditions)
     found = []
     for drive in scene.drives:
         entry = given.get(drive.name, others)
         if entry is None:
-            raise RetimeError(f"limits: none for drive {drive.name!r}; give at least peak_torque "
-                              "(N m, at the motor's shaft), or a motor by name")  # fmt: skip
+            raise RetimeError(
+                f"limits: none for drive {drive.name!r}; give at least peak_torque "
+                "(N m, at the motor's shaft), or a motor by name"
+            )
         found.append(_limits(drive.name, entry, shop))
     return tuple(found)
 
@@ -159,8 +174,11 @@ def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
     """Return the scene with the drives' transmissions in place of its own where they have one."""
     if all(limit.transmission is None for limit in limits):
         return scene
-    own = {drive.name: limit.transmission for drive, limit in zip(scene.drives, limits, strict=True)
-           if limit.transmission is not None}  # fmt: skip
+    own = {
+        drive.name: limit.transmission
+        for drive, limit in zip(scene.drives, limits, strict=True)
+        if limit.transmission is not None
+    }
     return scene.with_(actuators=geared(scene, own))
 
 
@@ -176,18 +194,21 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
     """
     ratings, ratio = candidate.ratings, candidate.ratio
     if candidate.transmission is None:
-        raise RetimeError(f"{candidate.name}: not known: {', '.join(candidate.missing)}; without "
-                          "it the motor's torque cannot be computed")  # fmt: skip
+        raise RetimeError(
+            f"{candidate.name}: not known: {', '.join(candidate.missing)}; without "
+            "it the motor's torque cannot be computed"
+        )
     torque, speed = (1 / ratio, ratio) if candidate.at_output else (1.0, 1.0)
     values: dict[str, float | None] = {
-        "peak_torque": None if ratings.peak_torque is None else
-        torque * ratings.peak_torque / conditions.peak_factor,
+        "peak_torque": None
+        if ratings.peak_torque is None
+        else torque * ratings.peak_torque / conditions.peak_factor,
         "max_speed": ratings.speed_limit(conditions.bus_voltage)[0],
         "continuous_torque": ratings.continuous_at(conditions, np.inf)[0],  # at any speed
-    }  # fmt: skip
-    for key, factor in (("max_speed", speed), ("continuous_torque", torque)):
-        value = values[key]
-        values[key] = None if value is None else factor * value
+    }
+    for rating, factor in (("max_speed", speed), ("continuous_torque", torque)):
+        value = values[rating]
+        values[rating] = None if value is None else factor * value
     if ratings.has_line:
         one, none = np.ones(1), np.zeros(1)
         values["stall_torque"] = (
@@ -200,7 +221,7 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
         gear = candidate.gear
         values["effort"] = gear.repeated_peak_torque or gear.momentary_peak_torque
         values["input_speed"] = gear.max_input_speed
-    known: dict[str, Any] = {key: value for key, value in values.items() if value is not None}
+    known: dict[str, Any] = {rating: value for rating, value in values.items() if value is not None}
     return DriveLimits(**known, motor=candidate.name).model_copy(
         update={"transmission": candidate.transmission}  # its figures were validated in the entry
     )
@@ -224,8 +245,9 @@ class _Shop:
             self.catalog = load_catalog(self.file)
         known = {c.name: c for linear in (False, True) for c in candidates(self.catalog, linear)}
         if name not in known:
-            raise RetimeError(f"limits.{where}: {self.file} has no drive {name!r}; "
-                              f"{choose_from(name, known)}")  # fmt: skip
+            raise RetimeError(
+                f"limits.{where}: {self.file} has no drive {name!r}; {choose_from(name, known)}"
+            )
         conditions = parse_conditions(self.given, self.catalog.conditions)
         return candidate_limits(known[name], conditions)
 
@@ -245,11 +267,14 @@ def _limits(name: str, entry: Any, shop: _Shop) -> DriveLimits:
             own = {key: getattr(found, key) for key in found.model_fields_set}
             found = chosen.model_copy(update=own)
     if math.isfinite(found.stall_torque) != math.isfinite(found.no_load_speed):
-        raise RetimeError(f"limits.{name}: the speed-torque line needs both stall_torque and "
-                          "no_load_speed")  # fmt: skip
+        raise RetimeError(
+            f"limits.{name}: the speed-torque line needs both stall_torque and no_load_speed"
+        )
     if not found.driven:
-        raise RetimeError(f"limits.{name}: nothing limits its torque; give peak_torque, "
-                          "stall_torque with no_load_speed, or effort")  # fmt: skip
+        raise RetimeError(
+            f"limits.{name}: nothing limits its torque; give peak_torque, "
+            "stall_torque with no_load_speed, or effort"
+        )
     return found
 
 
@@ -272,5 +297,9 @@ def joint_speeds(scene: Scene) -> np.ndarray:
 
 def drive_speeds(drives: Sequence[Drive], limits: Sequence[DriveLimits]) -> np.ndarray:
     """Return (na,) the greatest speeds behind the gears: limits, motor and gear (rad/s or m/s)."""
-    return np.array([min(x.velocity, min(x.max_speed, x.input_speed) / abs(drive.ratio))
-                     for drive, x in zip(drives, limits, strict=True)])  # fmt: skip
+    return np.array(
+        [
+            min(x.velocity, min(x.max_speed, x.input_speed) / abs(drive.ratio))
+            for drive, x in zip(drives, limits, strict=True)
+        ]
+    )

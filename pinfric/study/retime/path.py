@@ -118,7 +118,7 @@ class Path:
             raise TrajectoryError(f"{source}: a hold at a via point, which is passed without a "
                                   "stop; leave one of both out")  # fmt: skip
         if passed[0] or passed[-1]:
-            raise TrajectoryError(f"{source}: points.{0 if passed[0] else len(points) - 1}.via: "
+            raise TrajectoryError(f"{source}: points[{0 if passed[0] else len(points) - 1}].via: "
                                   "the motion starts and ends at rest; leave it out")  # fmt: skip
         stops = np.flatnonzero(~passed)
         pieces = tuple(_through(points[a : b + 1]) for a, b in pairwise(stops))
@@ -252,7 +252,7 @@ def _points(source: str, q: ArrayLike) -> np.ndarray:
                               "finite numbers, one for each joint")  # fmt: skip
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     for i in np.flatnonzero(chords <= _SAME * chords.sum()):
-        raise TrajectoryError(f"{source}: points.{i + 1}: the same position as points.{i}; leave "
+        raise TrajectoryError(f"{source}: points[{i + 1}]: the same position as points[{i}]; leave "
                               "one out (`hold` makes the robot stay)")  # fmt: skip
     return points
 

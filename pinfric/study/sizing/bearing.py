@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, final
+from typing import Annotated, Literal, NamedTuple, final
 
 import numpy as np
 from pydantic import model_validator
@@ -19,25 +19,18 @@ from pydantic import model_validator
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.model.bearings import axes_along
-from pinfric.model.entry import Entry, NonNegative, Positive
+from pinfric.model.entry import Entry, NonNegative, Positive, key
 
 BALL, ROLLER = 3.0, 10.0 / 3.0
 
 
 class Factors(Entry):
-    """P = X P_r + Y F_a, (X, Y) by F_a/P_r up to `limit` and above; P_0 = X_0 P_r + Y_0 F_a.
+    """P = X P_r + Y F_a, (X, Y) by F_a/P_r up to `limit` and above; P_0 = X_0 P_r + Y_0 F_a."""
 
-    Attributes:
-        limit (1): of F_a/P_r, e.g. 1.5
-        below (1): X and Y up to it, e.g. [1.0, 0.45]
-        above (1): X and Y above it, e.g. [0.67, 0.67]
-        static (1): X_0 and Y_0, e.g. [1.0, 0.44]
-    """
-
-    limit: NonNegative
-    below: tuple[NonNegative, NonNegative]
-    above: tuple[NonNegative, NonNegative]
-    static: tuple[NonNegative, NonNegative]
+    limit: Annotated[NonNegative, key("of F_a/P_r", 1.5, "1")]
+    below: Annotated[tuple[NonNegative, NonNegative], key("X and Y up to it", [1.0, 0.45], "1")]
+    above: Annotated[tuple[NonNegative, NonNegative], key("X and Y above it", [0.67, 0.67], "1")]
+    static: Annotated[tuple[NonNegative, NonNegative], key("X_0 and Y_0", [1.0, 0.44], "1")]
 
 
 class Kind(NamedTuple):
@@ -54,50 +47,57 @@ class Kind(NamedTuple):
 _ISO = "ISO 281 (life), ISO 76 (static)"
 KINDS = {
     "crossed roller": Kind(
-        ROLLER, Factors(limit=1.5, below=(1.0, 0.45), above=(0.67, 0.67), static=(1.0, 0.44)),
+        ROLLER,
+        Factors(limit=1.5, below=(1.0, 0.45), above=(0.67, 0.67), static=(1.0, 0.44)),
         "Harmonic Drive, output bearing: FHA-C manual; IKO crossed roller bearings: the same",
     ),
     "ball": Kind(BALL, None, _ISO),
     "roller": Kind(ROLLER, None, _ISO),
     "ball screw": Kind(
-        BALL, Factors(limit=0.0, below=(0.0, 1.0), above=(0.0, 1.0), static=(0.0, 1.0)),
+        BALL,
+        Factors(limit=0.0, below=(0.0, 1.0), above=(0.0, 1.0), static=(0.0, 1.0)),
         "ISO 3408-5 (ball screws: as ISO 281)",
     ),
-}  # fmt: skip
+}
 
 
 class BearingRatings(Entry):
-    """What a maker lets a bearing, or a screw's nut, carry.
+    """What a maker lets a bearing, or a screw's nut, carry."""
 
-    Attributes:
-        kind: which rule its life follows, e.g. crossed roller
-        dynamic_rating (N): C, of the life, e.g. 21800.0
-        static_rating (N): C_0, e.g. 35800.0
-        pitch_diameter (m): of one bearing that takes the tilting moment itself, e.g. 0.077
-        spacing (m): between the two bearings of a pair that do it together, each of these ratings,
-            e.g. 0.06
-        offset (m): from the output flange to the rolling elements, e.g. 0.013
-        max_moment (N m): permissible tilting moment, e.g. 187.0
-        max_radial (N): permissible radial force, e.g. 3200.0
-        max_axial (N): permissible axial force, e.g. 4800.0
-        static_safety (1): C_0/P_0 asked for, e.g. 1.5
-        factors: of the equivalent load, where the maker prints others, e.g. {limit: 1.5, below:
-            [1.0, 0.45], above: [0.67, 0.67], static: [1.0, 0.44]}
-        source: of the ratings where it is another than the entry's, e.g. data sheet of the bearing
-    """
-
-    kind: Literal["crossed roller", "ball", "roller", "ball screw"]
-    dynamic_rating: Positive | None = None
-    static_rating: Positive | None = None
-    pitch_diameter: Positive | None = None
-    spacing: Positive | None = None
-    offset: NonNegative = 0.0
-    max_moment: Positive | None = None
-    max_radial: Positive | None = None
-    max_axial: Positive | None = None
-    static_safety: Positive = 1.5
-    factors: Factors | None = None
-    source: str = ""
+    kind: Annotated[
+        Literal["crossed roller", "ball", "roller", "ball screw"],
+        key("which rule its life follows", "crossed roller"),
+    ]
+    dynamic_rating: Annotated[Positive | None, key("C, of the life", 21800.0, "N")] = None
+    static_rating: Annotated[Positive | None, key("C_0", 35800.0, "N")] = None
+    pitch_diameter: Annotated[
+        Positive | None, key("of one bearing that takes the tilting moment itself", 0.077, "m")
+    ] = None
+    spacing: Annotated[
+        Positive | None,
+        key(
+            "between the two bearings of a pair that do it together, each of these ratings",
+            0.06,
+            "m",
+        ),
+    ] = None
+    offset: Annotated[
+        NonNegative, key("from the output flange to the rolling elements", 0.013, "m")
+    ] = 0.0
+    max_moment: Annotated[Positive | None, key("permissible tilting moment", 187.0, "N m")] = None
+    max_radial: Annotated[Positive | None, key("permissible radial force", 3200.0, "N")] = None
+    max_axial: Annotated[Positive | None, key("permissible axial force", 4800.0, "N")] = None
+    static_safety: Annotated[Positive, key("C_0/P_0 asked for", 1.5, "1")] = 1.5
+    factors: Annotated[
+        Factors | None,
+        key(
+            "of the equivalent load, where the maker prints others",
+            {"limit": 1.5, "below": [1.0, 0.45], "above": [0.67, 0.67], "static": [1.0, 0.44]},
+        ),
+    ] = None
+    source: Annotated[
+        str, key("of the ratings where it is another than the entry's", "data sheet of the bearing")
+    ] = ""
 
     @model_validator(mode="after")
     def _can_be_reckoned(self) -> BearingRatings:
@@ -105,8 +105,10 @@ class BearingRatings(Entry):
             raise ValueError("`pitch_diameter` is of one bearing, `spacing` of a pair: give one")
         rated = self.dynamic_rating is not None or self.static_rating is not None
         if rated and self.rule is None:
-            raise ValueError(f"a {self.kind} with ratings needs `factors` (limit, below, above, "
-                             "static): its maker prints them")  # fmt: skip
+            raise ValueError(
+                f"a {self.kind} with ratings needs `factors` (limit, below, above, "
+                "static): its maker prints them"
+            )
         return self
 
     @property

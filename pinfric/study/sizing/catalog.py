@@ -19,16 +19,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from pinfric.errors import CatalogError, PinfricWarning, choose_from
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, number_or, parse
+from pinfric.model.entry import Entry, Forms, NonNegative, Number, Positive, Version, key, parse
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.springs import Stiffness, softest
 from pinfric.model.transmission import (
     BackDriving,
+    Efficiency,
     MakersEfficiency,
-    Share,
     Transmission,
     driving_loss,
 )
@@ -47,23 +47,22 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Sourced(Entry):
-    """Where an entry's figures come from.
+    """Where an entry's figures come from."""
 
-    Attributes:
-        source: maker's document and page, e.g. a maker's catalogue, p. 197
-        grade: R read at the maker's own document, T retyped by a third party, e.g. R
-        note: what else is to be known of it, e.g. peak printed without a duration
-        price (of the catalogue's currency): of one, e.g. 310.0
-        dimensions: in words, e.g. 60 mm x 88 mm
-        stand_ins: figures that are another's, and whose, e.g. {stiffness: the next smaller size}
-    """
-
-    source: Text
-    grade: Literal["R", "T"]
-    note: str = ""
-    price: Positive | None = None
-    dimensions: str = ""
-    stand_ins: dict[str, str] = Field(default_factory=dict)
+    source: Annotated[Text, key("maker's document and page", "a maker's catalogue, p. 197")]
+    grade: Annotated[
+        Literal["R", "T"],
+        key("R read at the maker's own document, T retyped by a third party", "R"),
+    ]
+    note: Annotated[
+        str, key("what else is to be known of it", "peak printed without a duration")
+    ] = ""
+    price: Annotated[Positive | None, key("of one", 310.0, "of the catalogue's currency")] = None
+    dimensions: Annotated[str, key("in words", "60 mm x 88 mm")] = ""
+    stand_ins: Annotated[
+        dict[str, str],
+        key("figures that are another's, and whose", {"stiffness": "the next smaller size"}),
+    ] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _stand_ins_are_figures(self) -> Sourced:
@@ -74,60 +73,62 @@ class Sourced(Entry):
 
 
 class Thermal(Entry):
-    """Two-node model of a motor: winding and housing.
+    """Two-node model of a motor: winding and housing."""
 
-    Attributes:
-        winding_housing (K/W): thermal resistance between winding and housing, e.g. 1.2
-        housing_ambient (K/W): between housing and surroundings, e.g. 3.0
-        winding_time (s): time constant of the winding, e.g. 30.0
-        housing_time (s): of the motor, e.g. 900.0
-        max_winding (deg C): highest permissible temperature of the winding, e.g. 155.0
-    """
-
-    winding_housing: Positive
-    housing_ambient: Positive
-    winding_time: Positive | None = None
-    housing_time: Positive | None = None
-    max_winding: Number | None = None
+    winding_housing: Annotated[
+        Positive, key("thermal resistance between winding and housing", 1.2, "K/W")
+    ]
+    housing_ambient: Annotated[Positive, key("between housing and surroundings", 3.0, "K/W")]
+    winding_time: Annotated[Positive | None, key("time constant of the winding", 30.0, "s")] = None
+    housing_time: Annotated[Positive | None, key("of the motor", 900.0, "s")] = None
+    max_winding: Annotated[
+        Number | None, key("highest permissible temperature of the winding", 155.0, "deg C")
+    ] = None
 
 
 class Motor(Sourced):
-    """A motor: torques and speeds at its shaft.
+    """A motor: torques and speeds at its shaft."""
 
-    Attributes:
-        continuous_torque (N m): that it bears for ever, e.g. 0.45
-        continuous_curve: where that falls with speed, points of speed (rad/s) and torque (N m),
-            e.g. [[0.0, 0.45], [400.0, 0.30]]
-        continuous_stall_torque (N m): that it bears for ever at a standstill, e.g. 0.40
-        continuous_current (A): that goes with the continuous torque, e.g. 6.0
-        peak_torque (N m): that it gives for a short time, e.g. 1.3
-        torque_constant (N m/A): torque per current, e.g. 0.075
-        resistance (Ohm): from terminal to terminal at 25 C, e.g. 0.35
-        rotor_inertia (kg m^2): of the rotor, e.g. 3.0e-5
-        mass (kg): of the motor, e.g. 0.6
-        max_speed (rad/s): permissible, e.g. 600.0
-        nominal_voltage (V): at which the speeds and the stall torque hold, e.g. 48.0
-        no_load_speed (rad/s): at nominal voltage without load, e.g. 550.0
-        rated_speed (rad/s): at nominal voltage and continuous torque, e.g. 450.0
-        stall_torque (N m): at nominal voltage, where the speed-torque line begins, e.g. 3.2
-        thermal: for the winding's temperature, e.g. {winding_housing: 1.2, housing_ambient: 3.0}
-    """
-
-    continuous_torque: Positive | None = None
-    continuous_curve: tuple[tuple[NonNegative, Positive], ...] | None = None
-    continuous_stall_torque: Positive | None = None
-    continuous_current: Positive | None = None
-    peak_torque: Positive | None = None
-    torque_constant: Positive | None = None
-    resistance: Positive | None = None
-    rotor_inertia: Positive | None = None
-    mass: Positive | None = None
-    max_speed: Positive | None = None
-    nominal_voltage: Positive | None = None
-    no_load_speed: Positive | None = None
-    rated_speed: Positive | None = None
-    stall_torque: Positive | None = None
-    thermal: Thermal | None = None
+    continuous_torque: Annotated[Positive | None, key("that it bears for ever", 0.45, "N m")] = None
+    continuous_curve: Annotated[
+        tuple[tuple[NonNegative, Positive], ...] | None,
+        key(
+            "where that falls with speed, points of speed (rad/s) and torque (N m)",
+            [[0.0, 0.45], [400.0, 0.3]],
+        ),
+    ] = None
+    continuous_stall_torque: Annotated[
+        Positive | None, key("that it bears for ever at a standstill", 0.4, "N m")
+    ] = None
+    continuous_current: Annotated[
+        Positive | None, key("that goes with the continuous torque", 6.0, "A")
+    ] = None
+    peak_torque: Annotated[Positive | None, key("that it gives for a short time", 1.3, "N m")] = (
+        None
+    )
+    torque_constant: Annotated[Positive | None, key("torque per current", 0.075, "N m/A")] = None
+    resistance: Annotated[
+        Positive | None, key("from terminal to terminal at 25 C", 0.35, "Ohm")
+    ] = None
+    rotor_inertia: Annotated[Positive | None, key("of the rotor", 3e-05, "kg m^2")] = None
+    mass: Annotated[Positive | None, key("of the motor", 0.6, "kg")] = None
+    max_speed: Annotated[Positive | None, key("permissible", 600.0, "rad/s")] = None
+    nominal_voltage: Annotated[
+        Positive | None, key("at which the speeds and the stall torque hold", 48.0, "V")
+    ] = None
+    no_load_speed: Annotated[
+        Positive | None, key("at nominal voltage without load", 550.0, "rad/s")
+    ] = None
+    rated_speed: Annotated[
+        Positive | None, key("at nominal voltage and continuous torque", 450.0, "rad/s")
+    ] = None
+    stall_torque: Annotated[
+        Positive | None, key("at nominal voltage, where the speed-torque line begins", 3.2, "N m")
+    ] = None
+    thermal: Annotated[
+        Thermal | None,
+        key("for the winding's temperature", {"winding_housing": 1.2, "housing_ambient": 3.0}),
+    ] = None
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Motor:
@@ -144,17 +145,13 @@ class Motor(Sourced):
 
 
 class OutputFriction(Entry):
-    """Friction of a gearmotor at its output: base + load_dependent |effort| + viscous |v|.
+    """Friction of a gearmotor at its output: base + load_dependent |effort| + viscous |v|."""
 
-    Attributes:
-        base (N m or N): whatever the load, e.g. 0.5
-        load_dependent (1): share of the effort, below 1, e.g. 0.1
-        viscous (N m s/rad or N s/m): per speed of the output, e.g. 0.2
-    """
-
-    base: NonNegative = 0.0
-    load_dependent: Annotated[Number, Field(ge=0, lt=1)] = 0.0
-    viscous: NonNegative = 0.0
+    base: Annotated[NonNegative, key("whatever the load", 0.5, "N m or N")] = 0.0
+    load_dependent: Annotated[
+        Number, Field(ge=0, lt=1), key("share of the effort, below 1", 0.1, "1")
+    ] = 0.0
+    viscous: Annotated[NonNegative, key("per speed of the output", 0.2, "N m s/rad or N s/m")] = 0.0
 
 
 class GearMotor(Sourced):
@@ -162,36 +159,36 @@ class GearMotor(Sourced):
 
     Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves
     with its force (kg, as `rotor_inertia`).
-
-    Attributes:
-        ratio (1): motor turns per turn of the output; rad/m of a linear one, e.g. 64.0
-        output: what it moves, e.g. rotary
-        continuous_torque (N m or N): that it bears for ever, e.g. 48.0
-        peak_torque (N m or N): that it gives for a short time, e.g. 120.0
-        nominal_voltage (V): at which the speeds hold, e.g. 48.0
-        no_load_speed (rad/s or m/s): without load, e.g. 6.0
-        rated_speed (rad/s or m/s): at continuous torque, e.g. 5.0
-        max_speed (rad/s or m/s): permissible, e.g. 7.0
-        rotor_inertia (kg m^2): of the rotor, at the motor's speed, e.g. 5.0e-5
-        mass (kg): of the whole, e.g. 0.85
-        friction: at the output, e.g. {base: 0.5, load_dependent: 0.1}
-        back_driving_torque (N m or N): at the output that starts it without current, e.g. 1.5
-        bearing: what its output bearing carries, e.g. {kind: crossed roller, max_moment: 40.0}
     """
 
-    ratio: Positive
-    output: Literal["rotary", "linear"] = "rotary"
-    continuous_torque: Positive | None = None
-    peak_torque: Positive | None = None
-    nominal_voltage: Positive | None = None
-    no_load_speed: Positive | None = None
-    rated_speed: Positive | None = None
-    max_speed: Positive | None = None
-    rotor_inertia: Positive | None = None
-    mass: Positive | None = None
-    friction: OutputFriction | None = None
-    back_driving_torque: Positive | None = None
-    bearing: BearingRatings | None = None
+    ratio: Annotated[
+        Positive, key("motor turns per turn of the output; rad/m of a linear one", 64.0, "1")
+    ]
+    output: Annotated[Literal["rotary", "linear"], key("what it moves", "rotary")] = "rotary"
+    continuous_torque: Annotated[
+        Positive | None, key("that it bears for ever", 48.0, "N m or N")
+    ] = None
+    peak_torque: Annotated[
+        Positive | None, key("that it gives for a short time", 120.0, "N m or N")
+    ] = None
+    nominal_voltage: Annotated[Positive | None, key("at which the speeds hold", 48.0, "V")] = None
+    no_load_speed: Annotated[Positive | None, key("without load", 6.0, "rad/s or m/s")] = None
+    rated_speed: Annotated[Positive | None, key("at continuous torque", 5.0, "rad/s or m/s")] = None
+    max_speed: Annotated[Positive | None, key("permissible", 7.0, "rad/s or m/s")] = None
+    rotor_inertia: Annotated[
+        Positive | None, key("of the rotor, at the motor's speed", 5e-05, "kg m^2")
+    ] = None
+    mass: Annotated[Positive | None, key("of the whole", 0.85, "kg")] = None
+    friction: Annotated[
+        OutputFriction | None, key("at the output", {"base": 0.5, "load_dependent": 0.1})
+    ] = None
+    back_driving_torque: Annotated[
+        Positive | None, key("at the output that starts it without current", 1.5, "N m or N")
+    ] = None
+    bearing: Annotated[
+        BearingRatings | None,
+        key("what its output bearing carries", {"kind": "crossed roller", "max_moment": 40.0}),
+    ] = None
 
     @model_validator(mode="after")
     def _figures_agree(self) -> GearMotor:
@@ -207,67 +204,86 @@ class Gear(Sourced):
 
     `efficiency` is the maker's, no-load loss included: a number at rated torque, or his curves as a
     scene's transmission takes them (`transmission.MakersEfficiency`).
-
-    Attributes:
-        ratio (1): motor turns per output turn, or a list of ratios with the same figures; rad/m
-            where the output is linear, e.g. [50, 80, 100]
-        kind: for the reader, and for rules of strain wave gears, e.g. strain wave
-        output: rotary, or linear with efforts in N, e.g. rotary
-        rated_torque (N m or N): at which life and efficiency hold, e.g. 40.0
-        average_torque (N m or N): limit of the mean, weighted by speed, e.g. 49.0
-        repeated_peak_torque (N m or N): limit of a cycle's peaks, e.g. 82.0
-        momentary_peak_torque (N m or N): limit in a collision or an emergency stop, e.g. 147.0
-        momentary_peaks (1): how often it bears that in its life, e.g. 10000
-        rated_speed (rad/s): of the input, at which the life holds, e.g. 209.4
-        average_input_speed (rad/s): limit of the mean, e.g. 366.0
-        max_input_speed (rad/s): limit, e.g. 680.0
-        input_inertia (kg m^2): of all that turns with the input, e.g. 1.9e-5
-        mass (kg): of the gear, e.g. 0.9
-        nominal_life (h): L50 at rated torque and speed, e.g. 35000.0
-        efficiency (1): at rated torque, or the maker's curves, e.g. 0.77
-        back_efficiency (1): where the load drives; below 0 of a self-locking gear, e.g. 0.7
-        no_load_running_torque (N m): at the input, at `no_load_speed`, e.g. 0.05
-        no_load_speed (rad/s): of the input, of the running torque, e.g. 209.4
-        starting_torque (N m): at the input, that starts it without load, e.g. 0.037
-        back_driving_torque (N m or N): at the output, that starts it without load, e.g. 3.9
-        stiffness (N m/rad): of the output, N/m of a linear one: a number (K1, where several are
-            printed), or lines as a scene's transmission takes them, e.g. {k1: 16000, k2: 25000,
-            k3: 29000, t1: 7.0, t2: 25.0}
-        hysteresis (rad): hysteresis loss, the whole width at zero torque, e.g. 2.9e-4
-        stroke (m): of a linear output, e.g. 0.3
-        bearing: of its output; of a screw, its nut, e.g. {kind: crossed roller, max_moment: 91.0}
     """
 
-    ratio: Positive | tuple[Positive, ...]
-    kind: str = ""
-    output: Literal["rotary", "linear"] = "rotary"
-    rated_torque: Positive | None = None
-    average_torque: Positive | None = None
-    repeated_peak_torque: Positive | None = None
-    momentary_peak_torque: Positive | None = None
-    momentary_peaks: Positive | None = None
-    rated_speed: Positive | None = None
-    average_input_speed: Positive | None = None
-    max_input_speed: Positive | None = None
-    input_inertia: NonNegative | None = None
-    mass: Positive | None = None
-    nominal_life: Positive | None = None
+    ratio: Annotated[
+        Annotated[float | tuple[float, ...], Forms(Positive, tuple[Positive, ...])],
+        key(
+            "motor turns per output turn, or a list of ratios with the same figures; rad/m where "
+            "the output is linear",
+            [50, 80, 100],
+            "1",
+        ),
+    ]
+    kind: Annotated[
+        str, key("for the reader, and for rules of strain wave gears", "strain wave")
+    ] = ""
+    output: Annotated[
+        Literal["rotary", "linear"], key("rotary, or linear with efforts in N", "rotary")
+    ] = "rotary"
+    rated_torque: Annotated[
+        Positive | None, key("at which life and efficiency hold", 40.0, "N m or N")
+    ] = None
+    average_torque: Annotated[
+        Positive | None, key("limit of the mean, weighted by speed", 49.0, "N m or N")
+    ] = None
+    repeated_peak_torque: Annotated[
+        Positive | None, key("limit of a cycle's peaks", 82.0, "N m or N")
+    ] = None
+    momentary_peak_torque: Annotated[
+        Positive | None, key("limit in a collision or an emergency stop", 147.0, "N m or N")
+    ] = None
+    momentary_peaks: Annotated[
+        Positive | None, key("how often it bears that in its life", 10000, "1")
+    ] = None
+    rated_speed: Annotated[
+        Positive | None, key("of the input, at which the life holds", 209.4, "rad/s")
+    ] = None
+    average_input_speed: Annotated[Positive | None, key("limit of the mean", 366.0, "rad/s")] = None
+    max_input_speed: Annotated[Positive | None, key("limit", 680.0, "rad/s")] = None
+    input_inertia: Annotated[
+        NonNegative | None, key("of all that turns with the input", 1.9e-05, "kg m^2")
+    ] = None
+    mass: Annotated[Positive | None, key("of the gear", 0.9, "kg")] = None
+    nominal_life: Annotated[Positive | None, key("L50 at rated torque and speed", 35000.0, "h")] = (
+        None
+    )
     efficiency: Annotated[
-        float | MakersEfficiency | None,
-        BeforeValidator(
-            number_or(MakersEfficiency.model_validate, Share),
-            json_schema_input_type=Share | MakersEfficiency | None,
+        Efficiency | None, key("at rated torque, or the maker's curves", 0.77, "1")
+    ] = None
+    back_efficiency: Annotated[
+        Annotated[Number, Field(le=1)] | None,
+        key("where the load drives; below 0 of a self-locking gear", 0.7, "1"),
+    ] = None
+    no_load_running_torque: Annotated[
+        NonNegative | None, key("at the input, at `no_load_speed`", 0.05, "N m")
+    ] = None
+    no_load_speed: Annotated[
+        Positive | None, key("of the input, of the running torque", 209.4, "rad/s")
+    ] = None
+    starting_torque: Annotated[
+        NonNegative | None, key("at the input, that starts it without load", 0.037, "N m")
+    ] = None
+    back_driving_torque: Annotated[
+        Positive | None, key("at the output, that starts it without load", 3.9, "N m or N")
+    ] = None
+    stiffness: Annotated[
+        Stiffness | None,
+        key(
+            "of the output, N/m of a linear one: a number (K1, where several are printed), or "
+            "lines as a scene's transmission takes them",
+            {"k1": 16000, "k2": 25000, "k3": 29000, "t1": 7.0, "t2": 25.0},
+            "N m/rad",
         ),
     ] = None
-    back_efficiency: Annotated[Number, Field(le=1)] | None = None
-    no_load_running_torque: NonNegative | None = None
-    no_load_speed: Positive | None = None
-    starting_torque: NonNegative | None = None
-    back_driving_torque: Positive | None = None
-    stiffness: Stiffness = None
-    hysteresis: Positive | None = None
-    stroke: Positive | None = None
-    bearing: BearingRatings | None = None
+    hysteresis: Annotated[
+        Positive | None, key("hysteresis loss, the whole width at zero torque", 0.00029, "rad")
+    ] = None
+    stroke: Annotated[Positive | None, key("of a linear output", 0.3, "m")] = None
+    bearing: Annotated[
+        BearingRatings | None,
+        key("of its output; of a screw, its nut", {"kind": "crossed roller", "max_moment": 91.0}),
+    ] = None
 
     @model_validator(mode="after")
     def _figures_agree(self) -> Gear:
@@ -275,8 +291,10 @@ class Gear(Sourced):
         _ascending(self, "repeated_peak_torque", "momentary_peak_torque")
         _ascending(self, "average_input_speed", "max_input_speed")
         if self.bearing is not None and self.bearing.screw != (self.output == "linear"):
-            raise ValueError(f"bearing: {self.bearing.kind} at a {self.output} output; linear ones "
-                             "take `ball screw`, and only they")  # fmt: skip
+            raise ValueError(
+                f"bearing: {self.bearing.kind} at a {self.output} output; linear ones "
+                "take `ball screw`, and only they"
+            )
         if not self.ratios:
             raise ValueError("ratio: an empty list; give at least one")
         for ratio in self.ratios:
@@ -311,15 +329,18 @@ class Gear(Sourced):
         if not self.starting_torque or self.back_driving_torque is None:
             return None
         found = ratio * self.starting_torque / self.back_driving_torque
-        torques = BackDriving(starting_torque=self.starting_torque,
-                              back_driving_torque=self.back_driving_torque)  # fmt: skip
+        torques = BackDriving(
+            starting_torque=self.starting_torque, back_driving_torque=self.back_driving_torque
+        )
         return (torques, found) if found <= 1.0 else None
 
     def _check_no_load(self, ratio: float, efficiency: float) -> None:
         assert self.no_load_running_torque is not None
         if self.rated_torque is None:
-            raise ValueError("no_load_running_torque beside `efficiency` needs `rated_torque`, to "
-                             "take the two apart")  # fmt: skip
+            raise ValueError(
+                "no_load_running_torque beside `efficiency` needs `rated_torque`, to "
+                "take the two apart"
+            )
         loss = self.rated_torque / ratio * (1 / efficiency - 1)
         if self.no_load_running_torque > loss:
             raise ValueError(
@@ -330,24 +351,25 @@ class Gear(Sourced):
 
 
 class BearingEntry(Sourced):
-    """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter.
+    """Friction mu x (radial |F_r| + axial |F_a| + moment |M_b|), the levers x a diameter."""
 
-    Attributes:
-        mu (1): coefficient in motion, e.g. 0.0015
-        mu_range (1): least and greatest where the maker prints a range, e.g. [0.001, 0.003]
-        radial (1): lever of the radial force per bore or raceway diameter, e.g. 0.5
-        axial (1): of the axial force, e.g. 0.5
-        moment (1): of the tilting moment, per m, e.g. 2.05
-        ratings: what it carries, for a joint that `conditions.bearings` gives it to, e.g. {kind:
-            crossed roller, max_moment: 91.0}
-    """
-
-    mu: Positive | None = None
-    mu_range: tuple[NonNegative, NonNegative] | None = None
-    radial: NonNegative = 0.0
-    axial: NonNegative = 0.0
-    moment: NonNegative = 0.0
-    ratings: BearingRatings | None = None
+    mu: Annotated[Positive | None, key("coefficient in motion", 0.0015, "1")] = None
+    mu_range: Annotated[
+        tuple[NonNegative, NonNegative] | None,
+        key("least and greatest where the maker prints a range", [0.001, 0.003], "1"),
+    ] = None
+    radial: Annotated[
+        NonNegative, key("lever of the radial force per bore or raceway diameter", 0.5, "1")
+    ] = 0.0
+    axial: Annotated[NonNegative, key("of the axial force", 0.5, "1")] = 0.0
+    moment: Annotated[NonNegative, key("of the tilting moment, per m", 2.05, "1")] = 0.0
+    ratings: Annotated[
+        BearingRatings | None,
+        key(
+            "what it carries, for a joint that `conditions.bearings` gives it to",
+            {"kind": "crossed roller", "max_moment": 91.0},
+        ),
+    ] = None
 
     def scene_entry(self, diameter: float) -> dict[str, Any]:
         """Return the `bearing` of a scene's joint for a bore or raceway of `diameter` (m)."""
@@ -360,138 +382,190 @@ class BearingEntry(Sourced):
 
 
 class Brake(Sourced):
-    """A brake that holds without power, at a motor's shaft.
+    """A brake that holds without power, at a motor's shaft."""
 
-    Attributes:
-        torque (N m): that it holds, e.g. 0.5
-        voltage (V): that opens it, e.g. 24.0
-        power (W): while it is open, e.g. 7.0
-        release_time (s): until it is open, e.g. 0.025
-        engage_time (s): until it holds, e.g. 0.015
-        stop_energy (J): that it bears in one emergency stop, e.g. 150.0
-        rotor_inertia (kg m^2): of what turns with the motor, e.g. 1.0e-6
-        mass (kg): of the brake, e.g. 0.2
-    """
-
-    torque: Positive
-    voltage: Positive | None = None
-    power: Positive | None = None
-    release_time: Positive | None = None
-    engage_time: Positive | None = None
-    stop_energy: Positive | None = None
-    rotor_inertia: Positive | None = None
-    mass: Positive | None = None
+    torque: Annotated[Positive, key("that it holds", 0.5, "N m")]
+    voltage: Annotated[Positive | None, key("that opens it", 24.0, "V")] = None
+    power: Annotated[Positive | None, key("while it is open", 7.0, "W")] = None
+    release_time: Annotated[Positive | None, key("until it is open", 0.025, "s")] = None
+    engage_time: Annotated[Positive | None, key("until it holds", 0.015, "s")] = None
+    stop_energy: Annotated[
+        Positive | None, key("that it bears in one emergency stop", 150.0, "J")
+    ] = None
+    rotor_inertia: Annotated[
+        Positive | None, key("of what turns with the motor", 1e-06, "kg m^2")
+    ] = None
+    mass: Annotated[Positive | None, key("of the brake", 0.2, "kg")] = None
 
 
 class Collisions(Entry):
-    """Overloads that a gear must bear in its life.
+    """Overloads that a gear must bear in its life."""
 
-    Attributes:
-        count (1): how many, e.g. 100
-        duration (s): of each, e.g. 0.15
-    """
-
-    count: Positive
-    duration: Positive
+    count: Annotated[Positive, key("how many", 100, "1")]
+    duration: Annotated[Positive, key("of each", 0.15, "s")]
 
 
 class Conditions(Entry):
-    """What the drives must stand, with the defaults of common practice.
+    """What the drives must stand, with the defaults of common practice."""
 
-    Attributes:
-        bus_voltage (V): at the motors' terminals, e.g. 48.0
-        ambient (deg C): temperature of the surroundings, e.g. 40.0
-        peak_factor (1): reserve on the peak torque; 20 to 30 % are usual, e.g. 1.2
-        inertia_ratio (1): largest J_load/(ratio^2 (J_motor + J_gear input)), e.g. 10.0
-        life (h): L10 of gears and bearings; by default a strain wave gear's at rated torque and
-            speed, e.g. 10000.0
-        shock (1): factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2
-            to 1.5 normal, 1.5 to 3 with shocks, e.g. 1.2
-        bearings: catalogue's bearing that carries a joint, in place of that at the gear's output,
-            by joint, e.g. {elbow: THK RB 5013}
-        back_driving: whether the load must be able to move the motor, must not, or may, e.g.
-            required
-        max_winding (deg C): for motors whose maker prints no limit; left out, it is not checked,
-            e.g. 155.0
-        thermal_time (s): in place of a winding's time constant that is not known: overload counts
-            within it; small motors have 15 to 50 s, e.g. 20.0
-        collision_effort (N m or N): in a collision or an emergency stop, by joint, e.g. {elbow:
-            120.0}
-        collisions: of them that a gear must bear in its life, e.g. {count: 100, duration: 0.15}
-        holding_brake: whether every joint must have a brake, those that friction does not hold, or
-            any may do without, e.g. where_needed
-        brake_factor (1): reserve on the brakes' torque; 1.5 to 3 are usual, e.g. 1.5
-        bus_limit (V): highest the bus may reach while motors brake, e.g. 56.0
-        bus_capacitance (F): of the bus, e.g. 0.0047
-        supply_power (W): most that the supply gives, e.g. 960.0
-        resonance_base (Hz): least resonance of the first three joints, each with the joints beyond
-            it, e.g. 8.0
-        resonance_hand (Hz): of those beyond, e.g. 15.0
-        lowest_frequency (Hz): that the robot's lowest natural frequency must reach, motors held;
-            left out, any, e.g. 8.0
-        tool_sag (m): that the load may pull the scene's `tool` off its place at rest, e.g. 2.0e-3
-        tool_interval (m): half the width in which friction may hold the tool at rest, e.g. 2.0e-4
-        tool_reversal (m): most between places after opposite approaches, e.g. 2.0e-4
-        mass_in_urdf (kg): of the drive that the URDF's link already has at the joint's origin, by
-            joint; it is taken off there, e.g. {elbow: 1.4}
-    """
-
-    bus_voltage: Positive = 48.0
-    ambient: Number = REFERENCE_TEMPERATURE
-    peak_factor: Annotated[Number, Field(ge=1)] = 1.2
-    inertia_ratio: Positive = 10.0
-    life: Positive = 10_000.0
-    shock: Annotated[Number, Field(ge=1)] = 1.2
-    bearings: dict[str, str] = Field(default_factory=dict)
-    back_driving: Literal["any", "required", "forbidden"] = "any"
-    max_winding: Number | None = None
-    thermal_time: Positive = 20.0
-    collision_effort: dict[str, Positive] = Field(default_factory=dict)
-    collisions: Collisions | None = None
-    holding_brake: Literal["any", "where_needed", "required"] = "any"
-    brake_factor: Annotated[Number, Field(ge=1)] = 1.5
-    bus_limit: Positive | None = None
-    bus_capacitance: Positive | None = None
-    supply_power: Positive | None = None
-    resonance_base: Positive = 8.0
-    resonance_hand: Positive = 15.0
-    lowest_frequency: Positive | None = None
-    tool_sag: Positive | None = None
-    tool_interval: Positive | None = None
-    tool_reversal: Positive | None = None
-    mass_in_urdf: dict[str, NonNegative] = Field(default_factory=dict)
+    bus_voltage: Annotated[Positive, key("at the motors' terminals", 48.0, "V")] = 48.0
+    ambient: Annotated[Number, key("temperature of the surroundings", 40.0, "deg C")] = (
+        REFERENCE_TEMPERATURE
+    )
+    peak_factor: Annotated[
+        Number, Field(ge=1), key("reserve on the peak torque; 20 to 30 % are usual", 1.2, "1")
+    ] = 1.2
+    inertia_ratio: Annotated[
+        Positive, key("largest J_load/(ratio^2 (J_motor + J_gear input))", 10.0, "1")
+    ] = 10.0
+    life: Annotated[
+        Positive,
+        key(
+            "L10 of gears and bearings; by default a strain wave gear's at rated torque and speed",
+            10000.0,
+            "h",
+        ),
+    ] = 10_000.0
+    shock: Annotated[
+        Number,
+        Field(ge=1),
+        key(
+            "factor on the loads of bearings and screws for their life: 1 to 1.2 smooth, 1.2 to "
+            "1.5 normal, 1.5 to 3 with shocks",
+            1.2,
+            "1",
+        ),
+    ] = 1.2
+    bearings: Annotated[
+        dict[str, str],
+        key(
+            "catalogue's bearing that carries a joint, in place of that at the gear's output, by "
+            "joint",
+            {"elbow": "THK RB 5013"},
+        ),
+    ] = Field(default_factory=dict)
+    back_driving: Annotated[
+        Literal["any", "required", "forbidden"],
+        key("whether the load must be able to move the motor, must not, or may", "required"),
+    ] = "any"
+    max_winding: Annotated[
+        Number | None,
+        key("for motors whose maker prints no limit; left out, it is not checked", 155.0, "deg C"),
+    ] = None
+    thermal_time: Annotated[
+        Positive,
+        key(
+            "in place of a winding's time constant that is not known: overload counts within it; "
+            "small motors have 15 to 50 s",
+            20.0,
+            "s",
+        ),
+    ] = 20.0
+    collision_effort: Annotated[
+        dict[str, Positive],
+        key("in a collision or an emergency stop, by joint", {"elbow": 120.0}, "N m or N"),
+    ] = Field(default_factory=dict)
+    collisions: Annotated[
+        Collisions | None,
+        key("of them that a gear must bear in its life", {"count": 100, "duration": 0.15}),
+    ] = None
+    holding_brake: Annotated[
+        Literal["any", "where_needed", "required"],
+        key(
+            "whether every joint must have a brake, those that friction does not hold, or any may "
+            "do without",
+            "where_needed",
+        ),
+    ] = "any"
+    brake_factor: Annotated[
+        Number, Field(ge=1), key("reserve on the brakes' torque; 1.5 to 3 are usual", 1.5, "1")
+    ] = 1.5
+    bus_limit: Annotated[
+        Positive | None, key("highest the bus may reach while motors brake", 56.0, "V")
+    ] = None
+    bus_capacitance: Annotated[Positive | None, key("of the bus", 0.0047, "F")] = None
+    supply_power: Annotated[Positive | None, key("most that the supply gives", 960.0, "W")] = None
+    resonance_base: Annotated[
+        Positive,
+        key("least resonance of the first three joints, each with the joints beyond it", 8.0, "Hz"),
+    ] = 8.0
+    resonance_hand: Annotated[Positive, key("of those beyond", 15.0, "Hz")] = 15.0
+    lowest_frequency: Annotated[
+        Positive | None,
+        key(
+            "that the robot's lowest natural frequency must reach, motors held; left out, any",
+            8.0,
+            "Hz",
+        ),
+    ] = None
+    tool_sag: Annotated[
+        Positive | None,
+        key("that the load may pull the scene's `tool` off its place at rest", 0.002, "m"),
+    ] = None
+    tool_interval: Annotated[
+        Positive | None,
+        key("half the width in which friction may hold the tool at rest", 0.0002, "m"),
+    ] = None
+    tool_reversal: Annotated[
+        Positive | None, key("most between places after opposite approaches", 0.0002, "m")
+    ] = None
+    mass_in_urdf: Annotated[
+        dict[str, NonNegative],
+        key(
+            "of the drive that the URDF's link already has at the joint's origin, by joint; it is "
+            "taken off there",
+            {"elbow": 1.4},
+            "kg",
+        ),
+    ] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _bus_can_rise(self) -> Conditions:
         if self.bus_limit is not None and self.bus_limit <= self.bus_voltage:
-            raise ValueError(f"bus_limit {self.bus_limit:g} V is not above bus_voltage "
-                             f"{self.bus_voltage:g} V: how high may the bus rise?")  # fmt: skip
+            raise ValueError(
+                f"bus_limit {self.bus_limit:g} V is not above bus_voltage "
+                f"{self.bus_voltage:g} V: how high may the bus rise?"
+            )
         return self
 
 
 class CatalogFile(Entry):
-    """A whole catalogue file.
+    """A whole catalogue file."""
 
-    Attributes:
-        pinfric_catalog: version of the format, e.g. 1
-        extends: the bundled catalogue, whose entries stand beside those of the file, e.g. default
-        motors: to choose from, e.g. {M 48: {source: data sheet, grade: R, continuous_torque: 0.45}}
-        gears: to put behind them, e.g. {G 100: {source: data sheet, grade: R, ratio: 100}}
-        gearmotors: both in one, e.g. {A 80: {source: data sheet, grade: R, ratio: 64}}
-        bearings: for joints with one of their own, e.g. {ring: {source: data sheet, grade: R, mu:
-            0.0015}}
-        brakes: for motors' shafts, e.g. {B 5: {source: data sheet, grade: R, torque: 0.5}}
-        conditions: what the drives must stand, e.g. {bus_voltage: 24.0}
-    """
-
-    pinfric_catalog: Version
-    extends: Literal["default"] | None = None
-    motors: dict[str, Motor] = Field(default_factory=dict)
-    gears: dict[str, Gear] = Field(default_factory=dict)
-    gearmotors: dict[str, GearMotor] = Field(default_factory=dict)
-    bearings: dict[str, BearingEntry] = Field(default_factory=dict)
-    brakes: dict[str, Brake] = Field(default_factory=dict)
-    conditions: Conditions | None = None
+    pinfric_catalog: Annotated[Version, key("version of the format", 1)]
+    extends: Annotated[
+        Literal["default"] | None,
+        key("the bundled catalogue, whose entries stand beside those of the file", "default"),
+    ] = None
+    motors: Annotated[
+        dict[str, Motor],
+        key(
+            "to choose from",
+            {"M 48": {"source": "data sheet", "grade": "R", "continuous_torque": 0.45}},
+        ),
+    ] = Field(default_factory=dict)
+    gears: Annotated[
+        dict[str, Gear],
+        key("to put behind them", {"G 100": {"source": "data sheet", "grade": "R", "ratio": 100}}),
+    ] = Field(default_factory=dict)
+    gearmotors: Annotated[
+        dict[str, GearMotor],
+        key("both in one", {"A 80": {"source": "data sheet", "grade": "R", "ratio": 64}}),
+    ] = Field(default_factory=dict)
+    bearings: Annotated[
+        dict[str, BearingEntry],
+        key(
+            "for joints with one of their own",
+            {"ring": {"source": "data sheet", "grade": "R", "mu": 0.0015}},
+        ),
+    ] = Field(default_factory=dict)
+    brakes: Annotated[
+        dict[str, Brake],
+        key("for motors' shafts", {"B 5": {"source": "data sheet", "grade": "R", "torque": 0.5}}),
+    ] = Field(default_factory=dict)
+    conditions: Annotated[
+        Conditions | None, key("what the drives must stand", {"bus_voltage": 24.0})
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -532,8 +606,10 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
     else:
         file = _read(Path(name))
         if file.extends is None and not any(getattr(file, section) for section in _SECTIONS):
-            raise CatalogError(f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
-                               "`extends: default` takes the bundled ones")  # fmt: skip
+            raise CatalogError(
+                f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
+                "`extends: default` takes the bundled ones"
+            )
         catalog = _merged(str(name), [*(_bundled() if file.extends else ()), file])
     for where, text in _doubts(catalog):
         warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
@@ -571,8 +647,10 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
 
 def _read(path: Path) -> CatalogFile:
     if not os.path.exists(path) and path.suffix not in (".yaml", ".yml"):
-        raise CatalogError(f"there is no catalogue {brief(str(path))}; "
-                           f"{choose_from(path, [DEFAULT])}, or a YAML file")  # fmt: skip
+        raise CatalogError(
+            f"there is no catalogue {brief(str(path))}; "
+            f"{choose_from(path, [DEFAULT])}, or a YAML file"
+        )
     return parse(CatalogFile, read_yaml(path, CatalogError), str(path), CatalogError)
 
 
@@ -643,17 +721,19 @@ def _doubts(catalog: Catalog) -> Iterator[tuple[str, str]]:
 
 def _beyond_usual(section: str, entry: Sourced) -> Iterator[str]:
     usual = _USUAL | (_USUAL_OF_GEARS if section == "gears" else {})
-    for key, (least, greatest, slip) in usual.items():
-        value = getattr(entry, key, None)
-        if key == "stiffness" and value is not None:
+    for rating, (least, greatest, slip) in usual.items():
+        value = getattr(entry, rating, None)
+        if rating == "stiffness" and value is not None:
             value = softest(value)
-        unit = "motor turns per output turn" if key == "ratio" else unit_of(key)
+        unit = "motor turns per output turn" if rating == "ratio" else unit_of(rating)
         if value is None or getattr(entry, "output", "") == "linear":
             continue
         for x in value if isinstance(value, tuple) else (value,):
-            if not (least <= x <= greatest or (x == 0 and key == "input_inertia")):
-                yield (f"{key} = {x:g} {unit} is far from anything usual, {least:g} to "
-                       f"{greatest:g} {unit}; {slip} entered?")  # fmt: skip
+            if not (least <= x <= greatest or (x == 0 and rating == "input_inertia")):
+                yield (
+                    f"{rating} = {x:g} {unit} is far from anything usual, {least:g} to "
+                    f"{greatest:g} {unit}; {slip} entered?"
+                )
 
 
 def _beyond_proportion(section: str, entry: Any) -> Iterator[str]:
@@ -668,32 +748,40 @@ def _beyond_proportion(section: str, entry: Any) -> Iterator[str]:
     elif inertia and torque and section == "motors":
         low, high = _INERTIA_PER_TORQUE
         if not low <= inertia / torque <= high:
-            yield (f"rotor inertia {inertia:g} kg m^2 does not go with {torque:g} N m; kg cm^2 "
-                   "(1e-4) or g cm^2 (1e-7), or mN m entered?")  # fmt: skip
+            yield (
+                f"rotor inertia {inertia:g} kg m^2 does not go with {torque:g} N m; kg cm^2 "
+                "(1e-4) or g cm^2 (1e-7), or mN m entered?"
+            )
     if torque and mass and section in _TORQUE_PER_MASS:
         low, high = _TORQUE_PER_MASS[section]
         if not low <= torque / mass <= high:
-            yield (f"continuous torque {torque:g} N m at {mass:g} kg is {torque / mass:.3g} "
-                   "N m/kg; mN m or g entered?")  # fmt: skip
+            yield (
+                f"continuous torque {torque:g} N m at {mass:g} kg is {torque / mass:.3g} "
+                "N m/kg; mN m or g entered?"
+            )
 
 
 def _speeds_beyond_proportion(section: str, entry: Motor | GearMotor) -> Iterator[str]:
     """Question speeds that do not go with each other, or with torque and mass."""
     nominal = entry.no_load_speed or entry.rated_speed
     if entry.max_speed and nominal and entry.max_speed > _SPEED_OVER_NOMINAL * nominal:
-        yield (f"max_speed = {entry.max_speed:g} rad/s is {entry.max_speed / nominal:.3g} times "
-               f"the speed at the nominal voltage, {nominal:g} rad/s; up to "
-               f"{_SPEED_OVER_NOMINAL:g} times expected; rpm entered?")  # fmt: skip
+        yield (
+            f"max_speed = {entry.max_speed:g} rad/s is {entry.max_speed / nominal:.3g} times "
+            f"the speed at the nominal voltage, {nominal:g} rad/s; up to "
+            f"{_SPEED_OVER_NOMINAL:g} times expected; rpm entered?"
+        )
         return
     torque, mass = entry.continuous_torque, entry.mass
     if not (torque and mass) or torque / mass > _TORQUE_PER_MASS[section][1]:
         return  # the torque or the mass is in question, not the speed
-    for key in ("max_speed", "no_load_speed", "rated_speed"):
-        speed = getattr(entry, key)
+    for rating in ("max_speed", "no_load_speed", "rated_speed"):
+        speed = getattr(entry, rating)
         if speed and torque * speed / mass > _POWER_PER_MASS:
-            yield (f"{key} = {speed:g} rad/s at continuous_torque {torque:g} N m and {mass:g} kg "
-                   f"is {torque * speed / mass:.3g} W/kg; up to {_POWER_PER_MASS:g} W/kg expected; "
-                   "rpm entered?")  # fmt: skip
+            yield (
+                f"{rating} = {speed:g} rad/s at continuous_torque {torque:g} N m and {mass:g} kg "
+                f"is {torque * speed / mass:.3g} W/kg; up to {_POWER_PER_MASS:g} W/kg expected; "
+                "rpm entered?"
+            )
 
 
 def _line_beyond_proportion(motor: Motor) -> Iterator[str]:
@@ -704,14 +792,18 @@ def _line_beyond_proportion(motor: Motor) -> Iterator[str]:
     if motor.no_load_speed is not None:
         expected = voltage / motor.no_load_speed
         if not _BACK_EMF[0] <= k / expected <= _BACK_EMF[1]:
-            yield (f"torque_constant = {k:g} N m/A; about nominal_voltage/no_load_speed = "
-                   f"{expected:.3g} N m/A expected; one of them in another unit?")  # fmt: skip
+            yield (
+                f"torque_constant = {k:g} N m/A; about nominal_voltage/no_load_speed = "
+                f"{expected:.3g} N m/A expected; one of them in another unit?"
+            )
     if motor.stall_torque is not None and motor.resistance is not None:
         expected = k * voltage / motor.resistance
         if not _STALL[0] <= motor.stall_torque / expected <= _STALL[1]:
-            yield (f"stall_torque = {motor.stall_torque:g} N m; about torque_constant x "
-                   f"nominal_voltage/resistance = {expected:.3g} N m expected: mN m, or another "
-                   "unit of them?")  # fmt: skip
+            yield (
+                f"stall_torque = {motor.stall_torque:g} N m; about torque_constant x "
+                f"nominal_voltage/resistance = {expected:.3g} N m expected: mN m, or another "
+                "unit of them?"
+            )
 
 
 def _unusual_heat(thermal: Thermal) -> Iterator[str]:
@@ -719,8 +811,12 @@ def _unusual_heat(thermal: Thermal) -> Iterator[str]:
     if (thermal.max_winding or 0) > 250:
         yield f"max_winding = {thermal.max_winding:g} C, at most 250 C expected; kelvin entered?"
     if winding is not None and winding < _LEAST_WINDING_TIME:
-        yield (f"winding_time = {winding:g} s; more than {_LEAST_WINDING_TIME:g} s expected; "
-               "minutes entered?")  # fmt: skip
+        yield (
+            f"winding_time = {winding:g} s; more than {_LEAST_WINDING_TIME:g} s expected; "
+            "minutes entered?"
+        )
     if winding is not None and housing is not None and winding >= housing:
-        yield (f"winding_time = {winding:g} s; less than housing_time = {housing:g} s expected; "
-               "one of them in ms or minutes, or swapped?")  # fmt: skip
+        yield (
+            f"winding_time = {winding:g} s; less than housing_time = {housing:g} s expected; "
+            "one of them in ms or minutes, or swapped?"
+        )

@@ -10,15 +10,14 @@ import re
 from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import Field, model_validator
 
 from pinfric.errors import CatalogError, PinfricError, choose_from
-from pinfric.model.entry import Entry, parse
+from pinfric.model.entry import Entry, Forms, key, parse
 from pinfric.model.files import write_file
-from pinfric.model.yamlfile import brief, read_yaml
+from pinfric.model.yamlfile import brief, read_yaml, yaml_text
 from pinfric.study.sizing.catalog import Gear, GearMotor, Motor, Sourced, Text
 from pinfric.study.sizing.units import FIGURES, in_si, unit_of
 
@@ -30,30 +29,28 @@ _NUMBER = re.compile(r"([-+]?\d[\d.,']*(?:[eE][-+]?\d+)?)\s*(.*)")
 
 
 class Cells(Entry):
-    """A column, and the unit of its numbers where they do not say it themselves.
+    """A column, and the unit of its numbers where they do not say it themselves."""
 
-    Attributes:
-        column: its name in line 1 of the table, e.g. Mn
-        unit: of its numbers, e.g. mN m
-    """
-
-    column: Text
-    unit: Text | None = None
+    column: Annotated[Text, key("its name in line 1 of the table", "Mn")]
+    unit: Annotated[Text | None, key("of its numbers", "mN m")] = None
 
 
 class TableMapping(Entry):
-    """A mapping file: which column of a table is which figure of an entry.
+    """A mapping file: which column of a table is which figure of an entry."""
 
-    Attributes:
-        section: what the rows are, e.g. motors
-        columns: figure of the entry, `thermal.` or `bearing.` before its part's: the column, or
-            column and unit, e.g. {name: Type, mass: {column: Weight, unit: g}}
-        every: figures and texts that all rows have, SI, e.g. {source: a catalogue, grade: R}
-    """
-
-    section: Literal["motors", "gears", "gearmotors"]
-    columns: dict[str, Text | Cells]
-    every: dict[str, Any] = Field(default_factory=dict)
+    section: Annotated[Literal["motors", "gears", "gearmotors"], key("what the rows are", "motors")]
+    columns: Annotated[
+        dict[str, Annotated[str | Cells, Forms(Text, Cells)]],
+        key(
+            "figure of the entry, `thermal.` or `bearing.` before its part's: the column, or "
+            "column and unit",
+            {"name": "Type", "mass": {"column": "Weight", "unit": "g"}},
+        ),
+    ]
+    every: Annotated[
+        dict[str, Any],
+        key("figures and texts that all rows have, SI", {"source": "a catalogue", "grade": "R"}),
+    ] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _figures_exist(self) -> TableMapping:
@@ -83,8 +80,10 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
         wanted: TableMapping = parse(TableMapping, read_yaml(where, CatalogError), str(where))
     except PinfricError as problem:
         raise CatalogError(str(problem)) from None
-    cells = {figure: given if isinstance(given, Cells) else Cells(column=given)
-             for figure, given in wanted.columns.items()}  # fmt: skip
+    cells = {
+        figure: given if isinstance(given, Cells) else Cells(column=given)
+        for figure, given in wanted.columns.items()
+    }
     entries: dict[str, Any] = {}
     problems, rows = [], 0
     for line, row, comma in _rows(path, cells, where):
@@ -93,8 +92,9 @@ def import_table(table: str | Path, mapping: str | Path | None = None) -> dict[s
         found = list(_row_problems(name, row, cells, wanted, entries, comma))
         problems += [f"line {line} ({name or 'no name'}): {'; '.join(found)}"] if found else []
     if problems:
-        raise CatalogError(f"{path}: {len(problems)} of {rows} rows cannot be: "
-                           + " | ".join(problems))  # fmt: skip
+        raise CatalogError(
+            f"{path}: {len(problems)} of {rows} rows cannot be: " + " | ".join(problems)
+        )
     if not entries:
         raise CatalogError(f"{path}: no rows below the names of its columns")
     return {"pinfric_catalog": 1, wanted.section: entries}
@@ -109,9 +109,10 @@ def write_catalog(content: dict[str, Any], path: str | Path, origin: str = "") -
     Raises:
         PinfricError: it cannot be written.
     """
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
     head = f"# Imported from {origin}: SI units.\n" if origin else ""
-    return write_file(path, lambda file: file.write_text(head + text, encoding="utf-8"))
+    return write_file(
+        path, lambda file: file.write_text(head + yaml_text(content), encoding="utf-8")
+    )
 
 
 def _rows(
@@ -129,8 +130,10 @@ def _rows(
     names = [name.strip() for name in next(reader, [])]
     for figure, given in cells.items():
         if given.column not in names:
-            raise CatalogError(f"{where}: columns.{figure}: {path.name} has no column "
-                               f"{given.column!r}; {choose_from(given.column, names)}")  # fmt: skip
+            raise CatalogError(
+                f"{where}: columns.{figure}: {path.name} has no column "
+                f"{given.column!r}; {choose_from(given.column, names)}"
+            )
     for row in reader:
         if any(cell.strip() for cell in row):
             padded = [cell.strip() for cell in row] + [""] * len(names)
@@ -138,9 +141,13 @@ def _rows(
 
 
 def _row_problems(
-    name: str, row: dict[str, str], cells: dict[str, Cells], wanted: TableMapping,
-    entries: dict[str, Any], comma: bool,
-) -> Iterator[str]:  # fmt: skip
+    name: str,
+    row: dict[str, str],
+    cells: dict[str, Cells],
+    wanted: TableMapping,
+    entries: dict[str, Any],
+    comma: bool,
+) -> Iterator[str]:
     """Put a row's entry into `entries`; yield what is wrong with it."""
     entry: dict[str, Any] = deepcopy(wanted.every)  # its parts, too: each row adds its own
     linear = (row[cells["output"].column] if "output" in cells else entry.get("output")) == "linear"

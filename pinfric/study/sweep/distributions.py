@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from pinfric.model.entry import Entry, Number, Positive
+from pinfric.model.entry import Entry, Number, Positive, key
 
 #: A truncation that keeps less than this of its normal distribution was not meant.
 _LEAST_KEPT = 1e-6
@@ -43,15 +43,10 @@ class Distribution(Entry):
 
 
 class Normal(Distribution):
-    """Normal with a mean and a standard deviation; unbounded on both sides.
+    """Normal with a mean and a standard deviation; unbounded on both sides."""
 
-    Attributes:
-        mean (of the parameter): of the values, e.g. 0.0
-        std (of the parameter): standard deviation, e.g. 0.0175
-    """
-
-    mean: Number
-    std: Positive
+    mean: Annotated[Number, key("of the values", 0.0, "of the parameter")]
+    std: Annotated[Positive, key("standard deviation", 0.0175, "of the parameter")]
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return mean + std Phi^-1(u)."""
@@ -66,19 +61,14 @@ class Normal(Distribution):
 
 
 class TruncatedNormal(Distribution):
-    """Normal with a mean and a standard deviation (before truncation), kept in [low, high].
+    """Normal with a mean and a standard deviation (before truncation), kept in [low, high]."""
 
-    Attributes:
-        mean (of the parameter): before it is cut, e.g. 2.0
-        std (of the parameter): standard deviation, before it is cut, e.g. 0.2
-        low (of the parameter): least value; `low` or `high` is needed, e.g. 1.0
-        high (of the parameter): greatest value, e.g. 3.0
-    """
-
-    mean: Number
-    std: Positive
-    low: Number | None = None
-    high: Number | None = None
+    mean: Annotated[Number, key("before it is cut", 2.0, "of the parameter")]
+    std: Annotated[Positive, key("standard deviation, before it is cut", 0.2, "of the parameter")]
+    low: Annotated[
+        Number | None, key("least value; `low` or `high` is needed", 1.0, "of the parameter")
+    ] = None
+    high: Annotated[Number | None, key("greatest value", 3.0, "of the parameter")] = None
 
     @model_validator(mode="after")
     def _keeps_something(self) -> TruncatedNormal:
@@ -112,8 +102,10 @@ class TruncatedNormal(Distribution):
     @property
     def support(self) -> tuple[float, float]:
         """[low, high]."""
-        return (-math.inf if self.low is None else self.low,
-                math.inf if self.high is None else self.high)  # fmt: skip
+        return (
+            -math.inf if self.low is None else self.low,
+            math.inf if self.high is None else self.high,
+        )
 
 
 class _Between(Distribution):
@@ -134,12 +126,10 @@ class _Between(Distribution):
 
 
 class Uniform(_Between):
-    """Any value from low to high, all as likely.
+    """Any value from low to high, all as likely."""
 
-    Attributes:
-        low (of the parameter): least value, e.g. 0.9
-        high (of the parameter): greatest value, e.g. 1.1
-    """
+    low: Annotated[Number, key("least value", 0.9, "of the parameter")]
+    high: Annotated[Number, key("greatest value", 1.1, "of the parameter")]
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return low + u (high - low)."""
@@ -150,14 +140,10 @@ class LogNormal(Distribution):
     """exp(normal): half of the values below `median`; `sigma` is the deviation of the logarithm.
 
     68 % of the values lie within a factor of exp(sigma) of the median: 0.7 is a factor of two.
-
-    Attributes:
-        median (of the parameter): half of the values are below it, e.g. 1.0
-        sigma (1): standard deviation of the logarithm, e.g. 0.34
     """
 
-    median: Positive
-    sigma: Positive
+    median: Annotated[Positive, key("half of the values are below it", 1.0, "of the parameter")]
+    sigma: Annotated[Positive, key("standard deviation of the logarithm", 0.34, "1")]
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return median exp(sigma Phi^-1(u))."""
@@ -187,11 +173,13 @@ class _Listed(Distribution):
 
 
 class Choice(_Listed):
-    """One of a list of values, all as likely.
+    """One of a list of values, all as likely."""
 
-    Attributes:
-        values (of the parameter): all different, e.g. [0.0, 1.0, 2.0]
-    """
+    values: Annotated[
+        tuple[Number, ...],
+        Field(min_length=1),
+        key("all different", [0.0, 1.0, 2.0], "of the parameter"),
+    ]
 
     @model_validator(mode="after")
     def _all_different(self) -> Choice:
@@ -210,15 +198,14 @@ class Column(_Listed):
 
 
 class Steps(_Between):
-    """`count` values from low to high at equal distances, for grids.
+    """`count` values from low to high at equal distances, for grids."""
 
-    Attributes:
-        low (of the parameter): first value, e.g. 0.5
-        high (of the parameter): last value, e.g. 1.5
-        count (1): of the values, both ends counted, e.g. 11
-    """
+    low: Annotated[Number, key("first value", 0.5, "of the parameter")]
+    high: Annotated[Number, key("last value", 1.5, "of the parameter")]
 
-    count: Annotated[int, Field(ge=2, le=100_000, strict=True)]
+    count: Annotated[
+        int, Field(ge=2, le=100_000, strict=True), key("of the values, both ends counted", 11, "1")
+    ]
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Return the step whose share of [0, 1) holds u."""

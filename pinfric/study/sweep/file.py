@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from pinfric.errors import SweepError
-from pinfric.model.entry import Entry, Number, Positive, Version, parse
+from pinfric.model.entry import Entry, Number, Positive, Version, key, parse
 from pinfric.model.scene_file import find_file
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.sizing.catalog import Conditions
@@ -41,25 +41,26 @@ _KINDS = ("normal", "truncated_normal", "uniform", "lognormal", "choice", "steps
 
 
 class Parameter(Entry):
-    """How one parameter varies: one distribution.
+    """How one parameter varies: one distribution."""
 
-    Attributes:
-        normal: with a mean and a standard deviation, e.g. {mean: 0.0, std: 0.0175}
-        truncated_normal: the same, kept in a range, e.g. {mean: 2.0, std: 0.2, low: 1.0}
-        uniform: between two values, e.g. {low: 0.9, high: 1.1}
-        lognormal: of a factor, e.g. {median: 1.0, sigma: 0.34}
-        choice: of some values, e.g. {values: [0.0, 1.0, 2.0]}
-        steps: at equal distances, for grids, e.g. {low: 0.5, high: 1.5, count: 11}
-        each: a draw of its own for every joint that a `*` stands for, e.g. true
-    """
-
-    normal: Normal | None = None
-    truncated_normal: TruncatedNormal | None = None
-    uniform: Uniform | None = None
-    lognormal: LogNormal | None = None
-    choice: Choice | None = None
-    steps: Steps | None = None
-    each: bool = False
+    normal: Annotated[
+        Normal | None, key("with a mean and a standard deviation", {"mean": 0.0, "std": 0.0175})
+    ] = None
+    truncated_normal: Annotated[
+        TruncatedNormal | None,
+        key("the same, kept in a range", {"mean": 2.0, "std": 0.2, "low": 1.0}),
+    ] = None
+    uniform: Annotated[Uniform | None, key("between two values", {"low": 0.9, "high": 1.1})] = None
+    lognormal: Annotated[LogNormal | None, key("of a factor", {"median": 1.0, "sigma": 0.34})] = (
+        None
+    )
+    choice: Annotated[Choice | None, key("of some values", {"values": [0.0, 1.0, 2.0]})] = None
+    steps: Annotated[
+        Steps | None, key("at equal distances, for grids", {"low": 0.5, "high": 1.5, "count": 11})
+    ] = None
+    each: Annotated[bool, key("a draw of its own for every joint that a `*` stands for", True)] = (
+        False
+    )
 
     @model_validator(mode="after")
     def _one_distribution(self) -> Parameter:
@@ -87,20 +88,17 @@ class MotorOnTrial(Entry):
     the catalogue, with the scene's transmission. `drive`: a motor with its gear, by the name
     `pinfric size` prints, held against all its criteria; its transmission replaces the scene's, and
     its mass is put into the model. Ratings given here take precedence.
-
-    Attributes:
-        motor: of the catalogue, by name, e.g. CubeMars AK80-64
-        drive: motor and gear of the catalogue, by name, e.g. CubeMars AK80-64
-        continuous_torque (N m): against the RMS, e.g. 0.37
-        peak_torque (N m): against `peak_factor` times the peak, e.g. 1.0
-        max_speed (rad/s): against the greatest speed, e.g. 400.0
     """
 
-    motor: str | None = None
-    drive: str | None = None
-    continuous_torque: Positive | None = None
-    peak_torque: Positive | None = None
-    max_speed: Positive | None = None
+    motor: Annotated[str | None, key("of the catalogue, by name", "CubeMars AK80-64")] = None
+    drive: Annotated[
+        str | None, key("motor and gear of the catalogue, by name", "CubeMars AK80-64")
+    ] = None
+    continuous_torque: Annotated[Positive | None, key("against the RMS", 0.37, "N m")] = None
+    peak_torque: Annotated[
+        Positive | None, key("against `peak_factor` times the peak", 1.0, "N m")
+    ] = None
+    max_speed: Annotated[Positive | None, key("against the greatest speed", 400.0, "rad/s")] = None
 
     @model_validator(mode="after")
     def _says_something(self) -> MotorOnTrial:
@@ -122,31 +120,38 @@ class SweepFile(Entry):
     computed for d parameters, and the shares of the variance come out); grid (every combination
     of choice and steps). `table`: a CSV file with a column per parameter, of which every sample
     draws a whole row: what belongs together stays together.
-
-    Attributes:
-        pinfric_sweep: version of the format, e.g. 1
-        parameters: what varies, and how, e.g. {friction.*.mu: {lognormal: {median: 1.0, sigma:
-            0.34}}}
-        table: CSV file beside this one, e.g. posterior.csv
-        samples: how many cycles, e.g. 1000
-        sampling: at random, by Saltelli's design or all combinations, e.g. random
-        seed: decides all samples, e.g. 1
-        percentiles (%): of the figures shown, e.g. [5, 50, 95, 99]
-        catalog: file, or `default` for the bundled one, e.g. default
-        conditions: what differs from those of the catalogue, e.g. {peak_factor: 1.3}
-        motors: on trial, by drive, e.g. {panda_joint2: {continuous_torque: 0.37, peak_torque: 1.0}}
     """
 
-    pinfric_sweep: Version
-    parameters: dict[str, Parameter] = Field(default_factory=dict)
-    table: str | None = None
-    samples: Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None = None
-    sampling: Literal["random", "sobol", "grid"] = "random"
-    seed: Annotated[int, Field(ge=0, strict=True)] = 0
-    percentiles: Annotated[tuple[Number, ...], Field(min_length=1)] = (5.0, 50.0, 95.0, 99.0)
-    catalog: str = "default"
-    conditions: Conditions | None = None
-    motors: dict[str, MotorOnTrial] = Field(default_factory=dict)
+    pinfric_sweep: Annotated[Version, key("version of the format", 1)]
+    parameters: Annotated[
+        dict[str, Parameter],
+        key(
+            "what varies, and how", {"friction.*.mu": {"lognormal": {"median": 1.0, "sigma": 0.34}}}
+        ),
+    ] = Field(default_factory=dict)
+    table: Annotated[str | None, key("CSV file beside this one", "posterior.csv")] = None
+    samples: Annotated[
+        Annotated[int, Field(ge=1, le=MOST_SAMPLES, strict=True)] | None,
+        key("how many cycles", 1000),
+    ] = None
+    sampling: Annotated[
+        Literal["random", "sobol", "grid"],
+        key("at random, by Saltelli's design or all combinations", "random"),
+    ] = "random"
+    seed: Annotated[int, Field(ge=0, strict=True), key("decides all samples", 1)] = 0
+    percentiles: Annotated[
+        tuple[Number, ...], Field(min_length=1), key("of the figures shown", [5, 50, 95, 99], "%")
+    ] = (5.0, 50.0, 95.0, 99.0)
+    catalog: Annotated[str, key("file, or `default` for the bundled one", "default")] = "default"
+    conditions: Annotated[
+        Conditions | None, key("what differs from those of the catalogue", {"peak_factor": 1.3})
+    ] = None
+    motors: Annotated[
+        dict[str, MotorOnTrial],
+        key(
+            "on trial, by drive", {"panda_joint2": {"continuous_torque": 0.37, "peak_torque": 1.0}}
+        ),
+    ] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _design_can_be(self) -> SweepFile:
@@ -156,8 +161,9 @@ class SweepFile(Entry):
         if not self.parameters and self.table is None:
             raise ValueError("`parameters` or `table` is missing: nothing varies")
         if self.table is not None and self.sampling != "random":
-            raise ValueError(f"`table`: its rows are drawn at random; leave out `sampling: "
-                             f"{self.sampling}`")  # fmt: skip
+            raise ValueError(
+                f"`table`: its rows are drawn at random; leave out `sampling: {self.sampling}`"
+            )
         if self.sampling == "grid":
             self._check_grid()
         elif self.samples is None:

@@ -32,9 +32,9 @@ import pandas as pd
 import pinocchio as pin
 
 from pinfric.errors import SweepError, choose_from, problems_line
-from pinfric.model.friction_terms import CoulombFriction
+from pinfric.model.friction_terms import TERMS, CoulombFriction
 from pinfric.model.scene import Scene
-from pinfric.model.schema import Actuator, Friction, Payload, added_terms
+from pinfric.model.schema import Actuator, Friction, Payload
 from pinfric.model.transmission import MakersEfficiency
 from pinfric.study.sweep.distributions import Column, Distribution
 from pinfric.study.sweep.file import MOST_SAMPLES, SweepFile
@@ -151,7 +151,7 @@ def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
     if section == "mounting" and rest in _ANGLES:
         return section, rest, ()
     keys = {"friction": (*(f"coulomb.{way}" for way in _DIRECTIONS), "mu", "coulomb", "viscous",
-                         *added_terms()),
+                         *TERMS),
             "transmission": _TRANSMISSION_KEYS,
             "payload": _PAYLOAD_KEYS}.get(section, ())  # fmt: skip
     for key in keys:

@@ -97,7 +97,7 @@ def proportional(term: FrictionTerm) -> bool:
 
 def _keys(friction: Friction) -> list[str]:
     """The keys of a site's terms; one that has none keeps a row of zeros."""
-    return [term.key for term in friction.terms] or [""]
+    return list(friction.named_terms) or [""]
 
 
 def _only(friction: Friction, key: str) -> Friction:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
 from pinfric.errors import TrajectoryError, choose_from
-from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, parse
+from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, key, parse
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.trajectory.joint_columns import refuse
 from pinfric.study.trajectory.table import TrajectoryTable
@@ -51,49 +51,57 @@ Names = Annotated[
 
 
 class WayPoint(Entry):
-    """One stop: where, how long the way there takes, how long it stays, what it grips.
+    """One stop: where, how long the way there takes, how long it stays, what it grips."""
 
-    Attributes:
-        q (rad or m): one number per joint, e.g. [0.0, -0.5, 1.2]
-        duration (s): of the way there; left out, as fast as `speed` allows, e.g. 1.5
-        hold (s): how long it stays, e.g. 0.3
-        attach: payloads that it takes up on arrival, e.g. box
-        detach: payloads that it sets down on arrival, e.g. [box]
-        name: for the reader, e.g. above the table
-        via: passed without a stop, which only `pinfric retime` can do, e.g. true
-    """
-
-    q: tuple[Number, ...]
-    duration: Positive | None = None
-    hold: NonNegative = 0.0
-    attach: Names = ()
-    detach: Names = ()
-    name: str | None = None
-    via: bool = False
+    q: Annotated[tuple[Number, ...], key("one number per joint", [0.0, -0.5, 1.2], "rad or m")]
+    duration: Annotated[
+        Positive | None, key("of the way there; left out, as fast as `speed` allows", 1.5, "s")
+    ] = None
+    hold: Annotated[NonNegative, key("how long it stays", 0.3, "s")] = 0.0
+    attach: Annotated[Names, key("payloads that it takes up on arrival", "box")] = ()
+    detach: Annotated[Names, key("payloads that it sets down on arrival", ["box"])] = ()
+    name: Annotated[str | None, key("for the reader", "above the table")] = None
+    via: Annotated[bool, key("passed without a stop, which only `pinfric retime` can do", True)] = (
+        False
+    )
 
 
 class WayPointFile(Entry):
-    """A whole way-point file.
+    """A whole way-point file."""
 
-    Attributes:
-        pinfric_trajectory: version of the format, e.g. 1
-        profile: of a move between two points, e.g. trapezoidal
-        sample_rate (Hz): of the samples that are computed, 0.001 to 1e6, e.g. 250
-        joints: whose positions stand in `q`, all of them; left out, in the URDF's order, e.g.
-            [shoulder, elbow, wrist]
-        speed (1): part of the joints' velocity limits that moves without duration use, e.g. 0.5
-        ramp (1): part of a trapezoidal move spent speeding up; 1/3 if left out, e.g. 0.25
-        points: the stops, the first one where the motion starts, e.g. [{q: [0, 0, 0], hold: 0.2},
-            {q: [0.5, -0.3, 1.0], duration: 1.0}]
-    """
-
-    pinfric_trajectory: Version
-    profile: Literal["quintic", "trapezoidal"] = "quintic"
-    sample_rate: Annotated[Number, Field(ge=1e-3, le=1e6)] = 1000.0
-    joints: tuple[str, ...] | None = None
-    speed: Annotated[Number, Field(gt=0, le=1)] = 1.0
-    ramp: Annotated[Number, Field(gt=0, le=0.5)] | None = None
-    points: Annotated[tuple[WayPoint, ...], Field(min_length=1)]
+    pinfric_trajectory: Annotated[Version, key("version of the format", 1)]
+    profile: Annotated[
+        Literal["quintic", "trapezoidal"], key("of a move between two points", "trapezoidal")
+    ] = "quintic"
+    sample_rate: Annotated[
+        Number,
+        Field(ge=1e-3, le=1e6),
+        key("of the samples that are computed, 0.001 to 1e6", 250, "Hz"),
+    ] = 1000.0
+    joints: Annotated[
+        tuple[str, ...] | None,
+        key(
+            "whose positions stand in `q`, all of them; left out, in the URDF's order",
+            ["shoulder", "elbow", "wrist"],
+        ),
+    ] = None
+    speed: Annotated[
+        Number,
+        Field(gt=0, le=1),
+        key("part of the joints' velocity limits that moves without duration use", 0.5, "1"),
+    ] = 1.0
+    ramp: Annotated[
+        Annotated[Number, Field(gt=0, le=0.5)] | None,
+        key("part of a trapezoidal move spent speeding up; 1/3 if left out", 0.25, "1"),
+    ] = None
+    points: Annotated[
+        tuple[WayPoint, ...],
+        Field(min_length=1),
+        key(
+            "the stops, the first one where the motion starts",
+            [{"q": [0, 0, 0], "hold": 0.2}, {"q": [0.5, -0.3, 1.0], "duration": 1.0}],
+        ),
+    ]
 
 
 @dataclass(frozen=True)
@@ -178,9 +186,11 @@ def sample_waypoints(
     Raises:
         TrajectoryError: what is wrong with the points or their durations, all at once.
     """
-    problems = [f"points.{index}.via: a point without a stop has no time yet; `pinfric retime` "
-                "finds it"
-                for index, point in enumerate(waypoints.points) if point.via]  # fmt: skip
+    problems = [
+        f"points[{index}].via: a point without a stop has no time yet; `pinfric retime` finds it"
+        for index, point in enumerate(waypoints.points)
+        if point.via
+    ]
     stops = _positions(waypoints, joint_names, payloads, problems, source)
     moves = _plan_moves(waypoints, stops, joint_names, velocity_limits, problems)
     refuse(source, problems)
@@ -206,9 +216,11 @@ def way_points(
     Raises:
         TrajectoryError: what is wrong with the points, all at once.
     """
-    problems = [f"points.{index}: `via` passes it without a stop; hold, attach and detach need one"
-                for index, point in enumerate(waypoints.points)
-                if point.via and (point.hold or point.attach or point.detach)]  # fmt: skip
+    problems = [
+        f"points[{index}]: `via` passes it without a stop; hold, attach and detach need one"
+        for index, point in enumerate(waypoints.points)
+        if point.via and (point.hold or point.attach or point.detach)
+    ]
     return _positions(waypoints, joint_names, payloads, problems, source)
 
 
@@ -227,9 +239,12 @@ def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> NDArray
 
 
 def _positions(
-    waypoints: WayPointFile, joint_names: Sequence[str], payloads: Mapping[str, bool],
-    problems: list[str], source: str,
-) -> FloatArray:  # fmt: skip
+    waypoints: WayPointFile,
+    joint_names: Sequence[str],
+    payloads: Mapping[str, bool],
+    problems: list[str],
+    source: str,
+) -> FloatArray:
     order = _joint_order(waypoints, joint_names, problems)
     _check_points(waypoints, len(joint_names), payloads, problems)
     refuse(source, problems)
@@ -267,19 +282,25 @@ def _check_points(
     if waypoints.ramp is not None and waypoints.profile != "trapezoidal":
         problems.append("ramp: belongs to profile: trapezoidal; a quintic has none")
     if waypoints.points[0].duration is not None:
-        problems.append("points.0.duration: the motion starts here; there is no way to take time")
+        problems.append("points[0].duration: the motion starts here; there is no way to take time")
     for index, point in enumerate(waypoints.points):
         if len(point.q) != count:
-            problems.append(f"points.{index}.q: {len(point.q)} numbers for {count} joints")
-        for key, names, state in (("detach", point.detach, False), ("attach", point.attach, True)):
+            problems.append(f"points[{index}].q: {len(point.q)} numbers for {count} joints")
+        for change, names, state in (
+            ("detach", point.detach, False),
+            ("attach", point.attach, True),
+        ):
             for name in names:
-                where = f"points.{index}.{key}"
+                where = f"points[{index}].{change}"
                 if name not in attached:
-                    problems.append(f"{where}: unknown payload {name!r}; "
-                                    f"{choose_from(name, attached)}")  # fmt: skip
+                    problems.append(
+                        f"{where}: unknown payload {name!r}; {choose_from(name, attached)}"
+                    )
                 elif attached[name] is state:
-                    problems.append(f"{where}: {name!r} is {key}ed already (at the start: the "
-                                    "scene's robot.payloads says so in `attached`)")  # fmt: skip
+                    problems.append(
+                        f"{where}: {name!r} is {change}ed already (at the start: the "
+                        "scene's robot.payloads says so in `attached`)"
+                    )
                 else:
                     attached[name] = state
 
@@ -305,14 +326,14 @@ def _plan_moves(
             ]
             if unlimited:
                 problems.append(
-                    f"points.{index}: needs a `duration`: the robot states no velocity limit for "
+                    f"points[{index}]: needs a `duration`: the robot states no velocity limit for "
                     f"{', '.join(unlimited)}"
                 )
                 continue
             duration = _shortest_duration(waypoints, distance, velocity_limits)
         elif distance.any() and duration * waypoints.sample_rate < _MIN_PERIODS - 1e-9:
             problems.append(
-                f"points.{index}.duration: {duration:g} s is no more than a jump at sample_rate "
+                f"points[{index}].duration: {duration:g} s is no more than a jump at sample_rate "
                 f"{waypoints.sample_rate:g} Hz; a move takes at least {_MIN_PERIODS} sample "
                 f"periods, {_MIN_PERIODS / waypoints.sample_rate:g} s: raise one of the two"
             )

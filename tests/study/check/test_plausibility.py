@@ -258,13 +258,13 @@ GOOD_SCENE = {
         ({"locked": "{turn: 45}", "actuators": "[{joint: swing}]"}, "robot.locked.turn",
          r"outside.*degrees: 0\.785"),
         ({"actuators": "[{joint: swing, transmission: {ratio: 100}}, {joint: turn}]"},
-         "actuators.swing.transmission.ratio", "URDF's <transmission> says 120"),
+         "actuators[0].transmission.ratio", "URDF's <transmission> says 120"),
         ({"actuators": "[{joint: swing, transmission: {ratio: 120, no_load_torque: 1}}, "
                        "{joint: turn}]"},
-         "actuators.swing.transmission.no_load_torque", "120 at the joint"),
+         "actuators[0].transmission.no_load_torque", "120 at joint swing"),
         ({"actuators": "[{joint: swing, transmission: {ratio: 120, rotor_inertia: 0.05}}, "
                        "{joint: turn}]"},
-         "actuators.swing.transmission.rotor_inertia", r"kg cm\^2: 5e-06"),
+         "actuators[0].transmission.rotor_inertia", r"kg cm\^2: 5e-06"),
     ],
 )  # fmt: skip
 def test_findings_of_a_scene(tmp_path, changes, place, says):

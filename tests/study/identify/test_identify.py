@@ -190,7 +190,7 @@ def test_the_files_run_as_they_are(found, tmp_path):
     assert motor_effort(read, motion) == pytest.approx(motor_effort(found.scene, motion), abs=1e-5)
     text = (tmp_path / "scene.yaml").read_text()
     viscous = found.scene.friction[NAMES[0]].viscous.coefficient
-    assert f"viscous: {viscous:.10g}  #" in text
+    assert f"viscous: {viscous:.10g} #" in text
     header, *rows = (tmp_path / "posterior.csv").read_text().splitlines()
     assert f"friction.{NAMES[1]}.coulomb.positive" in header.split(",")
     assert len(rows) >= 200
@@ -437,7 +437,7 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
     assert found.scene.friction[NAMES[2]] == guess(0).friction[NAMES[2]]
     assert not any(NAMES[1] in key for key in (*found.posterior, *found.advice[0].factors))
     robot = pf.load_scene("ur5_pick_and_place").robot
-    assert f"  {NAMES[2]}:  # not explained by the logs: as the scene says\n" in scene_text(
+    assert f"  {NAMES[2]}: # not explained by the logs: as the scene says\n" in scene_text(
         found, robot, tmp_path)  # fmt: skip
     text = identify_json(found)["joints"][1]
     assert (text["law"], text["error"]["error"] > 0.5 * text["error"]["rms"]) == (None, True)

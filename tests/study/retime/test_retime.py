@@ -471,7 +471,7 @@ def test_smoothing_costs_its_width_and_stays_on_the_path():
 
 
 def test_kinks_and_repeated_points_are_refused():
-    with pytest.raises(pf.PinfricError, match=r"points.2: the same position as points.1"):
+    with pytest.raises(pf.PinfricError, match=r"points\[2\]: the same position as points\[1\]"):
         Path.from_waypoints([[0.0], [1.0], [1.0]])
     knots = np.array([0.0, 1.0, 2.0])
     bent = PPoly(np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.0, 0.0], [1.0, 0.0]]]), knots)
@@ -490,7 +490,7 @@ def test_kinks_and_repeated_points_are_refused():
         retime(one_joint(), load, {"j": {"peak_torque": 1.0}})
     with pytest.raises(pf.PinfricError, match=r"attached: shape \(3,\)"):
         Path.from_waypoints([[0.0], [0.5], [1.0]], attached=[True, True, False])
-    with pytest.raises(pf.PinfricError, match=r"points.0.via"):
+    with pytest.raises(pf.PinfricError, match=r"points\[0\].via"):
         Path.from_waypoints([[0.0], [1.0]], via=[True, False])
 
 
@@ -529,10 +529,10 @@ points:
     assert len(passing.moves) == 1
     assert passing.duration < 0.95 * stopping.duration
     file.write_text(text)
-    with pytest.raises(pf.PinfricError, match=r"points.1.via: a point without a stop"):
+    with pytest.raises(pf.PinfricError, match=r"points\[1\].via: a point without a stop"):
         pf.load_trajectory(file, scene)
     file.write_text(text.replace("via: true", "via: true, hold: 1"))
-    with pytest.raises(pf.PinfricError, match=r"points.1: `via` passes it without a stop"):
+    with pytest.raises(pf.PinfricError, match=r"points\[1\]: `via` passes it without a stop"):
         retime(scene, str(file), MOTORS)
 
 

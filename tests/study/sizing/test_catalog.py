@@ -60,8 +60,9 @@ def test_bearing_gives_a_scene_its_levers():
     ("content", "texts"),
     [
         ({"motors": {"M": {**MOTOR, "kt": 0.1}}}, ["motors.M.kt", "unknown key"]),
-        ({"motors": {"M": {**MOTOR, "rotor_inertai": 1e-5}}}, ["did you mean 'rotor_inertia'"]),
-        ({"motor": {}}, ["unknown key `motor`", "did you mean 'motors'"]),
+        ({"motors": {"M": {**{k: v for k, v in MOTOR.items() if k != "rotor_inertia"},
+                           "rotor_inertai": 1e-5}}}, ["did you mean 'rotor_inertia'"]),
+        ({"motro": {}}, ["unknown key `motro`", "there are: pinfric_catalog"]),
         ({"motors": {"M": {k: v for k, v in MOTOR.items() if k != "source"}}},
          ["`motors.M.source` is missing"]),
         ({"motors": {"M": {**MOTOR, "grade": "A"}}}, ["motors.M.grade"]),

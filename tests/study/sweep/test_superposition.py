@@ -9,7 +9,15 @@ from sweep_cases import pushed_block, steady, sweep_of, uniform
 import pinfric as pf
 from pinfric.errors import PinfricError
 from pinfric.model.entry import NonNegative
-from pinfric.model.friction_terms import TERMS, FrictionTerm, Row, Shape, Strength, Stribeck
+from pinfric.model.friction_terms import (
+    TERMS,
+    FrictionTerm,
+    Row,
+    Shape,
+    Strength,
+    Stribeck,
+    friction_term,
+)
 from pinfric.study.sweep.cycle import FIGURES, Study, compute, cycle_figures
 from pinfric.study.sweep.file import load_sweep
 from pinfric.study.sweep.motors import motors_on_trial
@@ -142,17 +150,15 @@ def test_what_is_no_sum_is_left_to_inverse_dynamics():
 
 
 def test_a_term_whose_class_scales_it_otherwise_is_no_sum():
+    @friction_term("grease")
     class Grease(FrictionTerm):
-        key = "grease"
-
         coefficient: NonNegative
 
         def rows(self, stribeck: Stribeck | None) -> tuple[Row, ...]:
             return ((Shape(power=0.5), Strength(0.0, self.coefficient, self.coefficient)),)
 
+    @friction_term("warmed")
     class Warmed(Grease):
-        key = "warmed"
-
         def scaled(self, factor: float) -> "Warmed":
             return self.model_copy(update={"coefficient": factor**0.5 * self.coefficient})
 

@@ -119,7 +119,7 @@ def test_everything_wrong_with_the_parameters_is_said_at_once():
         ({"sampling": "grid", "samples": None}, "takes `steps` or `choice`, not uniform"),
         ({"percentiles": [5, 101]}, "101 is not between 0 and 100"),
         ({"parameters": {}}, "`parameters`"),
-        ({"paramters": {}}, "did you mean 'parameters'?"),
+        ({"condtions": {}}, "did you mean 'conditions'?"),
         ({"motors": {"slidr": {"peak_torque": 1.0}}}, "did you mean 'slide'?"),
         ({"motors": {"slide": {}}}, "nothing to check"),
         ({"motors": {"slide": {"peak_torque": 0.0}}}, "motors.slide.peak_torque"),

@@ -125,7 +125,7 @@ sample_rate: 1000, points: [{{q: [0, 0, 0]}}, {{q: [1.0, 0.1, 0.0]}}]}}""")  # f
 def test_missing_duration_without_limits_is_an_error(tmp_path):
     path = write(tmp_path, "move.yaml",
                  "{pinfric_trajectory: 1, points: [{q: [0,0,0]}, {q: [0,0,1]}]}")  # fmt: skip
-    assert "points.1: needs a `duration`" in message(path, arm_scene())
+    assert "points[1]: needs a `duration`" in message(path, arm_scene())
     assert message(path, arm_scene()).endswith("for c")
 
 
@@ -178,9 +178,9 @@ points:
 """)  # fmt: skip
     text = message(path, arm_scene(box=True))
     for part in (
-        "7 problems", "unknown joint 'bb'; did you mean 'b'?", "missing b", "points.0.duration",
+        "7 problems", "unknown joint 'bb'; did you mean 'b'?", "missing b", "points[0].duration",
         "'box' is attached already", "unknown payload 'bax'; did you mean 'box'?",
-        "points.1.q: 2 numbers for 3 joints", "ramp: belongs to profile: trapezoidal",
+        "points[1].q: 2 numbers for 3 joints", "ramp: belongs to profile: trapezoidal",
     ):  # fmt: skip
         assert part in text, part
 
@@ -191,8 +191,8 @@ def test_unknown_waypoint_keys_name_the_nearest(tmp_path):
 """)  # fmt: skip
     text = message(path, one_joint_scene())
     assert "unknown key `sample_rat`; did you mean 'sample_rate'?" in text
-    assert "unknown key `points.0.hlod`; did you mean 'hold'?" in text
-    assert "points.1.q.0" in text
+    assert "unknown key `points[0].hlod`; did you mean 'hold'?" in text
+    assert "points[1].q[0]" in text
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_unknown_waypoint_keys_name_the_nearest(tmp_path):
         ("[1, 2]", "should be a mapping"),
         ("", "an empty file"),
         ("{points: [", "not valid YAML"),
-        ("{pinfric_trajectory: 1, points: [{q: [true]}]}", "points.0.q.0"),
+        ("{pinfric_trajectory: 1, points: [{q: [true]}]}", "points[0].q[0]"),
         ("{pinfric_trajectory: 1, points: [{q: [0.0]}, {q: [1.0], duration: 1.0e+9}]}", "samples"),
         ("{pinfric_trajectory: 1, points: [{q: [0.0]}, {q: [2.5]}]}",
          "joint a: 2.5 rad is above its upper limit 2 (first at t = "),

@@ -56,7 +56,7 @@ def test_a_move_shorter_than_a_few_samples_is_refused(rate, duration):
     with pytest.raises(TrajectoryError) as caught:
         sampled({"q": [0]}, {"q": [1], "duration": duration}, sample_rate=rate)
     problem = str(caught.value)
-    assert problem.startswith(f"file: points.1.duration: {duration:g} s is no more than a jump at")
+    assert problem.startswith(f"file: points[1].duration: {duration:g} s is no more than a jump at")
     assert f"at least 4 sample periods, {4 / rate:g} s" in problem
 
 

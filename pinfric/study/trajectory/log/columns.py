@@ -11,14 +11,14 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from pinfric.dynamics.inverse.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
 from pinfric.dynamics.simulation.motion import SITE_ARRAYS
 from pinfric.errors import TrajectoryError, choose_from
-from pinfric.model.entry import Entry, Number, parse
+from pinfric.model.entry import Entry, Number, key, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.study.trajectory.joint_columns import JointColumn, listing
 
@@ -33,9 +33,17 @@ _WORDS = {
 }
 _QUANTITY = {word: quantity for quantity, words in _WORDS.items() for word in words}
 #: Units in brackets that imply a quantity, without blanks and dots.
-_UNITS = {"nm": "effort", "n": "effort", "a": "current", "rad/s": "velocity", "deg/s": "velocity",
-          "m/s": "velocity", "rad/s^2": "acceleration", "rad/s2": "acceleration",
-          "rad/s²": "acceleration"}  # fmt: skip
+_UNITS = {
+    "nm": "effort",
+    "n": "effort",
+    "a": "current",
+    "rad/s": "velocity",
+    "deg/s": "velocity",
+    "m/s": "velocity",
+    "rad/s^2": "acceleration",
+    "rad/s2": "acceleration",
+    "rad/s²": "acceleration",
+}
 _UNIT = re.compile(r"[ _]*[\[(]\s*([^\])]*[^\])\d][^\])]*)[\])]$")
 #: Words beside the quantity in names of columns that only number the joints: `actual_q_0`.
 _FILLERS = {"actual", "measured", "joint", "joints", "axis", "state", "states"}
@@ -45,8 +53,11 @@ _COMPUTED = tuple(
 )
 #: What was asked of a joint is not what it did.
 _WANTED = re.compile(r"command|desired|target|reference|setpoint|error", re.IGNORECASE)
-_TIME = re.compile(r"^(?:t|time|__time|timestamp|time_?stamp|elapsed|stamp)"
-                   r"(?:[ _]?[\[(]?(s|sec|ms|us|ns)[\])]?)?$", re.IGNORECASE)  # fmt: skip
+_TIME = re.compile(
+    r"^(?:t|time|__time|timestamp|time_?stamp|elapsed|stamp)"
+    r"(?:[ _]?[\[(]?(s|sec|ms|us|ns)[\])]?)?$",
+    re.IGNORECASE,
+)
 _STAMP = re.compile(r"header[./_]stamp[./_](secs?|nsecs?|nanosec)$", re.IGNORECASE)
 _NUMBERED = re.compile(r"^(.*?)([A-Za-z]+)(?:_(\d+)|\[(\d+)\]|\.(\d+))$")
 #: No tool writes longer names; they would only take time.
@@ -58,55 +69,45 @@ class JointMapping(Entry):
     """Where a log has a joint: position = sign (scale raw + offset), offset in rad or m.
 
     effort = sign effort_scale raw.
-
-    Attributes:
-        position: its column, e.g. J3
-        velocity: its column, which is only compared, e.g. dJ3
-        effort: its column, e.g. tau3
-        current: its column, in place of an effort, e.g. I3
-        scale (1): of the position, e.g. 0.01
-        effort_scale (1): N m or N per logged unit, of a current N m per A, e.g. 11.5
-        sign (1): -1 where the log counts the other way, e.g. -1
-        offset (rad or m): of the position, e.g. 1.5707963
-        unit: of the logged angle, e.g. deg
     """
 
-    position: str
-    velocity: str | None = None
-    effort: str | None = None
-    current: str | None = None
-    scale: Number = 1.0
-    effort_scale: Number = 1.0
-    sign: Literal[-1, 1] = 1
-    offset: Number = 0.0
-    unit: Literal["rad", "deg"] | None = None
+    position: Annotated[str, key("its column", "J3")]
+    velocity: Annotated[str | None, key("its column, which is only compared", "dJ3")] = None
+    effort: Annotated[str | None, key("its column", "tau3")] = None
+    current: Annotated[str | None, key("its column, in place of an effort", "I3")] = None
+    scale: Annotated[Number, key("of the position", 0.01, "1")] = 1.0
+    effort_scale: Annotated[
+        Number, key("N m or N per logged unit, of a current N m per A", 11.5, "1")
+    ] = 1.0
+    sign: Annotated[Literal[-1, 1], key("-1 where the log counts the other way", -1, "1")] = 1
+    offset: Annotated[Number, key("of the position", 1.5707963, "rad or m")] = 0.0
+    unit: Annotated[Literal["rad", "deg"] | None, key("of the logged angle", "deg")] = None
 
 
 class TimeMapping(Entry):
-    """Which column is time, and in what.
+    """Which column is time, and in what."""
 
-    Attributes:
-        column: its name, e.g. stamp
-        unit: of its numbers; left out, as their steps tell, e.g. us
-    """
-
-    column: str
-    unit: Literal["s", "ms", "us", "ns"] | None = None
+    column: Annotated[str, key("its name", "stamp")]
+    unit: Annotated[
+        Literal["s", "ms", "us", "ns"] | None,
+        key("of its numbers; left out, as their steps tell", "us"),
+    ] = None
 
 
 class ColumnsFile(Entry):
-    """A mapping file: time, and per joint a column's name or more.
+    """A mapping file: time, and per joint a column's name or more."""
 
-    Attributes:
-        time: its column, e.g. {column: stamp, unit: us}
-        unit: of all logged angles, e.g. deg
-        joints: by joint, its position's column or more, e.g. {elbow: {position: J3, unit: deg,
-            sign: -1}, wrist: J4}
-    """
-
-    time: str | TimeMapping | None = None
-    unit: Literal["rad", "deg"] | None = None
-    joints: dict[str, str | JointMapping] = Field(default_factory=dict)
+    time: Annotated[
+        str | TimeMapping | None, key("its column", {"column": "stamp", "unit": "us"})
+    ] = None
+    unit: Annotated[Literal["rad", "deg"] | None, key("of all logged angles", "deg")] = None
+    joints: Annotated[
+        dict[str, str | JointMapping],
+        key(
+            "by joint, its position's column or more",
+            {"elbow": {"position": "J3", "unit": "deg", "sign": -1}, "wrist": "J4"},
+        ),
+    ] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -238,8 +239,10 @@ def _take_in_order(
         ordered = [group[number] for number in numbers]
         for name, column in zip(names, ordered, strict=True):
             claims.setdefault((name, next(iter(kinds), "position")), []).append(column)
-        found.said.append(f"columns {ordered[0]} to {ordered[-1]} are taken in the scene's order, "
-                          f"{names[0]} to {names[-1]}")  # fmt: skip
+        found.said.append(
+            f"columns {ordered[0]} to {ordered[-1]} are taken in the scene's order, "
+            f"{names[0]} to {names[-1]}"
+        )
 
 
 def _in_words(column: str) -> str:
@@ -292,8 +295,9 @@ def _payload(column: str, payloads: Sequence[str], found: Columns, problems: lis
     if short in payloads:
         found.payloads.append(short)
     else:
-        problems.append(f"unknown payload in column {brief(column)}; "
-                        f"{choose_from(short, payloads)}")  # fmt: skip
+        problems.append(
+            f"unknown payload in column {brief(column)}; {choose_from(short, payloads)}"
+        )
 
 
 def _find_time(
@@ -304,8 +308,10 @@ def _find_time(
         found.time = time.column if time else str(mapping.time)
         found.time_unit = time.unit if time else None
         if found.time not in header:
-            problems.append(f"columns: time: there is no column {brief(found.time)}; "
-                            f"{choose_from(found.time, header)}")  # fmt: skip
+            problems.append(
+                f"columns: time: there is no column {brief(found.time)}; "
+                f"{choose_from(found.time, header)}"
+            )
         return
     candidates = [name for name in dict.fromkeys(header) if _TIME.match(name)]
     stamps = {m[1][0].lower(): name for name in header if (m := _STAMP.search(name))}
@@ -338,8 +344,9 @@ def _apply(
     """What a mapping says goes before what names suggest."""
     for joint, entry in mapping.joints.items():
         if joint not in names:
-            problems.append(f"columns: joints: there is no joint {joint!r}; "
-                            f"{choose_from(joint, names)}")  # fmt: skip
+            problems.append(
+                f"columns: joints: there is no joint {joint!r}; {choose_from(joint, names)}"
+            )
             continue
         to = _renamed(entry, header) if isinstance(entry, str) else entry
         turn, turn_effort = to.sign * to.scale, to.sign * to.effort_scale
@@ -353,8 +360,10 @@ def _apply(
             if column is None:
                 continue
             if column not in header:
-                problems.append(f"columns: joints.{joint}.{quantity}: there is no column "
-                                f"{brief(column)}; {choose_from(column, header)}")  # fmt: skip
+                problems.append(
+                    f"columns: joints.{joint}.{quantity}: there is no column "
+                    f"{brief(column)}; {choose_from(column, header)}"
+                )
                 continue
             getattr(found, quantity)[joint] = use
             if column in found.ignored:
@@ -363,8 +372,9 @@ def _apply(
 
 def _renamed(column: str, header: Sequence[str]) -> JointMapping:
     """A joint under another name: what stands beside its position there is its own, too."""
-    velocity, effort = (f"{column}/{x}" if f"{column}/{x}" in header else None
-                        for x in ("velocity", "effort"))  # fmt: skip
+    velocity, effort = (
+        f"{column}/{x}" if f"{column}/{x}" in header else None for x in ("velocity", "effort")
+    )
     return JointMapping(position=column, velocity=velocity, effort=effort)
 
 
@@ -378,8 +388,10 @@ def _settle(
         exact = [c for c in columns if c in (joint, f"{joint}.v", f"{joint}.a")]
         chosen = exact or columns
         if len(chosen) > 1:
-            problems.append(f"columns {listing(map(repr, chosen))} may all be the {quantity} of "
-                            f"joint {joint}; say which by --columns FILE")  # fmt: skip
+            problems.append(
+                f"columns {listing(map(repr, chosen))} may all be the {quantity} of "
+                f"joint {joint}; say which by --columns FILE"
+            )
         found.ignored += [c for c in columns if c not in chosen[:1]]
         if quantity == "current":
             if joint in currents and (joint, "effort") not in claims:
@@ -406,12 +418,16 @@ def _check_joints(
         return
     other = sorted({quantity for _, quantity in claims})
     if other:
-        problems.append(f"has {' and '.join(other)} of the joints, but no positions; without "
-                        "positions there is no motion to compute with")  # fmt: skip
+        problems.append(
+            f"has {' and '.join(other)} of the joints, but no positions; without "
+            "positions there is no motion to compute with"
+        )
         return
-    problems.append(f"no column is a joint of the scene ({listing(names)}); there are: "
-                    f"{_shown(header)}; map them by --columns FILE, a YAML file with "
-                    f"`joints: {{{names[0]}: COLUMN}}`")  # fmt: skip
+    problems.append(
+        f"no column is a joint of the scene ({listing(names)}); there are: "
+        f"{_shown(header)}; map them by --columns FILE, a YAML file with "
+        f"`joints: {{{names[0]}: COLUMN}}`"
+    )
 
 
 def _shown(header: Sequence[str]) -> str:
