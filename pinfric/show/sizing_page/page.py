@@ -17,7 +17,6 @@ from pinfric.show.report.sizing import (
     beside,
     elastic_lines,
     passes,
-    ratio_figures,
     repetition,
     span_beside,
     tightest,
@@ -34,6 +33,7 @@ from pinfric.show.sizing_page.figures import (
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.criteria import Criterion, Status
 from pinfric.study.sizing.size import JointSizing, SizingReport
+from pinfric.study.sizing.summary import ratio_figures
 
 #: What stands where there is no figure.
 _NONE = "\N{EN DASH}"

@@ -159,7 +159,7 @@ def _comments(found: Findings) -> dict[tuple[str, ...], str]:
     for name, law in found.laws.items():
         error = found.errors[name]
         where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
-        comments[where] = (f"{law}: off by {error.share} where not "
+        comments[where] = (f"{law}: off by {100 * error.share:.1f} % where not "
                            f"fitted ({error.error / error.plain:.2f} of {PLAIN})")  # fmt: skip
     return comments
 
