@@ -15,6 +15,7 @@ import typer
 from docutils import nodes
 from docutils.statemachine import StringList
 from file_keys import CODE, FormatPage
+from result_keys import result_lines
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -128,6 +129,14 @@ class Commands(_Generated):
         return command_lines()
 
 
+class Results(_Generated):
+    """`{results}`: what every command's `--json` holds."""
+
+    def markdown(self) -> list[str]:
+        """See `_Generated.markdown`."""
+        return result_lines()
+
+
 class _Docstrings:
     """Marks docstrings before napoleon reads their sections; of a property it would make a type."""
 
@@ -159,5 +168,6 @@ def setup(sphinx: Sphinx) -> dict[str, bool]:
     sphinx.add_directive("format", Format)
     sphinx.add_directive("commands", Commands)
     sphinx.add_directive("named", Named)
+    sphinx.add_directive("results", Results)
     sphinx.connect("doctree-read", _number_equations_by_tags)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -160,9 +160,12 @@ class Schema:
 
     def __init__(self) -> None:
         self.defs: dict[str, Any] = {}
+        self._kinds: dict[str, type] = {}
 
     def of_class(self, kind: type) -> dict[str, Any]:
         """Return a reference to a class's schema, which is made at the first call."""
+        if self._kinds.setdefault(kind.__name__, kind) is not kind:
+            raise AssertionError(f"two described classes are called {kind.__name__}")
         if kind.__name__ not in self.defs:
             self.defs[kind.__name__] = {}  # it may hold itself
             keys = {}

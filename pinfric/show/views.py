@@ -5,8 +5,9 @@ The results' own methods `plot` and `summary` come here through the package's pu
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
-from functools import singledispatch
+from functools import partial, singledispatch
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -61,6 +62,18 @@ def plot(result: Any, **options: Any) -> Figure:
     raise _nothing("picture", result)
 
 
+def _png(figure: Figure) -> bytes:
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()
+
+
+def _displayed(figure: Figure) -> Figure:
+    """Let a notebook show a figure that pyplot knows nothing of."""
+    figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
+    return figure
+
+
 @singledispatch
 def summary(result: Any) -> pd.DataFrame:
     """Return the figures of each drive, a row a drive; SI units, NaN for what is not known.
@@ -87,37 +100,37 @@ def _nothing(what: str, result: Any) -> StateError:
 
 @plot.register(InverseResult)
 def _(result: InverseResult, **options: Any) -> Figure:
-    return effort_figure(result, **options)
+    return _displayed(effort_figure(result, **options))
 
 
 @plot.register(Elasticity)
 def _(result: Elasticity, **options: Any) -> Figure:
-    return tool_figure(result, **options)
+    return _displayed(tool_figure(result, **options))
 
 
 @plot.register(SizingReport)
 def _(result: SizingReport, **options: Any) -> Figure:
-    return effort_figure(result.result, **options)
+    return _displayed(effort_figure(result.result, **options))
 
 
 @plot.register(RetimeResult)
 def _(result: RetimeResult) -> Figure:
-    return retime_figure(result)
+    return _displayed(retime_figure(result))
 
 
 @plot.register(Motion)
 def _(result: Motion) -> Figure:
-    return motion_figure(result)
+    return _displayed(motion_figure(result))
 
 
 @plot.register(SweepResult)
 def _(result: SweepResult) -> Figure:
-    return sweep_figure(result)
+    return _displayed(sweep_figure(result))
 
 
 @plot.register(Identified)
 def _(result: Identified, log: int = 0) -> Figure:
-    return measured_figure(*beside_measured(result, log), result.recordings[log].name)
+    return _displayed(measured_figure(*beside_measured(result, log), result.recordings[log].name))
 
 
 def _frame(rows: Sequence[Any], index: str, label: str = "") -> pd.DataFrame:

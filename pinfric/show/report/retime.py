@@ -8,7 +8,7 @@ from pathlib import Path
 from pinfric.show.report.rows import NONE, table_of
 from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
-from pinfric.study.retime.fastest import DriveSet
+from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.retime.retime import RetimeResult
 from pinfric.study.retime.summary import DriveUse, Move, RetimeSummary, Sensitivity
 
@@ -60,7 +60,7 @@ def _continuous(drive: DriveUse) -> str:
     return NONE if drive.rms is None else percent(drive.rms)
 
 
-def fastest_table(sets: Sequence[DriveSet]) -> Table | None:
+def fastest_table(sets: Sequence[TimedSet]) -> Table | None:
     """Return the sets of drives that no other one beats in both mass and time.
 
     Args:
@@ -68,7 +68,7 @@ def fastest_table(sets: Sequence[DriveSet]) -> Table | None:
     """
     best = [x for x in sets if x.best]
 
-    def changed(now: DriveSet) -> str:
+    def changed(now: TimedSet) -> str:
         first = best[0].drives
         return "; ".join(f"{j}: {name}" for j, name in now.drives.items() if first[j] != name)
 

@@ -17,7 +17,7 @@ from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
 from pinfric.show.report.values import digits, span
 from pinfric.study.elastic.summary import elastic_summary
-from pinfric.study.retime.fastest import DriveSet
+from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.criteria import Criterion, Status
 from pinfric.study.sizing.size import SizingReport
@@ -28,7 +28,7 @@ ROUNDING = 1e-9
 _VISIBLE = 1e-4
 
 
-def sizing_report(report: SizingReport, fastest: Sequence[DriveSet] | None = None) -> Report:
+def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = None) -> Report:
     """Return the tables and lines that `pinfric size` prints, for a rich console.
 
     Args:
@@ -41,10 +41,10 @@ def sizing_report(report: SizingReport, fastest: Sequence[DriveSet] | None = Non
     notes = [f"note: {line}" for line in report.notes]
     if report.catalog is None:
         failing = [Text(f"! {line}", style="bold red") for line in report.short]
-        return paragraphs(_demand_table(report), elastic_lines(report), failing, notes)
+        return paragraphs(demand_table(report), elastic_lines(report), failing, notes)
     failing = [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)]
     return paragraphs(
-        _demand_table(report),
+        demand_table(report),
         _choice_table(report),
         [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"],
         _heavier(report),
@@ -82,11 +82,26 @@ def repetition(report: SizingReport) -> str:
     return "repeated, though it does not close" if report.unclosed else "repeated without a pause"
 
 
-def _demand_table(report: SizingReport) -> Table | None:
+#: What a cycle demands beside, on the page.
+_ON_THE_PAGE = (
+    *("speed_at_peak", "breakaway_friction", "duty", "hold_share"),
+    *("power.driving", "power.braking", "power.delivered", "power.returned"),
+    *("bearing.radial", "bearing.axial", "bearing.moment"),
+)
+
+
+def demand_table(report: SizingReport, whole: bool = False) -> Table | None:
+    """Return what the cycle demands of each joint.
+
+    Args:
+        report: of `size`.
+        whole: with power, energy and the bearings' loads, as the page shows it.
+    """
     title = f"{Path(report.given.source).stem} · {Path(report.trajectory).name}"
     return table_of(
         f"{title}: {digits(report.period)} s, {repetition(report)}",
         [joint.demand for joint in report.joints],
+        without=() if whole else _ON_THE_PAGE,
         zero=lambda demand: max(ROUNDING, _VISIBLE * demand.peak),
     )
 

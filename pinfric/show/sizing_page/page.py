@@ -11,16 +11,19 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricError
-from pinfric.show.report.drives import bus_lines, exchanged, holds_alone, shortfall, turn
+from pinfric.show.report.drives import brake_table, bus_lines, sets_table, shortfall, turn
+from pinfric.show.report.html import html_of, page_table
 from pinfric.show.report.sizing import (
     ROUNDING,
     beside,
+    demand_table,
     elastic_lines,
     passes,
     repetition,
     span_beside,
     tightest,
 )
+from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits, json_for_script, span
 from pinfric.show.sizing_page.figures import (
     Figure,
@@ -53,7 +56,7 @@ def sizing_page(report: SizingReport) -> str:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
     environment, plotly = page_parts()
-    environment.filters.update(beside=_beside, percent=_percent, formula=_formula, span=_span)
+    environment.filters.update(beside=_beside, formula=_formula, span=_span)
     figures: dict[str, Figure] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
     if report.catalog is not None:
@@ -71,8 +74,9 @@ def sizing_page(report: SizingReport) -> str:
         bus=bus_lines(report),
         turn=turn(report),
         elastic=elastic_lines(report),
-        priced=any(found.price is not None for found in report.sets),
-        sets=[(found, exchanged(found, report)) for found in report.sets],
+        sets=sets_table(report),
+        demand=page_table(demand_table(report, whole=True)),
+        brakes=page_table(brake_table(report)),
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
@@ -121,7 +125,7 @@ def _joint_view(
     return {
         "sizing": joint, "demand": d, "taken": taken, "figures": ids, "missing": missing,
         "criteria": _criteria(report, k),
-        "still": still, "alone": holds_alone(still), "smaller": joint.next_smaller,
+        "still": still, "smaller": joint.next_smaller,
         "shortfall": "" if joint.next_smaller is None else shortfall(joint.next_smaller),
         "tightest": None if taken is None else tightest(taken),
         "fitting": fitting, "rejected": rejected[:_MOST_REJECTED],
@@ -173,8 +177,12 @@ def page_parts(*folders: Path) -> tuple[Any, str]:
         loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    environment.filters.update(digits=_digits)
+    environment.filters.update(digits=_digits, percent=_percent, table=_table)
     return environment, offline.get_plotlyjs()
+
+
+def _table(table: Table | None) -> Any:
+    return "" if table is None else import_module("markupsafe").Markup(html_of(table))
 
 
 def _digits(x: float | None) -> str:

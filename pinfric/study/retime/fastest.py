@@ -26,7 +26,7 @@ _POINTS = 150
 
 
 @described
-class DriveSet:
+class TimedSet:
     """A drive for every joint, and how fast the path is with them."""
 
     mass: float = quantity("of all drives", "kg", "drives")
@@ -45,7 +45,7 @@ class DriveSet:
     )
 
 
-def fastest_sets(report: SizingReport, path: Path) -> tuple[DriveSet, ...]:
+def fastest_sets(report: SizingReport, path: Path) -> tuple[TimedSet, ...]:
     """Return the sets of drives that were tried, from the lightest on.
 
     Args:
@@ -100,7 +100,7 @@ def _heavier(report: SizingReport, i: int, taken: Assessment) -> list[Assessment
 
 def _tried(
     report: SizingReport, path: Path, taken: Mapping[int, Assessment]
-) -> tuple[DriveSet, RetimeResult]:
+) -> tuple[TimedSet, RetimeResult]:
     """One set of drives, their masses in the model."""
     scene = with_masses(report.given, taken, report.conditions)
     names = scene.actuator_names
@@ -113,4 +113,4 @@ def _tried(
         held_by = f"{names[int(result.rms.argmax())]}: continuous torque"
     mass = sum(a.candidate.mass or 0.0 for a in taken.values())
     drives = {names[i]: a.candidate.name for i, a in sorted(taken.items())}
-    return DriveSet(mass, result.duration, drives, held_by), result
+    return TimedSet(mass, result.duration, drives, held_by), result

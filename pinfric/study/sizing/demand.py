@@ -43,7 +43,8 @@ class GearDemand:
     mean_speed: float = quantity("mean |v|", SPEED)
     mean_cubic: float = quantity("cube root of the speed-weighted mean of |u|^3", EFFORT)
     bearing: BearingLoad | None = quantity(
-        "what the joint's bearing (a sliding joint's screw) carries; none: not known"
+        "what the joint's bearing (a sliding joint's screw) carries; none: not known",
+        heading="*",
     )
     travel: float | None = quantity(
         "of a sliding joint, max q - min q over the cycle; else none", "m"
@@ -60,7 +61,7 @@ class JointDemand(GearDemand):
     """
 
     peak_time: float = quantity("when the effort is largest", "s")
-    speed_at_peak: float = quantity("the joint's speed then", SPEED)
+    speed_at_peak: float = quantity("the joint's speed then", SPEED, "speed\nat the peak")
     rms: float = quantity(
         "root mean square over the cycle",
         EFFORT,
@@ -81,10 +82,16 @@ class JointDemand(GearDemand):
         EFFORT,
         "break-\naway",
     )
-    breakaway_friction: float | None = quantity("the part of it that is friction", EFFORT)
-    duty: float = quantity("part of the time in which the joint moves")
-    hold_share: float = quantity("part of the time spent in holds")
-    power: Power = quantity("at the joint")
+    breakaway_friction: float | None = quantity(
+        "the part of it that is friction", EFFORT, "of it\nfriction"
+    )
+    duty: float = quantity(
+        "part of the time in which the joint moves", heading="moves", cell="{duty:%}"
+    )
+    hold_share: float = quantity(
+        "part of the time spent in holds", heading="holds", cell="{hold_share:%}"
+    )
+    power: Power = quantity("at the joint", heading="*")
     power_frictionless: Power = quantity("at the joint, without friction")
     peak_frictionless: float = quantity(
         "of the effort without friction",

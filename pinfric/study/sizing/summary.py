@@ -8,7 +8,7 @@ import numpy as np
 
 from pinfric.model.described import EFFORT, INERTIA, described, quantity
 from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
-from pinfric.study.retime.fastest import DriveSet as FastestSet
+from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.criteria import Criterion, load_factor, optimum_ratio
@@ -119,12 +119,12 @@ class SizingSummary:
     short: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
     robot_criteria: tuple[Criterion, ...] = quantity("asked of the whole robot")
     elasticity: ElasticSummary | None = quantity("what elastic gears do; none: no stiffness known")
-    fastest: tuple[FastestSet, ...] | None = quantity("mass against time; none: not asked for")
+    fastest: tuple[TimedSet, ...] | None = quantity("mass against time; none: not asked for")
     notes: tuple[str, ...] = quantity("what the model does not know")
 
 
 def sizing_summary(
-    report: SizingReport, fastest: tuple[FastestSet, ...] | None = None
+    report: SizingReport, fastest: tuple[TimedSet, ...] | None = None
 ) -> SizingSummary:
     """Return what a sizing comes to.
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from pinfric.model.described import EFFORT, described, quantity
+from pinfric.model.described import EFFORT, SPEED, described, quantity
 from pinfric.study.sweep.cycle import DEMANDS
 from pinfric.study.sweep.motors import Trial
 from pinfric.study.sweep.result import Probability, SweepResult
@@ -54,6 +54,7 @@ class DriveSpread:
     rms: Spread = quantity("RMS of the worst effort", EFFORT)
     motor_peak: Spread = quantity("largest torque at the motor's shaft")
     motor_rms: Spread = quantity("RMS at the motor's shaft")
+    speed: Spread = quantity("largest |v|", SPEED)
 
 
 @described
