@@ -96,10 +96,10 @@ def test_json_has_the_figures_of_every_joint(files, capsys):
 
 
 def test_numbers_that_are_none_are_null():
-    from pinfric.show.report.values import json_safe
+    from pinfric.model.described import in_json
 
     given = {"a": np.array([1.0, np.nan]), "b": np.float64("inf"), "c": [np.int64(3), True, None]}
-    assert json.dumps(json_safe(given), allow_nan=False) == (
+    assert json.dumps(in_json(given), allow_nan=False) == (
         '{"a": [1.0, null], "b": null, "c": [3, true, null]}'
     )
 

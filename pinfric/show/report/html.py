@@ -1,11 +1,9 @@
-"""Tables as HTML: on pages and in notebooks the same as on the terminal."""
+"""Tables as HTML: on pages the same as on the terminal, with names as they are."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from html import escape
 
-from pinfric.show.report.names import affixes, left_out
 from pinfric.show.report.tables import Kind, Table
 
 #: Separators in a name behind which a browser may break it.
@@ -26,19 +24,9 @@ def html_of(table: Table) -> str:
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
     title = f"<h3>{escape(table.title)}</h3>\n" if table.title else ""
     return (
-        f'{title}<div class="scroll"><table class="wide">\n<thead><tr>{heads}</tr></thead>\n'
-        f"<tbody>\n{body}\n</tbody></table></div>"
+        f'{title}<div class="scroll"><table class="wide figures">\n'
+        f"<thead><tr>{heads}</tr></thead>\n<tbody>\n{body}\n</tbody></table></div>"
     )
-
-
-def page_table(table: Table | None) -> Table | None:
-    """Return a table with what its names begin and end with left out, and said in its title."""
-    if table is None:
-        return None
-    front, back = affixes(table.names())
-    note = left_out(front, back)
-    title = f"{table.title} ({note})" if table.title and note else table.title or note
-    return replace(table.without(front, back), title=title)
 
 
 def _cell(tag: str, text: str, left: bool, name: bool = False) -> str:

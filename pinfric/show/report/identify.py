@@ -30,7 +30,7 @@ def identify_report(found: Identified, summary: IdentifySummary) -> Report:
     figures = table_of(
         "coefficients, with 95 % intervals; (in brackets): not determined",
         summary.parameters,
-        cells={"value": _value, "unit": lambda parameter: parameter.unit},
+        cells={"value": _value},
         keys=2,
     )
     best = found.advice[0]

@@ -61,9 +61,10 @@ def table_of(
             write(row) if write else cell(row, name, found, zero(row) if callable(zero) else zero)
             for row in rows
         ]
-        if set(column) <= {NONE, ""} and name not in given:
+        if set(column) <= {NONE, "", "n/a"} and name not in given:
             continue
-        columns.append(Column(heading(found, shared, units[0] != ""), kind(found, rows, name)))
+        values = [attrgetter(name)(row) for row in rows]
+        columns.append(Column(heading(found, shared, units[0] != ""), kind(found, values, column)))
         texts.append(column)
     keys = layout.pop("keys", 2 if len(columns) > 1 and columns[1].heading == "unit" else 1)
     return Table(title, columns, list(zip(*texts, strict=True)), keys=keys, **layout)
@@ -98,14 +99,21 @@ def heading(found: Quantity, effort: str, by_row: bool = False) -> str:
     return f"{found.heading}\n{unit}" if unit else found.heading
 
 
-def kind(found: Quantity, rows: Sequence[Any], name: str) -> Kind:
-    """Return how a column behaves: numbers, names, short words or long ones."""
+def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
+    """Return how a column behaves: numbers, names, short words or long ones.
+
+    Args:
+        found: the field.
+        values: of the rows.
+        texts: what the column shows of them.
+    """
     if found.name:
         return Kind.NAME
-    values = [value for row in rows if (value := attrgetter(name)(row)) is not None]
-    if not any(isinstance(value, str | bool | list) or _words(value) for value in values):
+    known = [value for value in values if value is not None]
+    if not any(isinstance(x, str | bool | list | Mapping) or _words(x) for x in known):
         return Kind.NUMBER
-    return Kind.LABEL if all(len(str(value)) <= _LABEL for value in values) else Kind.WORDS
+    lines = [line for text in texts for line in text.split("\n")]
+    return Kind.LABEL if all(len(line) <= _LABEL for line in lines) else Kind.WORDS
 
 
 def _words(value: Any) -> bool:

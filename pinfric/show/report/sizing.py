@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from pinfric.show.report.drives import (
@@ -10,6 +10,7 @@ from pinfric.show.report.drives import (
     bus_lines,
     sets_table,
     smaller_table,
+    turn,
 )
 from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.retime import fastest_table
@@ -90,19 +91,28 @@ _ON_THE_PAGE = (
 )
 
 
-def demand_table(report: SizingReport, whole: bool = False) -> Table | None:
-    """Return what the cycle demands of each joint.
-
-    Args:
-        report: of `size`.
-        whole: with power, energy and the bearings' loads, as the page shows it.
-    """
+def demand_table(report: SizingReport) -> Table | None:
+    """Return what the cycle demands of each joint."""
     title = f"{Path(report.given.source).stem} · {Path(report.trajectory).name}"
+    title = f"{title}: {digits(report.period)} s, {repetition(report)}"
+    return _demands(report, title, without=_ON_THE_PAGE)
+
+
+def power_table(report: SizingReport) -> Table | None:
+    """Return what the page says beside: speed and friction, power, energy, the bearings' loads."""
+    title = f"power, energy per {turn(report)}, loads of bearings"
+    return _demands(report, title, only=("name", "unit", *_ON_THE_PAGE))
+
+
+def _demands(
+    report: SizingReport, title: str, only: Collection[str] = (), without: Collection[str] = ()
+) -> Table | None:
     return table_of(
-        f"{title}: {digits(report.period)} s, {repetition(report)}",
+        title,
         [joint.demand for joint in report.joints],
-        without=() if whole else _ON_THE_PAGE,
         zero=lambda demand: max(ROUNDING, _VISIBLE * demand.peak),
+        only=only,
+        without=without,
     )
 
 

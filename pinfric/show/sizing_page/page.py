@@ -12,13 +12,14 @@ import numpy as np
 from pinfric import __version__
 from pinfric.errors import PinfricError
 from pinfric.show.report.drives import brake_table, bus_lines, sets_table, shortfall, turn
-from pinfric.show.report.html import html_of, page_table
+from pinfric.show.report.html import html_of
 from pinfric.show.report.sizing import (
     ROUNDING,
     beside,
     demand_table,
     elastic_lines,
     passes,
+    power_table,
     repetition,
     span_beside,
     tightest,
@@ -75,8 +76,9 @@ def sizing_page(report: SizingReport) -> str:
         turn=turn(report),
         elastic=elastic_lines(report),
         sets=sets_table(report),
-        demand=page_table(demand_table(report, whole=True)),
-        brakes=page_table(brake_table(report)),
+        demand=demand_table(report),
+        power=power_table(report),
+        brakes=brake_table(report),
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
@@ -123,19 +125,25 @@ def _joint_view(
     fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
     rejected = [a for a in joint.assessments if not a.fits]
     return {
-        "sizing": joint, "demand": d, "taken": taken, "figures": ids, "missing": missing,
+        "sizing": joint,
+        "demand": d,
+        "taken": taken,
+        "figures": ids,
+        "missing": missing,
         "criteria": _criteria(report, k),
-        "still": still, "smaller": joint.next_smaller,
+        "still": still,
+        "smaller": joint.next_smaller,
         "shortfall": "" if joint.next_smaller is None else shortfall(joint.next_smaller),
         "tightest": None if taken is None else tightest(taken),
-        "fitting": fitting, "rejected": rejected[:_MOST_REJECTED],
+        "fitting": fitting,
+        "rejected": rejected[:_MOST_REJECTED],
         "more_rejected": max(len(rejected) - _MOST_REJECTED, 0),
         "rms": span_beside(d.rms_least, d.rms, d.peak),
         "holding": _NONE if d.holding is None else span_beside(*d.holding, d.peak),
         "without_masses": _name(joint.choice_without_masses),
         "frictionless": _name(joint.choice_frictionless),
         "ratios": None if taken is None else ratio_figures(joint, taken),
-    }  # fmt: skip
+    }
 
 
 def _matrix(report: SizingReport) -> list[tuple[str, list[Criterion | None]]]:
@@ -175,8 +183,11 @@ def page_parts(*folders: Path) -> tuple[Any, str]:
     jinja2, offline = _needed("jinja2"), _needed("plotly.offline")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
     environment.filters.update(digits=_digits, percent=_percent, table=_table)
     return environment, offline.get_plotlyjs()
 
@@ -213,8 +224,16 @@ def _formula(text: str) -> Any:
     """A formula in plain letters as HTML: Greek letters, roots, integrals, subscripts, powers."""
     markup = import_module("markupsafe")
     html = str(markup.escape(text)).replace("&lt;=", "≤").replace("&gt;", ">")
-    for word, sign in (("int ", "∫ "), ("sqrt", "√"), ("cbrt", "∛"), ("omega", "ω"), ("eta", "η"),
-                       (" pi", " π"), ("^2", "²"), ("^3", "³")):  # fmt: skip
+    for word, sign in (
+        ("int ", "∫ "),
+        ("sqrt", "√"),
+        ("cbrt", "∛"),
+        ("omega", "ω"),
+        ("eta", "η"),
+        (" pi", " π"),
+        ("^2", "²"),
+        ("^3", "³"),
+    ):
         html = html.replace(word, sign)
     return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))
 

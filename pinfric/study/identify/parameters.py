@@ -63,7 +63,7 @@ class Parameter:
     section: str = quantity("where a scene says it: friction")
     joint: str = quantity("and of which joint: elbow_joint", heading="joint", name=True)
     name: str = quantity("and by which key: coulomb.positive", heading="coefficient")
-    unit: str = quantity("of all figures here")
+    unit: str = quantity("of all figures here", heading="unit")
     value: float = quantity("the estimate, in `unit`", heading="value")
     low: float = quantity("of the 95 % interval; NaN: it stands at its bound", heading="from")
     high: float = quantity("of the 95 % interval; NaN: it stands at its bound", heading="to")
