@@ -12,7 +12,6 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -763,34 +762,34 @@ def _export_file(made: Any, scene: Any, out: Path | None) -> Path:
     return file
 
 
-#: What each command's `--json` holds as its result: modules and classes.
-RESULTS = {
-    "inverse": ("pinfric.study.inverse_summary:InverseSummary",),
-    "simulate": ("pinfric.study.motion_summary:MotionSummary",),
-    "paper": (
-        "pinfric.paper.reproduction:Examples",
-        "pinfric.paper.reproduction:LiteralExamples",
-    ),
-    "size": ("pinfric.study.sizing.summary:SizingSummary",),
-    "retime": ("pinfric.study.retime.summary:RetimeSummary",),
-    "sweep": ("pinfric.study.sweep.summary:SweepSummary",),
-    "identify": ("pinfric.study.identify.summary:IdentifySummary",),
-    "replay": ("pinfric.show.replay.replay:ReplaySummary",),
-    "check": ("pinfric.study.check.findings:CheckReport",),
-    "accuracy": ("pinfric.study.accuracy.study:Accuracy",),
-    "explain": ("pinfric.study.explain:Explanation",),
-    "export": ("pinfric.study.export.export:Exported",),
-}
-
-
 def result_classes() -> dict[str, list[type]]:
-    """Return the described classes of each command's results."""
+    """Return the described classes of what each command's `--json` holds as its result."""
+    from pinfric.paper.reproduction import Examples, LiteralExamples
+    from pinfric.show.replay.replay import ReplaySummary
+    from pinfric.study.accuracy.study import Accuracy
+    from pinfric.study.check.findings import CheckReport
+    from pinfric.study.explain import Explanation
+    from pinfric.study.export.export import Exported
+    from pinfric.study.identify.summary import IdentifySummary
+    from pinfric.study.inverse_summary import InverseSummary
+    from pinfric.study.motion_summary import MotionSummary
+    from pinfric.study.retime.summary import RetimeSummary
+    from pinfric.study.sizing.summary import SizingSummary
+    from pinfric.study.sweep.summary import SweepSummary
+
     return {
-        command: [
-            getattr(import_module(place.partition(":")[0]), place.partition(":")[2])
-            for place in places
-        ]
-        for command, places in RESULTS.items()
+        "inverse": [InverseSummary],
+        "simulate": [MotionSummary],
+        "paper": [Examples, LiteralExamples],
+        "size": [SizingSummary],
+        "retime": [RetimeSummary],
+        "sweep": [SweepSummary],
+        "identify": [IdentifySummary],
+        "replay": [ReplaySummary],
+        "check": [CheckReport],
+        "accuracy": [Accuracy],
+        "explain": [Explanation],
+        "export": [Exported],
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from pinfric.cli import RESULTS
+from pinfric.cli import result_classes
 from pinfric.model.described import (
     EFFORT,
     SPEED,
@@ -74,7 +74,7 @@ def test_the_reference_has_every_field_of_every_command(monkeypatch):
     lines = import_module("result_keys").result_lines
     assert "| `jerk` | rad/s^3 or m/s^3 | largest jerk |" in lines({"after": [After]})
     whole = "\n".join(lines())
-    assert all(f"## pinfric {command}" in whole for command in RESULTS)
+    assert all(f"## pinfric {command}" in whole for command in result_classes())
 
 
 def test_json_is_valid_against_the_schema_and_nothing_else_is(row):

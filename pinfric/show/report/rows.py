@@ -43,7 +43,8 @@ def table_of(
         only: fields to show, also such as have no heading; none: all with one.
         without: fields to leave out.
         cells: field -> what it shows of a row, in place of its own cell.
-        zero: what is not larger prints as 0; a number, or of a row.
+        zero: efforts that are not larger print as 0; a number, or of a row. Where rows have no
+            efforts it is for all figures.
         layout: further arguments of `Table`.
     """
     if not rows:
@@ -56,10 +57,9 @@ def table_of(
             continue
         if name == "unit" and (shared or not units[0]):
             continue
-        write = given.get(name)
+        write, small = given.get(name), found.unit in ("", EFFORT) or not units[0]
         column = [
-            write(row) if write else cell(row, name, found, zero(row) if callable(zero) else zero)
-            for row in rows
+            write(row) if write else cell(row, name, found, small * _of(zero, row)) for row in rows
         ]
         if set(column) <= {NONE, "", "n/a"} and name not in given:
             continue
@@ -168,6 +168,10 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
     if display in ("", *DISPLAYS):
         return digits(DISPLAYS.get(display, 1.0) * value, DISPLAYS.get(display, 1.0) * zero)
     return format(value, display)
+
+
+def _of(zero: float | Callable[[Any], float], row: Any) -> float:
+    return zero(row) if callable(zero) else zero
 
 
 def flat(row: Any) -> dict[str, Any]:
