@@ -57,10 +57,9 @@ def table_of(
             continue
         if name == "unit" and (shared or not units[0]):
             continue
-        write, small = given.get(name), found.unit in ("", EFFORT) or not units[0]
-        column = [
-            write(row) if write else cell(row, name, found, small * _of(zero, row)) for row in rows
-        ]
+        write, is_effort = given.get(name), found.unit in ("", EFFORT) or not units[0]
+        small = zero if is_effort else 0.0
+        column = [write(row) if write else cell(row, name, found, _of(small, row)) for row in rows]
         if set(column) <= {NONE, "", "n/a"} and name not in given:
             continue
         values = [attrgetter(name)(row) for row in rows]

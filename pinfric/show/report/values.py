@@ -20,7 +20,7 @@ def digits(x: float, zero: float = 0.0) -> str:
     """
     if not math.isfinite(x):
         return "n/a"
-    if abs(x) <= zero:
+    if x == 0.0 or abs(x) <= zero:
         return "0"
     size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
     if -3 <= size <= 4:
