@@ -31,17 +31,12 @@ from pinfric.study.motion_summary import drive_work
 from pinfric.study.retime.retime import RetimeResult
 from pinfric.study.retime.summary import retime_summary
 from pinfric.study.sizing.size import SizingReport
-from pinfric.study.sizing.summary import sized_joint
 from pinfric.study.summary import summarize
 from pinfric.study.sweep.cycle import DEMANDS
 from pinfric.study.sweep.result import SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-#: Columns of the drive taken, by the names that other results have.
-_TAKEN = {f"taken_{name}": name for name in ("mass", "ratio", "margin")}
 
 
 @singledispatch
@@ -165,9 +160,14 @@ def _(result: Elasticity) -> pd.DataFrame:
 
 @summary.register(SizingReport)
 def _(result: SizingReport) -> pd.DataFrame:
-    pairs = zip(result.joints, result.standstills, strict=True)
-    table = _frame([sized_joint(joint, still) for joint, still in pairs], "name", "drive")
-    return table.rename(columns=_TAKEN)
+    table = _frame([joint.demand for joint in result.joints], "name", "drive")
+    chosen = [joint.choice for joint in result.joints]
+    candidates = [getattr(choice, "candidate", None) for choice in chosen]
+    table["choice"] = [getattr(candidate, "name", None) for candidate in candidates]
+    table["mass"] = [getattr(candidate, "mass", None) for candidate in candidates]
+    table["ratio"] = [getattr(candidate, "ratio", None) for candidate in candidates]
+    table["margin"] = [getattr(choice, "margin", None) for choice in chosen]
+    return table
 
 
 @summary.register(Motion)
