@@ -15,17 +15,15 @@ from pinfric.show.report.drives import brake_table, bus_lines, sets_table, short
 from pinfric.show.report.html import html_of
 from pinfric.show.report.sizing import (
     ROUNDING,
-    beside,
     demand_table,
     elastic_lines,
     passes,
     power_table,
     repetition,
-    span_beside,
     tightest,
 )
 from pinfric.show.report.tables import Table
-from pinfric.show.report.values import digits, json_for_script, span
+from pinfric.show.report.values import digits, json_for_script
 from pinfric.show.sizing_page.figures import (
     Figure,
     effort_over_time,
@@ -57,7 +55,7 @@ def sizing_page(report: SizingReport) -> str:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
     environment, plotly = page_parts()
-    environment.filters.update(beside=_beside, formula=_formula, span=_span)
+    environment.filters.update(formula=_formula)
     figures: dict[str, Figure] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
     if report.catalog is not None:
@@ -121,7 +119,6 @@ def _joint_view(
     for kind, title, figure in drawn:
         figures[f"{kind}-{k}"] = figure
         ids.append((f"{kind}-{k}", title))
-    still = report.standstills[k]
     fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
     rejected = [a for a in joint.assessments if not a.fits]
     return {
@@ -131,15 +128,12 @@ def _joint_view(
         "figures": ids,
         "missing": missing,
         "criteria": _criteria(report, k),
-        "still": still,
         "smaller": joint.next_smaller,
         "shortfall": "" if joint.next_smaller is None else shortfall(joint.next_smaller),
         "tightest": None if taken is None else tightest(taken),
         "fitting": fitting,
         "rejected": rejected[:_MOST_REJECTED],
         "more_rejected": max(len(rejected) - _MOST_REJECTED, 0),
-        "rms": span_beside(d.rms_least, d.rms, d.peak),
-        "holding": _NONE if d.holding is None else span_beside(*d.holding, d.peak),
         "without_masses": _name(joint.choice_without_masses),
         "frictionless": _name(joint.choice_frictionless),
         "ratios": None if taken is None else ratio_figures(joint, taken),
@@ -202,14 +196,6 @@ def _digits(x: float | None) -> str:
     if np.isinf(x):
         return "\N{INFINITY}"
     return digits(x) if abs(x) > ROUNDING else "0"
-
-
-def _beside(x: float | None, scale: float) -> str:
-    return _NONE if x is None else beside(x, scale)
-
-
-def _span(ends: tuple[float, float] | None) -> str:
-    return _NONE if ends is None else span(*ends, zero=ROUNDING)
 
 
 def _percent(x: float | None) -> str:
