@@ -15,6 +15,7 @@ import typer
 from docutils import nodes
 from docutils.statemachine import StringList
 from file_keys import CODE, FormatPage, as_yaml
+from result_keys import result_lines
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -141,6 +142,14 @@ def key_lines(it: Any) -> list[str]:
     return ["", "Attributes:", *keys] if keys else []
 
 
+class Results(_Generated):
+    """`{results}`: what every command's `--json` holds."""
+
+    def markdown(self) -> list[str]:
+        """See `_Generated.markdown`."""
+        return result_lines()
+
+
 class _Docstrings:
     """Marks docstrings before napoleon reads their sections; of a property it would make a type."""
 
@@ -172,5 +181,6 @@ def setup(sphinx: Sphinx) -> dict[str, bool]:
     sphinx.add_directive("format", Format)
     sphinx.add_directive("commands", Commands)
     sphinx.add_directive("named", Named)
+    sphinx.add_directive("results", Results)
     sphinx.connect("doctree-read", _number_equations_by_tags)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

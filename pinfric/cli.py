@@ -11,6 +11,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +28,7 @@ from pinfric.terminal import (
     pairs,
     print_line,
     progress,
+    read,
     say,
     show,
     takes_logs,
@@ -43,9 +45,12 @@ BAD_INPUT, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
 Files = dict[str, Callable[[Path], object]]
 
 app = typer.Typer(
-    name="pinfric", add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+    name="pinfric",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     help="Joint friction that depends on the load: efforts, stiction and motors of URDF robots.",
-)  # fmt: skip
+)
 
 
 def _effort_place(value: str) -> str:
@@ -123,17 +128,18 @@ def inverse(
     from pinfric.show.figure.efforts import effort_figure
     from pinfric.show.figure.elastic import tool_figure
     from pinfric.show.figure.measured import measured_figure
-    from pinfric.show.report.inverse import inverse_json, inverse_report
+    from pinfric.show.report.inverse import inverse_report
     from pinfric.study.elastic.motion import elasticity
+    from pinfric.study.inverse_summary import inverse_summary
     from pinfric.study.trajectory.log.judged import judge_log
 
     name = Path(trajectory.source).name
     with working(f"inverse dynamics of {len(trajectory.t)} samples"):
         result = inverse_dynamics(scene, trajectory, threads=threads)
         elastic = elasticity(result) if scene.elastic else None
-    judged = (
-        None if trajectory.reading is None else (judge_log(result, trajectory.reading, effort_at))
-    )
+        reading = trajectory.reading
+        judged = None if reading is None else judge_log(result, reading, effort_at)
+        found = inverse_summary(result, trajectory.source, judged, elastic)
     files: Files = {
         "efforts.csv": lambda path: result.to_dataframe().to_csv(path, index=False),
         "efforts.png": lambda path: effort_figure(result, name, log=judged).savefig(path),
@@ -142,8 +148,8 @@ def inverse(
         files["measured.png"] = lambda path: measured_figure(result, judged, name).savefig(path)
     if elastic is not None and elastic.worst is not None:
         files["tool.png"] = lambda path: tool_figure(elastic, name).savefig(path)
-    summary = inverse_json(result, trajectory.source, noticed, judged, elastic)
-    answer(summary, lambda: inverse_report(result, name, judged, elastic), as_json, out, files)
+    report = partial(inverse_report, result, found, judged)
+    answer("inverse", found, report, as_json, out, files, scene=scene.source)
 
 
 @app.command()
@@ -167,17 +173,21 @@ def simulate(
     """
     scene, _ = load(scene_name, out=out)
     from pinfric.show.figure.motion import motion_figure
-    from pinfric.show.report.motion import motion_json, motion_report
+    from pinfric.show.report.motion import motion_report
+    from pinfric.study.motion_summary import motion_summary
     from pinfric.study.scene_run import run_scene
 
     numbers = {"rtol": rtol, "atol": None if rtol is None else 1e-2 * rtol, "dt": dt}
     given = {name: value for name, value in numbers.items() if value is not None}
     motion = run_scene(scene, t_end=t_end, method=method, **given)
-    answer(motion_json(motion, noticed), lambda: motion_report(motion), as_json, out, {
+    found = motion_summary(motion)
+    files: Files = {
         "motion.csv": lambda path: motion.to_dataframe().to_csv(path, index=False),
         "motion.npz": motion.save,
         "motion.png": lambda path: motion_figure(motion).savefig(path),
-    })  # fmt: skip
+    }
+    report = partial(motion_report, motion, found)
+    answer("simulate", found, report, as_json, out, files, scene=scene.source)
     if motion.status == "interrupted":
         raise typer.Exit(INTERRUPTED)
 
@@ -208,14 +218,17 @@ def paper(
     if reading == "literal":
         with working("simulating both examples as printed"):
             literal = [made.read_literally(example) for example in made.EXAMPLES]
-        summary, report, figures = made.literal_json(literal), literal_report(literal), {}
+        found: Any = made.LiteralExamples(tuple(literal))
+        report, figures = literal_report(literal), {}
     else:
         with working("simulating both examples, twice"):
-            found = [made.reproduce(example) for example in made.EXAMPLES]
+            examples = [made.reproduce(example) for example in made.EXAMPLES]
             loop = made.closed_loop_difference()
-        summary, report = made.paper_json(found, loop), paper_report(found, loop)
-        figures = paper_figures(*found) if out is not None else {}
-    answer(summary, lambda: report, as_json, out, {n: f.savefig for n, f in figures.items()})
+        found = made.Examples(tuple(examples), loop)
+        report = paper_report(examples, loop)
+        figures = paper_figures(*examples) if out is not None else {}
+    files: Files = {name: figure.savefig for name, figure in figures.items()}
+    answer("paper", found, lambda: report, as_json, out, files)
 
 
 @app.command()
@@ -246,26 +259,32 @@ def size(
     """
     given = [weighted(text) for text in cycle or ()]
     if (trajectory_name is None) != bool(given) or (fastest and given):
-        raise typer.BadParameter("give one TRAJECTORY (with --fastest always), or --cycle for each "
-                                 "of several", param_hint="--cycle")  # fmt: skip
+        raise typer.BadParameter(
+            "give one TRAJECTORY (with --fastest always), or --cycle for each of several",
+            param_hint="--cycle",
+        )
     given = given or [(str(trajectory_name), 1.0)]
     scene, trajectory = load(scene_name, given[0][0], log, out)
     from pinfric.show.report.bill import bill_of_materials
-    from pinfric.show.report.sizing import sizing_json, sizing_report
+    from pinfric.show.report.sizing import sizing_report
     from pinfric.show.sizing_page.page import sizing_page
     from pinfric.study.sizing.duty import Duty
     from pinfric.study.sizing.size import size as size_drives
+    from pinfric.study.sizing.summary import sizing_summary
 
     cycles = [trajectory, *(load_motion_of(scene, name, log) for name, _ in given[1:])]
     duty = Duty(tuple((c, share) for c, (_, share) in zip(cycles, given, strict=True)), on, period)
     with working(f"sizing {len(scene.drives)} drives"):
         report = size_drives(scene, duty, catalog, on_miss="ignore")
-    summary = sizing_json(report, noticed)
-    tables, files = _fastest(report, trajectory, summary) if fastest else ([], {})
+    if report.catalog is not None:
+        read.append(report.catalog.source)
+    sets, files = _fastest(report, trajectory) if fastest else (None, {})
+    found = sizing_summary(report, sets)
     files["report.html"] = lambda path: path.write_text(sizing_page(report), encoding="utf-8")
     if bill := bill_of_materials(report):
         files["bom.csv"] = lambda path: path.write_text(bill, encoding="utf-8")
-    answer(summary, lambda: [*sizing_report(report), *tables], as_json, out, files, "sizing.json")
+    show_it, name = partial(sizing_report, report, sets), "sizing.json"
+    answer("size", found, show_it, as_json, out, files, name=name, scene=report.given.source)
     report.check()  # what does not fit is the last line, and the exit code (2)
 
 
@@ -297,20 +316,16 @@ def catalog(
     say(f"wrote {file}: {counted(len(entries), section.removesuffix('s'))}")
 
 
-def _fastest(report: Any, trajectory: Any, summary: dict[str, Any]) -> tuple[list[Any], Files]:
-    """What `size --fastest` prints and draws; into the summary, too."""
-    from dataclasses import asdict
-
+def _fastest(report: Any, trajectory: Any) -> tuple[Any, Files]:
+    """What `size --fastest` finds and draws."""
     from pinfric.show.figure.retime import fastest_figure
-    from pinfric.show.report.retime import fastest_table
     from pinfric.study.retime.fastest import fastest_sets
     from pinfric.study.retime.path import Path as Way
 
     with working("retiming with other drives"):
         sets = fastest_sets(report, Way.from_trajectory(trajectory))
-    summary["fastest"] = [asdict(found) for found in sets]
     title = f"{Path(report.given.source).stem} · {Path(trajectory.source).name}"
-    return ["", fastest_table(sets)], {"fastest.png": fastest_figure(sets, title).savefig}
+    return sets, {"fastest.png": fastest_figure(sets, title).savefig}
 
 
 @app.command()
@@ -340,17 +355,21 @@ def retime(
     """
     scene, _ = load(scene_name, out=out)
     from pinfric.show.figure.retime import retime_figure
-    from pinfric.show.report.retime import retime_json, retime_report
+    from pinfric.show.report.retime import retime_report
     from pinfric.study.retime.retime import retime as find_fastest
+    from pinfric.study.retime.summary import retime_summary
 
     with working("retiming"):
         result = find_fastest(scene, path_name, motors, rms=rms, smooth=1e-3 * smooth)
         slopes = result.sensitivity() if sensitivity else None
-    summary = retime_json(result, slopes, noticed)
-    answer(summary, lambda: retime_report(result, slopes), as_json, out, {
+    read.extend([result.problem.path.source, motors or ""])
+    found = retime_summary(result, slopes)
+    files: Files = {
         "trajectory.csv": result.trajectory.to_csv,
         "retime.png": lambda path: retime_figure(result).savefig(path),
-    })  # fmt: skip
+    }
+    report = partial(retime_report, result, found)
+    answer("retime", found, report, as_json, out, files, scene=scene.source)
 
 
 @app.command()
@@ -382,17 +401,28 @@ def sweep(
     """
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.show.figure.sweep import sweep_figure
-    from pinfric.show.report.sweep import sweep_json, sweep_report
+    from pinfric.show.report.sweep import sweep_report
     from pinfric.study.sweep.run import sweep as run_sweep
+    from pinfric.study.sweep.summary import sweep_summary
 
     with progress("cycles") as report:
-        result = run_sweep(scene, trajectory, sweep_name, out=out, processes=processes,
-                           scheduler=scheduler, progress=report)  # fmt: skip
+        result = run_sweep(
+            scene,
+            trajectory,
+            sweep_name,
+            out=out,
+            processes=processes,
+            scheduler=scheduler,
+            progress=report,
+        )
     if out is not None:
         had = f", {result.resumed} of them from before" if result.resumed else ""
         say(f"wrote {out / 'samples.parquet'}: {result.samples} cycles{had}")
-    answer(sweep_json(result, noticed), lambda: sweep_report(result), as_json, out,
-           {"sweep.png": lambda path: sweep_figure(result).savefig(path)})  # fmt: skip
+    read.append(result.sweep)
+    found = sweep_summary(result)
+    files: Files = {"sweep.png": lambda path: sweep_figure(result).savefig(path)}
+    tables = partial(sweep_report, result, found)
+    answer("sweep", found, tables, as_json, out, files, scene=result.scene)
 
 
 @app.command()
@@ -429,19 +459,31 @@ def identify(
     """
     scene, _ = load(scene_name, out=out)
     from pinfric.show.identification_page.page import identification_page
-    from pinfric.show.report.identify import identify_json, identify_report
+    from pinfric.show.report.identify import identify_report
     from pinfric.study.identify.files import identified_files
     from pinfric.study.identify.identify import identify as find
+    from pinfric.study.identify.summary import identify_summary
 
     with progress("steps") as report:
-        found = find(scene, logs, gain=pairs(gain, "--gain", float),
-                     effort_at=effort_at, inertia=inertia,  # type: ignore[arg-type]  # checked there
-                     payloads=pairs(payload, "--payload", str), held_out=held_out or (),
-                     options=log, progress=report)  # fmt: skip
-    answer(identify_json(found, noticed), lambda: identify_report(found), as_json, out, {
+        found = find(
+            scene,
+            logs,
+            gain=pairs(gain, "--gain", float),
+            effort_at=effort_at,  # type: ignore[arg-type]  # checked before
+            inertia=inertia,  # type: ignore[arg-type]  # checked there
+            payloads=pairs(payload, "--payload", str),
+            held_out=held_out or (),
+            options=log,
+            progress=report,
+        )
+    read.extend(logs)
+    summary = identify_summary(found)
+    files: Files = {
         **(identified_files(found, out) if out is not None else {}),
         "report.html": lambda path: path.write_text(identification_page(found), encoding="utf-8"),
-    })  # fmt: skip
+    }
+    tables = partial(identify_report, found, summary)
+    answer("identify", summary, tables, as_json, out, files, scene=scene.source)
 
 
 @app.command()
@@ -478,7 +520,7 @@ def replay(
     from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.scene_file import load_scene
     from pinfric.show.replay.live import simulate_live
-    from pinfric.show.replay.replay import motion_to_replay, replay_json, replay_lines
+    from pinfric.show.replay.replay import motion_to_replay, replay_lines, replay_summary
     from pinfric.show.replay.replay import replay as make_replay
 
     scene = load_scene(scene_name)
@@ -498,11 +540,9 @@ def replay(
     with working(f"writing {html}"):
         shown = make_replay(scene, motion, html=html, title=title, log=judged, limits=motors)
     opened = shown.open() if open_browser and not live else None
-    if as_json:
-        show(replay_json(shown, noticed))
-    else:
-        for line in replay_lines(shown, opened):
-            print_line(line)
+    read.extend([scene.source, motion_name or "", motors or ""])
+    lines = partial(replay_lines, shown, opened)
+    answer("replay", replay_summary(shown), lines, as_json, scene=scene.source)
     if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
         raise typer.Exit(INTERRUPTED)
 
@@ -544,11 +584,20 @@ def schema(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="FORMAT", help="scene, waypoints, columns, sweep, motors or catalog."
+            metavar="FORMAT",
+            help="scene, waypoints, columns, sweep, motors, catalog; result: what --json prints.",
         ),
     ],
 ) -> None:
-    """Print the JSON schema of a file's format, by which editors complete and check such files."""
+    """Print the JSON schema of a file's format, by which editors complete and check such files.
+
+    `pinfric schema result` is the schema of everything that `--json` prints.
+    """
+    if name == "result":
+        from pinfric.show.report.envelope import result_schema
+
+        show(result_schema(result_classes()))
+        return
     from pinfric.study.formats import json_schema
 
     show(json_schema(name))
@@ -565,12 +614,14 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """List what is implausible about a robot or a scene, and what a wrong unit would explain."""
-    from pinfric.show.report.check import check_json, check_report
+    from pinfric.show.report.check import check_report
     from pinfric.study.check.plausibility import check as judge
 
     with working("reading the robot and its meshes"):
         report = judge(source)
-    show(check_json(report) if as_json else check_report(report))
+    read.append(report.source)
+    scene_name = "" if report.source.endswith((".urdf", ".xacro")) else report.source
+    answer("check", report, partial(check_report, report), as_json, scene=scene_name)
     report.check(strict)  # errors are the last line, and the exit code (2)
 
 
@@ -609,15 +660,17 @@ def accuracy(
     scene, trajectory = load(scene_name, trajectory_name, log, out)
     from pinfric.paper.reproduction import absolute_judge
     from pinfric.show.accuracy.figure import accuracy_figure
-    from pinfric.show.accuracy.report import accuracy_frame, accuracy_json, accuracy_report
+    from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
     from pinfric.study.accuracy.study import accuracy as study
 
     with working("measuring, for half a minute or more; minutes where loops close"):
         found = study(scene, trajectory, second=absolute_judge(scene))
-    answer(accuracy_json(found, noticed), lambda: accuracy_report(found), as_json, out, {
+    files: Files = {
         "accuracy.png": lambda path: accuracy_figure(found).savefig(path),
         "accuracy.csv": lambda path: accuracy_frame(found).to_csv(path, index=False),
-    })  # fmt: skip
+    }
+    report = partial(accuracy_report, found)
+    answer("accuracy", found, report, as_json, out, files, scene=scene.source)
 
 
 @app.command()
@@ -634,13 +687,13 @@ def explain(
 ) -> None:
     """Say which effects a scene calls for, why, and what each costs and changes."""
     scene, trajectory = load(scene_name, trajectory_name, log)
-    from pinfric.show.report.explain import explain_json, explain_report
+    from pinfric.show.report.explain import explain_report
     from pinfric.study.explain import explain as measure
 
     with working("measuring"):
         found = measure(scene, trajectory)
-    summary = explain_json(found, scene.source, noticed)
-    answer(summary, lambda: explain_report(found, scene.source), as_json)
+    report = partial(explain_report, found, scene.source)
+    answer("explain", found, report, as_json, scene=scene.source)
 
 
 @app.command()
@@ -680,24 +733,64 @@ def export(
     it prints what constants would miss.
     """
     scene, trajectory = load(scene_name, trajectory_name, log)
-    from pinfric.model.files import check_writable
-    from pinfric.show.report.export import export_json, export_report
+    from dataclasses import replace
+
+    from pinfric.show.report.export import export_report
     from pinfric.study.export.export import export as make
 
     made = make(scene, trajectory, to, frames=frame or ())
     if to == "cpp":
-        written = made.write(out or Path())
-        say(f"wrote {written} and {', '.join(made.beside)}")
-        answer(export_json(made, written, noticed), lambda: export_report(made), as_json)
-        return
+        file = made.write(out or Path())
+        say(f"wrote {file} and {', '.join(made.beside)}")
+    else:
+        file = _export_file(made, scene, out)
+        made.write(file)
+        say(f"wrote {file}")
+    made = replace(made, file=str(file))
+    answer("export", made, partial(export_report, made), as_json, scene=scene.source)
+
+
+def _export_file(made: Any, scene: Any, out: Path | None) -> Path:
+    """Where an export goes; refused where it cannot, or is the scene's own URDF."""
+    from pinfric.model.files import check_writable
+
     folder = out is None or out.is_dir() or not out.suffix
     file = (out or Path()) / made.default_name if folder else Path(str(out))
     check_writable(file.parent, [file.name])
     if scene.robot is not None and file.resolve() == scene.robot.urdf.resolve():
         raise PinfricError(f"{file}: is the scene's own URDF; name another file")
-    made.write(file)
-    say(f"wrote {file}")
-    answer(export_json(made, file, noticed), lambda: export_report(made), as_json)
+    return file
+
+
+def result_classes() -> dict[str, list[type]]:
+    """Return the described classes of what each command's `--json` holds as its result."""
+    from pinfric.paper.reproduction import Examples, LiteralExamples
+    from pinfric.show.replay.replay import ReplaySummary
+    from pinfric.study.accuracy.study import Accuracy
+    from pinfric.study.check.findings import CheckReport
+    from pinfric.study.explain import Explanation
+    from pinfric.study.export.export import Exported
+    from pinfric.study.identify.summary import IdentifySummary
+    from pinfric.study.inverse_summary import InverseSummary
+    from pinfric.study.motion_summary import MotionSummary
+    from pinfric.study.retime.summary import RetimeSummary
+    from pinfric.study.sizing.summary import SizingSummary
+    from pinfric.study.sweep.summary import SweepSummary
+
+    return {
+        "inverse": [InverseSummary],
+        "simulate": [MotionSummary],
+        "paper": [Examples, LiteralExamples],
+        "size": [SizingSummary],
+        "retime": [RetimeSummary],
+        "sweep": [SweepSummary],
+        "identify": [IdentifySummary],
+        "replay": [ReplaySummary],
+        "check": [CheckReport],
+        "accuracy": [Accuracy],
+        "explain": [Explanation],
+        "export": [Exported],
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -710,6 +803,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if hasattr(stream, "reconfigure"):  # a terminal without UTF-8 gets "?", not a traceback
             stream.reconfigure(errors="replace")
     noticed.clear()
+    read.clear()
     with warnings_as_notices():
         sys.exit(_run(None if arguments is None else list(arguments)))
 

@@ -132,9 +132,15 @@ class AccelerationError(PinfricError):
     _finding = ""
 
     def __init__(
-        self, q: Any, v: Any, effort: Any, site: str, reason: str, time: float | None = None,
+        self,
+        q: Any,
+        v: Any,
+        effort: Any,
+        site: str,
+        reason: str,
+        time: float | None = None,
         given: str = "effort",
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.q, self.v, self.effort, self.site, self.given = q, v, effort, site, given
         self.reason, self.time = reason, time
         self.motion: Any = None

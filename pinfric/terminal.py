@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 #: Exit code where the reader of our output left.
 NO_READER = 141
 
-#: The warnings of this run, for its JSON.
+#: The warnings of this run and the files that it read, for its JSON.
 noticed: list[str] = []
+read: list[str | Path] = []
 
 
 #: The options of every command that reads a trajectory: name, annotation.
@@ -64,8 +65,10 @@ def takes_logs(command: Callable[..., None]) -> Callable[..., None]:
 
     signature = inspect.signature(command, eval_str=True)
     own = [p for p in signature.parameters.values() if p.name != "log"]
-    added = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-             for name, kind in _LOG_OPTIONS.items()]  # fmt: skip
+    added = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+        for name, kind in _LOG_OPTIONS.items()
+    ]
     with_options.__name__, with_options.__doc__ = command.__name__, command.__doc__
     with_options.__signature__ = signature.replace(parameters=[*own, *added])  # type: ignore[attr-defined]
     with_options.__annotations__ = {p.name: p.annotation for p in (*own, *added)}
@@ -73,9 +76,11 @@ def takes_logs(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def load(
-    scene_name: str, trajectory_name: str | None = None, log: ReadingOptions | None = None,
+    scene_name: str,
+    trajectory_name: str | None = None,
+    log: ReadingOptions | None = None,
     out: Path | None = None,
-) -> tuple[Scene, Any]:  # fmt: skip
+) -> tuple[Scene, Any]:
     """Read a scene and a trajectory, None where none is named.
 
     A folder that could not be written is refused before any work.
@@ -86,6 +91,9 @@ def load(
     if out is not None:
         check_writable(out)
     scene = load_scene(scene_name)
+    read.append(scene.source)
+    if scene.robot is not None:
+        read.append(scene.robot.urdf)
     if trajectory_name is None or log is None:
         return scene, None
     return scene, load_motion_of(scene, trajectory_name, log)
@@ -96,6 +104,9 @@ def load_motion_of(scene: Scene, trajectory_name: str, log: ReadingOptions) -> T
     from pinfric.study.trajectory.trajectory import load_trajectory
 
     trajectory = load_trajectory(trajectory_name, scene, log)
+    read.append(trajectory.source)
+    if log.columns is not None:
+        read.append(log.columns)
     for text in trajectory.warnings:
         notice(f"{trajectory.source}: {text}")
     return trajectory
@@ -143,20 +154,31 @@ def show(answer: Mapping[str, Any] | Sequence[RenderableType]) -> None:
 
 
 def answer(
-    summary: Mapping[str, Any],
+    command: str,
+    result: Any,
     report: Callable[[], Sequence[RenderableType]],
     as_json: bool,
     out: Path | None = None,
     files: Mapping[str, Writer] | None = None,
+    *,
     name: str = "summary.json",
+    scene: str = "",
 ) -> None:
     """Write what a command found into a folder, all files or none, and print it.
 
     Args:
-        summary: as JSON, which is among the files. report: makes the tables.
+        command: its name.
+        result: described; as JSON, in its envelope, it is among the files.
+        report: makes the tables.
         as_json: print the JSON, not the tables.
-        out: the folder; None writes none of the `files`. name: of the summary there.
+        out: the folder; None writes none of the `files`.
+        files: name -> what writes it.
+        name: of the JSON there.
+        scene: its file.
     """
+    from pinfric.show.report.envelope import envelope
+
+    summary = envelope(command, result, scene, read, noticed)
     if out is not None:
         from pinfric.model.files import write_folder
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from envelopes import result_of, validated
 
 from pinfric import cli, terminal
 
@@ -72,8 +74,12 @@ def test_table_is_printed_within_80_columns(files, capsys):
 
 def test_json_has_the_figures_of_every_joint(files, capsys):
     assert run("inverse", "arm.yaml", "way.yaml", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert (answer["scene"], answer["trajectory"]) == ("arm.yaml", "way.yaml")
+    envelope = validated(capsys.readouterr().out)
+    answer = envelope["result"]
+    assert (envelope["scene"], answer["trajectory"]) == ("arm.yaml", "way.yaml")
+    assert {"arm.yaml", "way.yaml"} <= envelope["inputs"].keys()
+    content = Path("arm.yaml").read_bytes()
+    assert envelope["inputs"]["arm.yaml"] == hashlib.sha256(content).hexdigest()
     (joint,) = answer["joints"]
     assert {
         "name", "unit", "peak", "rms", "rms_least", "rms_frictionless", "peak_frictionless",
@@ -86,14 +92,14 @@ def test_json_has_the_figures_of_every_joint(files, capsys):
         ("shoulder", pytest.approx(0.0), pytest.approx(0.2)),
         ("shoulder", pytest.approx(1.2), pytest.approx(1.6)),
     ]
-    assert answer["warnings"] == []
+    assert envelope["warnings"] == []
 
 
 def test_numbers_that_are_none_are_null():
-    from pinfric.show.report.values import json_safe
+    from pinfric.model.described import in_json
 
     given = {"a": np.array([1.0, np.nan]), "b": np.float64("inf"), "c": [np.int64(3), True, None]}
-    assert json.dumps(json_safe(given), allow_nan=False) == (
+    assert json.dumps(in_json(given), allow_nan=False) == (
         '{"a": [1.0, null], "b": null, "c": [3, true, null]}'
     )
 
@@ -122,7 +128,7 @@ def test_out_holds_efforts_figure_and_summary(files, capsys):
     assert json.loads((folder / "summary.json").read_text()) == json.loads(out)
     efforts = pd.read_csv(folder / "efforts.csv")
     peak = efforts[["shoulder.effort_lower", "shoulder.effort_upper"]].abs().to_numpy().max()
-    assert json.loads(out)["joints"][0]["peak"] == pytest.approx(peak)
+    assert result_of(out)["joints"][0]["peak"] == pytest.approx(peak)
     assert (folder / "efforts.png").read_bytes().startswith(b"\x89PNG")
     assert err.startswith("pinfric: wrote ")
 
@@ -200,7 +206,7 @@ def test_rounding_is_printed_as_zero(capsys):
     # the UR5's last axis is upright all the way: what RNEA leaves there, 2e-12 N m, is rounding
     assert run("inverse", "ur5_pick_and_place", "ur5_pick_and_place.csv") == 0
     lines = capsys.readouterr().out.splitlines()
-    effort = next(line for line in lines if line.startswith("wrist_3_joint"))
+    effort = next(line for line in lines if line.startswith("wrist_3"))
     assert " 0, 0 " in effort
     assert not any("e-" in line for line in lines)
 
@@ -213,13 +219,14 @@ def test_bundled_robots_have_one_line_per_joint_at_80_columns(
     scene, trajectory, capsys, monkeypatch
 ):
     import pinfric as pf
+    from pinfric.show.report.names import short_names
 
     monkeypatch.setenv("COLUMNS", "80")
     assert run("inverse", scene, trajectory) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     firsts = [line.split()[0] for line in lines if line.strip()]
-    for name in pf.load_scene(scene).actuator_names:
+    for name in short_names(pf.load_scene(scene).actuator_names).values():
         assert firsts.count(name) == 2  # at the joint, at the motor's shaft
 
 
@@ -230,7 +237,7 @@ def test_warning_is_one_line_on_stderr_and_in_the_json(files, capsys):
     assert err.startswith("pinfric: warning: ")
     assert err.count("\n") == 1
     assert "bearing.radius" in err
-    assert json.loads(out)["warnings"] == [err.removeprefix("pinfric: warning: ").rstrip()]
+    assert validated(out)["warnings"] == [err.removeprefix("pinfric: warning: ").rstrip()]
 
 
 @pytest.mark.parametrize(
@@ -290,8 +297,8 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
         cli.main(["size", "panda_pick_and_place", "panda_pick_and_place.csv", "--catalog",
                   "default", "--json", "--out", str(tmp_path / "out")])  # fmt: skip
     assert stop.value.code == 0
-    joints = json.loads(capsys.readouterr().out)["joints"]
-    keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "margins", "rejected"}
+    joints = result_of(capsys.readouterr().out)["joints"]
+    keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "taken", "rejected"}
     assert len(joints) == 7
     assert all(keys <= joint.keys() for joint in joints)
     assert all(len(joint["holding"]) == 2 for joint in joints)
@@ -306,7 +313,7 @@ def test_size_prints_each_joints_demand_and_choice(capsys, tmp_path):
 def test_size_takes_several_cycles_and_refuses_shares_that_do_not_add_up(files, capsys):
     size = ("size", "arm.yaml", "--cycle", "way.yaml:0.7", "--cycle", "way.yaml:")
     assert run(*size[:-1], "way.yaml:0.3", "--period", "100", "--on", "0.5", "--json") == 0
-    found = json.loads(capsys.readouterr().out)
+    found = result_of(capsys.readouterr().out)
     assert found["cycle_time"] == pytest.approx(100.0)
     assert found["off"] == pytest.approx(50.0)
     times = [cycle["repeats"] for cycle in found["cycles"]]
@@ -340,10 +347,10 @@ def test_sweep_prints_tables_and_writes_samples_figure_and_summary(files, capsys
     assert run("sweep", "arm.yaml", "way.yaml", "s.yaml", "--out", "out", "--json") == 0
     again = capsys.readouterr()
     assert "20 cycles, 20 of them from before" in again.err
-    summary = json.loads(again.out)
+    summary = validated(again.out)
     assert summary == json.loads((files / "out" / "summary.json").read_text())
     frame = pd.read_parquet(files / "out" / "samples.parquet")
-    peak = summary["joints"][0]["peak"]["percentiles"]["95"]
+    peak = summary["result"]["joints"][0]["peak"]["percentiles"]["95"]
     assert peak == pytest.approx(np.percentile(frame["shoulder.peak"], 95))
 
 

@@ -7,6 +7,7 @@ upward.
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +35,13 @@ def make_solver(scene: Scene, attached: Iterable[str] | None) -> Solver:
 
 
 class Shown:
-    """Results with a table and a picture."""
+    """Results with a table and a picture.
+
+    >>> import pinfric as pf
+    >>> motion = pf.run_scene(pf.load_scene("pendulum"), t_end=0.1)
+    >>> motion.summary().columns.tolist()
+    ['unit', 'peak', 'rms', 'work', 'heat', 'gear_heat', 'stick_time']
+    """
 
     def plot(self, **options: Any) -> Figure:
         """Return the figure that `--out` writes, a `matplotlib.figure.Figure`: `pf.plot`."""
@@ -45,3 +52,13 @@ class Shown:
         """Return the figures of each drive, a row a drive, SI units: `pf.summary`."""
         table: pd.DataFrame = _FUNCTIONS["summary"](self)
         return table
+
+    def _repr_html_(self) -> str:
+        """Return the result's table for a notebook: what has a heading, with units."""
+        table = self.summary()
+        headings = table.attrs.get("headings")
+        if headings:
+            table = table[list(headings)].rename(columns=headings)
+        title = html.escape(repr(self).partition("\n")[0])
+        shown: str = table.to_html(float_format="{:.4g}".format, na_rep="")
+        return f"<p><b>{title}</b></p>{shown}"

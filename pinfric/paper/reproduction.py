@@ -19,6 +19,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
 from pinfric.dynamics.samples.reactions import joint_wrenches
 from pinfric.dynamics.simulation.motion import Motion
+from pinfric.model.described import derived, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.model.scene_file import bundled_folder, load_scene
 from pinfric.paper.bodies import Mechanism
@@ -63,21 +64,16 @@ EXAMPLES = (
 )
 
 
-@dataclass(frozen=True)
+@described
 class Reproduction:
     """One example as reproduced.
 
     Attributes:
-        example, scene: which.
+        example: which.
+        scene: of it.
         motion: the forward motion, by the event method.
-        result, frictionless: inverse dynamics along it, with friction and without.
-        stick: when the site sticks in the forward motion (s).
-        stick_absolute: the same by the absolute formulation.
-        max_torque_error: largest |recovered - applied| torque outside stiction (N m).
-        bracketed: share of the stick samples whose interval contains the applied torque.
-        max_width_error: largest |width of the interval - 2 mu_s c| in stiction (N m).
-        max_formulation_difference: largest difference between the two formulations in efforts
-            (both ends), loads and reactions, along the motion (N m, N).
+        result: inverse dynamics along it.
+        frictionless: the same without friction.
     """
 
     example: Example
@@ -85,12 +81,66 @@ class Reproduction:
     motion: Motion
     result: InverseResult
     frictionless: InverseResult
-    stick: tuple[float, float]
-    stick_absolute: tuple[float, float]
-    max_torque_error: float
-    bracketed: float
-    max_width_error: float
-    max_formulation_difference: float
+    stick: tuple[float, float] = quantity("when the site sticks in the forward motion", "s")
+    stick_absolute: tuple[float, float] = quantity("the same by the absolute formulation", "s")
+    max_torque_error: float = quantity("largest |recovered - applied| outside stiction", "N m")
+    bracketed: float = quantity(
+        "share of the stick samples whose interval contains the applied torque"
+    )
+    max_width_error: float = quantity(
+        "largest |width of the interval - 2 mu_s c| in stiction", "N m"
+    )
+    max_formulation_difference: float = quantity(
+        "largest difference between the two formulations in efforts (both ends), loads and "
+        "reactions, along the motion",
+        "N m, N",
+    )
+
+    @property
+    @derived()
+    def name(self) -> str:
+        """The example's name."""
+        return self.example.name
+
+    @property
+    @derived("s")
+    def printed(self) -> tuple[float, float]:
+        """When the paper says that it sticks."""
+        return self.example.printed
+
+
+@described
+class ClosedLoop:
+    """A closed loop by both formulations."""
+
+    name: str = quantity("of its scene")
+    max_formulation_difference: float = quantity("largest, as in the examples", "N m, N")
+
+
+@described
+class Examples:
+    """Both examples of the paper, and a closed loop."""
+
+    examples: tuple[Reproduction, ...] = quantity("as reproduced")
+    loop: float
+
+    @property
+    @derived()
+    def reading(self) -> str:
+        """How the printed data are read."""
+        return "consistent"
+
+    @property
+    @derived()
+    def readings(self) -> tuple[str, ...]:
+        """What that reading takes for meant."""
+        return READINGS
+
+    @property
+    @derived()
+    def closed_loop(self) -> ClosedLoop:
+        """A closed loop with a translational joint by both formulations."""
+        return ClosedLoop(CLOSED_LOOP, self.loop)
 
 
 def reproduce(example: Example) -> Reproduction:
@@ -176,19 +226,51 @@ def closed_loop_difference() -> float:
     return formulation_difference(inverse_dynamics(scene, q, v, a), slider_crank())
 
 
-@dataclass(frozen=True)
+@described
 class LiteralReading:
     """What the data give as they are printed.
 
     Attributes:
         example: which.
-        stick: the first stick (s); the end is where the simulation stops, if it does in it.
         stops_at: when neither stick nor slip is consistent any more (s); None if it never happens.
     """
 
     example: Example
-    stick: tuple[float, float]
+    stick: tuple[float, float] = quantity(
+        "the first stick; the end is where the simulation stops, if it does in it", "s"
+    )
     stops_at: float | None
+
+    @property
+    @derived()
+    def name(self) -> str:
+        """The example's name."""
+        return self.example.name
+
+    @property
+    @derived("s")
+    def printed(self) -> tuple[float, float]:
+        """When the paper says that it sticks."""
+        return self.example.printed
+
+    @property
+    @derived("s")
+    def no_consistent_acceleration_at(self) -> float | None:
+        """When neither stick nor slip is consistent any more; none: never."""
+        return self.stops_at
+
+
+@described
+class LiteralExamples:
+    """Both examples with their data as printed."""
+
+    examples: tuple[LiteralReading, ...] = quantity("as simulated")
+
+    @property
+    @derived()
+    def reading(self) -> str:
+        """How the printed data are read."""
+        return "literal"
 
 
 def read_literally(example: Example) -> LiteralReading:
@@ -210,44 +292,6 @@ def read_literally(example: Example) -> LiteralReading:
     start, end = motion.stick_intervals(example.site)[0]
     in_it = stops_at is not None and stops_at - end < 1e-3
     return LiteralReading(example, (start, stops_at if in_it and stops_at else end), stops_at)
-
-
-def paper_json(reproductions: list[Reproduction], loop_difference: float) -> dict[str, object]:
-    """Return everything `pinfric paper --json` prints; SI units."""
-    return {
-        "reading": "consistent",
-        "readings": list(READINGS),
-        "examples": [
-            {
-                "name": r.example.name,
-                "stick": list(r.stick),
-                "stick_absolute": list(r.stick_absolute),
-                "printed": list(r.example.printed),
-                "max_torque_error": r.max_torque_error,
-                "bracketed": r.bracketed,
-                "max_width_error": r.max_width_error,
-                "max_formulation_difference": r.max_formulation_difference,
-            }
-            for r in reproductions
-        ],
-        "closed_loop": {"name": CLOSED_LOOP, "max_formulation_difference": loop_difference},
-    }
-
-
-def literal_json(literal: list[LiteralReading]) -> dict[str, object]:
-    """Return everything `pinfric paper --reading literal --json` prints; SI units."""
-    return {
-        "reading": "literal",
-        "examples": [
-            {
-                "name": read.example.name,
-                "stick": list(read.stick),
-                "printed": list(read.example.printed),
-                "no_consistent_acceleration_at": read.stops_at,
-            }
-            for read in literal
-        ],
-    }
 
 
 def absolute_judge(scene: Scene) -> Judge | None:

@@ -5,30 +5,33 @@ The results' own methods `plot` and `summary` come here through the package's pu
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from functools import singledispatch
+import io
+from collections.abc import Sequence
+from functools import partial, singledispatch
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.closure import working_rates
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import StateError
+from pinfric.model.described import quantities
 from pinfric.show.figure.efforts import effort_figure
 from pinfric.show.figure.elastic import tool_figure
 from pinfric.show.figure.measured import measured_figure
 from pinfric.show.figure.motion import motion_figure
 from pinfric.show.figure.retime import retime_figure
 from pinfric.show.figure.sweep import sweep_figure
+from pinfric.show.report.rows import flat, heading
 from pinfric.study.elastic.motion import Elasticity
+from pinfric.study.elastic.summary import WindUp, elastic_summary
 from pinfric.study.export.export import Exported
 from pinfric.study.identify.identify import Identified, beside_measured
-from pinfric.study.retime.limits import KINDS
+from pinfric.study.motion_summary import drive_work
 from pinfric.study.retime.retime import RetimeResult
-from pinfric.study.sizing.size import JointSizing, SizingReport
-from pinfric.study.summary import effort_unit, rms, summarize
+from pinfric.study.retime.summary import retime_summary
+from pinfric.study.sizing.size import SizingReport
+from pinfric.study.summary import summarize
 from pinfric.study.sweep.cycle import DEMANDS
 from pinfric.study.sweep.result import SweepResult
 
@@ -54,9 +57,23 @@ def plot(result: Any, **options: Any) -> Figure:
     raise _nothing("picture", result)
 
 
+def _png(figure: Figure) -> bytes:
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()
+
+
+def _displayed(figure: Figure) -> Figure:
+    """Let a notebook show a figure that pyplot knows nothing of."""
+    figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
+    return figure
+
+
 @singledispatch
 def summary(result: Any) -> pd.DataFrame:
     """Return the figures of each drive, a row a drive; SI units, NaN for what is not known.
+
+    `attrs["units"]` of the table has the unit of each column.
 
     Args:
         result: of `inverse_dynamics` (`peak`, `rms`, ... as `--json` names them), `simulate`
@@ -78,139 +95,120 @@ def _nothing(what: str, result: Any) -> StateError:
 
 @plot.register(InverseResult)
 def _(result: InverseResult, **options: Any) -> Figure:
-    return effort_figure(result, **options)
+    return _displayed(effort_figure(result, **options))
 
 
 @plot.register(Elasticity)
 def _(result: Elasticity, **options: Any) -> Figure:
-    return tool_figure(result, **options)
+    return _displayed(tool_figure(result, **options))
 
 
 @plot.register(SizingReport)
 def _(result: SizingReport, **options: Any) -> Figure:
-    return effort_figure(result.result, **options)
+    return _displayed(effort_figure(result.result, **options))
 
 
 @plot.register(RetimeResult)
 def _(result: RetimeResult) -> Figure:
-    return retime_figure(result)
+    return _displayed(retime_figure(result))
 
 
 @plot.register(Motion)
 def _(result: Motion) -> Figure:
-    return motion_figure(result)
+    return _displayed(motion_figure(result))
 
 
 @plot.register(SweepResult)
 def _(result: SweepResult) -> Figure:
-    return sweep_figure(result)
+    return _displayed(sweep_figure(result))
 
 
 @plot.register(Identified)
 def _(result: Identified, log: int = 0) -> Figure:
-    return measured_figure(*beside_measured(result, log), result.recordings[log].name)
+    return _displayed(measured_figure(*beside_measured(result, log), result.recordings[log].name))
 
 
-def _by_drive(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    return pd.DataFrame(rows or {"name": []}).set_index("name").rename_axis("drive")
+def _frame(rows: Sequence[Any], index: str, label: str = "") -> pd.DataFrame:
+    """A table of described rows, with the units of its columns."""
+    table = pd.DataFrame([flat(row) for row in rows] or {index: []}).set_index(index)
+    known = quantities(type(rows[0])) if rows else {}
+    table.attrs["units"] = {name: found.unit for name, found in known.items() if found.unit}
+    table.attrs["headings"] = {
+        name: " ".join(heading(found, "").split())
+        for name, found in known.items()
+        if found.heading and name in table
+    }
+    return table.rename_axis(label or index)
 
 
 @summary.register(InverseResult)
 def _(result: InverseResult) -> pd.DataFrame:
-    return _by_drive([asdict(drive) for drive in summarize(result)])
+    return _frame(summarize(result), "name", "drive")
 
 
 @summary.register(Elasticity)
 def _(result: Elasticity) -> pd.DataFrame:
-    names, worst = result.result.actuator_names, result.worst
-    rows: list[dict[str, Any]] = []
-    for share, name in zip(result.mode.shares, result.drives, strict=True):
-        d = names.index(name)
-        row: dict[str, Any] = {"name": name, "strain_energy": float(share)}
-        if worst is not None:
-            row |= {"sag": float(worst.wind_up_sag[d]), "lower": float(worst.wind_up_lower[d]),
-                    "upper": float(worst.wind_up_upper[d])}  # fmt: skip
-        rows.append(row)
-    return _by_drive(rows)
+    found = elastic_summary(result)
+    shares = found.lowest_frequency.strain_energy
+    rows: list[WindUp] = []
+    if found.worst is not None:
+        rows = list(found.rests[found.worst].wind_up.values())
+    table = _frame(rows, "name", "drive")
+    table = table.reindex(list(found.drives)).rename_axis("drive")
+    return table.assign(strain_energy=pd.Series(shares))
 
 
 @summary.register(SizingReport)
 def _(result: SizingReport) -> pd.DataFrame:
-    return _by_drive([_sized(joint) for joint in result.joints])
-
-
-def _sized(joint: JointSizing) -> dict[str, Any]:
-    demand = asdict(joint.demand)
-    row = {key: value for key, value in demand.items() if not isinstance(value, dict | tuple)}
-    least, worst = joint.demand.holding or (None, None)
-    row |= {"holding_least": least, "holding_worst": worst, "choice": None, "mass": None,
-            "ratio": None, "margin": None}  # fmt: skip
-    if joint.choice is not None:
-        drive = joint.choice.candidate
-        row |= {"choice": drive.name, "mass": drive.mass, "ratio": drive.ratio,
-                "margin": joint.choice.margin}  # fmt: skip
-    return row
+    table = _frame([joint.demand for joint in result.joints], "name", "drive")
+    chosen = [joint.choice for joint in result.joints]
+    candidates = [getattr(choice, "candidate", None) for choice in chosen]
+    table["choice"] = [getattr(candidate, "name", None) for candidate in candidates]
+    table["mass"] = [getattr(candidate, "mass", None) for candidate in candidates]
+    table["ratio"] = [getattr(candidate, "ratio", None) for candidate in candidates]
+    table["margin"] = [getattr(choice, "margin", None) for choice in chosen]
+    return table
 
 
 @summary.register(Motion)
 def _(result: Motion) -> pd.DataFrame:
-    scene, t = result.scene, result.t
-    rates, _ = working_rates(scene, result.q, result.v)
-    energy = result.energy()
-    heat = dict(zip(result.site_names, energy.friction_loss, strict=True))
-    gears = result.motor_torque is not None
-    rest: dict[str, float] = dict.fromkeys(result.site_names, 0.0)
-    for interval in result.stick_intervals():
-        rest[interval.site] += interval.end - interval.start
-    rows = []
-    for i, drive in enumerate(scene.drives):
-        effort = result.effort[:, i]
-        rows.append({
-            "name": drive.name, "unit": effort_unit(scene, i),
-            "peak": float(np.abs(effort).max()), "rms": rms(t, effort),
-            "work": float(np.trapezoid(effort * rates[:, i], t)),
-            "heat": float(heat.get(drive.name, np.nan)),
-            "gear_heat": float(energy.gear_loss[i]) if gears else np.nan,
-            "stick_time": rest.get(drive.name, np.nan),
-        })  # fmt: skip
-    return _by_drive(rows)
+    return _frame(drive_work(result), "name", "drive")
 
 
 @summary.register(Exported)
 def _(result: Exported) -> pd.DataFrame:
-    rows = [asdict(joint) for joint in result.joints]  # none of coupled drives
-    return pd.DataFrame(rows or {"joint": []}).set_index("joint")
+    return _frame(result.joints, "joint")  # none of coupled drives
 
 
 @summary.register(RetimeResult)
 def _(result: RetimeResult) -> pd.DataFrame:
-    most = result.usage.max(axis=0, initial=0.0)
-    rows: list[dict[str, Any]] = [
-        {"name": drive.name, **dict(zip(KINDS, most[d].tolist(), strict=True)),
-         "limiting": sum(result.limiting.get(drive.name, {}).values()),
-         "continuous torque": np.nan if result.rms is None else float(result.rms[d])}
-        for d, drive in enumerate(result.problem.scene.drives)
-    ]  # fmt: skip
-    return _by_drive(rows)
+    rows = [
+        {
+            "drive": drive.name,
+            **drive.use,
+            "limiting": sum(drive.limiting.values()),
+            "continuous torque": float("nan") if drive.rms is None else drive.rms,
+        }
+        for drive in retime_summary(result).drives
+    ]
+    return pd.DataFrame(rows).set_index("drive")
 
 
 @summary.register(SweepResult)
 def _(result: SweepResult) -> pd.DataFrame:
-    rows: list[dict[str, Any]] = [
-        {"name": name, "unit": unit}
-        for name, unit in zip(result.actuator_names, result.units, strict=True)
-    ]
+    columns: dict[str, Any] = {"drive": result.actuator_names, "unit": result.units}
     for figure in DEMANDS if result.solved.any() else ():
         for p, values in zip(result.percentiles, result.quantiles(figure), strict=True):
-            for row, value in zip(rows, values, strict=True):
-                row[f"{figure}_{p:g}"] = float(value)
+            columns[f"{figure}_{p:g}"] = values
+    table = pd.DataFrame(columns).set_index("drive")
     for trial in result.trials:
         share = result.probability(result.sufficing(trial)).value
-        rows[trial.actuator]["suffices"] = share
-    return _by_drive(rows)
+        table.loc[result.actuator_names[trial.actuator], "suffices"] = share
+    return table
 
 
 @summary.register(Identified)
 def _(result: Identified) -> pd.DataFrame:
-    rows = [{"key": p.key} | asdict(p) for p in result.parameters]
-    return pd.DataFrame(rows).set_index("key")
+    table = _frame(result.parameters, "name")
+    table.insert(0, "key", [parameter.key for parameter in result.parameters])
+    return table.reset_index().set_index("key")

@@ -9,6 +9,7 @@ import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.effects import MOTOR_SIDE, Effect, effects, uncoupled, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.elastic.matters import ElasticEffect, elastic_effect
@@ -32,68 +33,58 @@ _TIMED, _PATIENCE = 4000, 0.2
 _NAN = float("nan")
 
 
-@dataclass(frozen=True)
+@described
 class Explained:
-    """One effect of a scene, with what it costs and changes on one motion.
+    """One effect of a scene, with what it costs and changes on one motion."""
 
-    Attributes:
-        name, on, why: as `Effect`.
-        cost_us: what leaving the effect out saves per sample (us); of coupling, the passes after
-            the first. NaN where it is off, and of loops, which cannot be left out.
-        peak_change: change of the largest effort magnitude of any drive through the effect,
-            in the drive's unit, of the drive where the change is largest; NaN as `cost_us`. Of
-            coupling: against one pass with the loads that there are without friction.
-        rms_change: the same of the RMS, over time.
-        drive: that drive's name; empty where the effect is off.
-        motor_side: True where the change is of motor torques (a transmission changes nothing at
-            the joint).
-    """
+    name: str = quantity("the effect", heading="effect")
+    on: bool = quantity("whether the scene calls for it")
+    why: str = quantity("the keys that call for it")
+    cost_us: float = quantity(
+        "what leaving the effect out saves per sample, microseconds; of coupling, the passes after "
+        "the first; NaN where it is off, and of loops, which cannot be left out",
+        heading="cost\nus",
+        cell="{cost_us:.2f}",
+    )
+    peak_change: float = quantity(
+        "change of the largest effort magnitude of any drive through the effect, of the drive "
+        "where the change is largest; of coupling: against one pass, loads without friction",
+        EFFORT,
+        "peak\nchange",
+        "{peak_change:+}",
+    )
+    rms_change: float = quantity("the same of the RMS", EFFORT, "RMS\nchange", "{rms_change:+}")
+    drive: str = quantity("that drive; empty where the effect is off", heading="of", name=True)
+    motor_side: bool = quantity(
+        "the change is of motor torques (a transmission changes nothing at the joint)",
+        heading="motor\nside",
+    )
 
-    name: str
-    on: bool
-    why: str
-    cost_us: float
-    peak_change: float
-    rms_change: float
-    drive: str
-    motor_side: bool
 
-
-@dataclass(frozen=True)
+@described
 class GearLoss:
-    """What a gear loses in proportion to its load, as its motor feels it.
+    """What a gear loses in proportion to its load, as its motor feels it."""
 
-    Attributes:
-        drive: its name.
-        peak_change, rms_change: of the motor's torque through that loss (N m).
-        rms: of the motor's torque with it (N m).
-    """
-
-    drive: str
-    peak_change: float
-    rms_change: float
-    rms: float
+    drive: str = quantity("its name", heading="joint", name=True)
+    peak_change: float = quantity(
+        "of the motor's torque through that loss", "N m", "peak\nchange", "{peak_change:+}"
+    )
+    rms_change: float = quantity("the same of the RMS", "N m", "RMS\nchange", "{rms_change:+}")
+    rms: float = quantity("of the motor's torque with it", "N m", "RMS")
 
 
-@dataclass(frozen=True)
+@described
 class Explanation:
-    """All effects of a scene, and what the whole costs.
+    """All effects of a scene, and what the whole costs."""
 
-    Attributes:
-        effects: one row each.
-        gears: one row for each gear whose loss grows with its load.
-        total_us: inverse dynamics with everything on, per sample, on one thread.
-        plain_us: the same motion without any effect.
-        samples: of the motion.
-        elastic: whether elastic gears matter; None where the scene has none.
-    """
-
-    effects: tuple[Explained, ...]
-    gears: tuple[GearLoss, ...]
-    total_us: float
-    plain_us: float
-    samples: int
-    elastic: ElasticEffect | None = None
+    effects: tuple[Explained, ...] = quantity("one row each")
+    gears: tuple[GearLoss, ...] = quantity("each gear whose loss grows with its load")
+    total_us: float = quantity("inverse dynamics per sample, one thread, microseconds")
+    plain_us: float = quantity("the same motion without any effect")
+    samples: int = quantity("of the motion")
+    elastic: ElasticEffect | None = quantity(
+        "whether elastic gears matter; none: there are none", default=None
+    )
 
 
 def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:

@@ -2,63 +2,72 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.model.couples import reaches
+from pinfric.model.described import EFFORT, SPEED, between, described, quantity
 from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
 
 
-@dataclass(frozen=True)
+@described
 class ActuatorSummary:
     """What one drive must deliver along a motion.
 
     At every sample the effort u lies in [lower, upper]; its worst value is the end that is larger
     in magnitude, its least value the number of smallest magnitude in between (0 where the interval
     encloses it). All RMS are over time, by the trapezoidal rule.
-
-    Attributes:
-        name: the drive's.
-        unit: of every effort here, "N m" or "N".
-        peak: max |u_worst|.
-        peak_time, peak_velocity: when (s), and the joint's velocity then (rad/s or m/s).
-        rms: sqrt(1/T int u_worst^2 dt).
-        rms_least: sqrt(1/T int u_least^2 dt).
-        peak_frictionless, rms_frictionless: the same of the effort without friction u_0.
-        friction_share: R_f / (R_f + R_0) with R_f the RMS of u_worst - u_0 and R_0 that of u_0;
-            0 without friction, 1 where friction is all there is, 0.5 where it is as large as the
-            rest. (The quotient rms / rms_frictionless would hide friction that holds the load.)
-        stick_time: sum of (end - start) over the stick intervals, s. A stick of one sample is a
-            passage through rest: it counts as an interval, and adds no time.
-        sticks, reversals: number of stick intervals, and of reversals between samples.
-        max_interval: max (upper - lower).
-        motor_unit, motor_peak, motor_rms, motor_rms_least: the same at the motor's shaft; for an
-            ideal drive, which has none, the effort's.
     """
 
-    name: str
-    unit: str
-    peak: float
-    peak_time: float
-    peak_velocity: float
-    rms: float
-    rms_least: float
-    peak_frictionless: float
-    rms_frictionless: float
-    friction_share: float
-    stick_time: float
-    sticks: int
-    reversals: int
-    max_interval: float
-    motor_unit: str
-    motor_peak: float
-    motor_rms: float
-    motor_rms_least: float
+    name: str = quantity("the drive's", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    peak: float = quantity("max |u_worst|", EFFORT, "peak")
+    peak_time: float = quantity("when", "s")
+    peak_velocity: float = quantity("the joint's velocity then", SPEED)
+    rms: float = quantity(
+        "sqrt(1/T int u_worst^2 dt)",
+        EFFORT,
+        "RMS\nleast\N{EN DASH}worst",
+        between("rms_least", "rms"),
+    )
+    rms_least: float = quantity("sqrt(1/T int u_least^2 dt)", EFFORT)
+    peak_frictionless: float = quantity(
+        "peak of the effort without friction u_0",
+        EFFORT,
+        "frictionless\npeak, RMS",
+        "{peak_frictionless}, {rms_frictionless}",
+    )
+    rms_frictionless: float = quantity("RMS of the same", EFFORT)
+    friction_share: float = quantity(
+        "R_f / (R_f + R_0) with R_f the RMS of u_worst - u_0 and R_0 that of u_0: 0 without "
+        "friction, 1 where friction is all there is, 0.5 where it is as large as the rest (the "
+        "quotient rms / rms_frictionless would hide friction that holds the load)",
+        heading="friction\nshare",
+        cell="{friction_share:%}",
+    )
+    stick_time: float = quantity(
+        "sum of (end - start) over the stick intervals; a stick of one sample is a passage through "
+        "rest: it counts as an interval, and adds no time",
+        "s",
+        "sticks",
+    )
+    sticks: int = quantity("number of stick intervals")
+    reversals: int = quantity("number of reversals between samples")
+    max_interval: float = quantity("max (upper - lower)", EFFORT, "widest\ninterval")
+    motor_unit: str = quantity("of the figures at the motor's shaft; of an ideal drive, `unit`")
+    motor_peak: float = quantity(
+        "peak at the motor's shaft, in `motor_unit`; of an ideal drive, `peak`",
+        heading="motor\npeak",
+    )
+    motor_rms: float = quantity(
+        "RMS there, in `motor_unit`",
+        heading="motor RMS\nleast\N{EN DASH}worst",
+        cell=between("motor_rms_least", "motor_rms"),
+    )
+    motor_rms_least: float = quantity("least RMS there, in `motor_unit`")
 
 
 def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
@@ -118,8 +127,12 @@ def rounding(result: InverseResult) -> float:
     1e-9 of the largest effort, force or moment in it.
     """
     arrays = [result.effort_lower, result.effort_upper, result.effort_frictionless, result.wrench]
-    ends = [abs(float(end.reduce(x, axis=None, initial=0.0)))  # fmin, fmax pass over NaN
-            for x in arrays if x is not None for end in (np.fmin, np.fmax)]  # fmt: skip
+    ends = [
+        abs(float(end.reduce(x, axis=None, initial=0.0)))  # fmin, fmax pass over NaN
+        for x in arrays
+        if x is not None
+        for end in (np.fmin, np.fmax)
+    ]
     return ROUNDING * max(ends)
 
 

@@ -17,7 +17,8 @@ import pinfric as pf
 from pinfric.dynamics.forward import holds as holds_module
 from pinfric.errors import SimulationError, StateError
 from pinfric.friction.holding import Verdict
-from pinfric.show.report.motion import motion_json
+from pinfric.model.described import in_json
+from pinfric.study.motion_summary import motion_summary
 
 RATIO = -50.0
 
@@ -226,8 +227,8 @@ def test_a_motion_keeps_which_was_given(tmp_path):
     scene = hoist(LOSSY)
     found = pf.simulate(scene, [0.0], [0.0], t_end=0.2, motor_torque={"lift": -3.0})
     assert (found.motor_torque == -3.0).all()
-    assert found.given == motion_json(found)["given"] == "motor_torque"
-    assert found.energy().gear_loss[0] == motion_json(found)["energy"]["gear_loss"]["lift"]
+    assert found.given == in_json(motion_summary(found))["given"] == "motor_torque"
+    assert found.energy().gear_loss[0] == motion_summary(found).energy.gear_loss["lift"]
     assert found.energy().gear_loss[0] == found.summary().loc["lift", "gear_heat"]
     t = found.a[:, 0] * 10.0 + 98.1
     np.testing.assert_allclose(found.effort[:, 0], t, rtol=1e-12)

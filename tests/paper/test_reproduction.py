@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
+from envelopes import result_of
 
 from pinfric.cli import main
 
@@ -20,7 +19,7 @@ def printed(tmp_path_factory):
     with contextlib.redirect_stdout(text), pytest.raises(SystemExit) as stop:
         main(["paper", "--json", "--out", str(folder)])
     assert stop.value.code == 0
-    return json.loads(text.getvalue()), folder
+    return result_of(text.getvalue()), folder
 
 
 #: Bounds: the printed times, and what the readings of the data leave open.
@@ -59,7 +58,7 @@ def test_the_literal_reading_sticks_early_and_stops(capsys):
     with pytest.raises(SystemExit) as stop:
         main(["paper", "--reading", "literal", "--json"])
     assert stop.value.code == 0
-    examples = {e["name"]: e for e in json.loads(capsys.readouterr().out)["examples"]}
+    examples = {e["name"]: e for e in result_of(capsys.readouterr().out)["examples"]}
     for name, example in examples.items():
         start, end = example["stick"]
         assert start < STICKS[name][0][0]  # earlier than printed

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import doctest
+import pickle
+from importlib import import_module
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -13,8 +17,9 @@ from sweep_cases import pushed_block, steady, sweep_of, uniform
 import pinfric as pf
 from pinfric.errors import StateError
 from pinfric.model.brief import screen
-from pinfric.show.report.inverse import inverse_json
-from pinfric.show.report.sweep import sweep_json
+from pinfric.model.described import in_json
+from pinfric.study.inverse_summary import inverse_summary
+from pinfric.study.sweep.summary import sweep_summary
 
 LONG = "a_very_long_name_of_a_joint_that_some_exporter_made_up_from_the_path_of_its_part"
 
@@ -97,7 +102,7 @@ def test_a_screen_keeps_its_width_whatever_it_is_told():
 def test_summary_has_the_figures_of_the_json(panda):
     scene, motion, result = panda
     table = result.summary()
-    joints = inverse_json(result, "")["joints"]
+    joints = in_json(inverse_summary(result, ""))["joints"]
     assert list(table.index) == list(scene.actuator_names)
     for joint in joints:
         assert table.loc[joint["name"]].to_dict() == {k: v for k, v in joint.items() if k != "name"}
@@ -125,10 +130,10 @@ def test_summary_of_a_sweep_has_its_percentiles():
     trials = {"slide": {"continuous_torque": 4.0, "peak_torque": 9.0}}
     found = pf.sweep(scene, steady(scene), sweep_of(
         20, motors=trials, friction__slide__mu=uniform(0.5, 1.5)), processes=1)  # fmt: skip
-    (joint,) = sweep_json(found)["joints"]
+    (joint,) = in_json(sweep_summary(found))["joints"]
     row = found.summary().loc["slide"]
     assert row["peak_95"] == joint["peak"]["percentiles"]["95"]
-    assert row["suffices"] == sweep_json(found)["motors"][0]["suffices"]["value"]
+    assert row["suffices"] == in_json(sweep_summary(found))["motors"][0]["suffices"]["value"]
 
 
 def test_plot_is_a_matplotlib_figure(panda):
@@ -190,3 +195,18 @@ def test_efforts_csv_holds_the_motion_that_was_given(panda):
         np.testing.assert_array_equal(frame[f"{name}.v"], motion.v[:, i])
         np.testing.assert_array_equal(frame[f"{name}.a"], motion.a[:, i])
     np.testing.assert_array_equal(frame["payload.box"], motion.attached[:, 0])
+
+
+def test_a_notebook_shows_a_result_as_its_table_and_its_figure_as_a_picture(panda):
+    shown = panda[2]._repr_html_()
+    assert "<th>peak N m or N</th>" in shown
+    assert "panda_joint2" in shown
+    assert "panda_pick_and_place.yaml" in shown
+    picture = pickle.loads(pickle.dumps(panda[2].plot()))
+    for figure in (panda[2].plot(), picture):
+        assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_examples_in_docstrings_run():
+    found = doctest.testmod(import_module("pinfric.model.upward"))
+    assert (found.failed, found.attempted > 0) == (0, True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block
+from envelopes import result_of
 
 import pinfric as pf
 from pinfric.cli import main
@@ -88,7 +87,7 @@ def test_the_command_prints_what_it_measured(capsys):
     with pytest.raises(SystemExit) as stop:
         main(["explain", "three_link", "three_link.waypoints.yaml", "--json"])
     assert stop.value.code == 0
-    answer = json.loads(capsys.readouterr().out)
+    answer = result_of(capsys.readouterr().out)
     load = next(e for e in answer["effects"] if e["name"] == "load")
     assert load["on"]
     assert load["why"] == "friction.joint_12.bearing"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from pinfric.dynamics.samples.outcome import Solution, SolvedMotion, Status
 from pinfric.errors import StateError
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.coordinates import motion_columns
+from pinfric.model.described import derived, described, quantity
 from pinfric.model.upward import Shown
 
 if TYPE_CHECKING:
@@ -30,18 +30,19 @@ ACTUATOR_QUANTITIES = (
 SITE_QUANTITIES = ("sticking", "reversal", "normal_load", "friction_lower", "friction_upper")
 
 
-@dataclass(frozen=True)
+@described
 class StickInterval:
-    """A time during which a site sticks without a break.
+    """A time during which a site sticks without a break."""
 
-    Attributes:
-        site: its name.
-        start, end: times of the first and last sticking sample (s).
-    """
+    site: str = quantity("its name", heading="joint", name=True)
+    start: float = quantity("time of the first sticking sample", "s", "from", "{start:.6f}")
+    end: float = quantity("time of the last sticking sample", "s", "to", "{end:.6f}")
 
-    site: str
-    start: float
-    end: float
+    @property
+    @derived("s", "for")
+    def duration(self) -> float:
+        """The end less the start."""
+        return self.end - self.start
 
 
 class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
@@ -166,12 +167,12 @@ class InverseResult(SolvedMotion, Shown):  # noqa: D101 (that of its fields)
                 f"payload.{name}": states.attached[:, p].astype(np.int8)
                 for p, name in enumerate(self.scene.payloads)
             }
-        for quantity in ACTUATOR_QUANTITIES:
+        for array in ACTUATOR_QUANTITIES:
             for i, name in enumerate(self.actuator_names):
-                columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, i]
-        for quantity in SITE_QUANTITIES:
+                columns[f"{name}.{array}"] = getattr(self, array)[:, i]
+        for array in SITE_QUANTITIES:
             for s, name in enumerate(self.site_names):
-                columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, s]
+                columns[f"{name}.{array}"] = getattr(self, array)[:, s]
         return pd.DataFrame(columns)
 
 

@@ -22,6 +22,7 @@ from pinfric.model.arrays import real_numbers
 from pinfric.model.brief import counted, file_name, listed, screen
 from pinfric.model.closure import velocity_names
 from pinfric.model.coordinates import motion_columns
+from pinfric.model.described import described, quantity
 from pinfric.model.drives import lossy_gears, write_motor_torques
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene
@@ -56,22 +57,20 @@ SITE_ARRAYS = ("modes", "friction", "normal_load")
 _MORE = ".summary() .plot() .to_dataframe() .stick_intervals() .energy() .sample(t)"
 
 
-@dataclass(frozen=True)
+@described
 class Event:
-    """Something that happened at an instant.
+    """Something that happened at an instant."""
 
-    Attributes:
-        time: s.
-        name: the site or joint.
-        kind: `stick`, `slip`, `reversal` (a site passes through rest without sticking), `limit`
-            (a joint leaves its range).
-        direction: of the slip that follows, or side of the limit: -1, 0, 1.
-    """
-
-    time: float
-    name: str
-    kind: str
-    direction: int
+    time: float = quantity("when", "s", "time", "{time:.6f}")
+    name: str = quantity("the site or joint", heading="joint", name=True)
+    kind: str = quantity(
+        "`stick`, `slip`, `reversal` (a site passes through rest without sticking), `limit` (a "
+        "joint leaves its range)",
+        heading="what",
+    )
+    direction: int = quantity(
+        "of the slip that follows, or side of the limit: -1, 0, 1", heading="direction"
+    )
 
 
 @dataclass(frozen=True)
@@ -262,9 +261,9 @@ class Motion(Shown):
         drive = {"effort": self.actuator_names}
         if self.motor_torque is not None:
             drive["motor_torque"] = self.actuator_names
-        for quantity, names in {**drive, **site}.items():
+        for array, names in {**drive, **site}.items():
             for i, name in enumerate(names):
-                columns[f"{name}.{quantity}"] = getattr(self, quantity)[:, i]
+                columns[f"{name}.{array}"] = getattr(self, array)[:, i]
         return pd.DataFrame(columns)
 
     def save(self, path: str | Path) -> Path:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.values import digits
-from pinfric.study.retime.fastest import DriveSet
+from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.retime.limits import KINDS
 from pinfric.study.retime.retime import RetimeResult
 
@@ -61,7 +61,7 @@ def retime_figure(result: RetimeResult) -> Figure:
     return figure
 
 
-def fastest_figure(sets: Sequence[DriveSet], title: str) -> Figure:
+def fastest_figure(sets: Sequence[TimedSet], title: str) -> Figure:
     """Draw cycle time over the mass of the drives: what was tried, and what nothing beats.
 
     Args:

@@ -44,20 +44,40 @@ def over_time(found: Identified) -> list[Figure]:
             known = np.isfinite(measured)
             keep = thinned([lower[:, j], upper[:, j], np.where(known, measured, 0.0)], _PIECES)
             t = five_digits(time[keep])
-            shown = [x if is_known else None for x, is_known in
-                     zip(five_digits(measured[keep]), known[keep], strict=True)]  # fmt: skip
+            shown = [
+                x if is_known else None
+                for x, is_known in zip(five_digits(measured[keep]), known[keep], strict=True)
+            ]
             figure["data"] += [
                 curve(t, five_digits(lower[keep, j]), "", _BLUE, 1.0, showlegend=False),
-                curve(t, five_digits(upper[keep, j]), "identified scene", _BLUE, 1.0,
-                      fill="tonexty", fillcolor=_BAND, showlegend=first),
+                curve(
+                    t,
+                    five_digits(upper[keep, j]),
+                    "identified scene",
+                    _BLUE,
+                    1.0,
+                    fill="tonexty",
+                    fillcolor=_BAND,
+                    showlegend=first,
+                ),
                 curve(t, shown, "measured", _ORANGE, 1.2, showlegend=first),
-            ]  # fmt: skip
+            ]
             figure["layout"].setdefault("shapes", []).extend(
-                {"type": "rect", "xref": "x", "yref": "paper", "x0": float(time[a]),
-                 "x1": float(time[b]), "y0": 0, "y1": 1, "fillcolor": _SHADE,
-                 "line": {"width": 0}, "layer": "below"}
-                for a, b in runs(rests(result, j)) if b > a
-            )  # fmt: skip
+                {
+                    "type": "rect",
+                    "xref": "x",
+                    "yref": "paper",
+                    "x0": float(time[a]),
+                    "x1": float(time[b]),
+                    "y0": 0,
+                    "y1": 1,
+                    "fillcolor": _SHADE,
+                    "line": {"width": 0},
+                    "layer": "below",
+                }
+                for a, b in runs(rests(result, j))
+                if b > a
+            )
         start = float(time[-1]) + 1.0
     return figures
 
@@ -75,11 +95,21 @@ def residual_clouds(found: Identified, joint: int) -> dict[str, Figure]:
     keep = np.unique(np.linspace(0, off.size - 1, min(_DOTS, off.size)).astype(int))
     result = {}
     speed = "m/s" if unit == "N" else "rad/s"
-    for name, x, title in (("velocity", rows.velocity, f"velocity, {speed}"),
-                           ("load", rows.load, f"effort without friction, {unit}")):  # fmt: skip
-        data = [{"type": "scatter", "mode": "markers", "x": five_digits(x[keep]),
-                 "y": five_digits(off[keep]), "marker": {"color": _BLUE, "size": 3, "opacity": 0.5},
-                 "showlegend": False, "name": "residual"}]  # fmt: skip
+    for name, x, title in (
+        ("velocity", rows.velocity, f"velocity, {speed}"),
+        ("load", rows.load, f"effort without friction, {unit}"),
+    ):
+        data = [
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": five_digits(x[keep]),
+                "y": five_digits(off[keep]),
+                "marker": {"color": _BLUE, "size": 3, "opacity": 0.5},
+                "showlegend": False,
+                "name": "residual",
+            }
+        ]
         middle, means = _running_mean(x, off)
         data.append(curve(middle, means, "mean", _RED, 2.0))
         result[name] = {"data": data, "layout": axes_layout(title, f"measured - fitted, {unit}")}
@@ -89,5 +119,7 @@ def residual_clouds(found: Identified, joint: int) -> dict[str, Figure]:
 def _running_mean(x: np.ndarray, y: np.ndarray) -> tuple[list[float], list[float]]:
     """Means of y over twelfths of x."""
     parts = np.array_split(np.argsort(x), 12)
-    return ([float(f"{x[part].mean():.4g}") for part in parts if part.size],
-            [float(f"{y[part].mean():.4g}") for part in parts if part.size])  # fmt: skip
+    return (
+        [float(f"{x[part].mean():.4g}") for part in parts if part.size],
+        [float(f"{y[part].mean():.4g}") for part in parts if part.size],
+    )

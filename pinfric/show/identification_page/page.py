@@ -7,11 +7,13 @@ from typing import Any
 
 from pinfric import __version__
 from pinfric.show.identification_page.figures import Figure, over_time, residual_clouds
+from pinfric.show.report.rows import table_of
 from pinfric.show.report.values import json_for_script
 from pinfric.show.sizing_page.page import page_parts
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter
+from pinfric.study.identify.summary import identify_summary, predicted
 from pinfric.study.summary import effort_unit
 
 #: Coefficients whose standard errors are listed for each advised recording.
@@ -28,6 +30,7 @@ def identification_page(found: Identified) -> str:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
     environment, plotly = page_parts(Path(__file__).parent)
+    summary = identify_summary(found)
     time = over_time(found)
     figures: dict[str, Figure] = {}
     joints: list[dict[str, Any]] = []
@@ -40,6 +43,8 @@ def identification_page(found: Identified) -> str:
         joints.append(_joint_view(found, j, name))
     page: str = environment.get_template("identification.html.j2").render(
         found=found,
+        laws=table_of("", summary.joints),
+        unseen=table_of("", predicted(summary)),
         delay=found.estimate.delay,
         scene=Path(found.scene.source).stem,
         logs=found.recordings,
@@ -70,6 +75,12 @@ def _joint_view(found: Identified, joint: int, name: str) -> dict[str, Any]:
     laws = [
         (law, errors[law], errors[law] / plain) for law in sorted(errors, key=errors.__getitem__)
     ]
-    return {"name": name, "law": found.law_of(name), "error": found.errors[name],
-            "rest": found.rest[name], "spread": found.spread[name], "laws": laws,
-            "unit": effort_unit(found.scene, joint)}  # fmt: skip
+    return {
+        "name": name,
+        "law": found.law_of(name),
+        "error": found.errors[name],
+        "rest": found.rest[name],
+        "spread": found.spread[name],
+        "laws": laws,
+        "unit": effort_unit(found.scene, joint),
+    }

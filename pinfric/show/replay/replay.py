@@ -6,16 +6,16 @@ import html as html_escaping
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
 from pinfric.dynamics.simulation.motion import Motion, scene_digests
 from pinfric.dynamics.simulation.motion_file import load_motion
 from pinfric.errors import StateError, TrajectoryError
+from pinfric.model.described import described, quantity
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.show.replay.frames import RATE, make_frames
@@ -185,22 +185,20 @@ def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
     return lines
 
 
-def replay_json(shown: Replay, warnings: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what `pinfric replay --json` prints; times in s.
+@described
+class ReplaySummary:
+    """What a replay shows."""
 
-    Args:
-        shown: the replay.
-        warnings: what was noticed on the way.
-    """
-    return {
-        "html": None if shown.html is None else str(shown.html),
-        "duration": shown.duration,
-        "frames": shown.frames,
-        "stick_intervals": [
-            {"site": i.site, "start": i.start, "end": i.end} for i in shown.stick_intervals
-        ],
-        "warnings": list(warnings),
-    }
+    html: str | None = quantity("the page; none: none was written")
+    duration: float = quantity("of the motion", "s")
+    frames: int = quantity("that are drawn")
+    stick_intervals: tuple[StickInterval, ...] = quantity("that are marked")
+
+
+def replay_summary(shown: Replay) -> ReplaySummary:
+    """Return what a replay shows."""
+    html = None if shown.html is None else str(shown.html)
+    return ReplaySummary(html, shown.duration, shown.frames, tuple(shown.stick_intervals))
 
 
 def check_same_scene(scene: Scene, motion: InverseResult | Motion) -> None:

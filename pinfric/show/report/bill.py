@@ -10,8 +10,18 @@ from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.catalog import Catalog, Sourced
 from pinfric.study.sizing.size import JointSizing, SizingReport
 
-_COLUMNS = ("part", "quantity", "joints", "mass_kg", "mass_total_kg", "price", "price_total",
-            "dimensions", "source", "grade")  # fmt: skip
+_COLUMNS = (
+    "part",
+    "quantity",
+    "joints",
+    "mass_kg",
+    "mass_total_kg",
+    "price",
+    "price_total",
+    "dimensions",
+    "source",
+    "grade",
+)
 
 
 def bill_of_materials(report: SizingReport) -> str:
@@ -42,10 +52,17 @@ def bill_of_materials(report: SizingReport) -> str:
         costs = [
             x for one in (mass, entry.price) for x in (one, None if one is None else count * one)
         ]
-        writer.writerow([
-            name, count, " ".join(joints[name]), *("" if x is None else f"{x:.6g}" for x in costs),
-            entry.dimensions, entry.source, entry.grade,
-        ])  # fmt: skip
+        writer.writerow(
+            [
+                name,
+                count,
+                " ".join(joints[name]),
+                *("" if x is None else f"{x:.6g}" for x in costs),
+                entry.dimensions,
+                entry.source,
+                entry.grade,
+            ]
+        )
     return file.getvalue()
 
 

@@ -1,15 +1,12 @@
-"""What `pinfric check` found: a list for people, a dictionary for machines."""
+"""What `pinfric check` found, as a list for people."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pinfric import __version__
 from pinfric.model.brief import counted
-from pinfric.show.report.values import json_safe
 from pinfric.study.check.findings import CheckReport, Finding, Severity
 
 if TYPE_CHECKING:
@@ -18,24 +15,6 @@ if TYPE_CHECKING:
 _STYLES = {Severity.ERROR: "bold red", Severity.WARNING: "yellow", Severity.NOTE: "dim"}
 #: The same finding at more places is one line, with so many of their names.
 _MOST_NAMES = 4
-
-
-def check_json(report: CheckReport) -> dict[str, Any]:
-    """Return everything `pinfric check --json` prints."""
-    findings = [
-        {**asdict(finding), "severity": finding.severity.name.lower(), "text": finding.text}
-        for finding in report.findings
-    ]
-    return json_safe({
-        "pinfric": __version__,
-        "source": report.source,
-        "robot": report.figures,
-        "errors": report.count(Severity.ERROR),
-        "warnings": [f"{f.place}: {f.text}" for f in report.findings
-                     if f.severity == Severity.WARNING],
-        "notes": report.count(Severity.NOTE),
-        "findings": findings,
-    })  # fmt: skip
 
 
 def check_report(report: CheckReport) -> list[RenderableType]:

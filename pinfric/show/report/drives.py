@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
-from typing import Any
-
+from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, span
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.front import DriveSet
-from pinfric.study.sizing.power import BusPower
 from pinfric.study.sizing.size import SizingReport
 
 #: Criteria that a table names of a drive that misses several.
@@ -23,10 +20,15 @@ def smaller_table(report: SizingReport) -> Table | None:
     """Say what the next smaller drive of each joint lacks; None where no joint has one."""
     rows = [
         (joint.name, small.candidate.name, digits(small.candidate.mass or 0.0), shortfall(small))
-        for joint in report.joints if (small := joint.next_smaller) is not None
-    ]  # fmt: skip
-    columns = (Column("joint", Kind.NAME), Column("next smaller", Kind.WORDS), Column("mass\nkg"),
-               Column("would fit,\nbut is short by", Kind.WORDS))  # fmt: skip
+        for joint in report.joints
+        if (small := joint.next_smaller) is not None
+    ]
+    columns = (
+        Column("joint", Kind.NAME),
+        Column("next smaller", Kind.WORDS),
+        Column("mass\nkg"),
+        Column("would fit,\nbut is short by", Kind.WORDS),
+    )
     return Table("the next smaller drives", columns, rows) if rows else None
 
 
@@ -42,20 +44,28 @@ def brake_table(report: SizingReport) -> Table:
     rows = []
     for joint, still in zip(report.joints, report.standstills, strict=True):
         brake = still.criteria[-1]
-        rows.append((
-            joint.name, span(*still.effort, zero=_ROUNDING),
-            "-" if still.shaft is None else span(*still.shaft, zero=_ROUNDING),
-            holds_alone(still),
-            still.brake or ("none bears it" if brake.available else "-"),
-            "-" if brake.margin is None else f"{100 * brake.margin:.0f} %",
-        ))  # fmt: skip
+        rows.append(
+            (
+                joint.name,
+                span(*still.effort, zero=_ROUNDING),
+                "-" if still.shaft is None else span(*still.shaft, zero=_ROUNDING),
+                holds_alone(still),
+                still.brake or ("none bears it" if brake.available else "-"),
+                "-" if brake.margin is None else f"{100 * brake.margin:.0f} %",
+            )
+        )
     units = {joint.demand.unit for joint in report.joints}
     unit = units.pop() if len(units) == 1 else "N m, N"
-    columns = (Column("joint", Kind.NAME), Column(f"at the\njoint\n{unit}"),
-               Column("at the\nmotor\nN m"), Column("without\nbrake", Kind.LABEL),
-               Column("smallest brake", Kind.WORDS), Column("\nmargin"))  # fmt: skip
-    return Table("without power, anywhere along the cycle: friction helping most–least",  # noqa: RUF001
-                 columns, rows)  # fmt: skip
+    columns = (
+        Column("joint", Kind.NAME),
+        Column(f"at the\njoint\n{unit}"),
+        Column("at the\nmotor\nN m"),
+        Column("without\nbrake", Kind.LABEL),
+        Column("smallest brake", Kind.WORDS),
+        Column("\nmargin"),
+    )
+    title = "without power, anywhere along the cycle: friction helping most\N{EN DASH}least"
+    return Table(title, columns, rows)
 
 
 def holds_alone(still: Standstill) -> str:
@@ -79,11 +89,14 @@ def bus_lines(report: SizingReport) -> list[str]:
         f"({digits(bus.rms_current)} A RMS); {digits(bus.drawn)} J a {each}",
         f"braking: {digits(bus.braking)} W at most, {digits(bus.returned)} J a {each}, "
         f"{digits(bus.burst)} J in one go: {bus.remedy}"
-        if bus.resistor is not None else f"braking: {bus.remedy}",
-    ]  # fmt: skip
+        if bus.resistor is not None
+        else f"braking: {bus.remedy}",
+    ]
     if bus.mechanical:
-        lines.append(f"{len(bus.mechanical)} of the drives without copper loss: no torque constant "
-                     "or resistance")  # fmt: skip
+        lines.append(
+            f"{len(bus.mechanical)} of the drives without copper loss: no torque constant "
+            "or resistance"
+        )
     if bus.left_out:
         lines.append(f"the bus without {', '.join(bus.left_out)}: no motor")
     return lines
@@ -93,19 +106,15 @@ def sets_table(report: SizingReport) -> Table | None:
     """List the sets that trade mass for energy, power or price; None without a second one."""
     if len(report.sets) < 2:
         return None
-    priced = any(found.price is not None for found in report.sets)
-    rows = [
-        (digits(found.mass), _bounded(found.energy, found), _bounded(found.peak_power, found),
-         *([_price(found)] if priced else []), exchanged(found, report))
-        for found in report.sets
-    ]  # fmt: skip
     least = " (≥: without the copper loss of some, and compared without it)"
     title = "sets of drives that no other one tried betters"
     title += least * any(not found.copper for found in report.sets)
-    columns = (Column("mass\nkg"), Column(f"energy a\n{turn(report)}, J"),
-               Column("peak of\nthe bus, W"), *([Column("price")] if priced else []),
-               Column("instead of the lightest", Kind.WORDS))  # fmt: skip
-    return Table(title, columns, rows, keys=0)
+    cells = {
+        "energy": lambda found: _bounded(found.energy, found),
+        "peak_power": lambda found: _bounded(found.peak_power, found),
+        "drives": lambda found: exchanged(found, report),
+    }
+    return table_of(title, report.sets, keys=0, cells=cells)
 
 
 def exchanged(found: DriveSet, report: SizingReport) -> str:
@@ -117,22 +126,3 @@ def exchanged(found: DriveSet, report: SizingReport) -> str:
 
 def _bounded(x: float, found: DriveSet) -> str:
     return digits(x) if found.copper else f"≥{digits(x)}"
-
-
-def _price(found: DriveSet) -> str:
-    return "-" if found.price is None else f"{found.price:.2f}"
-
-
-def drives_json(report: SizingReport) -> dict[str, Any]:
-    """Return bus and sets for `pinfric size --json`."""
-    bus: dict[str, Any] = {f.name: getattr(report.bus, f.name) for f in fields(BusPower)
-                           if f.name not in ("power", "criteria")}  # fmt: skip
-    bus |= {"remedy": report.bus.remedy, "criteria": [asdict(c) for c in report.bus.criteria]}
-    return {"bus": bus, "sets": [asdict(found) for found in report.sets]}
-
-
-def standstill_json(still: Standstill) -> dict[str, Any]:
-    """Return what holds a joint without power, for `pinfric size --json`."""
-    entry = asdict(still)
-    del entry["criteria"]  # among the joint's
-    return entry

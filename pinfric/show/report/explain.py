@@ -1,33 +1,15 @@
-"""What each effect of a scene costs and changes: tables for people, a dictionary for machines."""
+"""What each effect of a scene costs and changes, as tables for people."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
+from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
-from pinfric.show.report.values import digits, json_safe, signed
+from pinfric.show.report.values import digits
 from pinfric.study.elastic.matters import ElasticEffect
-from pinfric.study.explain import Explanation, GearLoss
-
-
-def explain_json(
-    explanation: Explanation, scene: str, warnings: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return everything `pinfric explain --json` prints; SI units but for `_us` (microseconds).
-
-    Args:
-        explanation: what was measured.
-        scene: its file.
-        warnings: what was noticed on the way.
-    """
-    found = asdict(explanation)
-    if explanation.elastic is None:
-        found.pop("elastic")
-    return json_safe({"scene": scene, **found, "warnings": list(warnings)})
+from pinfric.study.explain import Explanation
 
 
 def explain_report(explanation: Explanation, scene: str) -> Report:
@@ -39,15 +21,11 @@ def explain_report(explanation: Explanation, scene: str) -> Report:
         [(row.name, "on" if row.on else "off", row.why) for row in explanation.effects],
         faint=frozenset(i for i, row in enumerate(explanation.effects) if not row.on),
     )
-    measured = Table(
-        f"{name}: what they cost and change",
-        (Column("effect", Kind.LABEL), Column("cost\nus"), Column("peak\nchange"),
-         Column("RMS\nchange"), Column("of", Kind.NAME)),
-        [(row.name, f"{row.cost_us:.2f}", signed(row.peak_change), signed(row.rms_change),
-          f"{row.drive}{' (motor)' if row.motor_side else ''}")
-         for row in explanation.effects if math.isfinite(row.cost_us)],
-    )  # fmt: skip
-    gears = _gear_table(explanation.gears) if explanation.gears else None
+    timed = [row for row in explanation.effects if math.isfinite(row.cost_us)]
+    side = {"motor_side": lambda row: "(motor)" if row.motor_side else ""}
+    measured = table_of(f"{name}: what they cost and change", timed, cells=side)
+    title = "gear by joint: motor torque, and what the loss with the load adds"
+    gears = table_of(title, explanation.gears)
     lines = [
         f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
         f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
@@ -63,8 +41,10 @@ def explain_report(explanation: Explanation, scene: str) -> Report:
 def elastic_lines(effect: ElasticEffect) -> list[str]:
     """Return whether elastic gears matter: for motors, for the motion, for the tool's place."""
     if effect.bandwidth is None or effect.motor_share is None:
-        return [f"elastic gears: lowest frequency {digits(effect.frequency)} Hz where the scene "
-                "starts; a motion says whether that matters"]  # fmt: skip
+        return [
+            f"elastic gears: lowest frequency {digits(effect.frequency)} Hz where the scene "
+            "starts; a motion says whether that matters"
+        ]
     ratio = effect.bandwidth / effect.frequency
     lines = [
         f"elastic gears: lowest frequency {digits(effect.frequency)} Hz, motion up to "
@@ -74,14 +54,8 @@ def elastic_lines(effect: ElasticEffect) -> list[str]:
         f"({effect.drive}), left out everywhere",
     ]
     if effect.sag is not None and effect.interval is not None:
-        lines.append(f"  tool at rest: sags by up to {digits(1e3 * effect.sag)} mm, and stands "
-                     f"anywhere within ±{digits(1e3 * effect.interval)} mm")  # fmt: skip
+        lines.append(
+            f"  tool at rest: sags by up to {digits(1e3 * effect.sag)} mm, and stands anywhere "
+            f"within ±{digits(1e3 * effect.interval)} mm"
+        )
     return lines
-
-
-def _gear_table(gears: Sequence[GearLoss]) -> Table:
-    columns = (Column("joint", Kind.NAME), Column("RMS\nN m"), Column("peak\nchange"),
-               Column("RMS\nchange"))  # fmt: skip
-    rows = [(gear.drive, digits(gear.rms), signed(gear.peak_change), signed(gear.rms_change))
-            for gear in gears]  # fmt: skip
-    return Table("gear by joint: motor torque, and what the loss with the load adds", columns, rows)

@@ -31,7 +31,13 @@ def affixes(names: Sequence[str]) -> tuple[str, str]:
 
 def without(names: Sequence[str], front: str, back: str) -> list[str]:
     """Return the names without what they begin and end with."""
-    return [name[len(front) : len(name) - len(back)] for name in names]
+    return [name.removeprefix(front).removesuffix(back) for name in names]
+
+
+def short_names(names: Sequence[str]) -> dict[str, str]:
+    """Return name -> name without what all of them begin and end with: as every table says it."""
+    front, back = affixes(names)
+    return dict(zip(names, without(names, front, back), strict=True))
 
 
 def left_out(front: str, back: str) -> str:

@@ -1,31 +1,27 @@
-"""Sizing in words and figures: tables for people, a dictionary for machines."""
+"""Sizing in words and figures, as tables for people."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from pinfric import __version__
 from pinfric.show.report.drives import (
     brake_table,
     bus_lines,
-    drives_json,
     sets_table,
     smaller_table,
-    standstill_json,
+    turn,
 )
-from pinfric.show.report.elastic import elasticity_json, frequency_lines
-from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
-from pinfric.show.report.values import digits, json_safe, span
+from pinfric.show.report.elastic import frequency_lines
+from pinfric.show.report.retime import fastest_table
+from pinfric.show.report.rows import table_of
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.values import digits, span
+from pinfric.study.elastic.summary import elastic_summary
+from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.criteria import Criterion, Status, load_factor, optimum_ratio
-from pinfric.study.sizing.size import JointSizing, SizingReport
-from pinfric.study.summary import ends_by_magnitude
+from pinfric.study.sizing.criteria import Criterion, Status
+from pinfric.study.sizing.size import SizingReport
 
 #: Efforts below (N m, N) are rounding.
 ROUNDING = 1e-9
@@ -33,154 +29,36 @@ ROUNDING = 1e-9
 _VISIBLE = 1e-4
 
 
-def sizing_json(report: SizingReport, warnings: Sequence[str] = ()) -> dict[str, Any]:
-    """Return everything `pinfric size --json` prints; SI units, None for what is not known.
-
-    `holding` is [least, worst] effort while every joint of the robot stands still; what a joint
-    that stands while others move must bear is in `breakaway` and, at its motor, `motor.standing`.
-
-    Args:
-        report: of `size`.
-        warnings: what was noticed on the way.
-    """
-    return json_safe(
-        {
-            "pinfric": __version__,
-            "scene": report.given.source,
-            "trajectory": report.trajectory,
-            "catalog": None if report.catalog is None else report.catalog.source,
-            "conditions": report.conditions.model_dump(),
-            "cycle_time": report.period,
-            "cycles": [
-                {"name": name, "repeats": n}
-                for (name, _), n in zip(report.duty.parts(), report.duty.repeats, strict=False)
-            ],
-            "off": _off(report),
-            "unclosed": list(report.unclosed),
-            "passes": report.passes,
-            "settled": report.settled,
-            "drive_mass": report.drive_mass,
-            "joints": [
-                _joint_json(joint, still)
-                for joint, still in zip(report.joints, report.standstills, strict=True)
-            ],
-            **drives_json(report),
-            "misses": list(report.misses),
-            "short": list(report.short),
-            **({} if report.elastic is None else {"elasticity": elasticity_json(report.elastic)}),
-            **_asked_json(report),
-            "notes": list(report.notes),
-            "warnings": list(warnings),
-        }
-    )
-
-
-def _asked_json(report: SizingReport) -> dict[str, Any]:
-    """The criteria of the whole robot, where conditions ask for some."""
-    criteria = report.arm_criteria
-    return {"robot": {"criteria": [asdict(c) for c in criteria]}} if criteria else {}
-
-
-def _joint_json(joint: JointSizing, still: Standstill) -> dict[str, Any]:
-    d = joint.demand
-    entry: dict[str, Any] = {
-        "name": d.name, "unit": d.unit,
-        "peak": d.peak, "rms": d.rms, "rms_least": d.rms_least,
-        "breakaway": d.breakaway, "breakaway_friction": d.breakaway_friction,
-        "holding": None if d.holding is None else list(d.holding),
-        "speed": d.speed, "speed_at_peak": d.speed_at_peak, "mean_speed": d.mean_speed,
-        "mean_cubic": d.mean_cubic, "duty": d.duty, "hold_share": d.hold_share,
-        "power": asdict(d.power), "travel": d.travel,
-        "bearing": None if d.bearing is None else {
-            "radial": d.bearing.radial, "axial": d.bearing.axial, "moment": d.bearing.moment,
-        },
-        "frictionless": {
-            "peak": d.peak_frictionless, "rms": d.rms_frictionless,
-            "holding": d.holding_frictionless, "power": asdict(d.power_frictionless),
-            "choice": _name(joint.choice_frictionless),
-        },
-        "without_drive_masses": {
-            "peak": joint.demand_without_masses.peak, "rms": joint.demand_without_masses.rms,
-            "choice": _name(joint.choice_without_masses),
-        },
-        "load_inertia": joint.load_inertia,
-        "choice": _name(joint.choice), "mass": None, "not_checked": None, "margin": None,
-        "margins": {}, "criteria": [], "motor": None,
-    }  # fmt: skip
-    if joint.taken is not None:
-        entry |= _taken_json(joint, joint.taken, still)
-    entry["standstill"] = standstill_json(still)
-    fitting = [a for a in joint.assessments if a.fits]
-    rejected = [a for a in joint.assessments if not a.fits]
-    entry["alternatives"] = [
-        {"name": a.candidate.name, "mass": a.candidate.mass, "margin": a.margin,
-         "not_checked": len(a.not_checked)}
-        for a in fitting if a is not joint.choice
-    ]  # fmt: skip
-    entry["rejected"] = [{"name": a.candidate.name, "why": a.why} for a in rejected]
-    entry["nearest_miss"] = joint.miss or None
-    smaller = joint.next_smaller
-    entry["next_smaller"] = smaller and {"name": smaller.candidate.name, "why": smaller.why}
-    return entry
-
-
-def _taken_json(joint: JointSizing, taken: Assessment, still: Standstill) -> dict[str, Any]:
-    """What there is to say of the choice; of the nearest miss where nothing fits."""
-    candidate, criteria = taken.candidate, (*taken.criteria, *still.criteria)
-    return {
-        "judged": candidate.name,
-        "mass": candidate.mass,
-        "ratio": candidate.ratio,
-        "not_checked": len(taken.not_checked),
-        "margin": taken.margin,
-        "margins": {c.name: c.margin for c in criteria},
-        "criteria": [asdict(c) for c in criteria],
-        "motor": None if taken.motor is None else asdict(taken.motor),
-        "losses": candidate.losses,
-        "stand_ins": list(candidate.stand_ins),
-        "sources": list(candidate.sources),
-        **ratio_figures(joint, taken),
-    }
-
-
-def ratio_figures(joint: JointSizing, taken: Assessment) -> dict[str, float | None]:
-    """Return how good a drive's ratio is: the best one, and Giberti's factors of motor and load.
-
-    `optimum_ratio` (least RMS motor torque), `load_factor` beta and `accelerating_factor`
-    T_N^2/J_rotor, W/s; None where a figure is missing or the joint never accelerates.
-    """
-    candidate, inertia = taken.candidate, taken.candidate.rotor_inertia
-    worst = ends_by_magnitude(joint.cycle.effort_lower, joint.cycle.effort_upper)[0]
-    torque = candidate.ratings.continuous_torque
-    if torque is not None and candidate.at_output:
-        torque /= candidate.ratio
-    alpha = None if torque is None or inertia is None else torque**2 / inertia
-    best = None if inertia is None else optimum_ratio(joint.cycle, worst, inertia)
-    if best is not None and not np.isfinite(best):
-        best = None  # a joint that never accelerates gains by any ratio
-    return {"optimum_ratio": best, "load_factor": load_factor(joint.cycle, worst),
-            "accelerating_factor": alpha}  # fmt: skip
-
-
-def sizing_report(report: SizingReport) -> Report:
+def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = None) -> Report:
     """Return the tables and lines that `pinfric size` prints, for a rich console.
 
     Args:
         report: of `size`.
+        fastest: sets of drives and their times, where they were asked for.
     """
     from rich.text import Text
 
+    more = [fastest_table(fastest)] if fastest else []
     notes = [f"note: {line}" for line in report.notes]
     if report.catalog is None:
         failing = [Text(f"! {line}", style="bold red") for line in report.short]
-        return paragraphs(_demand_table(report), elastic_lines(report), failing, notes)
+        return paragraphs(demand_table(report), elastic_lines(report), failing, notes)
+    failing = [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)]
     return paragraphs(
-        _demand_table(report), _choice_table(report),
+        demand_table(report),
+        _choice_table(report),
         [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"],
-        _heavier(report), smaller_table(report), sets_table(report), brake_table(report),
-        bus_lines(report), _changes(report), elastic_lines(report),
-        [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)], notes,
-    )  # fmt: skip
+        _heavier(report),
+        smaller_table(report),
+        sets_table(report),
+        brake_table(report),
+        bus_lines(report),
+        _changes(report),
+        elastic_lines(report),
+        failing,
+        notes,
+        *more,
+    )
 
 
 def elastic_lines(report: SizingReport) -> list[str]:
@@ -189,10 +67,12 @@ def elastic_lines(report: SizingReport) -> list[str]:
     if report.elastic is None:
         return asked
     rigid = [drive.name for drive in report.scene.drives if drive.spring is None]
-    lines = frequency_lines(report.elastic)
+    lines = frequency_lines(elastic_summary(report.elastic), report.scene.actuator_names)
     if rigid:
-        lines.append(f"stiffness not known: {', '.join(rigid)}: taken as rigid, so these "
-                     "frequencies are upper bounds")  # fmt: skip
+        lines.append(
+            f"stiffness not known: {', '.join(rigid)}: taken as rigid, so these frequencies are "
+            "upper bounds"
+        )
     return [*lines, *asked]
 
 
@@ -203,43 +83,50 @@ def repetition(report: SizingReport) -> str:
     return "repeated, though it does not close" if report.unclosed else "repeated without a pause"
 
 
-def _off(report: SizingReport) -> float:
-    """Time switched off in a period, s."""
-    t = report.result.t
-    assert t is not None  # size refuses a motion without times
-    return float(t[-1] - t[report.duty.starts[-2]]) if report.duty.off else 0.0
+#: What a cycle demands beside, on the page.
+_ON_THE_PAGE = (
+    *("speed_at_peak", "breakaway_friction", "duty", "hold_share"),
+    *("power.driving", "power.braking", "power.delivered", "power.returned"),
+    *("bearing.radial", "bearing.axial", "bearing.moment"),
+)
 
 
-def _demand_table(report: SizingReport) -> Table:
-    unit, key = key_columns([joint.demand.unit for joint in report.joints])
+def demand_table(report: SizingReport) -> Table | None:
+    """Return what the cycle demands of each joint."""
     title = f"{Path(report.given.source).stem} · {Path(report.trajectory).name}"
-    headings = ("peak", "RMS", "frictionless\npeak, RMS", "holding", "break-\naway")
-    figures = [Column(heading + (f"\n{unit}" if unit else "")) for heading in headings]
-    speed = {"N m": "\nrad/s", "N": "\nm/s"}.get(unit, "\nrad/s, m/s")
-    rows = [
-        (
-            d.name, *([] if unit else [d.unit]),
-            digits(d.peak), span_beside(d.rms_least, d.rms, d.peak),
-            f"{beside(d.peak_frictionless, d.peak)}, {beside(d.rms_frictionless, d.peak)}",
-            "-" if d.holding is None else span_beside(*d.holding, d.peak),
-            "-" if d.breakaway is None else beside(d.breakaway, d.peak),
-            digits(d.speed),
-        )
-        for d in (joint.demand for joint in report.joints)
-    ]  # fmt: skip
-    return Table(
-        f"{title}: {digits(report.period)} s, {repetition(report)}",
-        [*key, *figures, Column(f"speed{speed}")], rows, keys=len(key),
-    )  # fmt: skip
+    title = f"{title}: {digits(report.period)} s, {repetition(report)}"
+    return _demands(report, title, without=_ON_THE_PAGE)
+
+
+def power_table(report: SizingReport) -> Table | None:
+    """Return what the page says beside: speed and friction, power, energy, the bearings' loads."""
+    title = f"power, energy per {turn(report)}, loads of bearings"
+    return _demands(report, title, only=("name", "unit", *_ON_THE_PAGE))
+
+
+def _demands(
+    report: SizingReport, title: str, only: Collection[str] = (), without: Collection[str] = ()
+) -> Table | None:
+    return table_of(
+        title,
+        [joint.demand for joint in report.joints],
+        zero=lambda demand: max(ROUNDING, _VISIBLE * demand.peak),
+        only=only,
+        without=without,
+    )
 
 
 def _choice_table(report: SizingReport) -> Table:
     source = report.catalog.source if report.catalog is not None else ""
     columns = (
-        Column("joint", Kind.NAME), Column("lightest that fits", Kind.WORDS), Column("mass\nkg"),
-        Column("least\nmargin"), Column("tightest\ncriterion", Kind.WORDS), Column("not\nchecked"),
+        Column("joint", Kind.NAME),
+        Column("lightest that fits", Kind.WORDS),
+        Column("mass\nkg"),
+        Column("least\nmargin"),
+        Column("tightest\ncriterion", Kind.WORDS),
+        Column("not\nchecked"),
         Column("fit"),
-    )  # fmt: skip
+    )
     rows = []
     for joint in report.joints:
         fits = sum(a.fits for a in joint.assessments)
@@ -249,11 +136,17 @@ def _choice_table(report: SizingReport) -> Table:
             rows.append((joint.name, name, "", "", "", "", count))
             continue
         tight = tightest(joint.choice)
-        rows.append((
-            joint.name, joint.choice.candidate.name, digits(joint.choice.candidate.mass or 0.0),
-            f"{100 * joint.choice.margin:.0f} %", tight.name if tight else "",
-            str(len(joint.choice.not_checked)), count,
-        ))  # fmt: skip
+        rows.append(
+            (
+                joint.name,
+                joint.choice.candidate.name,
+                digits(joint.choice.candidate.mass or 0.0),
+                f"{100 * joint.choice.margin:.0f} %",
+                tight.name if tight else "",
+                str(len(joint.choice.not_checked)),
+                count,
+            )
+        )
     title = f"drives from {source}, {digits(report.conditions.bus_voltage)} V"
     return Table(title, columns, rows)
 
@@ -276,10 +169,15 @@ def _heavier(report: SizingReport) -> Table | None:
     """What the drives' own mass changed, where it is more than a twentieth."""
     rows = [
         (j.name, digits(j.demand_without_masses.rms), digits(j.demand.rms), j.demand.unit)
-        for j in report.joints if j.demand.rms > 1.05 * j.demand_without_masses.rms
-    ]  # fmt: skip
-    columns = (Column("joint", Kind.NAME), Column("RMS\nwithout"), Column("with"),
-               Column("", Kind.LABEL))  # fmt: skip
+        for j in report.joints
+        if j.demand.rms > 1.05 * j.demand_without_masses.rms
+    ]
+    columns = (
+        Column("joint", Kind.NAME),
+        Column("RMS\nwithout"),
+        Column("with"),
+        Column("", Kind.LABEL),
+    )
     return Table("what the drives' own mass adds", columns, rows) if rows else None
 
 
@@ -287,14 +185,18 @@ def _changes(report: SizingReport) -> list[str]:
     """What neglecting the drives' own mass, or friction, would have bought."""
     lines = []
     for joint in report.joints:
-        for other, text in ((joint.choice_without_masses, "without the drives' mass"),
-                            (joint.choice_frictionless, "without friction")):  # fmt: skip
+        for other, text in (
+            (joint.choice_without_masses, "without the drives' mass"),
+            (joint.choice_frictionless, "without friction"),
+        ):
             if _name(other) != _name(joint.choice):
                 lines.append(f"{joint.name}: {text} it would be {_name(other) or 'none'}")
     unchecked = sum(len(j.choice.not_checked) for j in report.joints if j.choice is not None)
     if unchecked:
-        lines.append(f"{unchecked} criteria of the chosen drives are not checked: no figure "
-                     "(--json and the report name them)")  # fmt: skip
+        lines.append(
+            f"{unchecked} criteria of the chosen drives are not checked: no figure "
+            "(--json and the report name them)"
+        )
     return lines
 
 

@@ -1,106 +1,39 @@
-"""What a sweep says: tables for people, a dictionary for machines."""
+"""What a sweep says, as tables for people."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from pinfric import __version__
-from pinfric.show.report.tables import Column, Kind, Report, Table, key_columns, paragraphs
-from pinfric.show.report.values import digits, json_safe
-from pinfric.study.sweep.cycle import DEMANDS
-from pinfric.study.sweep.motors import Trial
+from pinfric.show.report.rows import table_of
+from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.values import digits
 from pinfric.study.sweep.result import Probability, SweepResult
+from pinfric.study.sweep.summary import MotorOnTrial, SweepSummary
 
 #: Parameters named per drive and figure, and the least share of the variance that is.
 _NAMED, _LEAST_SHARE = 2, 0.01
 _AT_JOINT, _AT_MOTOR = ("peak", "rms"), ("motor_peak", "motor_rms")
 _HEADINGS = {"peak": "peak", "rms": "RMS", "motor_peak": "peak", "motor_rms": "RMS"}
-_DESIGNS = {"random": "random samples", "sobol": "samples of a Sobol design",
-            "grid": "points of a grid"}  # fmt: skip
+_DESIGNS = {
+    "random": "random samples",
+    "sobol": "samples of a Sobol design",
+    "grid": "points of a grid",
+}
 
 
-def sweep_json(result: SweepResult, warnings: Sequence[str] = ()) -> dict[str, Any]:
-    """Return everything `pinfric sweep --json` prints; SI units, None for what is not a number.
-
-    Args:
-        result: of `sweep`.
-        warnings: what was noticed on the way.
-    """
-    content: dict[str, Any] = {
-        "pinfric": __version__,
-        "scene": result.scene,
-        "trajectory": result.trajectory,
-        "sweep": result.sweep,
-        "sampling": result.sampling,
-        "seed": result.seed,
-        "samples": result.samples,
-        "solved": int(result.solved.sum()),
-        "parameters": [
-            {"name": name, "min": column.min(), "mean": column.mean(), "max": column.max()}
-            for name, column in zip(result.parameter_names, result.values.T, strict=True)
-        ],
-        "joints": [],
-        "correlation_noise": result.correlation_noise,
-        "motors": [_trial_json(result, trial) for trial in result.trials],
-        "all_motors_suffice": (
-            asdict(result.probability(result.sufficing())) if result.trials else None
-        ),
-        "warnings": list(warnings),
-    }
-    quantiles = {name: result.quantiles(name) for name in DEMANDS} if result.solved.any() else {}
-    correlations = {name: result.rank_correlation(name) for name in DEMANDS}
-    shares = {name: result.sobol(name) for name in DEMANDS}
-    for i, (drive, unit) in enumerate(zip(result.actuator_names, result.units, strict=True)):
-        joint: dict[str, Any] = {"name": drive, "unit": unit}
-        for name in DEMANDS:
-            joint[name] = {
-                "percentiles": {f"{p:g}": quantiles[name][k, i]
-                                for k, p in enumerate(result.percentiles) if quantiles},
-                "rank_correlation": dict(
-                    zip(result.parameter_names, correlations[name][:, i], strict=True)
-                ),
-            }  # fmt: skip
-            found = shares[name]
-            if found is not None:
-                joint[name]["sobol"] = {
-                    parameter: {key: getattr(found[i], key)[j] for key in asdict(found[i])}
-                    for j, parameter in enumerate(result.parameter_names)
-                }
-        content["joints"].append(joint)
-    if elastic := result.elastic_quantiles():
-        content["elastic"] = {
-            name: {f"{p:g}": x for p, x in zip(result.percentiles, values, strict=True)}
-            for name, values in elastic.items()
-        }
-    return dict(json_safe(content))
-
-
-def _trial_json(result: SweepResult, trial: Trial) -> dict[str, Any]:
-    met = trial.met(result.figures)
-    own = asdict(trial)
-    own["criteria_of_size"] = bool(own.pop("checks"))
-    return {
-        **own,
-        "suffices": asdict(result.probability(result.sufficing(trial))),
-        "criteria": {name: asdict(result.probability(mask)) for name, mask in met.items()},
-        "not_checked": trial.not_checked(result.figures),
-    }
-
-
-def sweep_report(result: SweepResult) -> Report:
+def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
     """Return the tables and lines that `pinfric sweep` prints, for a rich console.
 
     Args:
         result: of `sweep`.
+        found: its summary.
     """
     title = f"{Path(result.scene).stem} · {Path(result.trajectory).name}: "
     title += f"{result.samples} {_DESIGNS[result.sampling]}"
-    tables = []
+    tables: list[Table | None] = []
     if result.solved.any():
         tables = [_percentile_table(result, _AT_JOINT, result.units, "at the joints")]
         names, where = shaft_figures(result)
@@ -109,8 +42,14 @@ def sweep_report(result: SweepResult) -> Report:
         tables.append(_driver_table(result, names, where))
     if elastic := result.elastic_quantiles():
         tables.append(_elastic_table(result, elastic))
-    if result.trials:
-        tables.append(_motor_table(result))
+    if found.motors:
+        cells = {
+            "name": lambda motor: motor.name or "as given",
+            "suffices": lambda motor: percent(motor.suffices, interval=True),
+            "criteria": _failures,
+        }
+        title_of_trials = "motors on trial: in how many samples they suffice, and what fails"
+        tables.append(table_of(title_of_trials, found.motors, cells=cells))
     return paragraphs(title, *tables, _footer(result))
 
 
@@ -128,7 +67,8 @@ def _elastic_table(result: SweepResult, found: dict[str, np.ndarray]) -> Table:
 def _percentile_table(
     result: SweepResult, names: Sequence[str], units: Sequence[str], title: str
 ) -> Table:
-    unit, key = key_columns(units)
+    unit = units[0] if len(set(units)) == 1 else ""
+    key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
     figures = [Column(f"{_HEADINGS[name]}\n{p:g} %") for name in names for p in result.percentiles]
     quantiles = np.concatenate([result.quantiles(name) for name in names])
     rows = [
@@ -200,23 +140,9 @@ def brief(parameter: str) -> str:
     return parameter.split(".", 1)[-1]
 
 
-def _motor_table(result: SweepResult) -> Table:
-    columns = (Column("joint", Kind.NAME), Column("motor", Kind.WORDS), Column("suffices"),
-               Column("fails", Kind.WORDS))  # fmt: skip
-    rows = [
-        (trial.drive, trial.name or "as given",
-         percent(result.probability(result.sufficing(trial)), interval=True),
-         _failures(result, trial))
-        for trial in result.trials
-    ]  # fmt: skip
-    title = "motors on trial: in how many samples they suffice, and what fails"
-    return Table(title, columns, rows)
-
-
-def _failures(result: SweepResult, trial: Trial) -> str:
+def _failures(motor: MotorOnTrial) -> str:
     """The criteria that fail in any sample, and in how many, the most frequent first."""
-    failing = {name: ~mask[result.solved] for name, mask in trial.met(result.figures).items()}
-    shares = {name: mask.sum() / result.samples for name, mask in failing.items() if mask.any()}
+    shares = {name: 1.0 - met.value for name, met in motor.criteria.items() if met.value < 1.0}
     order = sorted(shares, key=lambda name: -shares[name])
     return "\n".join(f"{name} {100 * shares[name]:.1f} %" for name in order) or "nothing"
 
@@ -238,8 +164,10 @@ def _footer(result: SweepResult) -> list[str]:
             lines.append("in brackets: 95 % confidence, of the number of samples alone")
     lines += _trial_notes(result)
     if not result.solved.all():
-        lines.append(f"{np.count_nonzero(~result.solved)} samples have no solution: left out of "
-                     "percentiles, no motor suffices in them")  # fmt: skip
+        lines.append(
+            f"{np.count_nonzero(~result.solved)} samples have no solution: left out of "
+            "percentiles, no motor suffices in them"
+        )
     lines.append("peak, RMS: of the worst end of the effort's interval; percentiles over samples")
     if not result.has_shares:
         lines.append(

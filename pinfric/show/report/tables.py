@@ -2,16 +2,17 @@
 
     Table("efforts", (Column("joint", Kind.NAME), Column("peak\\nN m")), [("elbow", "5.20")])
 
-Names that do not fit lose what all of them begin and end with (said once above the table), then
-letters in their middle; words are wrapped; columns that still do not fit go into a further block
-below, each with the names again. The width is that of the terminal (of any of the three standard
-streams, so also behind `| less`), or the environment's COLUMNS; without either it is 80.
+A report leaves out what all its names begin and end with (`paragraphs` says so once, above); names
+that still do not fit lose letters in their middle; words are wrapped; columns that do not fit go
+into a further block below, each with the names again. The width is that of the terminal (of any of
+the three standard streams, so also behind `| less`), or the environment's COLUMNS; without either
+it is 80.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -54,11 +55,10 @@ class Column:
     kind: Kind = Kind.NUMBER
     among: Sequence[str] = ()
 
-
-def key_columns(units: Sequence[str]) -> tuple[str, list[Column]]:
-    """Return the unit that all rows share, else "", and the columns of a row's joint and unit."""
-    unit = units[0] if len(set(units)) == 1 else ""
-    return unit, [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
+    @property
+    def shortened(self) -> bool:
+        """Whether a report leaves out what its names begin and end with: joints and drives."""
+        return self.kind is Kind.NAME and not self.among
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,25 @@ class Table:
     sections: frozenset[int] = frozenset()
     faint: frozenset[int] = frozenset()
 
+    def names(self) -> list[str]:
+        """Return the names of joints and drives in its cells."""
+        columns = [(c, x) for c, x in enumerate(self.columns) if x.shortened]
+        cells = (row[c].split("\n") for c, _ in columns for row in self.rows)
+        return [name for names in cells for name in names]
+
+    def without(self, front: str, back: str) -> Table:
+        """Return the table with what its names begin and end with left out."""
+        named = {c for c, column in enumerate(self.columns) if column.shortened}
+        cut = dict(zip(self.names(), without(self.names(), front, back), strict=True))
+        rows = [
+            [
+                "\n".join(cut[x] for x in t.split("\n")) if c in named else t
+                for c, t in enumerate(row)
+            ]
+            for row in self.rows
+        ]
+        return replace(self, rows=rows)
+
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Print it at the console's width."""
         from rich.text import Text
@@ -88,8 +107,6 @@ class Table:
         layout = _lay_out(self, options.max_width)
         if self.title:
             yield Text(self.title, style="bold")
-        if layout.left_out:
-            yield Text(layout.left_out, style="dim")
         for i, block in enumerate(layout.blocks):
             if i:
                 yield Text()
@@ -102,16 +119,21 @@ class Table:
 def paragraphs(*parts: Table | str | Sequence[str | Text] | None) -> Report:
     """Return a report: its parts with a blank line between them.
 
+    What all names of its tables begin and end with is left out of them, and said once.
+
     Args:
         parts: tables, titles (one text), lines; what is None or empty is left out.
     """
     from rich.text import Text
 
-    found: Report = []
+    tables = [part for part in parts if isinstance(part, Table)]
+    front, back = affixes([name for table in tables for name in table.names()])
+    note = left_out(front, back)
+    found: Report = [Text(note, style="dim")] if note else []
     for part in parts:
         found += [Text()] * bool(found and part)
         if isinstance(part, Table):
-            found.append(part)
+            found.append(part.without(front, back))
         elif isinstance(part, str):
             found.append(Text(part, style="bold"))
         else:
@@ -126,20 +148,16 @@ class _Layout:
     cells: Sequence[Sequence[str]]
     widths: Sequence[int]
     blocks: Sequence[Sequence[int]]
-    left_out: str
 
 
 def _lay_out(table: Table, width: int) -> _Layout:
     cells = [[row[c] for row in table.rows] for c in range(len(table.columns))]
-    whole = [_widest((column.heading, *texts))
-             for column, texts in zip(table.columns, cells, strict=True)]  # fmt: skip
-    first = table.columns[0]
-    known = [*cells[0], *first.among]
-    front, back = affixes(known) if first.kind is Kind.NAME else ("", "")
-    bare = without(cells[0], front, back)
-    among = [without(first.among, front, back), *(column.among for column in table.columns[1:])]
+    whole = [
+        _widest((column.heading, *texts))
+        for column, texts in zip(table.columns, cells, strict=True)
+    ]
     least = [
-        _least(column, bare if c == 0 else _lines(texts), among[c], whole[c], width)
+        _least(column, _lines(texts), whole[c], width)
         for c, (column, texts) in enumerate(zip(table.columns, cells, strict=True))
     ]
     blocks = _blocks(least, table.keys, width)
@@ -149,14 +167,10 @@ def _lay_out(table: Table, width: int) -> _Layout:
             break
         blocks = even
     widths = _grow(table, whole, least, blocks, width)
-    note = ""
-    if widths[0] < whole[0] and (front or back):
-        cells[0], note = bare, left_out(front, back)
-        widths[0] = min(widths[0], _widest((table.columns[0].heading, *bare)))
     for c, column in enumerate(table.columns):
         if column.kind is Kind.NAME:
-            cells[c] = _cut(cells[c], among[c], widths[c])
-    return _Layout(cells, widths, blocks, note)
+            cells[c] = _cut(cells[c], column.among, widths[c])
+    return _Layout(cells, widths, blocks)
 
 
 def _widest(texts: Sequence[str]) -> int:
@@ -165,13 +179,11 @@ def _widest(texts: Sequence[str]) -> int:
     return max((cell_len(line) for text in texts for line in text.split("\n")), default=0)
 
 
-def _least(
-    column: Column, texts: Sequence[str], among: Sequence[str], whole: int, width: int
-) -> int:
+def _least(column: Column, texts: Sequence[str], whole: int, width: int) -> int:
     """The width below which a column would rather stand in another block."""
     heading = _widest((column.heading,))
     if column.kind is Kind.NAME:
-        tell_apart = least_room([*texts, *among])
+        tell_apart = least_room([*texts, *column.among])
         if tell_apart > width // 2:  # no shorter name is one name only: they are folded
             tell_apart = 0
         return min(whole, max(heading, tell_apart, min(_widest(texts), _NAME)))
@@ -196,9 +208,12 @@ def _blocks(least: Sequence[int], keys: int, width: int) -> list[list[int]]:
 
 
 def _grow(
-    table: Table, whole: Sequence[int], least: Sequence[int], blocks: Sequence[Sequence[int]],
+    table: Table,
+    whole: Sequence[int],
+    least: Sequence[int],
+    blocks: Sequence[Sequence[int]],
     width: int,
-) -> list[int]:  # fmt: skip
+) -> list[int]:
     """Widths with what the blocks have to spare: for the keys, then for the rest, left to right."""
     widths = list(least)
 
@@ -235,14 +250,17 @@ def _block(table: Table, layout: _Layout, block: Sequence[int]) -> Any:
         column = table.columns[c]
         number = column.kind is Kind.NUMBER
         made.add_column(
-            column.heading, justify="right" if number else "left", overflow="fold",
-            width=layout.widths[c], vertical="top",
-        )  # fmt: skip
+            column.heading,
+            justify="right" if number else "left",
+            overflow="fold",
+            width=layout.widths[c],
+            vertical="top",
+        )
     for r in range(len(table.rows)):
         if r in table.sections and r:
             made.add_section()
-        made.add_row(*(_cell(layout.cells[c][r]) for c in block),
-                     style="dim" if r in table.faint else None)  # fmt: skip
+        cells = (_cell(layout.cells[c][r]) for c in block)
+        made.add_row(*cells, style="dim" if r in table.faint else None)
     return made
 
 

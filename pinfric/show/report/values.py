@@ -1,4 +1,4 @@
-"""Numbers as reports print them, and values as JSON takes them."""
+"""Numbers as reports print them, and values as scripts of pages take them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import math
 from typing import Any
 
-import numpy as np
+from pinfric.model.described import in_json
 
 
 def digits(x: float, zero: float = 0.0) -> str:
@@ -20,7 +20,7 @@ def digits(x: float, zero: float = 0.0) -> str:
     """
     if not math.isfinite(x):
         return "n/a"
-    if abs(x) <= zero:
+    if x == 0.0 or abs(x) <= zero:
         return "0"
     size = math.floor(math.log10(abs(float(f"{x:.2e}"))))  # after rounding: 9.996 is 10.0
     if -3 <= size <= 4:
@@ -50,21 +50,7 @@ def span(least: float, worst: float, zero: float = 0.0) -> str:
     return low if low == high else f"{low}–{high}"  # noqa: RUF001 - a range
 
 
-def json_safe(value: Any) -> Any:
-    """Return `value` in types of JSON: arrays as lists, NaN and infinity as None."""
-    if isinstance(value, dict):
-        return {str(key): json_safe(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_safe(entry) for entry in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return json_safe(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def json_for_script(content: Any) -> str:
     """Return a value as JSON that can stand in a script element, whatever names it holds."""
-    text = json.dumps(json_safe(content), ensure_ascii=False, allow_nan=False,
-                      separators=(",", ":"))  # fmt: skip
+    text = json.dumps(in_json(content), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

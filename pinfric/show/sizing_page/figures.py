@@ -49,15 +49,19 @@ def torque_speed(joint: JointSizing, report: SizingReport) -> Figure:
     bars_x, bars_y = _bars(speed[wide], lower[wide], upper[wide])
     data += [
         {
-            "type": "scatter", "mode": "lines+markers", "name": "cycle",
-            "x": five_digits(speed[keep]), "y": five_digits(worst[keep]),
-            "line": {"color": _BAND, "width": 1}, "marker": {"color": _BLUE, "size": 3.5},
+            "type": "scatter",
+            "mode": "lines+markers",
+            "name": "cycle",
+            "x": five_digits(speed[keep]),
+            "y": five_digits(worst[keep]),
+            "line": {"color": _BAND, "width": 1},
+            "marker": {"color": _BLUE, "size": 3.5},
             "customdata": five_digits(t[keep]),
             "hovertemplate": "%{y:.3g} N m at %{x:.4g} rad/s, t = %{customdata:.3f} s"
-                             "<extra></extra>",
+            "<extra></extra>",
         },
         curve(bars_x, bars_y, "interval at rest", _ORANGE, width=4, hoverinfo="skip"),
-    ]  # fmt: skip
+    ]
     shaft = "output" if taken.candidate.at_output else "motor"
     effort, rate = taken.candidate.units
     kind = "force" if effort == "N" else "torque"
@@ -81,11 +85,20 @@ def effort_over_time(joint: JointSizing) -> Figure:
     ]
     layout = axes_layout("time, s", f"effort at the joint, {joint.demand.unit}")
     layout["shapes"] = [
-        {"type": "rect", "xref": "x", "yref": "paper", "x0": float(cycle.t[a]),
-         "x1": float(cycle.t[b]), "y0": 0, "y1": 1, "fillcolor": _SHADE, "line": {"width": 0},
-         "layer": "below"}
+        {
+            "type": "rect",
+            "xref": "x",
+            "yref": "paper",
+            "x0": float(cycle.t[a]),
+            "x1": float(cycle.t[b]),
+            "y0": 0,
+            "y1": 1,
+            "fillcolor": _SHADE,
+            "line": {"width": 0},
+            "layer": "below",
+        }
         for a, b in runs(cycle.holding)
-    ]  # fmt: skip
+    ]
     return {"data": data, "layout": layout}
 
 
@@ -142,9 +155,18 @@ def mass_against_margin(joint: JointSizing) -> Figure:
     failing = [a for a in judged if not a.fits]
     data = [_cloud(failing, "rejected", _RED, "circle-open"), _cloud(fitting, "fits", _GREEN)]
     front = pareto_front(fitting)
-    data.insert(0, curve([a.candidate.mass or 0.0 for a in front],
-                         [100 * a.margin for a in front], "best trade", _GREEN, 1,
-                         shape="hv", hoverinfo="skip"))  # fmt: skip
+    data.insert(
+        0,
+        curve(
+            [a.candidate.mass or 0.0 for a in front],
+            [100 * a.margin for a in front],
+            "best trade",
+            _GREEN,
+            1,
+            shape="hv",
+            hoverinfo="skip",
+        ),
+    )
     if joint.taken is not None:
         name = "choice" if joint.choice is not None else "nearest miss"
         data.append(_cloud([joint.taken], name, _BLUE, "star", size=14))
@@ -189,8 +211,17 @@ def _envelope(
         at = np.linspace(-reach, reach, 201)
         torque = share * ratings.continuous_over(at)
         both = [*five_digits(torque), None, *five_digits(-torque)]
-        data.append(curve([*five_digits(at), None, *five_digits(at)], both, "continuous torque",
-                          _INK, 1, dash="dash", hoverinfo="skip"))  # fmt: skip
+        data.append(
+            curve(
+                [*five_digits(at), None, *five_digits(at)],
+                both,
+                "continuous torque",
+                _INK,
+                1,
+                dash="dash",
+                hoverinfo="skip",
+            )
+        )
         continuous = None
     fastest = ratings.speed_limit(voltage)[0]
     end = reach if fastest is None else min(fastest, reach)
@@ -200,10 +231,22 @@ def _envelope(
         x = np.concatenate([speed, speed[::-1], speed[:1]])
         y = np.concatenate([limit, -limit, limit[:1]])
         y = np.clip(y, -2 * top, 2 * top)
-        data.append(curve(five_digits(x), five_digits(y), name, _GREEN, 1, fill="toself",
-                          fillcolor="rgba(0,158,115,0.10)", hoverinfo="skip"))  # fmt: skip
-    for text, torque, dash in (("continuous torque", continuous, "dash"),
-                               ("peak torque", ratings.peak_torque, "dot")):  # fmt: skip
+        data.append(
+            curve(
+                five_digits(x),
+                five_digits(y),
+                name,
+                _GREEN,
+                1,
+                fill="toself",
+                fillcolor="rgba(0,158,115,0.10)",
+                hoverinfo="skip",
+            )
+        )
+    for text, torque, dash in (
+        ("continuous torque", continuous, "dash"),
+        ("peak torque", ratings.peak_torque, "dot"),
+    ):
         if torque is not None and torque <= 1.3 * top:
             ends = [-reach, reach, None, -reach, reach]
             levels = [torque, torque, None, -torque, -torque]
@@ -215,8 +258,10 @@ def _bars(
     x: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[list[float | None], list[float | None]]:
     """One upright stroke per interval, None between them; equal ones once."""
-    seen = {(round(float(s), 9), float(f"{a:.3g}"), float(f"{b:.3g}"))
-            for s, a, b in zip(x, lower, upper, strict=True)}  # fmt: skip
+    seen = {
+        (round(float(s), 9), float(f"{a:.3g}"), float(f"{b:.3g}"))
+        for s, a, b in zip(x, lower, upper, strict=True)
+    }
     xs: list[float | None] = []
     ys: list[float | None] = []
     for s, a, b in sorted(seen):
@@ -229,15 +274,18 @@ def _cloud(
     assessments: Sequence[Assessment], name: str, colour: str, symbol: str = "circle", size: int = 8
 ) -> dict[str, Any]:
     return {
-        "type": "scatter", "mode": "markers", "name": name,
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
         "x": [a.candidate.mass for a in assessments],
         "y": [max(100 * a.margin, _LEAST_MARGIN) for a in assessments],
         "marker": {"color": colour, "symbol": symbol, "size": size, "line": {"width": 1}},
-        "customdata": [[a.candidate.name, f"{100 * a.margin:.3g}", len(a.not_checked)]
-                       for a in assessments],
+        "customdata": [
+            [a.candidate.name, f"{100 * a.margin:.3g}", len(a.not_checked)] for a in assessments
+        ],
         "hovertemplate": "%{customdata[0]}<br>%{x:.3g} kg, least margin %{customdata[1]} %, "
-                         "%{customdata[2]} not checked<extra></extra>",
-    }  # fmt: skip
+        "%{customdata[2]} not checked<extra></extra>",
+    }
 
 
 def curve(
@@ -252,27 +300,49 @@ def curve(
 ) -> dict[str, Any]:
     """Return one of plotly's lines."""
     line = {"color": colour, "width": width, "dash": dash, "shape": shape}
-    return {"type": "scatter", "mode": "lines", "name": name, "x": list(x), "y": list(y),
-            "line": line, **more}  # fmt: skip
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "x": list(x),
+        "y": list(y),
+        "line": line,
+        **more,
+    }
 
 
 def axes_layout(x: str, y: str) -> dict[str, Any]:
     """Return plotly's layout with the axes' titles."""
     axis = {
-        "gridcolor": _GRID, "zerolinecolor": "#BBBBBB", "linecolor": _QUIET, "automargin": True,
-        "ticks": "outside", "tickcolor": _QUIET,
-    }  # fmt: skip
+        "gridcolor": _GRID,
+        "zerolinecolor": "#BBBBBB",
+        "linecolor": _QUIET,
+        "automargin": True,
+        "ticks": "outside",
+        "tickcolor": _QUIET,
+    }
     return {
         "xaxis": {**axis, "title": {"text": x, "standoff": 8}},
         "yaxis": {**axis, "title": {"text": y, "standoff": 8}},
-        "font": {"family": "system-ui, 'Segoe UI', 'DejaVu Sans', sans-serif", "size": 12,
-                 "color": _INK},
+        "font": {
+            "family": "system-ui, 'Segoe UI', 'DejaVu Sans', sans-serif",
+            "size": 12,
+            "color": _INK,
+        },
         "margin": {"l": 56, "r": 12, "t": 28, "b": 44},
         # below the axis: above the plot the mode bar would cover it
-        "legend": {"orientation": "h", "x": 0, "y": 0, "yref": "container", "yanchor": "bottom",
-                   "font": {"size": 11}},
-        "plot_bgcolor": "white", "paper_bgcolor": "white", "hovermode": "closest",
-    }  # fmt: skip
+        "legend": {
+            "orientation": "h",
+            "x": 0,
+            "y": 0,
+            "yref": "container",
+            "yanchor": "bottom",
+            "font": {"size": 11},
+        },
+        "plot_bgcolor": "white",
+        "paper_bgcolor": "white",
+        "hovermode": "closest",
+    }
 
 
 def five_digits(x: np.ndarray) -> list[float]:

@@ -11,18 +11,19 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricError
-from pinfric.show.report.drives import bus_lines, exchanged, holds_alone, shortfall, turn
+from pinfric.show.report.drives import brake_table, bus_lines, sets_table, shortfall, turn
+from pinfric.show.report.html import html_of
 from pinfric.show.report.sizing import (
     ROUNDING,
-    beside,
+    demand_table,
     elastic_lines,
     passes,
-    ratio_figures,
+    power_table,
     repetition,
-    span_beside,
     tightest,
 )
-from pinfric.show.report.values import digits, json_for_script, span
+from pinfric.show.report.tables import Table
+from pinfric.show.report.values import digits, json_for_script
 from pinfric.show.sizing_page.figures import (
     Figure,
     effort_over_time,
@@ -34,6 +35,7 @@ from pinfric.show.sizing_page.figures import (
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.criteria import Criterion, Status
 from pinfric.study.sizing.size import JointSizing, SizingReport
+from pinfric.study.sizing.summary import ratio_figures
 
 #: What stands where there is no figure.
 _NONE = "\N{EN DASH}"
@@ -53,7 +55,7 @@ def sizing_page(report: SizingReport) -> str:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
     environment, plotly = page_parts()
-    environment.filters.update(beside=_beside, percent=_percent, formula=_formula, span=_span)
+    environment.filters.update(formula=_formula)
     figures: dict[str, Figure] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
     if report.catalog is not None:
@@ -71,8 +73,10 @@ def sizing_page(report: SizingReport) -> str:
         bus=bus_lines(report),
         turn=turn(report),
         elastic=elastic_lines(report),
-        priced=any(found.price is not None for found in report.sets),
-        sets=[(found, exchanged(found, report)) for found in report.sets],
+        sets=sets_table(report),
+        demand=demand_table(report),
+        power=power_table(report),
+        brakes=brake_table(report),
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
@@ -115,23 +119,25 @@ def _joint_view(
     for kind, title, figure in drawn:
         figures[f"{kind}-{k}"] = figure
         ids.append((f"{kind}-{k}", title))
-    still = report.standstills[k]
     fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
     rejected = [a for a in joint.assessments if not a.fits]
     return {
-        "sizing": joint, "demand": d, "taken": taken, "figures": ids, "missing": missing,
+        "sizing": joint,
+        "demand": d,
+        "taken": taken,
+        "figures": ids,
+        "missing": missing,
         "criteria": _criteria(report, k),
-        "still": still, "alone": holds_alone(still), "smaller": joint.next_smaller,
+        "smaller": joint.next_smaller,
         "shortfall": "" if joint.next_smaller is None else shortfall(joint.next_smaller),
         "tightest": None if taken is None else tightest(taken),
-        "fitting": fitting, "rejected": rejected[:_MOST_REJECTED],
+        "fitting": fitting,
+        "rejected": rejected[:_MOST_REJECTED],
         "more_rejected": max(len(rejected) - _MOST_REJECTED, 0),
-        "rms": span_beside(d.rms_least, d.rms, d.peak),
-        "holding": _NONE if d.holding is None else span_beside(*d.holding, d.peak),
         "without_masses": _name(joint.choice_without_masses),
         "frictionless": _name(joint.choice_frictionless),
         "ratios": None if taken is None else ratio_figures(joint, taken),
-    }  # fmt: skip
+    }
 
 
 def _matrix(report: SizingReport) -> list[tuple[str, list[Criterion | None]]]:
@@ -171,10 +177,17 @@ def page_parts(*folders: Path) -> tuple[Any, str]:
     jinja2, offline = _needed("jinja2"), _needed("plotly.offline")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
-    environment.filters.update(digits=_digits)
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters.update(digits=_digits, percent=_percent, table=_table)
     return environment, offline.get_plotlyjs()
+
+
+def _table(table: Table | None) -> Any:
+    return "" if table is None else import_module("markupsafe").Markup(html_of(table))
 
 
 def _digits(x: float | None) -> str:
@@ -183,14 +196,6 @@ def _digits(x: float | None) -> str:
     if np.isinf(x):
         return "\N{INFINITY}"
     return digits(x) if abs(x) > ROUNDING else "0"
-
-
-def _beside(x: float | None, scale: float) -> str:
-    return _NONE if x is None else beside(x, scale)
-
-
-def _span(ends: tuple[float, float] | None) -> str:
-    return _NONE if ends is None else span(*ends, zero=ROUNDING)
 
 
 def _percent(x: float | None) -> str:
@@ -205,8 +210,16 @@ def _formula(text: str) -> Any:
     """A formula in plain letters as HTML: Greek letters, roots, integrals, subscripts, powers."""
     markup = import_module("markupsafe")
     html = str(markup.escape(text)).replace("&lt;=", "≤").replace("&gt;", ">")
-    for word, sign in (("int ", "∫ "), ("sqrt", "√"), ("cbrt", "∛"), ("omega", "ω"), ("eta", "η"),
-                       (" pi", " π"), ("^2", "²"), ("^3", "³")):  # fmt: skip
+    for word, sign in (
+        ("int ", "∫ "),
+        ("sqrt", "√"),
+        ("cbrt", "∛"),
+        ("omega", "ω"),
+        ("eta", "η"),
+        (" pi", " π"),
+        ("^2", "²"),
+        ("^3", "³"),
+    ):
         html = html.replace(word, sign)
     return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))
 

@@ -23,6 +23,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.inverse.solutions import one_sample
 from pinfric.friction.dense import solve_dense
 from pinfric.kernels.compiled import kernel
+from pinfric.model.described import described, quantity
 from pinfric.study.timing import interleaved
 
 #: Coefficients of friction as shares of those at which the mechanism jams.
@@ -40,33 +41,22 @@ _TIMED_PASSES = 2000
 _NAN = float("nan")
 
 
-@dataclass(frozen=True)
+@described
 class CoupledRun:
-    """One solver to one tolerance, all coefficients of the load times one factor.
+    """One solver to one tolerance, all coefficients of the load times one factor."""
 
-    Attributes:
-        t: time of the sample (s), its number where there are no times.
-        mu_factor: on every coefficient mu of the scene.
-        share: the same as a share of the factor at which the sample jams.
-        contraction: of `given_modes`; below 1 the solution is certain, and the only one.
-        solver: `fixed point` or `Newton`.
-        tolerance: relative residual max |x - G(x)| / max |G(x)| at which it stops.
-        iterations: passes, an evaluation of G each.
-        error: largest error of friction, relative to the largest friction.
-        wall_s: of one solve of one sample (s).
-        problem: why it failed; empty where it did not.
-    """
-
-    t: float
-    mu_factor: float
-    share: float
-    contraction: float
-    solver: str
-    tolerance: float
-    iterations: int = 0
-    error: float = _NAN
-    wall_s: float = _NAN
-    problem: str = ""
+    t: float = quantity("time of the sample; its number where there are no times", "s")
+    mu_factor: float = quantity("on every coefficient mu of the scene")
+    share: float = quantity("the same as a share of the factor at which the sample jams")
+    contraction: float = quantity(
+        "of `given_modes`; below 1 the solution is certain, and the only one"
+    )
+    solver: str = quantity("`fixed point` or `Newton`")
+    tolerance: float = quantity("relative residual max |x - G(x)| / max |G(x)| at which it stops")
+    iterations: int = quantity("passes, an evaluation of G each", default=0)
+    error: float = quantity("largest of friction, relative to the largest friction", default=_NAN)
+    wall_s: float = quantity("of one solve of one sample", "s", default=_NAN)
+    problem: str = quantity("why it failed; empty where it did not", default="")
 
 
 class CoupledFriction(NamedTuple):

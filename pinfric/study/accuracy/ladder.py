@@ -15,6 +15,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
+from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.effects import MOTOR_SIDE, effects, switchable, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.summary import known_rms
@@ -34,34 +35,42 @@ _TIMED, _PATIENCE = 2000, 0.2
 _NAN = float("nan")
 
 
-@dataclass(frozen=True)
+@described
 class Rung:
-    """One model of friction on the ladder, beside the one below it.
+    """One model of friction on the ladder, beside the one below it."""
 
-    Attributes:
-        name: what it adds.
-        on: whether the scene calls for it; if not, the figures are NaN.
-        why: the keys of the scene that switch it on, or what was done.
-        us: inverse dynamics per sample on one thread (us); NaN where it is no solver.
-        peak_change, rms_change: of the drive whose RMS it changes most, against the rung below
-            (N m or N).
-        drive: that drive's name.
-        motor_side: the change is of motor torques (a transmission changes nothing at the joint).
-        distance: RMS of what is still missing to the whole model, as a share of the whole RMS, mean
-            over the drives.
-        problem: why it failed; empty where it did not.
-    """
-
-    name: str
-    on: bool
-    why: str
-    us: float = _NAN
-    peak_change: float = _NAN
-    rms_change: float = _NAN
-    drive: str = ""
-    motor_side: bool = False
-    distance: float = _NAN
-    problem: str = ""
+    name: str = quantity("what it adds", heading="model")
+    on: bool = quantity("whether the scene calls for it; if not, the figures are NaN")
+    why: str = quantity("the keys of the scene that switch it on, or what was done")
+    us: float = quantity(
+        "inverse dynamics per sample on one thread, microseconds; NaN where it is no solver",
+        heading="time\nus",
+        default=_NAN,
+    )
+    peak_change: float = quantity(
+        "of the drive whose RMS it changes most, against the rung below",
+        EFFORT,
+        "peak\nchange",
+        "{peak_change:+}",
+        default=_NAN,
+    )
+    rms_change: float = quantity(
+        "the same of the RMS", EFFORT, "RMS\nchange", "{rms_change:+}", default=_NAN
+    )
+    drive: str = quantity("that drive's name", heading="of", default="")
+    motor_side: bool = quantity(
+        "the change is of motor torques (a transmission changes nothing at the joint)",
+        heading="motor\nside",
+        default=False,
+    )
+    distance: float = quantity(
+        "RMS of what is still missing to the whole model, as a share of the whole RMS, mean over "
+        "the drives",
+        heading="missing",
+        cell="{distance:percent}",
+        default=_NAN,
+    )
+    problem: str = quantity("why it failed; empty where it did not", heading="", default="")
 
 
 @dataclass(frozen=True, eq=False)

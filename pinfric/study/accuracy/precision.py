@@ -16,6 +16,7 @@ import pinocchio as pin
 from pinfric.dynamics.inverse.result import StickInterval
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import PinfricError
+from pinfric.model.described import PLACE, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.study.scene_run import run_whole
 from pinfric.study.timing import interleaved
@@ -34,36 +35,42 @@ _PATIENCE = 2.0
 _NAN = float("nan")
 
 
-@dataclass(frozen=True)
+@described
 class Run:
-    """One method with one setting: its errors, and what it took.
+    """One method with one setting: its errors, and what it took."""
 
-    Attributes:
-        method: `event`, `timestepping`, `regularized`, or a peer's name.
-        setting: what was set, in words.
-        error: largest error of q over the motion (rad or m); NaN where there is no motion.
-        end_error: error of q at the end (rad or m).
-        stick_error: largest error of any stick interval's start or end (s), each compared with the
-            interval that overlaps it most; NaN where one has no counterpart; 0 where none sticks.
-        missed: stick intervals of the reference without a counterpart.
-        wall_s: median of the rounds (s).
-        rhs: right-hand sides or steps computed.
-        error_absolute, stick_error_absolute: the first and third by the second judge, absolute
-            coordinates; NaN where there is none.
-        problem: why it failed; empty where it did not.
-    """
-
-    method: str
-    setting: str
-    error: float = _NAN
-    end_error: float = _NAN
-    stick_error: float = _NAN
-    missed: int = 0
-    wall_s: float = _NAN
-    rhs: int = 0
-    error_absolute: float = _NAN
-    stick_error_absolute: float = _NAN
-    problem: str = ""
+    method: str = quantity(
+        "`event`, `timestepping`, `regularized`, or a peer's name", heading="method"
+    )
+    setting: str = quantity("what was set, in words", heading="setting")
+    error: float = quantity(
+        "largest of q over the motion; NaN where there is no motion",
+        PLACE,
+        "error\nof q",
+        "{error:decade}",
+        default=_NAN,
+    )
+    end_error: float = quantity(
+        "of q at the end", PLACE, "at the\nend", "{end_error:decade}", default=_NAN
+    )
+    stick_error: float = quantity(
+        "largest of any stick interval's start or end, each compared with the interval that "
+        "overlaps it most; NaN where one has no counterpart; 0 where none sticks",
+        "s",
+        "of stick",
+        "{stick_error:decade}",
+        default=_NAN,
+    )
+    missed: int = quantity("stick intervals of the reference without a counterpart", default=0)
+    wall_s: float = quantity("median of the rounds", "s", "time", "{wall_s:ms}", default=_NAN)
+    rhs: int = quantity("right-hand sides or steps computed", heading="evalua-\ntions", default=0)
+    error_absolute: float = quantity(
+        "`error` by the second judge, absolute coordinates; NaN where there is none",
+        PLACE,
+        default=_NAN,
+    )
+    stick_error_absolute: float = quantity("`stick_error` by the same", "s", default=_NAN)
+    problem: str = quantity("why it failed; empty where it did not", default="")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
 from pinfric.dynamics.samples.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
+from pinfric.model.described import described, quantity
 from pinfric.model.scene import Scene
 from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -23,27 +24,26 @@ _FEWEST = 10
 _NAN = float("nan")
 
 
-@dataclass(frozen=True)
+@described
 class Sampled:
-    """The same motion with fewer samples.
+    """The same motion with fewer samples."""
 
-    Attributes:
-        rate: samples per second, on average.
-        samples: how many.
-        given: `q, v, a`, or `q`: velocities and accelerations from a spline.
-        missed_stick: time at rest that is not found, all sites together (s).
-        stick: time at rest in the whole trajectory (s).
-        peak_error: largest error of any drive's peak effort, as a share of that peak.
-        problem: why it failed; empty where it did not.
-    """
-
-    rate: float
-    samples: int
-    given: str
-    missed_stick: float = _NAN
-    stick: float = _NAN
-    peak_error: float = _NAN
-    problem: str = ""
+    rate: float = quantity("samples per second, on average", "1/s", "samples")
+    samples: int = quantity("how many", heading="samples")
+    given: str = quantity(
+        "`q, v, a`, or `q`: velocities and accelerations from a spline", heading="given"
+    )
+    missed_stick: float = quantity(
+        "time at rest that is not found, all sites together", "s", "stick missed", default=_NAN
+    )
+    stick: float = quantity("time at rest in the whole trajectory", "s", "of", default=_NAN)
+    peak_error: float = quantity(
+        "largest error of any drive's peak effort, as a share of that peak",
+        heading="error of\npeaks",
+        cell="{peak_error:percent}",
+        default=_NAN,
+    )
+    problem: str = quantity("why it failed; empty where it did not", default="")
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ climbs from no friction to all of it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import PinfricError, SceneError
+from pinfric.model.described import PLACE, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.study.accuracy.coupled import CoupledRun, coupled
 from pinfric.study.accuracy.ladder import Rung, ladder
@@ -34,28 +34,22 @@ from pinfric.study.variants import solve
 _SAMPLES = 2001
 
 
-@dataclass(frozen=True, eq=False)
+@described
 class Accuracy:
-    """What accuracy costs, of one scene.
-
-    Attributes:
-        scene: studied.
-        trajectory: name of the motion that is thinned and that the ladder is climbed on.
-        runs: simulations by pinfric; empty where the scene has no `simulation`.
-        reference_difference: largest difference of q between the two references (rad or m); NaN
-            where there is only one.
-        sampling, coupled, ladder: see there; `coupled` is empty where no friction couples.
-        notes: what could not be studied, and why.
-    """
+    """What accuracy costs, of one scene."""
 
     scene: Scene
-    trajectory: str
-    runs: tuple[Run, ...]
-    reference_difference: float
-    sampling: tuple[Sampled, ...]
-    coupled: tuple[CoupledRun, ...]
-    ladder: tuple[Rung, ...]
-    notes: tuple[str, ...]
+    trajectory: str = quantity(
+        "name of the motion that is thinned and that the ladder is climbed on"
+    )
+    runs: tuple[Run, ...] = quantity("simulations; empty where the scene has no `simulation`")
+    reference_difference: float = quantity(
+        "largest difference of q between the two references; NaN: there is only one", PLACE
+    )
+    sampling: tuple[Sampled, ...] = quantity("the motion with fewer samples")
+    coupled: tuple[CoupledRun, ...] = quantity("solvers; empty where no friction couples")
+    ladder: tuple[Rung, ...] = quantity("models of friction")
+    notes: tuple[str, ...] = quantity("what could not be studied, and why")
 
 
 def accuracy(

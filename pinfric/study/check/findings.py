@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 
 from pinfric.errors import PinfricError
+from pinfric.model.described import derived, described, quantity
 
 
 class Severity(IntEnum):
@@ -20,48 +21,56 @@ class Severity(IntEnum):
     ERROR = 3
 
 
-@dataclass(frozen=True)
+@described
 class Finding:
-    """One thing that a check found.
+    """One thing that a check found."""
 
-    Attributes:
-        severity: how much it matters.
-        kind: the same word for the same finding at other places, for programs.
-        place: where: "link NAME", "joint NAME", "robot", or a key of the scene.
-        found: what stands there.
-        why: why that is implausible, or what follows from it; "" where that is plain.
-        if_unit: what it would be if the unit were another one; "" where no unit explains it.
-        excess: by what factor it passes what is plausible; sorts findings of one severity.
-    """
-
-    severity: Severity
-    kind: str
-    place: str
-    found: str
-    why: str
-    if_unit: str = ""
-    excess: float = 1.0
+    severity: Severity = quantity("how much it matters")
+    kind: str = quantity("the same word for the same finding at other places, for programs")
+    place: str = quantity('where: "link NAME", "joint NAME", "robot", or a key of the scene')
+    found: str = quantity("what stands there")
+    why: str = quantity("why that is implausible, or what follows; empty where that is plain")
+    if_unit: str = quantity(
+        "what it would be in another unit; empty where no unit explains it", default=""
+    )
+    excess: float = quantity("by what factor it passes what is plausible", default=1.0)
 
     @property
+    @derived()
     def text(self) -> str:
         """The finding as one line, without its place."""
         said = f"{self.found}: {self.why}" if self.why else self.found
         return f"{said}; {self.if_unit}" if self.if_unit else said
 
 
-@dataclass(frozen=True)
+@described
 class CheckReport:
-    """All findings on a robot or a scene, what matters most first.
+    """All findings on a robot or a scene, what matters most first."""
 
-    Attributes:
-        source: the file.
-        findings: sorted by severity, then by how far off they are.
-        figures: the robot as a whole: links, joints, moving_mass and fixed_mass (kg), reach (m).
-    """
+    source: str = quantity("the file")
+    findings: tuple[Finding, ...] = quantity("by severity, then by how far off they are")
+    figures: dict[str, float] = quantity(
+        "the robot as a whole: links, joints, moving_mass and fixed_mass (kg), reach (m)",
+        default_factory=dict,
+    )
 
-    source: str
-    findings: tuple[Finding, ...]
-    figures: dict[str, float] = field(default_factory=dict)
+    @property
+    @derived()
+    def errors(self) -> int:
+        """How many errors there are."""
+        return self.count(Severity.ERROR)
+
+    @property
+    @derived()
+    def warnings(self) -> int:
+        """How many warnings there are."""
+        return self.count(Severity.WARNING)
+
+    @property
+    @derived()
+    def notes(self) -> int:
+        """How many notes there are."""
+        return self.count(Severity.NOTE)
 
     @classmethod
     def of(cls, source: str, findings: Iterable[Finding], figures: dict[str, float]) -> CheckReport:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.model.described import described, quantity
 from pinfric.study.elastic.motion import elasticity, rotor_inertia, unloaded_frequency
 from pinfric.study.summary import ends_by_magnitude, known_rms
 
@@ -14,26 +13,30 @@ from pinfric.study.summary import ends_by_magnitude, known_rms
 _INSIDE = 0.95
 
 
-@dataclass(frozen=True)
+@described
 class ElasticEffect:
-    """What elastic gears change, in the figures that decide whether to care.
+    """What elastic gears change, in the figures that decide whether to care."""
 
-    Attributes:
-        frequency: lowest natural frequency with motors held, Hz, over the motion; without a motion
-            where the scene starts, unloaded.
-        bandwidth: Hz below which 95 % of the energy of the accelerations lies; None without times.
-        motor_share: RMS of I f(t)'', what it takes to wind the gears up, over that of the motor's
-            torque, of the drive where it is largest; None without times.
-        drive: that drive.
-        sag, interval: of the tool at rest, the largest, m; None where there is no tool or no rest.
-    """
-
-    frequency: float
-    bandwidth: float | None = None
-    motor_share: float | None = None
-    drive: str = ""
-    sag: float | None = None
-    interval: float | None = None
+    frequency: float = quantity(
+        "lowest natural frequency with motors held over the motion; without one where the scene "
+        "starts, unloaded",
+        "Hz",
+    )
+    bandwidth: float | None = quantity(
+        "below which 95 % of the energy of the accelerations lies; none without times",
+        "Hz",
+        default=None,
+    )
+    motor_share: float | None = quantity(
+        "RMS of I f(t)'', what it takes to wind the gears up, over that of the motor's torque, of "
+        "the drive where it is largest; none without times",
+        default=None,
+    )
+    drive: str = quantity("that drive", default="")
+    sag: float | None = quantity("of the tool at rest, the largest", "m", default=None)
+    interval: float | None = quantity(
+        "of the tool's place at rest, the largest; none: no tool or no rest", "m", default=None
+    )
 
 
 def elastic_effect(result: InverseResult) -> ElasticEffect | None:

@@ -8,14 +8,13 @@ gives beyond the frictionless robot, r T_m - tau_id, is fitted by them where the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import nnls
 
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError
+from pinfric.model.described import EFFORT, INERTIA, SPEED, described, quantity
 from pinfric.study.trajectory.joint_columns import JointColumn
 from pinfric.study.trajectory.log.judged import measured_interval
 
@@ -23,47 +22,42 @@ from pinfric.study.trajectory.log.judged import measured_interval
 TERMS = ("frictionloss", "damping", "armature")
 
 
-@dataclass(frozen=True)
+@described
 class JointConstants:
     """The constants of one joint, and what they miss.
 
     Torques are those of the motor times the ratio: N m, or N of a sliding joint.
-
-    Attributes:
-        joint: its name.
-        unit: "N m" or "N".
-        ratio: motor turns per turn of the joint (rad/rad or rad/m).
-        frictionloss: dry friction in motion (unit).
-        damping: N m s/rad or N s/m.
-        armature: rotor inertia at the joint, kg m^2 or kg, beyond the model's own.
-        moving: samples they are fitted to; 0: the joint never moves, and has no constants.
-        apart: False where the motion does not tell the constants apart (one speed only, say).
-        error_rms, error_peak: of the constants' torque against the scene's over those samples.
-        torque_rms, torque_peak: of the scene's torque itself.
-        worst_load: torque of the frictionless robot where the error is largest.
-        worst_speed: velocity there (rad/s or m/s).
-        worst_time: when that is (s); NaN for states without times.
-        rest_lower, rest_upper: least and greatest torque beyond the frictionless robot's where the
-            joint stands still, v = a = 0; NaN where it never does.
     """
 
-    joint: str
-    unit: str
-    ratio: float
-    frictionloss: float
-    damping: float
-    armature: float
-    moving: int
-    apart: bool
-    error_rms: float
-    error_peak: float
-    torque_rms: float
-    torque_peak: float
-    worst_load: float
-    worst_speed: float
-    worst_time: float
-    rest_lower: float
-    rest_upper: float
+    joint: str = quantity("its name", heading="joint", name=True)
+    unit: str = quantity('of its torques, "N m" or "N"', heading="unit")
+    ratio: float = quantity("motor turns per turn of the joint", "rad/rad or rad/m")
+    frictionloss: float = quantity("dry friction in motion", EFFORT, "frictionloss")
+    damping: float = quantity("friction per speed", "N m s/rad or N s/m", "damping")
+    armature: float = quantity(
+        "rotor inertia at the joint beyond the model's own", INERTIA, "armature"
+    )
+    moving: int = quantity("samples they are fitted to; 0: the joint never moves, no constants")
+    apart: bool = quantity("the motion tells the constants apart")
+    error_rms: float = quantity(
+        "of the constants' torque against the scene's over those samples", EFFORT, "error\nRMS"
+    )
+    error_peak: float = quantity("the largest", EFFORT, "error\npeak")
+    torque_rms: float = quantity("of the scene's torque itself", EFFORT)
+    torque_peak: float = quantity("of the scene's torque itself", EFFORT, "torque\npeak")
+    worst_load: float = quantity(
+        "torque of the frictionless robot where the error is largest", EFFORT, "worst\nat load"
+    )
+    worst_speed: float = quantity("velocity there", SPEED)
+    worst_time: float = quantity("when that is; NaN for states without times", "s")
+    rest_lower: float = quantity(
+        "least torque beyond the frictionless robot's where the joint stands still, v = a = 0; NaN "
+        "where it never does",
+        EFFORT,
+        "standing\nstill",
+        "{rest_lower} to {rest_upper}",
+    )
+    rest_upper: float = quantity("the greatest", EFFORT)
 
 
 def joint_constants(

@@ -14,6 +14,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import PinfricError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
+from pinfric.model.described import described, quantity
 from pinfric.model.effects import effects
 from pinfric.model.files import write_file, write_folder
 from pinfric.model.scene import Scene, expect_scene
@@ -114,31 +115,32 @@ _LEFT_OUT = {
 }
 
 
-@dataclass(frozen=True)
+@described
 class Exported(Shown):
     """A scene in another engine's format, and what its constants cost.
 
     Attributes:
-        scene, trajectory: names of their files.
-        to: the format, of `FORMATS`.
-        samples: of the trajectory.
-        joints: the constants and their errors, in the model's order; of "cpp", what constants
-            would miss that the file does not.
-        left_out: what the scene has and the file has not, a line each.
+        scene: name of its file.
         text: the file.
         beside: name -> text of further files.
-        uncertainty: drive -> relative uncertainty e of its friction, where that is known.
     """
 
     scene: str
-    trajectory: str
-    to: str
-    samples: int
-    joints: tuple[JointConstants, ...]
-    left_out: tuple[str, ...]
+    trajectory: str = quantity("name of its file")
+    to: str = quantity("the format")
+    samples: int = quantity("of the trajectory")
+    joints: tuple[JointConstants, ...] = quantity(
+        "the constants and their errors, in the model's order; of cpp, what constants would miss "
+        "that the file does not"
+    )
+    left_out: tuple[str, ...] = quantity("what the scene has and the file has not")
     text: str
     beside: Mapping[str, str] = field(default_factory=dict)
-    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = quantity(
+        "drive -> relative uncertainty e of its friction, where that is known",
+        default_factory=dict,
+    )
+    file: str = quantity("where it was written; empty: nowhere yet", default="")
 
     def __repr__(self) -> str:
         moved = [joint for joint in self.joints if joint.moving]

@@ -8,12 +8,13 @@ that hang together exceed independent ones stays as it is.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from pinfric.model.described import described, quantity
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, reloaded, scale_is_known
@@ -39,21 +40,20 @@ _LOAD, _OFF = 0.1, 0.1
 _PEAK = 15.0 / 8.0
 
 
-@dataclass(frozen=True)
+@described
 class Advice:
     """A recording that has not been made.
 
     Attributes:
-        name: what it is.
         points: as a way-point file holds them.
-        load: kg to carry at the last link; 0: none.
-        factors: key of a coefficient -> standard error with it over that of now.
     """
 
-    name: str
+    name: str = quantity("what it is")
     points: tuple[WayPoint, ...]
-    load: float
-    factors: dict[str, float]
+    load: float = quantity("to carry at the last link; 0: none", "kg")
+    factors: dict[str, float] = quantity(
+        "key of a coefficient -> standard error with it over that of now"
+    )
 
 
 def advise(found: Estimate) -> tuple[Advice, ...]:

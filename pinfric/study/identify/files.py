@@ -179,7 +179,7 @@ def _comments(found: Findings) -> dict[tuple[str, ...], str]:
         error = found.errors[name]
         where = ("actuators", str(order.index(name))) if on_motor(law) else ("friction", name)
         comments[where] = (
-            f"{law}: off by {error.share} where not "
+            f"{law}: off by {100 * error.share:.1f} % where not "
             f"fitted ({error.error / error.plain:.2f} of {PLAIN})"
         )
     return comments

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.study.identify.advice import Advice, advise
 from pinfric.study.identify.estimate import Estimate
@@ -21,24 +22,27 @@ from pinfric.study.identify.rest import RestBound
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@described
 class HeldOut:
-    """How well a joint's effort is predicted where nothing was fitted.
+    """How well a joint's effort is predicted where nothing was fitted."""
 
-    Attributes:
-        rms: of the measured effort, N m or N.
-        error: RMS of measured less predicted.
-        plain: the same with Coulomb and viscous friction; NaN where it was not asked.
-    """
-
-    rms: float
-    error: float
-    plain: float
+    rms: float = quantity("of the measured effort", EFFORT, "effort\nRMS")
+    error: float = quantity("RMS of measured less predicted", EFFORT)
+    plain: float = quantity(
+        "the same with Coulomb and viscous friction; NaN where it was not asked", EFFORT
+    )
 
     @property
-    def share(self) -> str:
-        """The error in percent of the measured effort."""
-        return f"{100 * self.error / self.rms:.1f} %"
+    @derived(heading="off where\nnot fitted", cell="{share:percent}")
+    def share(self) -> float:
+        """The error as a share of the measured effort."""
+        return self.error / self.rms if self.rms else float("nan")
+
+    @property
+    @derived(heading="of Coulomb\n+ viscous", cell="{of_plain:.2f}")
+    def of_plain(self) -> float:
+        """The error over that with Coulomb and viscous friction; NaN where it was not asked."""
+        return self.error / self.plain if self.plain else float("nan")
 
 
 @dataclass(frozen=True)

@@ -65,9 +65,10 @@ class Identified(Findings, Shown):  # noqa: D101 (that of its fields)
     def __repr__(self) -> str:
         logs = counted(len(self.recordings), "log")
         unknown = [p.key for p in self.parameters if not p.determined]
+        errors = [f"{100 * error.share:.1f} %" for error in self.errors.values()]
         return screen("Identified", f"{file_name(self.scene.source)} from {logs}", {
             "laws": listed(tuple(self.laws), [str(law) for law in self.laws.values()]),
-            "errors": listed(tuple(self.errors), [e.share for e in self.errors.values()]),
+            "errors": listed(tuple(self.errors), errors),
             "delay": str(self.estimate.delay),
             "not determined": listed(unknown),
             "more": ".parameters .posterior .scene .advice .summary() .plot() .save(folder)",

@@ -12,12 +12,13 @@ With friction on the motor's side the second form holds, else the first.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pinfric.model.described import described, quantity
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import Rows
@@ -55,29 +56,20 @@ _SLOWEST = 0.02
 RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
 
 
-@dataclass(frozen=True)
+@described
 class Parameter:
-    """One coefficient as the scene says it.
+    """One coefficient as the scene says it."""
 
-    Attributes:
-        section, joint, name: where a scene says it: friction, elbow_joint, coulomb.positive.
-        unit: of all figures here.
-        value, low, high: estimate and 95 % interval; NaN where it stands at its bound.
-        standard_error: within logs and between them.
-        determined: whether the logs say it.
-        why: what leaves it undetermined.
-    """
-
-    section: str
-    joint: str
-    name: str
-    unit: str
-    value: float
-    low: float
-    high: float
-    standard_error: float
-    determined: bool
-    why: str = ""
+    section: str = quantity("where a scene says it: friction")
+    joint: str = quantity("and of which joint: elbow_joint", heading="joint", name=True)
+    name: str = quantity("and by which key: coulomb.positive", heading="coefficient")
+    unit: str = quantity("of all figures here", heading="unit")
+    value: float = quantity("the estimate, in `unit`", heading="value")
+    low: float = quantity("of the 95 % interval; NaN: it stands at its bound", heading="from")
+    high: float = quantity("of the 95 % interval; NaN: it stands at its bound", heading="to")
+    standard_error: float = quantity("within logs and between them")
+    determined: bool = quantity("whether the logs say it")
+    why: str = quantity("what leaves it undetermined", default="")
 
     @property
     def key(self) -> str:

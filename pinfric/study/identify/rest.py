@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import runs
+from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import PART, Prepared
 from pinfric.study.identify.estimate import Estimate
@@ -34,22 +35,19 @@ _RISE, _INERTIA = 0.3, 0.15
 _FEWEST = 3
 
 
-@dataclass(frozen=True)
+@described
 class RestBound:
-    """What times at rest say of a joint's static friction: it is at least this large, N m or N.
+    """What times at rest say of a joint's static friction: it is at least this large."""
 
-    Attributes:
-        seconds: at rest in all logs.
-        largest: the largest friction that held it.
-        share: of the identified half-width there.
-        inside: share of the time in which the effort was within the identified interval; NaN where
-            it never rests.
-    """
-
-    seconds: float
-    largest: float
-    share: float
-    inside: float
+    seconds: float = quantity("at rest in all logs", "s")
+    largest: float = quantity(
+        "the largest friction that held it", EFFORT, "at rest,\nlargest friction"
+    )
+    share: float = quantity("of the identified half-width there", heading="of half\nthe interval")
+    inside: float = quantity(
+        "share of the time in which the effort was within the identified interval; NaN where it "
+        "never rests"
+    )
 
 
 def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:

@@ -8,9 +8,10 @@ search by steps: sets that exchange several drives at once for less are not trie
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 
 from pinfric.errors import RetimeError
+from pinfric.model.described import described, quantity
 from pinfric.study.retime.limits import candidate_limits
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.retime import RetimeResult, retime
@@ -24,26 +25,27 @@ _STEPS, _LEAST = 12, 1e-3
 _POINTS = 150
 
 
-@dataclass(frozen=True)
-class DriveSet:
-    """A drive for every joint, and how fast the path is with them.
+@described
+class TimedSet:
+    """A drive for every joint, and how fast the path is with them."""
 
-    Attributes:
-        drives: joint -> name of its drive.
-        mass: kg, of all drives.
-        duration: s, holds included, continuous torques kept.
-        held_by: the drive and the limit that hold it back for the greatest part of the time.
-        best: faster than every lighter set that was tried, by 0.1 % or more.
-    """
+    mass: float = quantity("of all drives", "kg", "drives")
+    duration: float = quantity(
+        "holds included, continuous torques kept", "s", "cycle", "{duration:.3f}"
+    )
+    drives: dict[str, str] = quantity(
+        "joint -> name of its drive", heading="other than in the first"
+    )
+    held_by: str = quantity(
+        "the drive and the limit that hold it back for the greatest part of the time",
+        heading="held back by",
+    )
+    best: bool = quantity(
+        "faster than every lighter set that was tried, by 0.1 % or more", default=True
+    )
 
-    drives: dict[str, str]
-    mass: float
-    duration: float
-    held_by: str
-    best: bool = True
 
-
-def fastest_sets(report: SizingReport, path: Path) -> tuple[DriveSet, ...]:
+def fastest_sets(report: SizingReport, path: Path) -> tuple[TimedSet, ...]:
     """Return the sets of drives that were tried, from the lightest on.
 
     Args:
@@ -83,10 +85,9 @@ def fastest_sets(report: SizingReport, path: Path) -> tuple[DriveSet, ...]:
         result, taken = best[1], taken | {best[2]: best[3]}
     found.sort(key=lambda x: (x.mass, x.duration))
     return tuple(
-        DriveSet(x.drives, x.mass, x.duration, x.held_by,
-                 all(x.duration < y.duration * (1.0 - _LEAST) for y in found[:k]))
+        replace(x, best=all(x.duration < y.duration * (1.0 - _LEAST) for y in found[:k]))
         for k, x in enumerate(found)
-    )  # fmt: skip
+    )
 
 
 def _heavier(report: SizingReport, i: int, taken: Assessment) -> list[Assessment]:
@@ -99,7 +100,7 @@ def _heavier(report: SizingReport, i: int, taken: Assessment) -> list[Assessment
 
 def _tried(
     report: SizingReport, path: Path, taken: Mapping[int, Assessment]
-) -> tuple[DriveSet, RetimeResult]:
+) -> tuple[TimedSet, RetimeResult]:
     """One set of drives, their masses in the model."""
     scene = with_masses(report.given, taken, report.conditions)
     names = scene.actuator_names
@@ -112,4 +113,4 @@ def _tried(
         held_by = f"{names[int(result.rms.argmax())]}: continuous torque"
     mass = sum(a.candidate.mass or 0.0 for a in taken.values())
     drives = {names[i]: a.candidate.name for i, a in sorted(taken.items())}
-    return DriveSet(drives, mass, result.duration, held_by), result
+    return TimedSet(mass, result.duration, drives, held_by), result

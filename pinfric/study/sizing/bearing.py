@@ -10,7 +10,6 @@ joint's effort as its axial force, worst case over the effort's interval.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple, final
 
 import numpy as np
@@ -19,6 +18,7 @@ from pydantic import model_validator
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.model.bearings import axes_along
+from pinfric.model.described import described, quantity
 from pinfric.model.entry import Entry, NonNegative, Positive, key
 
 BALL, ROLLER = 3.0, 10.0 / 3.0
@@ -132,19 +132,18 @@ class BearingRatings(Entry):
 
 
 @final
-@dataclass(frozen=True)
+@described
 class BearingLoad:
     """What a cycle asks of a bearing, magnitudes.
 
     Attributes:
-        radial, axial, moment: largest, N, N, N m (about the joint's origin).
         means: exponent p -> (radial, axial, moment): (int |v x^p| dt/int |v| dt)^(1/p), what wears.
         speed: mean |v|, rad/s; m/s of a screw.
     """
 
-    radial: float
-    axial: float
-    moment: float
+    radial: float = quantity("largest force", "N", "on its bearing,\nradial")
+    axial: float = quantity("largest force", "N", "axial")
+    moment: float = quantity("largest, about the joint's origin", "N m", "moment")
     means: Mapping[float, tuple[float, float, float]]
     speed: float
 

@@ -10,7 +10,6 @@ until friction helps. Without a brake a joint stays where friction alone bears t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from pinfric.dynamics.forward.holds import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricError
+from pinfric.model.described import EFFORT, described, quantity
 from pinfric.study.sizing.catalog import Brake, Conditions
 from pinfric.study.sizing.criteria import Criterion, Status, compare
 from pinfric.study.sizing.demand import largest
@@ -33,26 +33,32 @@ _NOTHING = 1e-9
 _HOLDING, _BRAKE = "holding without power", "holding brake"
 
 
-@dataclass(frozen=True)
+@described
 class Standstill:
     """What it takes to keep a joint where it is when power fails, worst case along the cycle.
 
     Attributes:
-        effort: (least, worst) at the joint, N m or N: friction helps as much, or as little, as may
-            be. shaft: the same at the motor's shaft, N m; None without a transmission.
-        use: the part of static friction's limits, in joint and gear, that holding without power
-            takes where it takes most, all other joints held. None: it moves, or is not known.
-        held: whether friction alone holds it there. time: when the cycle is there, s.
-        brake: the smallest of the catalogue that bears `shaft`; None where none does.
         criteria: holding without power, and the brake.
     """
 
-    effort: tuple[float, float]
-    shaft: tuple[float, float] | None
-    use: float | None
-    held: bool | None
-    time: float
-    brake: str | None
+    effort: tuple[float, float] = quantity(
+        "(least, worst) at the joint: friction helps as much, or as little, as may be",
+        EFFORT,
+        "at the\njoint",
+    )
+    shaft: tuple[float, float] | None = quantity(
+        "the same at the motor's shaft; none without a transmission",
+        "N m",
+        "at the\nmotor",
+    )
+    use: float | None = quantity(
+        "part of static friction's limits, in joint and gear, that holding without power takes "
+        "where it takes most, all other joints held; none: it moves, or is not known",
+        heading="without\nbrake",
+    )
+    held: bool | None = quantity("friction alone holds it there; none: not known")
+    time: float = quantity("when the cycle is there", "s")
+    brake: str | None = quantity("smallest of the catalogue that bears `shaft`, if any")
     criteria: tuple[Criterion, ...]
 
 

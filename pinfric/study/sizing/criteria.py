@@ -11,12 +11,13 @@ and says which figure it lacks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 
+from pinfric.model.described import described, quantity
 from pinfric.model.springs import softest
 from pinfric.model.transmission import driven_efficiency
 from pinfric.study.sizing.bearing import (
@@ -55,27 +56,21 @@ class Status(StrEnum):
     NOT_REQUIRED = "not required"
 
 
-@dataclass(frozen=True)
+@described
 class Criterion:
-    """One check of one candidate.
+    """One check of one candidate."""
 
-    Attributes:
-        name: what is checked. status: how it ended.
-        required, available: compared numbers in `unit`; None where not known.
-        margin: 1 - required/available, None where not checked.
-        formula: what was computed. source: of the rule. note: of this case; what is missing.
-        floor: the number printed as required must be reached (life), not stayed below.
-    """
-
-    name: str
-    status: Status
-    required: float | None
-    available: float | None
-    unit: str
-    margin: float | None
-    formula: str
-    source: str
-    note: str = ""
+    name: str = quantity("what is checked", heading="criterion")
+    status: Status = quantity("how it ended", heading="status")
+    required: float | None = quantity("in `unit`; none where not known", heading="needs")
+    available: float | None = quantity("in `unit`; none where not known", heading="has")
+    unit: str = quantity("of both")
+    margin: float | None = quantity(
+        "1 - required/available, none where not checked", heading="margin", cell="{margin:%}"
+    )
+    formula: str = quantity("what was computed")
+    source: str = quantity("of the rule")
+    note: str = quantity("of this case; what is missing", default="")
 
     @property
     def scaled(self) -> bool:

@@ -13,86 +13,93 @@ from pinfric.dynamics.samples.reversals import reversals
 from pinfric.errors import StateError
 from pinfric.kernels.compiled import kernel
 from pinfric.model.coordinates import one_number
+from pinfric.model.described import EFFORT, SPEED, between, described, quantity
 from pinfric.model.scene import Scene
 from pinfric.study.sizing.bearing import BearingLoad, bearing_load, joint_loads
 from pinfric.study.sizing.duty import Schedule, once
 from pinfric.study.summary import effort_unit, ends_by_magnitude, integral, rms
 
 
-@dataclass(frozen=True)
+@described
 class Power:
-    """A power over time: mechanical at a joint, or electrical at a motor or a bus.
+    """A power over time: mechanical at a joint, or electrical at a motor or a bus."""
 
-    Attributes:
-        driving, braking: its peaks into and out of there, W (both >= 0).
-        delivered, returned: energies into and out of there over the cycle, J (both >= 0); what a
-            joint returns is what a lossless drive could regenerate.
-    """
-
-    driving: float
-    braking: float
-    delivered: float
-    returned: float
+    driving: float = quantity("its peak into there", "W", "peak power")
+    braking: float = quantity("its peak out of there", "W", "braking")
+    delivered: float = quantity("energy into there over the cycle", "J", "energy")
+    returned: float = quantity(
+        "energy out of there: what a lossless drive could regenerate", "J", "returned"
+    )
 
 
-@dataclass(frozen=True)
+@described
 class GearDemand:
-    """What criteria ask of one drive's demand, at its joint; worst case over the effort interval.
+    """What criteria ask of one drive's demand at its joint, worst case over the interval."""
 
-    Attributes:
-        name: the drive's. unit: of its efforts, "N m" or "N".
-        peak: largest effort.
-        speed, mean_speed: largest and mean |v|, rad/s or m/s.
-        mean_cubic: cube root of the speed-weighted mean of |u|^3 (`average_output_effort`).
-        bearing: what the joint's bearing (a sliding joint's screw) carries; None: not known.
-        travel: of a sliding joint, max q - min q over the cycle, m; else None.
-    """
-
-    name: str
-    unit: str
-    peak: float
-    speed: float
-    mean_speed: float
-    mean_cubic: float
-    bearing: BearingLoad | None
-    travel: float | None
+    name: str = quantity("the drive's", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    peak: float = quantity("largest effort", EFFORT, "peak")
+    speed: float = quantity("largest |v|", SPEED, "speed")
+    mean_speed: float = quantity("mean |v|", SPEED)
+    mean_cubic: float = quantity("cube root of the speed-weighted mean of |u|^3", EFFORT)
+    bearing: BearingLoad | None = quantity(
+        "what the joint's bearing (a sliding joint's screw) carries; none: not known",
+        heading="*",
+    )
+    travel: float | None = quantity(
+        "of a sliding joint, max q - min q over the cycle; else none", "m"
+    )
 
 
-@dataclass(frozen=True)
+@described
 class JointDemand(GearDemand):
     """All that one drive must do, at its joint; magnitudes, worst case over the effort interval.
 
     `least` figures take the number of smallest magnitude in each sample's interval instead: what is
     needed if friction at rest happens to help as much as it can. `frictionless` ones leave out all
     friction of the joints.
-
-    Attributes:
-        peak_time, speed_at_peak: when the effort is largest (s), and the joint's speed then.
-        rms, rms_least: root mean square over the cycle.
-        holding: (least, worst) largest effort over the holds, in which every joint of the robot
-            stands still; None without a hold.
-        holding_frictionless: the same without friction.
-        breakaway: largest end of the effort interval where the joint is at rest or reverses, load
-            included; None where it never rests. breakaway_friction: the part that is friction.
-        duty: part of the time in which the joint moves. hold_share: part spent in holds.
-        power, power_frictionless: at the joint.
-        peak_frictionless, rms_frictionless: of the effort without friction.
     """
 
-    peak_time: float
-    speed_at_peak: float
-    rms: float
-    rms_least: float
-    holding: tuple[float, float] | None
-    holding_frictionless: float | None
-    breakaway: float | None
-    breakaway_friction: float | None
-    duty: float
-    hold_share: float
-    power: Power
-    power_frictionless: Power
-    peak_frictionless: float
-    rms_frictionless: float
+    peak_time: float = quantity("when the effort is largest", "s")
+    speed_at_peak: float = quantity("the joint's speed then", SPEED, "speed\nat the peak")
+    rms: float = quantity(
+        "root mean square over the cycle",
+        EFFORT,
+        "RMS\nleast\N{EN DASH}worst",
+        between("rms_least", "rms"),
+    )
+    rms_least: float = quantity("the same of the least efforts", EFFORT)
+    holding: tuple[float, float] | None = quantity(
+        "(least, worst) largest effort over the holds, in which every joint of the robot stands "
+        "still; none without a hold",
+        EFFORT,
+        "holding",
+    )
+    holding_frictionless: float | None = quantity("the same without friction", EFFORT)
+    breakaway: float | None = quantity(
+        "largest end of the effort interval where the joint is at rest or reverses, load included; "
+        "none where it never rests",
+        EFFORT,
+        "break-\naway",
+    )
+    breakaway_friction: float | None = quantity(
+        "the part of it that is friction", EFFORT, "of it\nfriction"
+    )
+    duty: float = quantity(
+        "part of the time in which the joint moves", heading="moves", cell="{duty:%}"
+    )
+    hold_share: float = quantity(
+        "part of the time spent in holds", heading="holds", cell="{hold_share:%}"
+    )
+    power: Power = quantity("at the joint", heading="*")
+    power_frictionless: Power = quantity("at the joint, without friction")
+    peak_frictionless: float = quantity(
+        "of the effort without friction",
+        EFFORT,
+        "frictionless\npeak, RMS",
+        "{peak_frictionless}, {rms_frictionless}",
+    )
+    rms_frictionless: float = quantity("of the effort without friction", EFFORT)
 
 
 @dataclass(frozen=True)

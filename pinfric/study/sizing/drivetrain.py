@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from pinfric.model.described import described, quantity
 from pinfric.model.drives import Gears, gear_table, gear_torque_bounds
 from pinfric.model.friction_terms import constant_friction, linear_drag
 from pinfric.model.transmission import MakersEfficiency, Transmission, load_part
@@ -216,40 +217,48 @@ class Candidate:
         return ("N", "m/s") if self.linear and self.at_output else ("N m", "rad/s")
 
 
-@dataclass(frozen=True)
+@described
 class MotorFigures:
-    """What the cycle asks at the rated shaft; magnitudes, worst case over the interval.
+    """What the cycle asks at the rated shaft; magnitudes, worst case over the interval."""
 
-    Attributes:
-        peak, rms, rms_least: torque, N m. max_speed, mean_speed: rad/s.
-        holding: (least, worst) over the holds (all joints at rest), N m; None without a hold.
-        peak_temperature: of the winding in the settled cycle, deg C (infinite: it runs away), or
-            None where not known. mean_temperature: deg C at the mean heat, or None.
-        driving_power, braking_power: peaks of the electrical power from and to the bus, W.
-        energy, regenerated: electrical, from and to the bus over a cycle, J; copper loss counted.
-        standing: worst while this joint stands still, whatever the others do, N m; None: never.
-        window: s, within which overload counts: the winding's time constant, else the conditions'.
-        short_term: largest RMS over any such time, N m (over the cycle where that is shorter).
-        overloaded_standstill: longest time for which it stands still above the continuous torque,
-            s (infinite: for ever); None where that torque is not known.
-    """
-
-    peak: float
-    rms: float
-    rms_least: float
-    max_speed: float
-    holding: tuple[float, float] | None
-    peak_temperature: float | None
-    mean_temperature: float | None
-    driving_power: float | None
-    braking_power: float | None
-    energy: float | None
-    regenerated: float | None
-    mean_speed: float = 0.0
-    standing: float | None = None
-    window: float | None = None
-    short_term: float | None = None
-    overloaded_standstill: float | None = None
+    peak: float = quantity("largest torque", "N m")
+    rms: float = quantity("RMS of the torque", "N m")
+    rms_least: float = quantity("least RMS of the torque", "N m")
+    max_speed: float = quantity("largest", "rad/s")
+    holding: tuple[float, float] | None = quantity(
+        "(least, worst) over the holds (all joints at rest); none without a hold", "N m"
+    )
+    peak_temperature: float | None = quantity(
+        "of the winding in the settled cycle (infinite: it runs away); none where not known",
+        "deg C",
+    )
+    mean_temperature: float | None = quantity("at the mean heat; none where not known", "deg C")
+    driving_power: float | None = quantity("peak of the electrical power from the bus", "W")
+    braking_power: float | None = quantity("peak of that to the bus", "W")
+    energy: float | None = quantity("electrical, from the bus over a cycle, copper loss too", "J")
+    regenerated: float | None = quantity("the same to the bus", "J")
+    mean_speed: float = quantity("mean", "rad/s", default=0.0)
+    standing: float | None = quantity(
+        "worst while this joint stands still, whatever the others do; none: never",
+        "N m",
+        default=None,
+    )
+    window: float | None = quantity(
+        "within which overload counts: the winding's time constant, else the conditions'",
+        "s",
+        default=None,
+    )
+    short_term: float | None = quantity(
+        "largest RMS over any such time (over the cycle where that is shorter)",
+        "N m",
+        default=None,
+    )
+    overloaded_standstill: float | None = quantity(
+        "longest time for which it stands still above the continuous torque (infinite: for ever); "
+        "none where that torque is not known",
+        "s",
+        default=None,
+    )
 
     @property
     def hot(self) -> float:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pinfric.model.described import described, quantity
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.demand import DriveCycle, power_figures
@@ -30,23 +31,22 @@ _STEP = 0.01
 Judge = Callable[[Mapping[int, Assessment]], Sequence[tuple[Assessment, DriveCycle]]]
 
 
-@dataclass(frozen=True)
+@described
 class DriveSet:
-    """A drive for every joint, all of which fit.
+    """A drive for every joint, all of which fit."""
 
-    Attributes:
-        drives: joint -> name of its drive. mass: kg.
-        energy: drawn from the bus over a period, J. peak_power: of the bus, W.
-        price: of motors and gears; None where one is not known.
-        copper: all copper losses are in energy and power; else they are those of some motors.
-    """
-
-    drives: dict[str, str]
-    mass: float
-    energy: float
-    peak_power: float
-    price: float | None
-    copper: bool
+    mass: float = quantity("of all drives", "kg", "mass")
+    energy: float = quantity("drawn from the bus over a period", "J", "energy")
+    peak_power: float = quantity("of the bus", "W", "peak of\nthe bus")
+    price: float | None = quantity(
+        "of motors and gears; none where one is not known", heading="price", cell="{price:.2f}"
+    )
+    drives: dict[str, str] = quantity(
+        "joint -> name of its drive", heading="instead of the lightest"
+    )
+    copper: bool = quantity(
+        "all copper losses are in energy and power; else they are those of some motors"
+    )
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def trade_offs(
 def _drive_set(names: Sequence[str], part: _Part, t: np.ndarray) -> DriveSet:
     drives = {name: a.candidate.name for name, a in zip(names, part.taken, strict=True)}
     flow = power_figures(t, part.power)
-    return DriveSet(drives, part.mass, flow.delivered, flow.driving, part.price, part.copper)
+    return DriveSet(part.mass, flow.delivered, flow.driving, part.price, drives, part.copper)
 
 
 def _part(assessment: Assessment, cycle: DriveCycle, conditions: Conditions) -> _Part:

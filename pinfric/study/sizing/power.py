@@ -9,11 +9,11 @@ C (U_max^2 - U^2)/2; the rest is a resistor's, or a supply's that feeds back.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from pinfric.dynamics.inverse.result import runs
+from pinfric.model.described import derived, described, quantity
 from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import Criterion, compare
 from pinfric.study.sizing.demand import power_figures
@@ -22,39 +22,37 @@ from pinfric.study.sizing.duty import Schedule
 from pinfric.study.summary import rms
 
 
-@dataclass(frozen=True)
+@described
 class BusPower:
     """The sum of all drives' electrical power over the period.
 
     Attributes:
         power: (T,) W, into the drives; each cycle once.
-        left_out: drives without motor. mechanical: drives whose copper loss is not known.
-        peak, braking: greatest power into and out of the drives, W.
-        drawn, returned: energy into and out of them over a period, J. mean: W.
-        burst: J, the most that flows back without a break.
-        current, rms_current: greatest and root mean square of P/U, A.
-        resistor: ohm at most, which takes the greatest braking power at the highest voltage;
-            resistor_power: W on average. None where nothing flows back.
-        capacitance: F, that takes the burst in place of a resistor; None where the bus has no
-            limit, or nothing flows back.
-        criteria: of the supply and of the bus.
     """
 
     power: np.ndarray
-    left_out: tuple[str, ...]
-    mechanical: tuple[str, ...]
-    peak: float
-    braking: float
-    drawn: float
-    returned: float
-    mean: float
-    burst: float
-    current: float
-    rms_current: float
-    resistor: float | None
-    resistor_power: float | None
-    capacitance: float | None
-    criteria: tuple[Criterion, ...]
+    left_out: tuple[str, ...] = quantity("drives without motor")
+    mechanical: tuple[str, ...] = quantity("drives whose copper loss is not known")
+    peak: float = quantity("greatest power into the drives", "W")
+    braking: float = quantity("greatest power out of them", "W")
+    drawn: float = quantity("energy into them over a period", "J")
+    returned: float = quantity("energy out of them over a period", "J")
+    mean: float = quantity("power over the period", "W")
+    burst: float = quantity("the most that flows back without a break", "J")
+    current: float = quantity("greatest P/U", "A")
+    rms_current: float = quantity("root mean square of P/U", "A")
+    resistor: float | None = quantity(
+        "at most, to take the greatest braking power at the highest voltage; none where nothing "
+        "flows back",
+        "ohm",
+    )
+    resistor_power: float | None = quantity("of that resistor on average", "W")
+    capacitance: float | None = quantity(
+        "that takes the burst in place of a resistor; none where the bus has no limit, or nothing "
+        "flows back",
+        "F",
+    )
+    criteria: tuple[Criterion, ...] = quantity("of the supply and of the bus")
 
     @property
     def at_least(self) -> bool:
@@ -62,6 +60,7 @@ class BusPower:
         return bool(self.left_out or self.mechanical)
 
     @property
+    @derived()
     def remedy(self) -> str:
         """What takes the energy that flows back, in words."""
         if self.resistor is None or self.resistor_power is None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from pinfric.errors import SweepError, choose_from
 from pinfric.model.brief import file_name, listed, screen
+from pinfric.model.described import described, quantity
 from pinfric.model.upward import Shown
 from pinfric.study.sweep.cycle import DEMANDS, ELASTIC_FIGURES, FIGURES
 from pinfric.study.sweep.motors import Trial
@@ -26,18 +27,13 @@ _Z95 = 1.959963984540054
 _RESAMPLES = 200
 
 
-@dataclass(frozen=True)
+@described
 class Probability:
-    """A share of the samples.
+    """A share of the samples; its 95 % interval (Wilson) where samples are independent."""
 
-    Attributes:
-        value: the share.
-        low, high: 95 % confidence interval (Wilson) of independent samples; None of other designs.
-    """
-
-    value: float
-    low: float | None
-    high: float | None
+    value: float = quantity("the share")
+    low: float | None = quantity("of the interval; none of other designs")
+    high: float | None = quantity("of the interval; none of other designs")
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, StateError
+from pinfric.model.described import in_json
 from pinfric.show.replay import surfaces
 from pinfric.show.replay.frames import frame_times, make_frames
 from pinfric.show.replay.meshes import urdf_visuals
@@ -24,8 +25,8 @@ from pinfric.show.replay.replay import (
     Replay,
     motion_to_replay,
     open_page,
-    replay_json,
     replay_lines,
+    replay_summary,
 )
 from pinfric.show.replay.shapes import equivalent_box, robot_shapes
 from pinfric.show.replay.stage import set_stage
@@ -415,9 +416,8 @@ def test_notebook_shows_the_page_in_a_frame(three_link):
 
 def test_json_is_what_the_command_prints(three_link, tmp_path):
     shown = pf.replay(*three_link, html=tmp_path / "out.html")
-    printed = json.loads(json.dumps(replay_json(shown, ["look"])))
-    assert set(printed) == {"html", "duration", "frames", "stick_intervals", "warnings"}
-    assert printed["warnings"] == ["look"]
+    printed = json.loads(json.dumps(in_json(replay_summary(shown))))
+    assert set(printed) == {"html", "duration", "frames", "stick_intervals"}
     assert printed["html"] == str(tmp_path / "out.html")
     assert [i["site"] for i in printed["stick_intervals"]] == ["joint_12"] * 3
 

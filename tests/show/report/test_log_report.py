@@ -1,9 +1,8 @@
 """What the commands say of a log: on stderr, in tables, in JSON, in the figure."""
 
-import json
-
 import numpy as np
 import pytest
+from envelopes import result_of
 
 from pinfric import cli
 
@@ -42,7 +41,7 @@ def test_inverse_says_how_far_efforts_are_known(log, capsys, tmp_path):
     assert "warning: log.csv: filtered at" in err
     assert "rad, peak efforts known to" in out.replace("\n", " ").replace("  ", " ")
     assert out.count("±") == 1  # no joint's effort is known to no better than a tenth
-    found = json.loads((tmp_path / "out" / "summary.json").read_text())["input"]
+    found = result_of((tmp_path / "out" / "summary.json").read_text())["input"]
     assert found["samples"] + found["dropped"] == 1500
     assert found["samples"] > 1400
     assert found["resampled"] == 0
@@ -56,9 +55,9 @@ def test_inverse_says_how_far_efforts_are_known(log, capsys, tmp_path):
 
 def test_a_cutoff_is_set_or_forbidden_on_every_command(log, capsys):
     _, out, _ = run(capsys, "inverse", "ur10.yaml", log, "--cutoff", "5", "--json")
-    assert json.loads(out)["input"]["cutoff"]["elbow_joint"] == 5.0
+    assert result_of(out)["input"]["cutoff"]["elbow_joint"] == 5.0
     _, out, _ = run(capsys, "inverse", "ur10.yaml", log, "--cutoff", "none", "--json")
-    found = json.loads(out)["input"]
+    found = result_of(out)["input"]
     assert set(found["cutoff"].values()) == {None}
     _, out, _ = run(capsys, "inverse", "ur10.yaml", log, "--cutoff", "none")
     assert out.count("±") > 4  # beside the peaks

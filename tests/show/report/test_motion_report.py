@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, plane_friction
+from envelopes import result_of
 
 import pinfric as pf
 from pinfric.cli import main
 from pinfric.show.figure.motion import motion_figure
-from pinfric.show.report.motion import motion_json
+from pinfric.study.motion_summary import motion_summary
 
 
 def run(capsys, *arguments, code=0):
@@ -24,7 +23,7 @@ def run(capsys, *arguments, code=0):
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "regularized"])
 def test_the_scenes_own_simulation_runs_by_every_method(capsys, method):
-    answer = json.loads(run(capsys, "pendulum", "--method", method, "--json").out)
+    answer = result_of(run(capsys, "pendulum", "--method", method, "--json").out)
     assert answer["method"] == method
     assert answer["t_end"] == pytest.approx(2.0)
     energy = answer["energy"]
@@ -59,7 +58,8 @@ def test_the_figure_shades_stick_and_has_a_panel_per_site():
     assert len(figure.axes) == 3
     shaded = [p for p in figure.axes[2].patches if p.get_alpha()]
     assert len(shaded) == 1
-    assert motion_json(motion)["energy"]["friction_loss"]["slide"] == pytest.approx(1.0, rel=1e-6)
+    loss = motion_summary(motion).energy.friction_loss
+    assert loss["slide"] == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(

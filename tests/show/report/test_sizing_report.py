@@ -16,10 +16,12 @@ from rich.console import Console
 from sizing_cases import MOTOR, one_drive, trapezoid, turntable, write_catalog
 
 import pinfric as pf
-from pinfric.show.report.sizing import passes, sizing_json, sizing_report, tightest
+from pinfric.model.described import in_json
+from pinfric.show.report.sizing import passes, sizing_report, tightest
 from pinfric.show.sizing_page.figures import pareto_front, torque_speed
 from pinfric.show.sizing_page.page import sizing_page
 from pinfric.study.sizing.catalog import load_catalog
+from pinfric.study.sizing.summary import sizing_summary
 
 BROWSER = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -51,30 +53,29 @@ def panda():
 
 
 def test_json_has_the_promised_figures_of_every_joint(panda):
-    answer = json.loads(json.dumps(sizing_json(panda, ["noticed"]), allow_nan=False))
+    answer = json.loads(json.dumps(in_json(sizing_summary(panda)), allow_nan=False))
     assert [joint["name"] for joint in answer["joints"]] == list(panda.scene.actuator_names)
     for entry, joint in zip(answer["joints"], panda.joints, strict=True):
-        assert {"peak", "rms", "breakaway", "holding", "speed", "choice", "margins",
-                "rejected"} <= entry.keys()  # fmt: skip
+        keys = {"peak", "rms", "breakaway", "holding", "speed", "choice", "rejected"}
+        assert keys <= entry.keys()
         assert entry["peak"] == joint.demand.peak
         least, worst = entry["holding"]
         assert 0 <= least <= worst <= entry["peak"]
         assert entry["choice"] == joint.choice.candidate.name
-        assert min(m for m in entry["margins"].values() if m is not None) >= 0
-        assert entry["margins"]["winding temperature"] is None  # not checked: never a number
-        states = [criterion["status"] for criterion in entry["criteria"]]
-        assert entry["not_checked"] == states.count("not checked")
+        assert min(m for m in entry["taken"]["margins"].values() if m is not None) >= 0
+        assert entry["taken"]["margins"]["winding temperature"] is None  # not checked: no number
+        states = [criterion["status"] for criterion in entry["taken"]["criteria"]]
+        assert entry["taken"]["not_checked"] == states.count("not checked")
         assert {"name", "why"} == entry["rejected"][0].keys()
         assert all(r["why"] for r in entry["rejected"])
         names = {r["name"] for r in entry["rejected"]} | {a["name"] for a in entry["alternatives"]}
         assert len(names) + 1 == len(joint.assessments)
-    assert answer["warnings"] == ["noticed"]
     assert answer["catalog"] == "default"
 
 
 def test_json_without_a_catalogue_is_the_demand(tmp_path):
     scene = turntable()
-    answer = sizing_json(pf.size(scene, trapezoid(scene)))
+    answer = in_json(sizing_summary(pf.size(scene, trapezoid(scene))))
     (joint,) = answer["joints"]
     assert joint["peak"] == pytest.approx(15.0)
     assert joint["choice"] is None
@@ -83,7 +84,7 @@ def test_json_without_a_catalogue_is_the_demand(tmp_path):
 
 
 def test_rejections_say_why_and_what_is_missing(report):
-    (joint,) = sizing_json(report)["joints"]
+    (joint,) = in_json(sizing_summary(report))["joints"]
     why = {entry["name"]: entry["why"] for entry in joint["rejected"]}
     assert re.match(
         r"continuous torque: needs 0\.09\d+ N m, has 0\.05 N m \(short by ", why["weak + G"]
@@ -98,10 +99,10 @@ def test_infeasible_joint_has_its_nearest_miss_in_the_json(tmp_path):
     with pytest.warns(pf.PinfricWarning, match="nearest miss"):
         report = pf.size(scene, trapezoid(scene), one_drive(tmp_path, {"peak_torque": 0.6}),
                          conditions={"peak_factor": 5})  # fmt: skip
-    (joint,) = sizing_json(report)["joints"]
+    (joint,) = in_json(sizing_summary(report))["joints"]
     assert joint["choice"] is None
     assert "peak torque: needs " in joint["nearest_miss"]
-    assert joint["margins"]["peak torque"] < 0
+    assert joint["taken"]["margins"]["peak torque"] < 0
     page = sizing_page(report)
     assert "No drive fits." in page
     assert "does not fit: nearest miss" in page
@@ -135,8 +136,8 @@ def test_a_cycle_that_does_not_close_stands_in_every_report(tmp_path):
     motion = pf.Trajectory.from_arrays(scene, t[:, 0], 2 * t, 2 + 0 * t, 0 * t)
     open_ = pf.size(scene, motion, load_catalog(write_catalog(tmp_path / "catalog.yaml")))
     text = "table ends 2 rad from where it began"
-    assert sizing_json(open_)["unclosed"] == [text]
-    assert any(text in note for note in sizing_json(open_)["notes"])
+    assert in_json(sizing_summary(open_))["unclosed"] == [text]
+    assert any(text in note for note in in_json(sizing_summary(open_))["notes"])
     demand = pf.size(scene, motion)  # without a catalogue, too
     for report in (open_, demand):
         console = Console(file=StringIO(), width=80)

@@ -8,9 +8,11 @@ import pytest
 from sweep_cases import BOX, pushed_block, steady, steps, sweep_of, uniform
 
 import pinfric as pf
+from pinfric.model.described import in_json
 from pinfric.show.figure.sweep import sweep_figure
-from pinfric.show.report.sweep import sweep_json, sweep_report
+from pinfric.show.report.sweep import sweep_report
 from pinfric.show.report.values import digits
+from pinfric.study.sweep.summary import sweep_summary
 from pinfric.terminal import as_text, show
 
 
@@ -26,7 +28,7 @@ def panda():
 
 
 def printed(result, capsys):
-    show(sweep_report(result))
+    show(sweep_report(result, sweep_summary(result)))
     return [line.rstrip() for line in capsys.readouterr().out.splitlines()]
 
 
@@ -34,9 +36,9 @@ def test_tables_fit_in_80_columns_and_name_every_joint(panda, capsys, monkeypatc
     monkeypatch.setenv("COLUMNS", "80")
     lines = printed(panda, capsys)
     assert all(len(line) <= 80 for line in lines)
-    tables = [line for line in lines if line.startswith("panda_joint2")]
+    tables = [line for line in lines if line.startswith("joint2 ")]
     # three tables have a row for every joint, the motors' one for those on trial
-    assert [line.split()[0] for line in tables[:3]] == ["panda_joint2"] * 3
+    assert [line.split()[0] for line in tables[:3]] == ["joint2"] * 3
     assert tables[0].split()[1] == digits(panda.quantiles("peak")[0, 1])
     assert tables[2].split()[1:3] == ["box.mass", "+1.00"]  # it alone moves joint 2
     share = panda.probability(panda.sufficing()).value
@@ -45,14 +47,13 @@ def test_tables_fit_in_80_columns_and_name_every_joint(panda, capsys, monkeypatc
 
 
 def test_json_holds_percentiles_correlations_and_odds(panda):
-    content = json.loads(as_text(sweep_json(panda, ["a warning"])))
+    content = json.loads(as_text(in_json(sweep_summary(panda))))
     assert [p["name"] for p in content["parameters"]] == list(panda.parameter_names)
     joint = content["joints"][1]
     assert joint["motor_rms"]["percentiles"]["50"] == panda.quantiles("motor_rms")[1, 1]
     assert joint["rms"]["rank_correlation"]["payload.box.mass"] > 0.9
     assert content["motors"][0]["criteria"]["peak"]["value"] == 1.0
     assert content["motors"][0]["not_checked"] == ["speed"]
-    assert content["warnings"] == ["a warning"]
 
 
 def test_figure_shows_what_lies_beyond_the_rating(panda):
@@ -86,7 +87,7 @@ def test_sweeps_that_hardly_vary_print_and_draw(sampling, capsys):
     assert any(line.startswith("slide") for line in lines)
     assert "at the joints, N" in lines
     sweep_figure(result).draw_without_rendering()
-    as_text(sweep_json(result))  # NaN as null
+    as_text(in_json(sweep_summary(result)))  # NaN as null
 
 
 def test_figure_survives_samples_without_solution():
@@ -121,7 +122,7 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     assert "panda_joint4: ratings alone, the peak times 1.2" in text
     assert "masses of drives, on their joints' parent links: panda_joint2 1.23 kg" in text
     sweep_figure(result).draw_without_rendering()
-    content = json.loads(as_text(sweep_json(result)))["motors"]
+    content = json.loads(as_text(in_json(sweep_summary(result))))["motors"]
     assert content[0]["criteria"]["gear repeated peak torque"]["value"] == met.mean()
     assert [entry["criteria_of_size"] for entry in content] == [True, False]
 

@@ -12,11 +12,14 @@ import pytest
 from rich.console import Console
 
 import pinfric as pf
-from pinfric.show.report.inverse import inverse_json, inverse_report
+from pinfric.model.described import in_json
+from pinfric.show.report.inverse import inverse_report
 from pinfric.show.report.names import affixes, least_room, shortened
-from pinfric.show.report.sizing import beside, sizing_json, sizing_report, span_beside
+from pinfric.show.report.sizing import beside, sizing_report, span_beside
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, span
+from pinfric.study.inverse_summary import inverse_summary
+from pinfric.study.sizing.summary import sizing_summary
 from pinfric.terminal import show
 
 WIDTHS = (40, 60, 80, 120)
@@ -112,10 +115,10 @@ def test_every_figure_of_48_joints_is_printed_whole_beside_a_name_that_is_one_jo
 ):
     scene, motion = humanoid
     result = pf.inverse_dynamics(scene, motion)
-    lines = printed(inverse_report(result, "fingers.csv"), width)
+    lines = printed(inverse_report(result, inverse_summary(result, "fingers.csv")), width)
     assert max(map(len, lines)) <= width
     rows = cells(lines, "humanoid")
-    joints = inverse_json(result, "fingers.csv")["joints"]
+    joints = in_json(inverse_summary(result, "fingers.csv"))["joints"]
     assert len(rows) == len(joints) == 48
     assert whole_names(lines, [row[0] for row in rows], FINGERS) == FINGERS
     largest = max(np.abs(x).max() for x in (result.effort_lower, result.effort_upper))
@@ -137,17 +140,15 @@ def test_sizing_clips_no_number_at_any_width(sized, width):
     lines = printed(sizing_report(report), width)
     assert max(map(len, lines)) <= width
     rows = cells(lines, "humanoid")
-    joints = sizing_json(report)["joints"]
+    joints = in_json(sizing_summary(report))["joints"]
     assert len(rows) == len(joints) == 48
     for row, d in zip(rows, joints, strict=True):
         peak = d["peak"]
+        assert d["holding"] is None  # a column of which no joint knows anything is left out
         assert [x for x in row[1:] if x not in ("N", "N m")] == [
-            digits(peak), span_beside(d["rms_least"], d["rms"], peak),
-            f"{beside(d['frictionless']['peak'], peak)}, "
-            f"{beside(d['frictionless']['rms'], peak)}",
-            span_beside(*d["holding"], peak) if d["holding"] else "-",
+            digits(peak), digits(d["speed"]), span_beside(d["rms_least"], d["rms"], peak),
             beside(d["breakaway"], peak) if d["breakaway"] is not None else "-",
-            digits(d["speed"]),
+            f"{beside(d['peak_frictionless'], peak)}, {beside(d['rms_frictionless'], peak)}",
         ]  # fmt: skip
 
 
@@ -155,12 +156,14 @@ def test_sizing_clips_no_number_at_any_width(sized, width):
 def test_panda_fits(width):
     scene = pf.load_scene("panda_pick_and_place")
     result = pf.inverse_dynamics(scene, pf.load_trajectory("panda_pick_and_place.csv", scene))
-    lines = printed(inverse_report(result, "panda_pick_and_place.csv"), width)
+    lines = printed(
+        inverse_report(result, inverse_summary(result, "panda_pick_and_place.csv")), width
+    )
     assert max(map(len, lines)) <= width
-    whole = [line for line in lines if line.startswith("panda_joint1 ")]
+    whole = [line for line in lines if line.startswith("joint1 ")]
     # at 80 columns in one block, names and all; at 40 in several, still with their names
     assert len(whole) == {40: 4, 60: 3, 80: 2, 120: 2}[width]
-    assert not any("left out" in line for line in lines)
+    assert lines[0] == "left out of each name: panda_…"
 
 
 def test_a_table_too_wide_for_any_terminal_loses_no_digit(monkeypatch, capsys):

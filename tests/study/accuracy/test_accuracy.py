@@ -15,9 +15,10 @@ from builders import block, plane_friction
 import pinfric as pf
 from pinfric.dynamics.inverse.result import StickInterval
 from pinfric.errors import SceneError, SimulationError
+from pinfric.model.described import in_json
 from pinfric.paper.reproduction import absolute_judge
 from pinfric.show.accuracy.figure import accuracy_figure
-from pinfric.show.accuracy.report import accuracy_frame, accuracy_json, accuracy_report
+from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
 from pinfric.study.accuracy import precision
 from pinfric.study.accuracy import study as accuracy_module
 from pinfric.study.accuracy.ladder import fitted_constants, ladder, solve
@@ -73,7 +74,7 @@ def test_every_method_has_five_settings_or_more():
 
 
 def test_json_has_the_runs_and_no_nan(pendulum):
-    answer = json.loads(json.dumps(accuracy_json(pendulum), allow_nan=False))
+    answer = json.loads(json.dumps(in_json(pendulum), allow_nan=False))
     assert {"method", "setting", "error", "stick_error", "wall_s", "rhs"} <= set(answer["runs"][0])
     errors = [run["error"] for run in answer["runs"] if run["method"] == "event"]
     assert max(errors) >= 1e-3
@@ -125,7 +126,7 @@ def test_a_failure_is_a_row():
     assert len(table.rows) == 3
     assert "it cannot go on" in str(first)
     assert "diverges" in str(last)
-    assert [run["error"] for run in accuracy_json(study)["runs"]] == [None, 0.0, None]
+    assert [run["error"] for run in in_json(study)["runs"]] == [None, 0.0, None]
 
 
 def test_errors_of_stick_ends_by_hand():
@@ -226,4 +227,4 @@ def test_a_trajectory_alone_is_studied():
     rungs = {rung.name: rung for rung in found.ladder}
     assert rungs["+ transmission"].motor_side
     assert rungs["+ viscous"].distance < rungs["frictionless"].distance
-    assert "ur5_pick_and_place.csv" in accuracy_json(found)["trajectory"]
+    assert "ur5_pick_and_place.csv" in in_json(found)["trajectory"]

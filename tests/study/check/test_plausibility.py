@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import warnings
 import xml.etree.ElementTree as ElementTree
@@ -10,6 +9,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 import trimesh
+from envelopes import result_of, validated
 
 import pinfric as pf
 from pinfric import cli
@@ -309,7 +309,7 @@ def test_exit_codes_and_json(tmp_path, capsys):
     wrong = arm(tmp_path, low=-180, high=180)
     code, out, err = run(capsys, wrong, "--json")
     assert code == 2
-    found = json.loads(out)
+    found = result_of(out)
     assert found["errors"] == 1
     assert found["findings"][0]["if_unit"].startswith("if they are in degrees")
     assert found["findings"][0]["severity"] == "error"
@@ -353,7 +353,7 @@ def test_the_warning_of_an_implausible_body_reaches_every_commands_json(
     said = capsys.readouterr()
     assert left.value.code == 0
     assert sum("'tip'" in line for line in said.err.splitlines()) == 1
-    assert any("'tip'" in text for text in json.loads(said.out)["warnings"])
+    assert any("'tip'" in text for text in validated(said.out)["warnings"])
 
 
 def test_new_writes_the_urdfs_ratios_and_dynamics_and_lists_doubts_once(tmp_path, capsys):

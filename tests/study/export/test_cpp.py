@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import subprocess
@@ -13,6 +12,7 @@ import pinocchio as pin
 import pytest
 from builders import chain, random_friction, random_inertia, random_tree
 from cases import drawer_scene
+from envelopes import result_of
 from mechanisms import four_bar
 
 import pinfric as pf
@@ -729,7 +729,7 @@ def test_the_command_writes_a_header_and_its_test_and_says_what_constants_miss(
     text = Path("made", f"{name}.hpp").read_text()
     assert 'frames[] = {"tool0", "wrist_1_link"}' in text
     assert run(*given, "--json", "--out", "again") == 0
-    joints = {joint["joint"]: joint for joint in json.loads(capsys.readouterr().out)["joints"]}
+    joints = {joint["joint"]: joint for joint in result_of(capsys.readouterr().out)["joints"]}
     lift, wrist = joints["shoulder_lift_joint"], joints["wrist_3_joint"]
     assert lift["error_rms"] > 1.0 > 0.1 > wrist["error_rms"]  # the lift carries, the wrist not
     assert run("four_bar", "--to", "cpp") == 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from builders import block, random_states, random_tree
+from envelopes import result_of
 
 import pinfric as pf
 from pinfric.cli import main
@@ -406,7 +406,7 @@ def test_the_command_writes_and_says_what_it_costs(tmp_path, monkeypatch, capsys
     monkeypatch.setenv("COLUMNS", "80")
     given = "ur5_pick_and_place", "--trajectory", "ur5_pick_and_place.csv"
     assert run(*given, "--to", "mjcf", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
+    answer = result_of(capsys.readouterr().out)
     assert answer["file"] == "ur5_pick_and_place.mjcf.xml"
     assert {*TERMS, "error_rms", "worst_load", "rest_upper"} <= answer["joints"][0].keys()
     assert answer["joints"][4]["error_rms"] is None

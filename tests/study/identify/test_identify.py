@@ -60,9 +60,9 @@ from identify_cases import (
 import pinfric as pf
 from pinfric import cli
 from pinfric.errors import IdentificationError
+from pinfric.model.described import in_json
 from pinfric.show.identification_page.page import identification_page
 from pinfric.show.replay.frames import make_frames
-from pinfric.show.report.identify import identify_json
 from pinfric.study.identify import columns
 from pinfric.study.identify.advice import advice_text
 from pinfric.study.identify.choice import free_errors, held_out_parts, smallest_good
@@ -75,6 +75,7 @@ from pinfric.study.identify.laws import SLOT, SLOTS, Law
 from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.recordings import STILL, Recording, read_recordings, stick_velocity
 from pinfric.study.identify.rest import _held
+from pinfric.study.identify.summary import identify_summary
 from pinfric.study.identify.zeros import turned_zeros
 from pinfric.study.trajectory.log.reading import ReadingOptions
 
@@ -439,7 +440,7 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
     robot = pf.load_scene("ur5_pick_and_place").robot
     assert f"  {NAMES[2]}: # not explained by the logs: as the scene says\n" in scene_text(
         found, robot, tmp_path)  # fmt: skip
-    text = identify_json(found)["joints"][1]
+    text = in_json(identify_summary(found))["joints"][1]
     assert (text["law"], text["error"]["error"] > 0.5 * text["error"]["rms"]) == (None, True)
     noise = np.random.default_rng(0).normal(size=short().effort.shape)
     with pytest.raises(IdentificationError, match="the model explains no joint's effort"):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from envelopes import result_of
 from sizing_cases import GEAR, MOTOR, turntable, write_catalog
 
 import pinfric as pf
@@ -77,17 +77,17 @@ def test_retime_prints_writes_and_its_trajectory_is_one_for_all(files, capsys):
     assert "effort" in out
     assert {f.name for f in Path("out").iterdir()} == {"trajectory.csv", "retime.png",
                                                        "summary.json"}  # fmt: skip
-    summary = json.loads(Path("out/summary.json").read_text())
+    summary = result_of(Path("out/summary.json").read_text())
     # 40 N m, 3 of them friction, at 2 kg m^2, up to 3 rad/s
     up, down = 37.0 / 2.0, 43.0 / 2.0
     move = 1.5 / 3.0 + 0.5 * 3.0 * (1 / up + 1 / down)
     assert summary["duration"] == pytest.approx(2 * move + 0.6, rel=1e-4)
     assert summary["drives"][0]["sensitivity"].keys() == {"effort", "joint speed"}
     assert run("inverse", "table.yaml", "out/trajectory.csv", "--json") == 0
-    (joint,) = json.loads(capsys.readouterr().out)["joints"]
+    (joint,) = result_of(capsys.readouterr().out)["joints"]
     assert joint["peak"] == pytest.approx(40.0, rel=1e-3)
     assert run("retime", "table.yaml", "out/trajectory.csv", "--json", "--smooth", "10") == 0
-    again = json.loads(capsys.readouterr().out)
+    again = result_of(capsys.readouterr().out)
     assert again["duration"] == pytest.approx(summary["duration"] + 0.02, rel=1e-3)
     assert again["before"] == pytest.approx(summary["duration"], abs=2e-3)
 
@@ -119,7 +119,7 @@ def test_size_with_fastest(files, capsys):
     out, _ = capsys.readouterr()
     assert "fastest along the path" in out
     assert (files / "out" / "fastest.png").stat().st_size > 5000
-    sets = json.loads(Path("out/sizing.json").read_text())["fastest"]
+    sets = result_of(Path("out/sizing.json").read_text())["fastest"]
     assert [x["drives"]["table"] for x in sets if x["best"]] == ["small + G", "large + G"]
     assert sets[0]["duration"] > sets[1]["duration"]
 

@@ -18,12 +18,13 @@ from sweep_cases import sweep_of, uniform
 
 import pinfric as pf
 from pinfric.errors import SweepError
-from pinfric.show.report.sweep import sweep_json
+from pinfric.model.described import in_json
 from pinfric.study.sizing.catalog import Catalog, load_catalog
 from pinfric.study.sweep.cycle import Study, compute
 from pinfric.study.sweep.file import load_sweep
 from pinfric.study.sweep.motors import motors_on_trial
 from pinfric.study.sweep.parameters import resolve
+from pinfric.study.sweep.summary import sweep_summary
 from pinfric.terminal import as_text
 
 TBM, CSF = "Kollmorgen TBM-6051-A", "Harmonic Drive CSF-17-100"
@@ -83,7 +84,7 @@ def test_what_size_rejects_does_not_suffice(panda, one_of_all):
     assert found.figure("margin")[0, 1] == pytest.approx(1 - 55.78 / 54, abs=1e-4)
     assert found.figure("peak")[0, 1] == pytest.approx(worst.required, rel=1e-12)
     np.testing.assert_array_equal(found.figures[0, 0, -3:], [0.0, 0.0, 1.0])  # not on trial
-    assert "gear average torque" in sweep_json(found)["motors"][0]["not_checked"]
+    assert "gear average torque" in in_json(sweep_summary(found))["motors"][0]["not_checked"]
 
 
 def test_masses_of_drives_and_payload_count_as_in_size(panda, one_of_all):
@@ -164,7 +165,7 @@ def test_every_sample_is_judged_as_size_judges_it(tmp_path):
     frame = found.to_dataframe()
     np.testing.assert_array_equal(frame["table.suffices"], fits)
     np.testing.assert_array_equal(frame["table.failed"] == "", fits)
-    as_text(sweep_json(found))
+    as_text(in_json(sweep_summary(found)))
 
 
 def test_losses_that_vary_are_those_judged(tmp_path):

@@ -8,9 +8,10 @@ from sweep_cases import sweep_of
 
 import pinfric as pf
 from pinfric.errors import SweepError
-from pinfric.show.report.sweep import sweep_json
+from pinfric.model.described import in_json
 from pinfric.study.sweep.file import SweepFile
 from pinfric.study.sweep.parameters import apply, resolve
+from pinfric.study.sweep.summary import sweep_summary
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def test_stiffness_scales_places_and_frequencies(arm):
     assert usual[2] == pytest.approx(rest.worst.tool.farthest)
     table = found.to_dataframe()
     assert table["tool_sag"].tolist() == found.elastic[:, 1].tolist()
-    assert set(sweep_json(found)["elastic"]) == {
+    assert set(in_json(sweep_summary(found))["elastic"]) == {
         "lowest_frequency",
         "tool_sag",
         "tool_interval",
@@ -78,7 +79,7 @@ def test_other_sweeps_of_an_elastic_arm_have_no_such_figures(arm):
     found = pf.sweep(*arm, grid(friction__all__viscous=[1.0]), processes=1)
     assert found.elastic.shape == (1, 0)
     assert found.elastic_quantiles() == {}
-    assert "elastic" not in sweep_json(found)
+    assert sweep_summary(found).elastic == {}
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import TrajectoryError, choose_from
-from pinfric.study.summary import ends_by_magnitude, rests, rms
+from pinfric.model.described import EFFORT, PLACE, described, quantity
+from pinfric.study.summary import effort_unit, ends_by_magnitude, rests, rms
 from pinfric.study.trajectory.joint_columns import joint_columns
 from pinfric.study.trajectory.log.reading import DerivativeNoise, Reading
 
@@ -28,20 +29,22 @@ EFFORT_PLACES = ("motor", "joint")
 _PLACES = 300
 
 
-@dataclass(frozen=True)
+@described
 class MeasuredEffort:
-    """A measured effort beside the computed one, the nearest possible where a joint sticks.
+    """A measured effort beside the computed one, the nearest possible where a joint sticks."""
 
-    RMS are over time, in N m or N; `relative_error` is rms_error / rms. `rest` is how long the
-    drive sticks (s), `coverage` in which share of that time the measured effort lies in its
-    interval (NaN where it never sticks).
-    """
-
-    rms: float
-    rms_error: float
-    relative_error: float
-    rest: float = 0.0
-    coverage: float = np.nan
+    name: str = quantity("the drive", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    rms: float = quantity("RMS of the measured effort over time", EFFORT, "measured\nRMS")
+    rms_error: float = quantity("RMS of measured less computed", EFFORT, "off\nRMS")
+    relative_error: float = quantity("rms_error / rms", heading="off", cell="{relative_error:%}")
+    rest: float = quantity("how long the drive sticks", "s", "sticks", default=0.0)
+    coverage: float = quantity(
+        "in which share of that time the measured effort lies in its interval",
+        heading="of it in\nthe band",
+        cell="{coverage:%}",
+        default=np.nan,
+    )
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,39 @@ class JudgedLog:
     peak_uncertainty: Mapping[str, float] = field(default_factory=dict)
     measured: Mapping[str, MeasuredEffort] = field(default_factory=dict)
     at: str = "joint"
+
+
+@described
+class LogSummary:
+    """How a log was read."""
+
+    samples: int = quantity("rows that became samples")
+    dropped: int = quantity("rows left out")
+    resampled: int = quantity("samples between rows, interpolated")
+    jitter: float = quantity("RMS of the stamps about regular time", "s")
+    noise: Mapping[str, float] = quantity("joint -> noise of its positions", PLACE)
+    cutoff: Mapping[str, float | None] = quantity("joint -> low pass; none: not filtered", "Hz")
+    peak_uncertainty: Mapping[str, float] = quantity(
+        "drive -> how far its peak effort may be off", EFFORT
+    )
+    measured: Mapping[str, MeasuredEffort] = quantity("drive -> its effort in the log, compared")
+    said: tuple[str, ...] = quantity("all that was guessed, repaired or filtered")
+
+
+def log_summary(log: JudgedLog) -> LogSummary:
+    """Return how a log was read and how well its efforts fit."""
+    reading = log.reading
+    return LogSummary(
+        reading.samples,
+        reading.dropped,
+        reading.resampled,
+        reading.jitter,
+        reading.noise,
+        reading.cutoff,
+        log.peak_uncertainty,
+        log.measured,
+        reading.said,
+    )
 
 
 def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> JudgedLog:
@@ -124,15 +160,17 @@ def compare_effort(
     """
     assert result.t is not None
     t, finite = result.t, np.isfinite(measured)
+    name, unit = result.actuator_names[drive], effort_unit(result.scene, drive)
     if not finite.any():
-        return MeasuredEffort(np.nan, np.nan, np.nan)
+        return MeasuredEffort(name, unit, np.nan, np.nan, np.nan)
     lower, upper = (ends[:, drive] for ends in measured_interval(result, at))
     nearest = np.clip(measured, lower, upper)
     size, error = (rms(t[finite], x[finite]) for x in (measured, measured - nearest))
     held = rests(result, drive) & finite
     inside = float(np.mean(nearest[held] == measured[held])) if held.any() else np.nan
     rest = float(sum(t[last] - t[first] for first, last in runs(held)))
-    return MeasuredEffort(size, error, error / size if size > 0.0 else np.nan, rest, inside)
+    share = error / size if size > 0.0 else np.nan
+    return MeasuredEffort(name, unit, size, error, share, rest, inside)
 
 
 def _effort_bound(result: InverseResult, noise: DerivativeNoise) -> FloatArray:

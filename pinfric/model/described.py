@@ -1,0 +1,227 @@
+"""What each figure of a result is, said once: in its class.
+
+    @described
+    class Summary:
+        unit: str = quantity('of every effort here, "N m" or "N"')
+        peak: float = quantity("max |u|", EFFORT, "peak")
+
+JSON and its schema, tables on the terminal and on pages, columns of a DataFrame, the docstring's
+attributes and the reference are made from these fields. A property takes part with `@derived`
+below `@property`; its docstring is its meaning.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import sys
+import textwrap
+import types
+import typing
+from collections.abc import Callable, Mapping
+from enum import Enum, IntEnum
+from typing import Any, NamedTuple, TypeVar, dataclass_transform
+
+import numpy as np
+
+#: Units of figures at a joint: turning or sliding.
+EFFORT, SPEED, PLACE = "N m or N", "rad/s or m/s", "rad or m"
+INERTIA = "kg m^2 or kg"
+
+_Class = TypeVar("_Class", bound=type)
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
+
+class Quantity(NamedTuple):
+    """What one field is.
+
+    Attributes:
+        meaning: for docstring, schema and reference.
+        unit: SI; "N m or N" is that of the row's joint, see `unit_at`. Empty: none.
+        heading: of its column; empty: it is in no table.
+        cell: what its column shows where that is more than the number: "{least} to {most}" of the
+            row's fields, each with a display unit: "{share:%}", "{sag:mm}".
+        name: it is a name, which tables may shorten.
+    """
+
+    meaning: str
+    unit: str = ""
+    heading: str = ""
+    cell: str = ""
+    name: bool = False
+
+
+def quantity(
+    meaning: str,
+    unit: str = "",
+    heading: str = "",
+    cell: str = "",
+    *,
+    name: bool = False,
+    default: Any = dataclasses.MISSING,
+    default_factory: Any = dataclasses.MISSING,
+) -> Any:
+    """Return a dataclass field that says what it is: see `Quantity`."""
+    metadata = {"quantity": Quantity(meaning, unit, heading, cell, name)}
+    if default_factory is not dataclasses.MISSING:
+        return dataclasses.field(default_factory=default_factory, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def between(least: str, most: str, display: str = "") -> str:
+    """Return the cell "least–most" of two fields; one number where both print alike."""
+    return "\N{EN DASH}".join(f"{{{name}:{display}}}" for name in (least, most))
+
+
+def derived(unit: str = "", heading: str = "", cell: str = "") -> Callable[[_Method], _Method]:
+    """Let a property be a figure of its class's result: JSON, tables and schema have it."""
+
+    def mark(method: _Method) -> _Method:
+        meaning = " ".join((method.__doc__ or "").split()).removesuffix(".")
+        method.quantity = Quantity(meaning, unit, heading, cell)  # type: ignore[attr-defined]
+        return method
+
+    return mark
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(quantity, dataclasses.field))
+def described(made: _Class) -> _Class:
+    """Make a frozen dataclass whose docstring lists its described fields as attributes."""
+    dataclasses.dataclass(frozen=True)(made)  # the same class, completed
+    lines = [
+        textwrap.fill(
+            f"{entry.name}: {_said(found)}", 92, initial_indent="    ", subsequent_indent=" " * 8
+        )
+        for entry in dataclasses.fields(made)
+        if (found := entry.metadata.get("quantity"))
+    ]
+    text = textwrap.dedent(f"    {made.__doc__ or ''}").strip()
+    made.__doc__ = "\n".join([text, *([""] if "Attributes:" in text else ["", "Attributes:"])])
+    made.__doc__ += "\n" + "\n".join(lines) + "\n"
+    return made
+
+
+def _said(found: Quantity) -> str:
+    return f"{found.meaning} ({found.unit})." if found.unit else f"{found.meaning}."
+
+
+def quantities(kind: type) -> dict[str, Quantity]:
+    """Return what the figures of a class are, fields first, then derived ones."""
+    found = {
+        entry.name: entry.metadata["quantity"]
+        for entry in dataclasses.fields(kind)
+        if "quantity" in entry.metadata
+    }
+    for base in reversed(kind.__mro__):
+        for name, value in vars(base).items():
+            mark = getattr(getattr(value, "fget", None), "quantity", None)
+            if mark is not None:
+                found[name] = mark
+    return found
+
+
+def unit_at(unit: str, effort: str) -> str:
+    """Return a unit at one joint: of "N m or N" the first where its effort is in N m.
+
+    Args:
+        unit: of a figure.
+        effort: unit of the joint's effort, "N m" or "N"; empty: not known, both are said.
+    """
+    turning, _, sliding = unit.partition(" or ")
+    if not sliding or not effort:
+        return unit
+    return sliding if effort == "N" else turning
+
+
+def in_json(value: Any) -> Any:
+    """Return a described result in types of JSON: arrays as lists, NaN and infinity as None."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {name: in_json(getattr(value, name)) for name in quantities(type(value))}
+    if isinstance(value, IntEnum):
+        return value.name.lower()
+    if isinstance(value, Mapping):
+        return {str(key): in_json(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [in_json(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return in_json(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+_NAMES = {str: "string", bool: "boolean", int: "integer", type(None): "null"}
+_DRAFT = "https://json-schema.org/draft/2020-12/schema"
+
+
+class Schema:
+    """JSON schemas (2020-12) of described classes, each class once in `defs`."""
+
+    def __init__(self) -> None:
+        self.defs: dict[str, Any] = {}
+        self._kinds: dict[str, type] = {}
+
+    def of_class(self, kind: type) -> dict[str, Any]:
+        """Return a reference to a class's schema, which is made at the first call."""
+        if self._kinds.setdefault(kind.__name__, kind) is not kind:
+            raise AssertionError(f"two described classes are called {kind.__name__}")
+        if kind.__name__ not in self.defs:
+            self.defs[kind.__name__] = {}  # it may hold itself
+            keys = {}
+            for name, found in quantities(kind).items():
+                unit = {"unit": found.unit} if found.unit else {}
+                keys[name] = {
+                    **self.of_type(_annotation(kind, name)),
+                    "description": found.meaning,
+                    **unit,
+                }
+            first = (kind.__doc__ or "").partition("\n")[0]
+            self.defs[kind.__name__] = closed(keys) | {"description": first}
+        return {"$ref": f"#/$defs/{kind.__name__}"}
+
+    def of_type(self, kind: Any) -> dict[str, Any]:
+        """Return the schema of an annotation."""
+        origin, inner = typing.get_origin(kind), typing.get_args(kind)
+        if origin in (typing.Union, types.UnionType):
+            return {"anyOf": [self.of_type(part) for part in inner]}
+        if origin is tuple and len(inner) == 2 and inner[1] is Ellipsis:
+            return {"type": "array", "items": self.of_type(inner[0])}
+        if origin is tuple:
+            return {"type": "array", "prefixItems": [self.of_type(part) for part in inner]}
+        if isinstance(origin, type) and issubclass(origin, Mapping):
+            return {"type": "object", "additionalProperties": self.of_type(inner[1])}
+        if kind is float:
+            return {"type": ["number", "null"]}
+        if kind is np.ndarray or origin is np.ndarray:
+            return {"type": "array"}
+        if isinstance(kind, type) and issubclass(kind, Enum):
+            return {"enum": [in_json(member) for member in kind]}
+        if dataclasses.is_dataclass(kind):
+            return self.of_class(typing.cast(type, kind))
+        return {"type": _NAMES[kind]} if kind in _NAMES else {}
+
+    def whole(self, content: dict[str, Any]) -> dict[str, Any]:
+        """Return a schema with the definitions that it refers to."""
+        return {"$schema": _DRAFT, **content, "$defs": self.defs}
+
+
+def closed(keys: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of an object that has these keys and no others."""
+    return {
+        "type": "object",
+        "properties": keys,
+        "required": list(keys),
+        "additionalProperties": False,
+    }
+
+
+def _annotation(kind: type, name: str) -> Any:
+    """The type of a field or property, from where its class was written."""
+    for base in kind.__mro__:
+        member = getattr(vars(base).get(name), "fget", None)
+        found = inspect.get_annotations(member or base)
+        text = found.get("return" if member else name)
+        if text is not None:
+            return eval(text, vars(sys.modules[base.__module__])) if isinstance(text, str) else text
+    raise AssertionError(f"{kind.__name__}.{name} has no type")

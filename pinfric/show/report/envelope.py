@@ -1,0 +1,72 @@
+"""What every `--json` prints around its result, and the schema of all of it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pinfric import __version__
+from pinfric.model.described import Schema, closed, in_json
+
+
+def envelope(
+    command: str,
+    result: Any,
+    scene: str = "",
+    inputs: Iterable[str | Path] = (),
+    warnings: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Return the JSON of one run of a command; SI units, None for what is no number.
+
+    Args:
+        command: its name.
+        result: described.
+        scene: its file; empty: none.
+        inputs: names of files that were read; what is no file is left out.
+        warnings: what was noticed on the way.
+    """
+    files = [path for name in dict.fromkeys(map(str, inputs)) if (path := Path(name)).is_file()]
+    return {
+        "pinfric": __version__,
+        "command": command,
+        "scene": scene or None,
+        "inputs": {str(file): _sha256(file) for file in files},
+        "result": in_json(result),
+        "warnings": list(warnings),
+    }
+
+
+def _sha256(file: Path) -> str:
+    with file.open("rb") as opened:
+        return hashlib.file_digest(opened, "sha256").hexdigest()
+
+
+def result_schema(results: Mapping[str, Sequence[type]]) -> dict[str, Any]:
+    """Return the JSON schema of all envelopes.
+
+    Args:
+        results: command -> the described classes of its results.
+    """
+    schema, kinds = Schema(), []
+    text, name = {"type": "string"}, {"type": ["string", "null"]}
+    for command, classes in results.items():
+        kinds += [
+            closed(
+                {
+                    "pinfric": {**text, "description": "version"},
+                    "command": {"const": command},
+                    "scene": {**name, "description": "its file"},
+                    "inputs": {
+                        "type": "object",
+                        "additionalProperties": text,
+                        "description": "file that was read -> its SHA-256",
+                    },
+                    "result": schema.of_class(found),
+                    "warnings": {"type": "array", "items": text},
+                }
+            )
+            for found in classes
+        ]
+    return schema.whole({"oneOf": kinds})

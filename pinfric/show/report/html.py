@@ -1,0 +1,37 @@
+"""Tables as HTML: on pages the same as on the terminal, with names as they are."""
+
+from __future__ import annotations
+
+from html import escape
+
+from pinfric.show.report.tables import Kind, Table
+
+#: Separators in a name behind which a browser may break it.
+_BREAKS = "_./"
+
+
+def html_of(table: Table) -> str:
+    """Return a table as HTML: headings and cells as on the terminal, numbers to the right."""
+    left = [column.kind is not Kind.NUMBER for column in table.columns]
+    names = [column.kind is Kind.NAME for column in table.columns]
+    heads = "".join(
+        _cell("th", column.heading, is_left)
+        for column, is_left in zip(table.columns, left, strict=True)
+    )
+    rows = [
+        "".join(_cell("td", *of) for of in zip(row, left, names, strict=True)) for row in table.rows
+    ]
+    body = "\n".join(f"<tr>{row}</tr>" for row in rows)
+    title = f"<h3>{escape(table.title)}</h3>\n" if table.title else ""
+    return (
+        f'{title}<div class="scroll"><table class="wide figures">\n'
+        f"<thead><tr>{heads}</tr></thead>\n<tbody>\n{body}\n</tbody></table></div>"
+    )
+
+
+def _cell(tag: str, text: str, left: bool, name: bool = False) -> str:
+    content = escape(text).replace("\n", "<br>")
+    for letter in _BREAKS if name else "":
+        content = content.replace(letter, f"{letter}<wbr>")
+    kind = ' class="l"' if left else ""
+    return f"<{tag}{kind}>{content}</{tag}>"

@@ -1,0 +1,190 @@
+"""Tables of described results: a row each, a column for every field that has a heading."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from enum import Enum
+from operator import attrgetter
+from string import Formatter
+from typing import Any
+
+from pinfric.model.described import EFFORT, Quantity, quantities, unit_at
+from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.values import digits, power_of_ten, signed
+
+#: Units of people: how many of them an SI unit has.
+DISPLAYS = {"mm": 1e3, "arcmin": 60 * 180 / math.pi, "ms": 1e3, "us": 1e6}
+#: Words up to this length are not wrapped.
+_LABEL = 20
+#: What stands in place of no figure.
+NONE = "-"
+
+
+def table_of(
+    title: str,
+    rows: Sequence[Any],
+    *,
+    only: Collection[str] = (),
+    without: Collection[str] = (),
+    cells: Mapping[str, Callable[[Any], str]] | None = None,
+    zero: float | Callable[[Any], float] = 0.0,
+    **layout: Any,
+) -> Table | None:
+    """Return the table of described rows of one class; None where there are none.
+
+    A column of which no row knows anything is left out; efforts' unit stands in the headings where
+    all rows share it, else in a column of its own.
+
+    Args:
+        title: printed above.
+        rows: of one described class.
+        only: fields to show, also such as have no heading; none: all with one.
+        without: fields to leave out.
+        cells: field -> what it shows of a row, in place of its own cell.
+        zero: efforts that are not larger print as 0; a number, or of a row. Where rows have no
+            efforts it is for all figures.
+        layout: further arguments of `Table`.
+    """
+    if not rows:
+        return None
+    units = [getattr(row, "unit", "") for row in rows]
+    shared = units[0] if len(set(units)) == 1 else ""
+    given, columns, texts = cells or {}, [], []
+    for name, found in shown_fields(type(rows[0]), rows[0]):
+        if name in without or (only and name not in only) or not (found.heading or name in only):
+            continue
+        if name == "unit" and (shared or not units[0]):
+            continue
+        write, is_effort = given.get(name), found.unit in ("", EFFORT) or not units[0]
+        small = zero if is_effort else 0.0
+        column = [write(row) if write else cell(row, name, found, _of(small, row)) for row in rows]
+        if set(column) <= {NONE, "", "n/a"} and name not in given:
+            continue
+        values = [attrgetter(name)(row) for row in rows]
+        columns.append(Column(heading(found, shared, units[0] != ""), kind(found, values, column)))
+        texts.append(column)
+    keys = layout.pop("keys", 2 if len(columns) > 1 and columns[1].heading == "unit" else 1)
+    return Table(title, columns, list(zip(*texts, strict=True)), keys=keys, **layout)
+
+
+def shown_fields(kind: type, row: Any) -> Iterator[tuple[str, Quantity]]:
+    """Yield the fields of a described class; those of a part whose heading is "*" in its place."""
+    for name, found in quantities(kind).items():
+        if found.heading != "*":
+            yield name, found
+        elif (part := getattr(row, name)) is not None:
+            for inner, one in shown_fields(type(part), part):
+                text = (one.cell or f"{{{inner}}}").replace("{", f"{{{name}.")
+                yield f"{name}.{inner}", one._replace(cell=text)
+
+
+def heading(found: Quantity, effort: str, by_row: bool = False) -> str:
+    """Return a column's heading, its unit in the last line.
+
+    Args:
+        found: the field.
+        effort: unit of all rows' efforts, "" where they differ.
+        by_row: the rows say their unit themselves.
+    """
+    spec = next((s for _, n, s, _ in Formatter().parse(found.cell) if n and s), "")
+    unit = spec if spec in DISPLAYS else "" if spec == "%" else unit_at(found.unit, effort)
+    if unit == EFFORT and by_row:
+        unit = ""
+    last = found.heading.rpartition("\n")[2]
+    if last.endswith("±") and unit:
+        return f"{found.heading[:-1].rstrip()}\n± {unit}"
+    return f"{found.heading}\n{unit}" if unit else found.heading
+
+
+def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
+    """Return how a column behaves: numbers, names, short words or long ones.
+
+    Args:
+        found: the field.
+        values: of the rows.
+        texts: what the column shows of them.
+    """
+    if found.name:
+        return Kind.NAME
+    known = [value for value in values if value is not None]
+    if not any(isinstance(x, str | bool | list | Mapping) or _words(x) for x in known):
+        return Kind.NUMBER
+    lines = [line for text in texts for line in text.split("\n")]
+    return Kind.LABEL if all(len(line) <= _LABEL for line in lines) else Kind.WORDS
+
+
+def _words(value: Any) -> bool:
+    return isinstance(value, tuple) and all(isinstance(entry, str) for entry in value)
+
+
+def cell(row: Any, name: str, found: Quantity, zero: float = 0.0) -> str:
+    """Return what a field's column shows of one row."""
+    parts = list(Formatter().parse(found.cell or f"{{{name}}}"))
+    values = [attrgetter(field)(row) for _, field, _, _ in parts if field]
+    if values[0] is None:
+        return NONE
+    specs = [spec or "" for _, field, spec, _ in parts if field]
+    texts = [text_of(value, spec, zero) for value, spec in zip(values, specs, strict=True)]
+    if len(set(texts)) == 1 and any("\N{EN DASH}" in literal for literal, *_ in parts):
+        return texts[0]
+    filled = iter(texts)
+    return "".join(text + (next(filled) if field else "") for text, field, _, _ in parts)
+
+
+def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
+    """Return one value as tables show it.
+
+    Args:
+        value: a number, words, a pair of least and worst, None.
+        display: its unit for people, of `DISPLAYS` or "%", of a small
+            share "percent"; "+": with its sign; "decade": 3.7e-5;
+            or a format of Python: ".2f".
+        zero: what is not larger prints as 0.
+    """
+    if value is None:
+        return NONE
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str | Enum):
+        return str(value)
+    if isinstance(value, tuple) and len(value) == 2 and not _words(value):
+        ends = [text_of(x, display, zero) for x in value]
+        return "\N{EN DASH}".join(dict.fromkeys(ends))
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value))
+    if display == "%":
+        return f"{100 * value:.0f} %" if math.isfinite(value) else "n/a"
+    if display == "percent":  # with what is below one
+        return f"{digits(100 * value, 1e-6)} %" if math.isfinite(value) else "n/a"
+    if display == "+":
+        return signed(value, zero)
+    if display == "decade":
+        return "0" if value == 0 else power_of_ten(value, 1) if math.isfinite(value) else "n/a"
+    if isinstance(value, int):
+        return str(value)
+    if display in ("", *DISPLAYS):
+        return digits(DISPLAYS.get(display, 1.0) * value, DISPLAYS.get(display, 1.0) * zero)
+    return format(value, display)
+
+
+def _of(zero: float | Callable[[Any], float], row: Any) -> float:
+    return zero(row) if callable(zero) else zero
+
+
+def flat(row: Any) -> dict[str, Any]:
+    """Return a described row as columns of a DataFrame: its numbers and words.
+
+    A pair of least and worst makes two columns, `_least` and `_worst`; a described part its own.
+    """
+    found: dict[str, Any] = {}
+    for name in quantities(type(row)):
+        value = getattr(row, name)
+        if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], float):
+            found |= {f"{name}_least": value[0], f"{name}_worst": value[1]}
+        elif dataclasses.is_dataclass(value):
+            found |= {f"{name}_{key}": entry for key, entry in flat(value).items()}
+        elif value is None or isinstance(value, str | bool | int | float):
+            found[name] = value
+    return found

@@ -1,0 +1,117 @@
+"""What an identification comes to: what `pinfric identify` prints and writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pinfric.model.described import EFFORT, PLACE, described, quantity
+from pinfric.study.identify.advice import Advice
+from pinfric.study.identify.findings import Findings, HeldOut
+from pinfric.study.identify.parameters import Parameter
+from pinfric.study.identify.rest import RestBound
+from pinfric.study.summary import effort_unit
+
+
+@described
+class FittedLog:
+    """One log that was fitted."""
+
+    name: str = quantity("the log's", heading="log")
+    samples: int = quantity("that were used", heading="samples")
+    duration: float = quantity("of the motion", "s", "duration")
+    noise: Mapping[str, float] = quantity("joint -> noise of its positions", PLACE)
+    cutoff: Mapping[str, float | None] = quantity("joint -> low pass; none: not filtered", "Hz")
+    dropped: int = quantity("rows left out", heading="left out")
+
+
+@described
+class JointFriction:
+    """The friction that was found of one joint."""
+
+    name: str = quantity("the joint", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    law: str | None = quantity("in words; none: the model does not explain it", heading="law")
+    error: HeldOut = quantity("where nothing was fitted", heading="*")
+    rest: RestBound = quantity("what times at rest say", heading="*")
+    spread_between_logs: float = quantity(
+        "how much friction differs between logs, as a share; NaN with one log",
+        heading="between\nlogs",
+        cell="{spread_between_logs:percent}",
+    )
+    held_out: Mapping[str, float] = quantity("law -> held-out error of every candidate", EFFORT)
+
+
+@described
+class Predicted:
+    """How well a joint's effort is predicted in a log that was held out as a whole."""
+
+    log: str = quantity("its name", heading="log held out")
+    joint: str = quantity("its name", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    error: HeldOut = quantity("of that log", heading="*")
+
+
+@described
+class IdentifySummary:
+    """What logs say of a robot's friction."""
+
+    logs: tuple[FittedLog, ...] = quantity("that were fitted")
+    delay: float = quantity("by which logged efforts lag behind; 0: not determined", "s")
+    delay_standard_error: float = quantity("of the delay", "s")
+    joints: tuple[JointFriction, ...] = quantity("in the order of the model")
+    parameters: tuple[Parameter, ...] = quantity("every coefficient in the scene's terms")
+    unseen: Mapping[str, Mapping[str, HeldOut]] = quantity(
+        "log -> joint -> error on logs that were held out as a whole"
+    )
+    inertias: str = quantity('of the links: "kept", the URDF\'s, or "corrected"')
+    advice: tuple[Advice, ...] = quantity("recordings of 30 s, that which would tell most first")
+    said: tuple[str, ...] = quantity("what was read and repaired, what logs cannot show")
+
+
+def identify_summary(found: Findings) -> IdentifySummary:
+    """Return what an identification comes to."""
+    names = found.scene.joint_names
+    considered = dict(zip(names, found.estimate.choice.errors, strict=True))
+    units = dict(zip(names, (effort_unit(found.scene, j) for j in range(len(names))), strict=True))
+    return IdentifySummary(
+        logs=tuple(
+            FittedLog(
+                one.name,
+                one.trajectory.t.size,
+                one.trajectory.duration,
+                one.reading.noise,
+                one.reading.cutoff,
+                one.reading.dropped,
+            )
+            for one in found.recordings
+        ),
+        delay=found.delay,
+        delay_standard_error=found.estimate.delay.standard_error,
+        joints=tuple(
+            JointFriction(
+                name=name,
+                unit=units[name],
+                law=str(found.laws[name]) if name in found.laws else None,
+                error=error,
+                rest=found.rest[name],
+                spread_between_logs=found.spread[name],
+                held_out={str(law): x for law, x in considered[name].items()},
+            )
+            for name, error in found.errors.items()
+        ),
+        parameters=found.parameters,
+        unseen=found.unseen,
+        inertias="kept" if found.keeps_inertias else "corrected",
+        advice=found.advice,
+        said=found.said,
+    )
+
+
+def predicted(found: IdentifySummary) -> list[Predicted]:
+    """Return the errors of the logs that were only predicted, a row each."""
+    units = {joint.name: joint.unit for joint in found.joints}
+    return [
+        Predicted(log, name, units.get(name, ""), error)
+        for log, joints in found.unseen.items()
+        for name, error in joints.items()
+    ]

@@ -1,0 +1,222 @@
+"""What a sizing comes to: what `pinfric size` prints and writes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pinfric.model.described import EFFORT, INERTIA, described, quantity
+from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
+from pinfric.study.retime.fastest import TimedSet
+from pinfric.study.sizing.assess import Assessment
+from pinfric.study.sizing.brake import Standstill
+from pinfric.study.sizing.criteria import Criterion, load_factor, optimum_ratio
+from pinfric.study.sizing.demand import JointDemand
+from pinfric.study.sizing.drivetrain import MotorFigures
+from pinfric.study.sizing.front import DriveSet
+from pinfric.study.sizing.power import BusPower
+from pinfric.study.sizing.size import JointSizing, SizingReport
+from pinfric.study.summary import ends_by_magnitude
+
+
+@described
+class Candidacy:
+    """A drive that fits one joint, beside the chosen one."""
+
+    name: str = quantity("motor and gear", heading="drive")
+    mass: float | None = quantity("none: not known", "kg", "mass")
+    margin: float = quantity(
+        "the least of all criteria", heading="least\nmargin", cell="{margin:%}"
+    )
+    not_checked: int = quantity("criteria without a figure", heading="not\nchecked")
+
+
+@described
+class Rejection:
+    """A drive that does not fit one joint."""
+
+    name: str = quantity("motor and gear", heading="drive")
+    why: str = quantity("what it misses, and by how much", heading="why")
+
+
+@described
+class RatioFigures:
+    """How good a drive's ratio is."""
+
+    optimum_ratio: float | None = quantity(
+        "of least RMS motor torque; none: a figure is missing, or the joint never accelerates"
+    )
+    load_factor: float | None = quantity("Giberti's beta: what the load needs", "W/s")
+    accelerating_factor: float | None = quantity("T_N^2/J_rotor: what the motor has", "W/s")
+
+
+@described
+class Taken(RatioFigures):
+    """The drive whose mass is in the model: the choice; where nothing fits, the nearest miss."""
+
+    judged: str = quantity("its name")
+    mass: float | None = quantity("none: not known", "kg")
+    ratio: float = quantity("motor turns per joint turn", "1 or rad/m")
+    not_checked: int = quantity("criteria without a figure")
+    margin: float = quantity("the least of all criteria")
+    margins: dict[str, float | None] = quantity("criterion -> part of the limit that is left")
+    criteria: tuple[Criterion, ...] = quantity("of the drive, and of what holds it without power")
+    motor: MotorFigures | None = quantity("what the cycle asks of the motor")
+    losses: str = quantity("how the transmission's losses follow from the catalogue")
+    stand_ins: tuple[str, ...] = quantity("figures taken from other products")
+    sources: tuple[str, ...] = quantity("of motor and gear, with their grades")
+
+
+@described
+class SizedJoint(JointDemand):
+    """What one joint demands, and its drive."""
+
+    peak_without_masses: float = quantity("`peak` without the drives' own masses", EFFORT)
+    rms_without_masses: float = quantity("`rms` without the drives' own masses", EFFORT)
+    load_inertia: float | None = quantity(
+        "largest about the joint over the cycle; none where closed loops couple the joints", INERTIA
+    )
+    choice: str | None = quantity("the lightest drive that fits; none: none does")
+    choice_without_masses: str | None = quantity("what it would be if drives had no mass")
+    choice_frictionless: str | None = quantity("what it would be if joints had no friction")
+    taken: Taken | None = quantity("the drive in the model; none: nothing to choose from")
+    standstill: Standstill = quantity("what keeps it in place without power")
+    alternatives: tuple[Candidacy, ...] = quantity("other drives that fit")
+    rejected: tuple[Rejection, ...] = quantity("drives that do not")
+    nearest_miss: str | None = quantity("where none fits: by how much the nearest misses")
+    next_smaller: Rejection | None = quantity("of the lighter drives the one that misses by least")
+
+
+@described
+class Cycle:
+    """One cycle of a period."""
+
+    name: str = quantity("of the motion")
+    repeats: float = quantity("how often it is run in a period")
+
+
+@described
+class SizingSummary:
+    """What a cycle demands of every drive, and the drives chosen for it."""
+
+    trajectory: str = quantity("where the motion came from")
+    catalog: str | None = quantity("what was chosen from; none: demand only")
+    conditions: dict[str, Any] = quantity("what was demanded, as a catalogue says it")
+    cycle_time: float = quantity("of what is repeated", "s")
+    cycles: tuple[Cycle, ...] = quantity("of a period")
+    off: float = quantity("time switched off in a period", "s")
+    unclosed: tuple[str, ...] = quantity("what of the cycle does not end as it began")
+    passes: int = quantity("over all joints, until no choice changed")
+    settled: bool = quantity("no choice changed in the last pass")
+    drive_mass: float = quantity("of all drives in the model", "kg")
+    joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
+    bus: BusPower = quantity("of all drives together")
+    sets: tuple[DriveSet, ...] = quantity(
+        "that no other one tried betters in mass, energy, peak power and price"
+    )
+    misses: tuple[str, ...] = quantity("joints for which no drive fits")
+    short: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
+    robot_criteria: tuple[Criterion, ...] = quantity("asked of the whole robot")
+    elasticity: ElasticSummary | None = quantity("what elastic gears do; none: no stiffness known")
+    fastest: tuple[TimedSet, ...] | None = quantity("mass against time; none: not asked for")
+    notes: tuple[str, ...] = quantity("what the model does not know")
+
+
+def sizing_summary(
+    report: SizingReport, fastest: tuple[TimedSet, ...] | None = None
+) -> SizingSummary:
+    """Return what a sizing comes to.
+
+    Args:
+        report: of `size`.
+        fastest: sets of drives and their times, where they were asked for.
+    """
+    t, duty = report.result.t, report.duty
+    assert t is not None  # size refuses a motion without times
+    return SizingSummary(
+        trajectory=report.trajectory,
+        catalog=None if report.catalog is None else report.catalog.source,
+        conditions=report.conditions.model_dump(),
+        cycle_time=report.period,
+        cycles=tuple(
+            Cycle(name, n) for (name, _), n in zip(duty.parts(), duty.repeats, strict=False)
+        ),
+        off=float(t[-1] - t[duty.starts[-2]]) if duty.off else 0.0,
+        unclosed=report.unclosed,
+        passes=report.passes,
+        settled=report.settled,
+        drive_mass=report.drive_mass,
+        joints=tuple(
+            sized_joint(joint, still)
+            for joint, still in zip(report.joints, report.standstills, strict=True)
+        ),
+        bus=report.bus,
+        sets=report.sets,
+        misses=report.misses,
+        short=report.short,
+        robot_criteria=report.arm_criteria,
+        elasticity=None if report.elastic is None else elastic_summary(report.elastic),
+        fastest=fastest,
+        notes=report.notes,
+    )
+
+
+def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
+    """Return what one joint's sizing comes to."""
+    smaller = joint.next_smaller
+    return SizedJoint(
+        **vars(joint.demand),
+        peak_without_masses=joint.demand_without_masses.peak,
+        rms_without_masses=joint.demand_without_masses.rms,
+        load_inertia=joint.load_inertia,
+        choice=_name(joint.choice),
+        choice_without_masses=_name(joint.choice_without_masses),
+        choice_frictionless=_name(joint.choice_frictionless),
+        taken=None if joint.taken is None else _taken(joint, joint.taken, still),
+        standstill=still,
+        alternatives=tuple(
+            Candidacy(a.candidate.name, a.candidate.mass, a.margin, len(a.not_checked))
+            for a in joint.assessments
+            if a.fits and a is not joint.choice
+        ),
+        rejected=tuple(Rejection(a.candidate.name, a.why) for a in joint.assessments if not a.fits),
+        nearest_miss=joint.miss or None,
+        next_smaller=None if smaller is None else Rejection(smaller.candidate.name, smaller.why),
+    )
+
+
+def _taken(joint: JointSizing, taken: Assessment, still: Standstill) -> Taken:
+    candidate, criteria = taken.candidate, (*taken.criteria, *still.criteria)
+    return Taken(
+        **vars(ratio_figures(joint, taken)),
+        judged=candidate.name,
+        mass=candidate.mass,
+        ratio=candidate.ratio,
+        not_checked=len(taken.not_checked),
+        margin=taken.margin,
+        margins={c.name: c.margin for c in criteria},
+        criteria=criteria,
+        motor=taken.motor,
+        losses=candidate.losses,
+        stand_ins=candidate.stand_ins,
+        sources=candidate.sources,
+    )
+
+
+def ratio_figures(joint: JointSizing, taken: Assessment) -> RatioFigures:
+    """Return how good a drive's ratio is: the best one, and Giberti's factors of motor and load."""
+    candidate, inertia = taken.candidate, taken.candidate.rotor_inertia
+    worst = ends_by_magnitude(joint.cycle.effort_lower, joint.cycle.effort_upper)[0]
+    torque = candidate.ratings.continuous_torque
+    if torque is not None and candidate.at_output:
+        torque /= candidate.ratio
+    alpha = None if torque is None or inertia is None else torque**2 / inertia
+    best = None if inertia is None else optimum_ratio(joint.cycle, worst, inertia)
+    if best is not None and not np.isfinite(best):
+        best = None  # a joint that never accelerates gains by any ratio
+    return RatioFigures(best, load_factor(joint.cycle, worst), alpha)
+
+
+def _name(assessment: Assessment | None) -> str | None:
+    return None if assessment is None else assessment.candidate.name

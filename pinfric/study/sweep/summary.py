@@ -1,0 +1,163 @@
+"""What a sweep comes to: what `pinfric sweep` prints and writes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+import numpy as np
+
+from pinfric.model.described import EFFORT, SPEED, described, quantity
+from pinfric.study.sweep.cycle import DEMANDS
+from pinfric.study.sweep.motors import Trial
+from pinfric.study.sweep.result import Probability, SweepResult
+
+
+@described
+class Varied:
+    """One parameter that varies, over all samples."""
+
+    name: str = quantity("its key", heading="parameter")
+    min: float = quantity("the least", heading="least")
+    mean: float = quantity("the mean", heading="mean")
+    max: float = quantity("the greatest", heading="greatest")
+
+
+@described
+class SobolShare:
+    """Share of a figure's variance that one parameter takes; 95 % bootstrap intervals."""
+
+    first: float = quantity("that goes if the parameter alone were known")
+    total: float = quantity("that stays if all others were known: interactions count")
+    first_low: float = quantity("end of the interval")
+    first_high: float = quantity("end of the interval")
+    total_low: float = quantity("end of the interval")
+    total_high: float = quantity("end of the interval")
+
+
+@described
+class Spread:
+    """How one figure of a drive spreads over the samples."""
+
+    percentiles: Mapping[str, float] = quantity("percentile -> value, in the figure's unit")
+    rank_correlation: Mapping[str, float] = quantity("parameter -> Spearman's, with the figure")
+    sobol: Mapping[str, SobolShare] | None = quantity("parameter -> share; none: other designs")
+
+
+@described
+class DriveSpread:
+    """How the demand on one drive spreads over the samples."""
+
+    name: str = quantity("the drive's", heading="joint", name=True)
+    unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
+    peak: Spread = quantity("largest effort", EFFORT)
+    rms: Spread = quantity("RMS of the worst effort", EFFORT)
+    motor_peak: Spread = quantity("largest torque at the motor's shaft")
+    motor_rms: Spread = quantity("RMS at the motor's shaft")
+    speed: Spread = quantity("largest |v|", SPEED)
+
+
+@described
+class MotorOnTrial:
+    """How often one motor suffices."""
+
+    drive: str = quantity("which drive it moves", heading="joint", name=True)
+    actuator: int = quantity("its number in the scene")
+    name: str = quantity("in the catalogue; empty: the sweep's file rates it", heading="motor")
+    continuous_torque: float | None = quantity("its rating; none: not checked", "N m")
+    peak_torque: float | None = quantity("its rating; none: not checked", "N m")
+    max_speed: float | None = quantity("its rating; none: not checked", "rad/s")
+    ratio: float = quantity("motor turns per joint turn, 1 for an ideal drive")
+    peak_factor: float = quantity("reserve on the peak torque")
+    mass: float | None = quantity("of a catalogue's drive, in the model; none: not known", "kg")
+    criteria_of_size: bool = quantity("all criteria of `size` are asked, not ratings alone")
+    suffices: Probability = quantity("in how many samples", heading="suffices")
+    criteria: Mapping[str, Probability] = quantity(
+        "criterion -> in how many samples it is met", heading="fails"
+    )
+    not_checked: tuple[str, ...] = quantity("criteria for which a figure is missing")
+
+
+@described
+class SweepSummary:
+    """What varies in a cycle, and what follows for each drive."""
+
+    trajectory: str = quantity("name of the motion")
+    sweep: str = quantity("name of the sweep's file")
+    sampling: str = quantity("random, sobol or grid")
+    seed: int = quantity("of the samples")
+    samples: int = quantity("how many cycles")
+    solved: int = quantity("how many have a solution")
+    parameters: tuple[Varied, ...] = quantity("what varies")
+    joints: tuple[DriveSpread, ...] = quantity("the drives")
+    correlation_noise: float = quantity("rank correlations below it are chance")
+    motors: tuple[MotorOnTrial, ...] = quantity("on trial")
+    all_motors_suffice: Probability | None = quantity("none: no motor is on trial")
+    elastic: Mapping[str, Mapping[str, float]] = quantity(
+        "figure of elastic gears -> percentile -> value, Hz or m; the worst of each cycle"
+    )
+
+
+def sweep_summary(result: SweepResult) -> SweepSummary:
+    """Return what a sweep comes to."""
+    spreads = {name: _spreads(result, name) for name in DEMANDS}
+    trials = result.trials
+    return SweepSummary(
+        trajectory=result.trajectory,
+        sweep=result.sweep,
+        sampling=result.sampling,
+        seed=result.seed,
+        samples=result.samples,
+        solved=int(result.solved.sum()),
+        parameters=tuple(
+            Varied(name, float(column.min()), float(column.mean()), float(column.max()))
+            for name, column in zip(result.parameter_names, result.values.T, strict=True)
+        ),
+        joints=tuple(
+            DriveSpread(name, unit, *(spreads[figure][i] for figure in DEMANDS))
+            for i, (name, unit) in enumerate(zip(result.actuator_names, result.units, strict=True))
+        ),
+        correlation_noise=result.correlation_noise,
+        motors=tuple(_on_trial(result, trial) for trial in trials),
+        all_motors_suffice=result.probability(result.sufficing()) if trials else None,
+        elastic={
+            name: _by_percentile(result, values)
+            for name, values in result.elastic_quantiles().items()
+        },
+    )
+
+
+def _by_percentile(result: SweepResult, values: np.ndarray) -> dict[str, float]:
+    return {f"{p:g}": float(x) for p, x in zip(result.percentiles, values, strict=True)}
+
+
+def _spreads(result: SweepResult, figure: str) -> list[Spread]:
+    """One for each drive."""
+    quantiles = result.quantiles(figure) if result.solved.any() else None
+    correlation, shares = result.rank_correlation(figure), result.sobol(figure)
+    names, found = result.parameter_names, []
+    for i in range(len(result.actuator_names)):
+        sobol = None
+        if shares is not None:
+            columns = {key: value.tolist() for key, value in vars(shares[i]).items()}
+            sobol = {
+                name: SobolShare(**{key: column[j] for key, column in columns.items()})
+                for j, name in enumerate(names)
+            }
+        percentiles = {} if quantiles is None else _by_percentile(result, quantiles[:, i])
+        ranks = dict(zip(names, correlation[:, i].tolist(), strict=True))
+        found.append(Spread(percentiles, ranks, sobol))
+    return found
+
+
+def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
+    own = asdict(trial)
+    return MotorOnTrial(
+        criteria_of_size=bool(own.pop("checks")),
+        suffices=result.probability(result.sufficing(trial)),
+        criteria={
+            name: result.probability(mask) for name, mask in trial.met(result.figures).items()
+        },
+        not_checked=trial.not_checked(result.figures),
+        **own,
+    )
