@@ -201,7 +201,7 @@ def test_what_is_not_known_is_not_checked(tmp_path):
         ({**CROSSED, "spacing": 0.1}, "give one"),
         ({"kind": "ball", "dynamic_rating": 1e3}, "needs `factors`"),
         ({"kind": "tapered"}, "crossed roller"),
-        ({**CROSSED, "max_momnet": 3.0}, "did you mean 'max_moment'"),
+        ({**CROSSED, "factros": {}}, "did you mean 'factors'"),
     ],
 )
 def test_ratings_that_cannot_be_reckoned_with_are_refused(tmp_path, ratings, text):
