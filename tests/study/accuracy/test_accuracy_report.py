@@ -48,8 +48,7 @@ def test_json_has_every_study_and_nothing_else_is_printed(capsys):
     json.loads(out, parse_constant=refuse)
     answer = result_of(out)
     assert answer.keys() == {
-        "scene", "trajectory", "runs", "reference_difference", "sampling",
-        "coupled", "ladder", "notes", "warnings",
+        "trajectory", "runs", "reference_difference", "sampling", "coupled", "ladder", "notes",
     }  # fmt: skip
     methods = [(r["method"], r["setting"]) for r in answer["runs"]]
     assert methods == [
