@@ -462,9 +462,6 @@ def replay(
         ),
     ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Show it in a browser.")] = False,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show the simulation while it computes, too.")
-    ] = False,
     motors: Motors = None,
     effort_at: EffortAt = "joint",
     as_json: AsJson = False,
@@ -477,27 +474,17 @@ def replay(
     """
     from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.replay.live import simulate_live
     from pinfric.show.replay.replay import motion_to_replay, replay_json, replay_lines
     from pinfric.show.replay.replay import replay as make_replay
 
     scene = load_scene(scene_name)
     html = _page(html, scene.source)
-    if live and motion_name is not None:
-        raise typer.BadParameter(
-            "is for the scene's own simulation, not for a motion that is there already",
-            param_hint="--live",
-        )
-    motion: Any
-    if live:
-        motion, judged = simulate_live(scene, say, open_browser=open_browser), None
-    else:
-        with working("computing the motion"):
-            motion, judged = motion_to_replay(scene, motion_name, notice, log, effort_at)
+    with working("computing the motion"):
+        motion, judged = motion_to_replay(scene, motion_name, notice, log, effort_at)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
         shown = make_replay(scene, motion, html=html, title=title, log=judged, limits=motors)
-    opened = shown.open() if open_browser and not live else None
+    opened = shown.open() if open_browser else None
     if as_json:
         show(replay_json(shown, noticed))
     else:

@@ -145,18 +145,6 @@ def stretch_cylinder(viewer: Any, cylinder: DrawnCylinder, placements: np.ndarra
     viewer[cylinder.path]["rod"].set_transform(np.diag([1.0, 1.0, length, 1.0]))
 
 
-def look_from_the_front(viewer: Any, stage: Stage) -> None:
-    """Place the camera of a viewer without a page of ours (live mode) so that all is seen."""
-    low, high = stage.points.min(axis=0), stage.points.max(axis=0)
-    shift = np.eye(4)  # the camera looks at the origin, wherever it is put: move the scene there
-    shift[:3, 3] = -0.5 * (low + high)
-    viewer.set_transform(shift)
-    x, y, z = np.array([1.0, -1.25, 0.62]) / 1.72 * 1.7 * np.linalg.norm(high - low)
-    camera = viewer["/Cameras/default/rotated/<object>"]
-    camera.set_property("position", [float(x), float(z), float(-y)])  # its y axis points up
-    camera.set_property("fov", 40)
-
-
 def _node(name: str) -> str:
     """A joint's name as one step of a path."""
     return name.replace("/", "|") or "joint"

@@ -523,22 +523,3 @@ def test_cylinder_reaches_from_link_to_link(browser, tmp_path):
     np.testing.assert_allclose(begin, [0.3, 0, 0], atol=1e-6)
     hinge = pin.SE3(pin.utils.rotate("y", 0.5 * np.sin(t[40, 0]) - 0.6), np.array([0, 0, 0.5]))
     np.testing.assert_allclose(end, hinge.act(np.array([0.7, 0, 0])), atol=1e-5)
-
-
-def test_live_viewer_shows_the_state_it_is_given(browser):
-    scene = pf.load_scene(ROBOTS / "pendulum.yaml")
-    with pf.LiveReplay(scene) as live:
-        browser.get(live.url)
-        live.show(np.array([0.7]), modes=np.array([0]))
-        find = "const n = viewer.scene_tree.find(['meshcat', 'world', 'joint_1']).object;"
-        deadline = time.monotonic() + 20
-        while (
-            abs((browser.execute_script(find + "return n.quaternion.z") or 0) - np.sin(0.35)) > 1e-3
-        ):
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        color = browser.execute_script(
-            "return viewer.scene_tree.find(['meshcat', 'world', 'joint_1', 'site joint_1', 'ring',"
-            "'<object>']).object.material.color.getHexString()"
-        )
-        assert f"#{color.upper()}" == COLORS["sticking"]
