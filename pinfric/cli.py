@@ -474,8 +474,9 @@ def replay(
     """
     from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.replay.replay import motion_to_replay, replay_json, replay_lines
     from pinfric.show.replay.replay import replay as make_replay
+    from pinfric.show.replay.replay import replay_json, replay_lines
+    from pinfric.study.timeline.motion import motion_to_replay
 
     scene = load_scene(scene_name)
     html = _page(html, scene.source)

@@ -26,9 +26,13 @@ class Surface(mg.Mesh):
     """
 
     def __init__(
-        self, vertices: np.ndarray, faces: np.ndarray, color: str, opacity: float = 1.0,
+        self,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        color: str,
+        opacity: float = 1.0,
         on_top: bool = False,
-    ) -> None:  # fmt: skip
+    ) -> None:
         kind = mg.MeshBasicMaterial if on_top else mg.MeshPhongMaterial
         # ObjectLoader takes these keys of three.js as they are
         extra = {"depthTest": False, "depthWrite": False} if on_top else {"shininess": 60}

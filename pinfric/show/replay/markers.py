@@ -95,9 +95,14 @@ def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker
 
 
 def joint_marker(
-    scene: Scene, joint: int, axis: np.ndarray, shapes: Shapes, size: float,
-    radius: float = 0.0, offset: float = 0.0,
-) -> Marker:  # fmt: skip
+    scene: Scene,
+    joint: int,
+    axis: np.ndarray,
+    shapes: Shapes,
+    size: float,
+    radius: float = 0.0,
+    offset: float = 0.0,
+) -> Marker:
     """Place a ring round a joint's axis, outside the links if it can.
 
     Args:
@@ -128,9 +133,7 @@ def _extremes(radius: float, size: float) -> tuple[float, float]:
     return _SMALLEST * size, max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
 
 
-def _line_at_start(
-    scene: Scene, a: tuple[int, pin.SE3], b: tuple[int, pin.SE3]
-) -> np.ndarray:  # fmt: skip
+def _line_at_start(scene: Scene, a: tuple[int, pin.SE3], b: tuple[int, pin.SE3]) -> np.ndarray:
     """(3,) from end a to end b, at the scene's start, in the axes of the joint that carries b."""
     data = scene.model.createData()
     pin.forwardKinematics(scene.model, data, scene.start_configuration)

@@ -152,9 +152,11 @@ def _has_image(material: Any) -> bool:
 
 
 def _geometry(
-    geometry: ElementTree.Element | None, robot: Robot,
-    loaded: dict[Path, Mesh], missing: dict[str, str],
-) -> Mesh | None:  # fmt: skip
+    geometry: ElementTree.Element | None,
+    robot: Robot,
+    loaded: dict[Path, Mesh],
+    missing: dict[str, str],
+) -> Mesh | None:
     if geometry is None or not len(geometry):
         return None
     shape = geometry[0]
@@ -174,9 +176,11 @@ def _geometry(
 
 
 def _mesh(
-    element: ElementTree.Element, robot: Robot,
-    loaded: dict[Path, Mesh], missing: dict[str, str],
-) -> Mesh | None:  # fmt: skip
+    element: ElementTree.Element,
+    robot: Robot,
+    loaded: dict[Path, Mesh],
+    missing: dict[str, str],
+) -> Mesh | None:
     name = element.get("filename", "")
     path = mesh_file(name, robot.urdf, robot.package_dirs)
     if path is None:

@@ -21,9 +21,9 @@ import pinocchio as pin
 from pinfric import __version__
 from pinfric.model.scene import Scene
 from pinfric.show.replay import markers, stage, surfaces
-from pinfric.show.replay.frames import Frames
 from pinfric.show.replay.stage import Stage
 from pinfric.show.report.values import json_for_script
+from pinfric.study.timeline.frames import Frames
 
 
 class RecordingWindow:
@@ -82,14 +82,16 @@ def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
             "turn": pin.Quaternion(marker.turn).coeffs(),
             "arc_radius": stage.ARC_REACH * marker.radius,
             "times": {
-                "sticking": times.sticking, "near": times.near,
-                "reversal": times.reversal, "jammed": times.jammed,
+                "sticking": times.sticking,
+                "near": times.near,
+                "reversal": times.reversal,
+                "jammed": times.jammed,
             },
         }
         for site, path, marker, times in zip(
             scene.sites, staged.site_paths, staged.markers, frames.sites, strict=True
         )
-    ]  # fmt: skip
+    ]
     return _drives(frames, staged) | {
         "simulated": frames.simulated,
         "about": _about(scene, frames),
@@ -136,28 +138,39 @@ def _drives(frames: Frames, staged: Stage) -> dict[str, Any]:
             for mark, colors, meaning, there in (
                 ("≠", markers.OFF_COLORS, markers.OFF_MEANING, frames.off),
                 ("▲", markers.LIMIT_COLORS[::-1], markers.LIMIT_MEANING, frames.limiting),
-            ) if there
+            )
+            if there
         ],
-    }  # fmt: skip
+    }
 
 
 def _strips(frames: Frames) -> list[dict[str, Any]]:
     """Rows in time of what drives do: [colour, spans, words] each, of which later ones win."""
     off = [
-        ("≠", name, "logged effort of", [
-            (markers.OFF_COLORS[0], mild, "off the log"),
-            (markers.OFF_COLORS[1], strong, "far off the log"),
-        ])
+        (
+            "≠",
+            name,
+            "logged effort of",
+            [
+                (markers.OFF_COLORS[0], mild, "off the log"),
+                (markers.OFF_COLORS[1], strong, "far off the log"),
+            ],
+        )
         for name, (mild, strong) in frames.off.items()
-    ]  # fmt: skip
+    ]
     near, over = markers.LIMIT_COLORS
     limiting = [
-        ("▲", name, "limits of", [
-            *((near, spans, kind) for kind, (spans, _) in kinds.items()),
-            *((over, spans, f"{kind} exceeded") for kind, (_, spans) in kinds.items()),
-        ])
+        (
+            "▲",
+            name,
+            "limits of",
+            [
+                *((near, spans, kind) for kind, (spans, _) in kinds.items()),
+                *((over, spans, f"{kind} exceeded") for kind, (_, spans) in kinds.items()),
+            ],
+        )
         for name, kinds in frames.limiting.items()
-    ]  # fmt: skip
+    ]
     return [
         {"mark": mark, "name": name, "of": of, "parts": parts}
         for mark, name, of, parts in off + limiting
@@ -209,8 +222,14 @@ def _about(scene: Scene, frames: Frames) -> str:
 def _arrays(scene: Scene, frames: Frames) -> bytes:
     """The frames as the script takes them: t in double precision, the rest in single."""
     balls = frames.slip[:, [site.ball for site in scene.sites]]
-    rest = (frames.placement, frames.friction_lower, frames.friction_upper, frames.use,
-            frames.force, balls)  # fmt: skip
+    rest = (
+        frames.placement,
+        frames.friction_lower,
+        frames.friction_upper,
+        frames.use,
+        frames.force,
+        balls,
+    )
     t = np.ascontiguousarray(frames.t, dtype="<f8")
     return b"".join([t.tobytes(), *(np.asarray(a, dtype="<f4").tobytes() for a in rest)])
 

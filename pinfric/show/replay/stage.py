@@ -21,13 +21,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pinfric.model.equivalent_box import payload_box
 from pinfric.model.loops import CYLINDER, FORCE, Linkage, turn_between
 from pinfric.model.scene import Scene, Site
 from pinfric.model.twin import PRISMATIC
 from pinfric.show.replay import markers, surfaces
 from pinfric.show.replay.drawn import DrawnMesh, Surface
 from pinfric.show.replay.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
-from pinfric.show.replay.shapes import UP, Shapes, linkage_frame, payload_box, robot_shapes
+from pinfric.show.replay.shapes import UP, Shapes, linkage_frame, robot_shapes
 
 _BODY_COLOR, _LINE_COLOR = "#8FA3B5", "#5D6B78"
 #: Of cylinders and of forces that drive.
@@ -108,8 +109,10 @@ def set_stage(
         viewer[path].set_transform(pin.XYZQUATToSE3(placement).homogeneous)
     _draw_robot(viewer, shapes, nodes, size)
     placed = tuple(markers.site_marker(scene, site, shapes, size) for site in scene.sites)
-    sites = tuple(f"{nodes[m.joint]}/site {_node(site.name)}"
-                  for site, m in zip(scene.sites, placed, strict=True))  # fmt: skip
+    sites = tuple(
+        f"{nodes[m.joint]}/site {_node(site.name)}"
+        for site, m in zip(scene.sites, placed, strict=True)
+    )
     for site, path, marker in zip(scene.sites, sites, placed, strict=True):
         _draw_marker(viewer[path], marker, site, size)
     payloads = {name: _draw_payload(viewer, scene, name, nodes) for name in scene.payloads}
@@ -122,8 +125,18 @@ def set_stage(
         stretch_cylinder(viewer, cylinder, placements[0])
     floor = low if low < -0.02 * size else 0.0
     _dress(viewer, floor, size)
-    return Stage(nodes[1:], sites, payloads, {name: path for name, path in marked.items() if path},
-                 cylinders, placed, upright, points, size, floor)  # fmt: skip
+    return Stage(
+        nodes[1:],
+        sites,
+        payloads,
+        {name: path for name, path in marked.items() if path},
+        cylinders,
+        placed,
+        upright,
+        points,
+        size,
+        floor,
+    )
 
 
 def stretch_cylinder(viewer: Any, cylinder: DrawnCylinder, placements: np.ndarray) -> None:
@@ -214,7 +227,8 @@ def _draw_linkage(
         if linkage.pair_kind[pair] == CYLINDER:
             path = f"world/cylinder {_node(drive.name)}"
             viewer[path]["barrel"].set_object(
-                Surface(*surfaces.rod(2.2 * _LINE * size), DRIVE_COLOR))  # fmt: skip
+                Surface(*surfaces.rod(2.2 * _LINE * size), DRIVE_COLOR)
+            )
             viewer[path]["rod"].set_object(Surface(*surfaces.rod(_LINE * size), _LINE_COLOR))
             (a, at_a), (b, at_b) = (linkage_frame(linkage, pair, side) for side in (0, 1))
             drawn.append(DrawnCylinder(path, (a, at_a.translation), (b, at_b.translation)))

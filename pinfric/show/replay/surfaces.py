@@ -21,8 +21,10 @@ def rings(radius: float, thickness: float) -> tuple[np.ndarray, np.ndarray]:
     """Return three rings, about x, y and z: the marker of a ball joint."""
     vertices, faces = ring(radius, thickness)
     n = len(vertices)
-    return (np.concatenate([np.roll(vertices, k, axis=1) for k in range(3)]),
-            np.concatenate([faces + k * n for k in range(3)]))  # fmt: skip
+    return (
+        np.concatenate([np.roll(vertices, k, axis=1) for k in range(3)]),
+        np.concatenate([faces + k * n for k in range(3)]),
+    )
 
 
 def tube(radius: float, thickness: float, angle: float) -> tuple[np.ndarray, np.ndarray]:
@@ -35,9 +37,13 @@ def tube(radius: float, thickness: float, angle: float) -> tuple[np.ndarray, np.
     across = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)[None, :]
     reach = radius + thickness * np.cos(across)
     vertices = np.stack(
-        (reach * np.cos(along), reach * np.sin(along),
-         np.broadcast_to(thickness * np.sin(across), (SEGMENTS + 1, SIDES))), axis=-1
-    ).reshape(-1, 3)  # fmt: skip
+        (
+            reach * np.cos(along),
+            reach * np.sin(along),
+            np.broadcast_to(thickness * np.sin(across), (SEGMENTS + 1, SIDES)),
+        ),
+        axis=-1,
+    ).reshape(-1, 3)
     return vertices, _grid_faces(SEGMENTS, SIDES)
 
 
@@ -90,8 +96,10 @@ def _revolved(profile: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarra
     """Surface of revolution about z of a profile of (radius, height); edges stay sharp."""
     pairs = [pair for segment in itertools.pairwise(profile) for pair in segment]
     angle = np.linspace(0.0, 2.0 * np.pi, _ROUND, endpoint=False)
-    rings = [np.stack((r * np.cos(angle), r * np.sin(angle), np.full(_ROUND, z)), axis=1)
-             for r, z in pairs]  # fmt: skip
+    rings = [
+        np.stack((r * np.cos(angle), r * np.sin(angle), np.full(_ROUND, z)), axis=1)
+        for r, z in pairs
+    ]
     outside = _grid_faces(1, _ROUND)[:, ::-1]
     faces = [outside + 2 * _ROUND * k for k in range(len(profile) - 1)]
     return np.concatenate(rings), np.concatenate(faces)

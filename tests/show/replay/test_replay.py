@@ -16,20 +16,21 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, StateError
+from pinfric.model.equivalent_box import equivalent_box
 from pinfric.show.replay import surfaces
-from pinfric.show.replay.frames import frame_times, make_frames
 from pinfric.show.replay.meshes import urdf_visuals
 from pinfric.show.replay.page import RecordingWindow
 from pinfric.show.replay.replay import (
     Replay,
-    motion_to_replay,
     open_page,
     replay_json,
     replay_lines,
 )
-from pinfric.show.replay.shapes import equivalent_box, robot_shapes
+from pinfric.show.replay.shapes import robot_shapes
 from pinfric.show.replay.stage import set_stage
 from pinfric.study.retime.limits import read_limits
+from pinfric.study.timeline.frames import frame_times, make_frames
+from pinfric.study.timeline.motion import motion_to_replay
 
 ROBOTS = Path(__file__).parents[3] / "robots"
 pytestmark = [
@@ -164,7 +165,7 @@ def test_frame_times_are_samples_where_these_are_dense_and_fewer():
 
 def test_long_motion_gets_fewer_frames_a_second(monkeypatch, three_link):
     scene, result = three_link
-    monkeypatch.setattr("pinfric.show.replay.frames.MOST_FRAMES", 40)
+    monkeypatch.setattr("pinfric.study.timeline.frames.MOST_FRAMES", 40)
     assert len(make_frames(scene, result).t) <= 40 + 12  # and what changes
 
 
@@ -209,7 +210,7 @@ def test_log_whose_noise_passes_zero_all_the_time_keeps_the_page_small(monkeypat
     t = np.arange(0.0, 3.0, 1e-3)
     v = np.sin(t)[:, None] * np.ones(3)
     v[::2, 1] = 0.0  # sticks at every other sample
-    monkeypatch.setattr("pinfric.show.replay.frames.MOST_FRAMES", 500)
+    monkeypatch.setattr("pinfric.study.timeline.frames.MOST_FRAMES", 500)
     result = pf.inverse_dynamics(scene, 0 * v, v, 0 * v, t=t)
     assert len(result.stick_intervals()) == 1500
     frames = make_frames(scene, result)

@@ -13,7 +13,7 @@ import pytest
 
 import pinfric as pf
 from pinfric.dynamics.simulation.motion import Motion
-from pinfric.show.replay.frames import make_frames, site_rates
+from pinfric.study.timeline.frames import make_frames, site_rates
 
 ROBOTS = Path(__file__).parents[3] / "robots"
 

@@ -61,7 +61,6 @@ import pinfric as pf
 from pinfric import cli
 from pinfric.errors import IdentificationError
 from pinfric.show.identification_page.page import identification_page
-from pinfric.show.replay.frames import make_frames
 from pinfric.show.report.identify import identify_json
 from pinfric.study.identify import columns
 from pinfric.study.identify.advice import advice_text
@@ -76,6 +75,7 @@ from pinfric.study.identify.normal import residuals
 from pinfric.study.identify.recordings import STILL, Recording, read_recordings, stick_velocity
 from pinfric.study.identify.rest import _held
 from pinfric.study.identify.zeros import turned_zeros
+from pinfric.study.timeline.frames import make_frames
 from pinfric.study.trajectory.log.reading import ReadingOptions
 
 LOGS = Path(__file__).parents[4] / "shared" / "data"
