@@ -17,7 +17,6 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, StateError
 from pinfric.model.equivalent_box import equivalent_box
-from pinfric.show.replay import surfaces
 from pinfric.show.replay.meshes import urdf_visuals
 from pinfric.show.replay.page import RecordingWindow
 from pinfric.show.replay.replay import (
@@ -27,7 +26,7 @@ from pinfric.show.replay.replay import (
     replay_lines,
 )
 from pinfric.show.replay.shapes import robot_shapes
-from pinfric.show.replay.stage import set_stage
+from pinfric.show.replay.stage import SEGMENTS, SIDES, _tube, set_stage
 from pinfric.study.retime.limits import read_limits
 from pinfric.study.timeline.frames import frame_times, make_frames
 from pinfric.study.timeline.motion import motion_to_replay
@@ -248,11 +247,11 @@ def test_box_of_equal_inertia_has_the_bodys_moments():
 def test_robot_without_urdf_is_drawn_from_its_inertias():
     scene = pf.Scene(model=random_tree(2, joints=4))
     shapes = robot_shapes(scene)
-    assert sorted(shapes.boxes) == [1, 2, 3, 4]
-    assert sum(len(ends) for ends in shapes.lines.values()) == 4
+    assert [shape.joint for shape in shapes if shape.kind == "body"] == [1, 2, 3, 4]
+    assert sum(shape.kind == "line" for shape in shapes) == 4
     window = drawn(scene)
     assert (
-        sum(b"body_0" in command and b"set_object" in command for command in window.commands) == 4
+        sum(b"/body_" in command and b"set_object" in command for command in window.commands) == 4
     )
 
 
@@ -304,21 +303,13 @@ def test_urdfs_primitives_are_drawn_as_they_are():
     assert bar.joint == 1
     np.testing.assert_allclose(np.ptp(bar.mesh.vertices, axis=0), [0.07, 0.4, 0.07])
     np.testing.assert_array_equal(bar.placement.translation, [0, 0.2, 0])
-    assert tuple(bar.mesh.colors[0]) == (204, 76, 64)
-
-
-@pytest.mark.parametrize("surface", [surfaces.box(np.array([1.0, 2.0, 3.0])), surfaces.ball(1.0)])
-def test_faces_of_solids_look_outwards(surface):
-    vertices, faces = surface
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    outwards = (np.cross(b - a, c - a) * (a + b + c)).sum(axis=1)
-    assert (outwards > -1e-12).all()
-    assert (outwards > 1e-6).sum() > 0.9 * len(faces)
+    assert tuple(bar.mesh.visual.vertex_colors[0]) == (204, 76, 64, 255)
 
 
 def test_first_faces_of_an_arc_are_its_beginning():
-    vertices, faces = surfaces.tube(1.0, 0.01, np.deg2rad(90.0))
-    quarter = vertices[faces[: len(faces) // 4]].reshape(-1, 3)
+    tube = _tube(1.0, 0.01, np.deg2rad(90.0))
+    assert len(tube.faces) == 2 * SEGMENTS * SIDES
+    quarter = tube.vertices[tube.faces[: len(tube.faces) // 4]].reshape(-1, 3)
     angle = np.arctan2(quarter[:, 1], quarter[:, 0])
     assert np.rad2deg(angle.max()) == pytest.approx(22.5)
 
@@ -355,10 +346,10 @@ def test_mesh_beside_the_urdf_is_scaled_and_painted(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         shapes = robot_shapes(scene)
-    (plate,) = shapes.visuals
+    (plate,) = [shape for shape in shapes if shape.joint == 1]
+    assert plate.kind == "visual"
     np.testing.assert_allclose(plate.mesh.vertices.max(axis=0), [2, 2, 0])
-    assert (tuple(plate.mesh.colors[0]), plate.mesh.opacity) == ((255, 0, 0), 0.5)
-    assert shapes.boxes == {}
+    assert tuple(plate.mesh.visual.vertex_colors[0]) == (255, 0, 0, 128)
 
 
 def test_missing_and_broken_meshes_become_shapes_with_one_warning(tmp_path):
@@ -369,7 +360,7 @@ def test_missing_and_broken_meshes_become_shapes_with_one_warning(tmp_path):
     assert len(caught) == 1
     text = str(caught[0].message)
     assert all(name in text for name in ("nowhere/a.dae", "broken.stl", "c.obj", "arm.urdf"))
-    assert list(shapes.boxes) == [1]
+    assert [shape.joint for shape in shapes if shape.kind == "body"] == [1]
 
 
 def test_replay_goes_on_without_meshes(tmp_path):
@@ -399,11 +390,11 @@ def test_page_is_one_file_that_fetches_nothing(three_link, tmp_path):
     assert (shown.frames, shown.duration) == (179, pytest.approx(2.9))
 
 
-def test_pages_of_the_bundled_robots_stay_below_25_mb(tmp_path):
+def test_pages_of_the_bundled_robots_stay_below_6_mb(tmp_path):
     for name in ("panda_pick_and_place", "so101"):
         scene, result = result_of(name)
         shown = pf.replay(scene, result)
-        assert 1e6 < len(shown.page) < 10e6
+        assert 1e6 < len(shown.page) < 6e6
         assert shown.html is None
 
 
