@@ -272,7 +272,7 @@ def _dress(viewer: Any, upright: np.ndarray, floor: float, size: float) -> None:
     """Background; the grid at the floor in cells of 1, 2 or 5 x 10^n m; the world's axes."""
     viewer["/Background"].set_property("top_color", [0.965, 0.973, 0.980])
     viewer["/Background"].set_property("bottom_color", [0.835, 0.863, 0.890])
-    rough = size / 6.0
+    rough = size / 15.0  # 20 of them: software renderers drop lines that end behind the camera
     power = 10.0 ** np.floor(np.log10(rough))
     cell = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= rough * (1 + 1e-9))
     grid = np.diag([cell / 0.5, cell / 0.5, 1.0, 1.0])  # meshcat's cells are 0.5 m wide

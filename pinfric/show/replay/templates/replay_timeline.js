@@ -48,21 +48,26 @@ function draw_strip(site, s) {  // and friction over time: a band at rest
     [D.colors[state], site.times[state], state === "near" ? 1 : 2]));
   let most = 1e-300;
   for (let i = s; i < F * ns; i += ns) most = Math.max(most, UPPER[i] || 0, -LOWER[i] || 0);
-  const band = new Path2D(), edges = new Path2D();
-  for (let k = 0; k + 1 < F; k++) {
-    const [a, b] = [k * ns + s, k * ns + ns + s], left = x(T[k]), right = x(T[k + 1]);
-    if (!isFinite(UPPER[a]) || !isFinite(UPPER[b])) continue;  // a jam has no friction to draw
-    const [up, low, up2, low2] = [UPPER[a], LOWER[a], UPPER[b], LOWER[b]].map((value) => h / 2 - (value / most) * (h / 2 - 2));
-    for (const [y, y2] of [[up, up2], [low, low2]]) {
-      edges.moveTo(left, y);
-      edges.lineTo(right, y2);
-    }
-    band.rect(left, up, right - left, low - up);
+  const y = (value) => h / 2 - (value / most) * (h / 2 - 2);
+  const columns = [[]];  // least and greatest friction of each half pixel; a jam has none to draw
+  for (let k = 0, i = s; k < F; k++, i += ns) {
+    const part = columns.at(-1), left = Math.round(2 * x(T[k])) / 2, end = part.at(-1);
+    if (!isFinite(UPPER[i])) columns.push([]);
+    else if (end && end.x === left) Object.assign(end, {low: Math.min(end.low, LOWER[i]), up: Math.max(end.up, UPPER[i])});
+    else part.push({x: left, low: LOWER[i], up: UPPER[i]});
   }
   c.fillStyle = "rgba(255, 255, 255, .30)";
-  c.fill(band);
   c.strokeStyle = "rgba(20, 38, 60, .80)";
-  c.stroke(edges);
+  for (const part of columns) {
+    const upper = new Path2D(), lower = new Path2D();
+    for (const p of part) upper.lineTo(p.x, y(p.up));
+    for (const p of part.reverse()) lower.lineTo(p.x, y(p.low));
+    const band = new Path2D(upper);
+    for (const p of part) band.lineTo(p.x, y(p.low));
+    c.fill(band);
+    c.stroke(upper);
+    if (part.some((p) => y(p.low) - y(p.up) > 1)) c.stroke(lower);
+  }
 }
 
 function draw_ticks() {
