@@ -11,6 +11,7 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricError
+from pinfric.show.figure.panel import svg
 from pinfric.show.report.drives import bus_lines, exchanged, holds_alone, shortfall, turn
 from pinfric.show.report.sizing import (
     ROUNDING,
@@ -24,7 +25,6 @@ from pinfric.show.report.sizing import (
 )
 from pinfric.show.report.values import digits, json_for_script, span
 from pinfric.show.sizing_page.figures import (
-    Figure,
     effort_over_time,
     mass_against_margin,
     power_over_time,
@@ -54,10 +54,10 @@ def sizing_page(report: SizingReport) -> str:
     """
     environment, plotly = page_parts()
     environment.filters.update(beside=_beside, percent=_percent, formula=_formula, span=_span)
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Any] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
-    if report.catalog is not None:
-        figures["bus"] = power_over_time(report)
+    title = "Power from the bus"
+    power = "" if report.catalog is None else svg(power_over_time(report), title)
     t = report.result.t
     assert t is not None  # size refuses a motion without times
     page: str = environment.get_template("sizing.html.j2").render(
@@ -69,6 +69,7 @@ def sizing_page(report: SizingReport) -> str:
         joints=joints,
         matrix=_matrix(report),
         bus=bus_lines(report),
+        power=power,
         turn=turn(report),
         elastic=elastic_lines(report),
         priced=any(found.price is not None for found in report.sets),
@@ -94,9 +95,9 @@ def _needed(module: str) -> Any:
 
 
 def _joint_view(
-    joint: JointSizing, report: SizingReport, figures: dict[str, Figure], k: int
+    joint: JointSizing, report: SizingReport, figures: dict[str, Any], k: int
 ) -> dict[str, Any]:
-    """What the template shows of one joint; its figures are added to `figures`."""
+    """What the template shows of one joint; its map of candidates is added to `figures`."""
     taken, d = joint.taken, joint.demand
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
@@ -109,17 +110,17 @@ def _joint_view(
         elif taken is not None:
             heat = next(c for c in taken.criteria if c.name == "winding temperature")
             missing.append(("Winding temperature", f"{heat.status}: {heat.note}"))
+    pictures = [
+        (f"{kind}-{k}", title, svg(figure, f"{title} of {d.name}")) for kind, title, figure in drawn
+    ]
     if joint.assessments:
-        drawn.append(("trade", "Candidates: mass against margin", mass_against_margin(joint)))
-    ids = []
-    for kind, title, figure in drawn:
-        figures[f"{kind}-{k}"] = figure
-        ids.append((f"{kind}-{k}", title))
+        figures[f"trade-{k}"] = mass_against_margin(joint)
+        pictures.append((f"trade-{k}", "Candidates: mass against margin", ""))
     still = report.standstills[k]
     fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
     rejected = [a for a in joint.assessments if not a.fits]
     return {
-        "sizing": joint, "demand": d, "taken": taken, "figures": ids, "missing": missing,
+        "sizing": joint, "demand": d, "taken": taken, "figures": pictures, "missing": missing,
         "criteria": _criteria(report, k),
         "still": still, "alone": holds_alone(still), "smaller": joint.next_smaller,
         "shortfall": "" if joint.next_smaller is None else shortfall(joint.next_smaller),
