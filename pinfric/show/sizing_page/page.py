@@ -52,7 +52,7 @@ def sizing_page(report: SizingReport) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
-    environment, plotly = page_parts()
+    environment, plotly = page_parts(), _needed("plotly.offline").get_plotlyjs()
     environment.filters.update(beside=_beside, percent=_percent, formula=_formula, span=_span)
     figures: dict[str, Any] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
@@ -160,22 +160,25 @@ def _sources(report: SizingReport) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def page_parts(*folders: Path) -> tuple[Any, str]:
-    """Return jinja2's environment for a page, and plotly's script.
+def page_parts(*folders: Path) -> Any:
+    """Return jinja2's environment for a page.
 
     Args:
-        folders: of templates, beside this one with the style and the script that draws.
+        folders: of templates, beside this one with the style.
 
     Raises:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
-    jinja2, offline = _needed("jinja2"), _needed("plotly.offline")
+    jinja2 = _needed("jinja2")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
-        autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
     environment.filters.update(digits=_digits)
-    return environment, offline.get_plotlyjs()
+    return environment
 
 
 def _digits(x: float | None) -> str:
