@@ -58,9 +58,13 @@ def accuracy_figure(found: Accuracy) -> Figure:
     layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12)
     figure = Figure(figsize=(12.0, 0.7 + 4.5 * rows), dpi=140, layout=layout)
     figure.suptitle(
-        f"{name}: what accuracy costs", x=0.01, ha="left", fontsize=14, fontweight="bold",
+        f"{name}: what accuracy costs",
+        x=0.01,
+        ha="left",
+        fontsize=14,
+        fontweight="bold",
         color=INK,
-    )  # fmt: skip
+    )
     axes = figure.subplots(rows, 2, squeeze=False).ravel()
     for draw, one in zip(panels, axes, strict=False):
         draw(one)
@@ -85,17 +89,32 @@ def _head(axes: Axes, text: str, note: str = "", columns: int = 3) -> None:
     lines = -(-len(labels) // columns)
     if labels:
         legend = axes.legend(
-            handles, labels, frameon=False, fontsize=8.5, labelcolor=INK, ncols=columns,
-            loc="lower left", bbox_to_anchor=(-0.012, 0.995), borderaxespad=0.0, columnspacing=1.4,
+            handles,
+            labels,
+            frameon=False,
+            fontsize=8.5,
+            labelcolor=INK,
+            ncols=columns,
+            loc="lower left",
+            bbox_to_anchor=(-0.012, 0.995),
+            borderaxespad=0.0,
+            columnspacing=1.4,
             handlelength=1.8,
-        )  # fmt: skip
+        )
         legend.set_in_layout(False)  # a long one must not squeeze the plots
     axes.set_title(text, loc="left", fontsize=10.5, color=INK, pad=8.0 + 14.5 * lines)
     if note:
         axes.annotate(
-            note, (1.0, 1.0), xytext=(0, -3), xycoords="axes fraction", va="top", ha="right",
-            textcoords="offset points", fontsize=8.5, color=QUIET,
-        )  # fmt: skip
+            note,
+            (1.0, 1.0),
+            xytext=(0, -3),
+            xycoords="axes fraction",
+            va="top",
+            ha="right",
+            textcoords="offset points",
+            fontsize=8.5,
+            color=QUIET,
+        )
 
 
 def _plain_times(axes: Axes) -> None:
@@ -133,16 +152,32 @@ def _work(axes: Axes, runs: Sequence[Run], quantity: str, title: str) -> None:
         line = [run for run in good if run.setting != "defaults"]
         x, y = _points(line, of)
         axes.plot(
-            x, y, color=color, marker=marker, markersize=6.5, linewidth=1.8,
-            markeredgecolor="white", markeredgewidth=0.8, label=method, zorder=3,
-        )  # fmt: skip
+            x,
+            y,
+            color=color,
+            marker=marker,
+            markersize=6.5,
+            linewidth=1.8,
+            markeredgecolor="white",
+            markeredgewidth=0.8,
+            label=method,
+            zorder=3,
+        )
         alone = [run for run in good if run.setting == "defaults"]
         if alone:
             x, y = _points(alone, of)
             axes.plot(
-                x, y, linestyle="", marker=marker, markersize=8, markerfacecolor="white",
-                markeredgecolor=color, markeredgewidth=1.8, label=f"{method}, defaults", zorder=4,
-            )  # fmt: skip
+                x,
+                y,
+                linestyle="",
+                marker=marker,
+                markersize=8,
+                markerfacecolor="white",
+                markeredgecolor=color,
+                markeredgewidth=1.8,
+                label=f"{method}, defaults",
+                zorder=4,
+            )
     _logarithmic(axes, "wall time (ms)")
     _plain_times(axes)
     _head(axes, title, f"without a figure: {', '.join(lost)}" if lost else "")
@@ -160,13 +195,20 @@ def _coupled_work(axes: Axes, runs: Sequence[CoupledRun]) -> None:
             own = [run for run in runs if (run.solver, run.share) == (solver, share)]
             good = [run for run in own if not run.problem]
             axes.plot(
-                [1e6 * run.wall_s for run in good], [max(run.error, _ROUNDING) for run in good],
-                color=color, marker=marker, markersize=5.5, linewidth=1.6, markeredgecolor="white",
-                alpha=0.25 + 0.75 * (i + 1) / len(shares), label=None if i + 1 < len(shares) else
-                solver,
-            )  # fmt: skip
-    _logarithmic(axes, f"time of one solve (us); darker: mu nearer the jam, {shares[0]:g} to "
-                 f"{shares[-1]:g} of it")  # fmt: skip
+                [1e6 * run.wall_s for run in good],
+                [max(run.error, _ROUNDING) for run in good],
+                color=color,
+                marker=marker,
+                markersize=5.5,
+                linewidth=1.6,
+                markeredgecolor="white",
+                alpha=0.25 + 0.75 * (i + 1) / len(shares),
+                label=None if i + 1 < len(shares) else solver,
+            )
+    _logarithmic(
+        axes,
+        f"time of one solve (us); darker: mu nearer the jam, {shares[0]:g} to {shares[-1]:g} of it",
+    )
     _plain_times(axes)
     _head(axes, "coupled friction: relative error")
 
@@ -177,9 +219,15 @@ def _coupled_passes(axes: Axes, runs: Sequence[CoupledRun]) -> None:
     for solver, (color, marker) in _SOLVER_STYLES.items():
         own = [r for r in runs if (r.solver, r.tolerance) == (solver, tolerance) and not r.problem]
         axes.plot(
-            [1.0 - run.share for run in own], [run.iterations for run in own], color=color,
-            marker=marker, markersize=6.5, linewidth=1.8, markeredgecolor="white", label=solver,
-        )  # fmt: skip
+            [1.0 - run.share for run in own],
+            [run.iterations for run in own],
+            color=color,
+            marker=marker,
+            markersize=6.5,
+            linewidth=1.8,
+            markeredgecolor="white",
+            label=solver,
+        )
     _logarithmic(axes, "mu / mu at the jam")
     axes.invert_xaxis()
     places = sorted({1.0 - run.share for run in runs})
@@ -191,10 +239,13 @@ def _coupled_passes(axes: Axes, runs: Sequence[CoupledRun]) -> None:
 def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:
     """Shares of stick time and peaks that are lost, against the rate of sampling."""
     quantities: tuple[tuple[str, str, Callable[[Sampled], float]], ...] = (
-        ("stick time missed", "#D55E00",
-         lambda r: 100 * r.missed_stick / r.stick if r.stick > 0 else float("nan")),
+        (
+            "stick time missed",
+            "#D55E00",
+            lambda r: 100 * r.missed_stick / r.stick if r.stick > 0 else float("nan"),
+        ),
         ("error of peaks", "#0072B2", lambda r: 100 * r.peak_error),
-    )  # fmt: skip
+    )
     for given, style in (("q, v, a", "-"), ("q", "--")):
         own = [row for row in rows if row.given == given and not row.problem]
         for label, color, share in quantities:
@@ -203,14 +254,24 @@ def _sampling(axes: Axes, rows: Sequence[Sampled]) -> None:
                 continue
             shares = [max(s, _FLOOR_SHARE) for s in shares]
             axes.plot(
-                [row.rate for row in own], shares, style, color=color, marker="o", markersize=5,
-                markeredgecolor="white", linewidth=1.6, label=f"{label} (given {given})",
-            )  # fmt: skip
+                [row.rate for row in own],
+                shares,
+                style,
+                color=color,
+                marker="o",
+                markersize=5,
+                markeredgecolor="white",
+                linewidth=1.6,
+                label=f"{label} (given {given})",
+            )
     _logarithmic(axes, "samples per second")
     axes.set_ylim(bottom=0.7 * _FLOOR_SHARE)
     _plain_times(axes)
-    _head(axes, f"inverse dynamics: lost to fewer samples (%; least shown {_FLOOR_SHARE:g})",
-          columns=2)  # fmt: skip
+    _head(
+        axes,
+        f"inverse dynamics: lost to fewer samples (%; least shown {_FLOOR_SHARE:g})",
+        columns=2,
+    )
 
 
 def _ladder(axes: Axes, rungs: Sequence[Rung]) -> None:

@@ -68,6 +68,12 @@ def _joint_view(found: Identified, joint: int, name: str) -> dict[str, Any]:
     laws = [
         (law, errors[law], errors[law] / plain) for law in sorted(errors, key=errors.__getitem__)
     ]
-    return {"name": name, "law": found.law_of(name), "error": found.errors[name],
-            "rest": found.rest[name], "spread": found.spread[name], "laws": laws,
-            "unit": effort_unit(found.scene, joint)}  # fmt: skip
+    return {
+        "name": name,
+        "law": found.law_of(name),
+        "error": found.errors[name],
+        "rest": found.rest[name],
+        "spread": found.spread[name],
+        "laws": laws,
+        "unit": effort_unit(found.scene, joint),
+    }

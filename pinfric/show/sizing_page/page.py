@@ -120,19 +120,26 @@ def _joint_view(
     fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
     rejected = [a for a in joint.assessments if not a.fits]
     return {
-        "sizing": joint, "demand": d, "taken": taken, "figures": pictures, "missing": missing,
+        "sizing": joint,
+        "demand": d,
+        "taken": taken,
+        "figures": pictures,
+        "missing": missing,
         "criteria": _criteria(report, k),
-        "still": still, "alone": holds_alone(still), "smaller": joint.next_smaller,
+        "still": still,
+        "alone": holds_alone(still),
+        "smaller": joint.next_smaller,
         "shortfall": "" if joint.next_smaller is None else shortfall(joint.next_smaller),
         "tightest": None if taken is None else tightest(taken),
-        "fitting": fitting, "rejected": rejected[:_MOST_REJECTED],
+        "fitting": fitting,
+        "rejected": rejected[:_MOST_REJECTED],
         "more_rejected": max(len(rejected) - _MOST_REJECTED, 0),
         "rms": span_beside(d.rms_least, d.rms, d.peak),
         "holding": _NONE if d.holding is None else span_beside(*d.holding, d.peak),
         "without_masses": _name(joint.choice_without_masses),
         "frictionless": _name(joint.choice_frictionless),
         "ratios": None if taken is None else ratio_figures(joint, taken),
-    }  # fmt: skip
+    }
 
 
 def _matrix(report: SizingReport) -> list[tuple[str, list[Criterion | None]]]:
@@ -209,8 +216,16 @@ def _formula(text: str) -> Any:
     """A formula in plain letters as HTML: Greek letters, roots, integrals, subscripts, powers."""
     markup = import_module("markupsafe")
     html = str(markup.escape(text)).replace("&lt;=", "≤").replace("&gt;", ">")
-    for word, sign in (("int ", "∫ "), ("sqrt", "√"), ("cbrt", "∛"), ("omega", "ω"), ("eta", "η"),
-                       (" pi", " π"), ("^2", "²"), ("^3", "³")):  # fmt: skip
+    for word, sign in (
+        ("int ", "∫ "),
+        ("sqrt", "√"),
+        ("cbrt", "∛"),
+        ("omega", "ω"),
+        ("eta", "η"),
+        (" pi", " π"),
+        ("^2", "²"),
+        ("^3", "³"),
+    ):
         html = html.replace(word, sign)
     return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))
 

@@ -76,16 +76,22 @@ def test_every_begin_and_end_of_sticking_is_a_frame(three_link):
 
 @pytest.mark.parametrize(
     ("gear", "holds"),
-    [({"efficiency": 0.4, "back_efficiency": -0.2}, True),  # self-locking
-     ({"efficiency": 0.4, "back_efficiency": 0.5}, False),
-     # at rest all of 1e-9 N m decides: no_load r against the weight along the slope, 9.81 N
-     ({"no_load_torque": 9.81 / 50.0 + 1e-9}, True),
-     ({"no_load_torque": 9.81 / 50.0 - 1e-9}, False),
-     ({"ratio": -50.0, "efficiency": 0.4, "back_efficiency": 0.0}, True), (None, False)],
-)  # fmt: skip
+    [
+        ({"efficiency": 0.4, "back_efficiency": -0.2}, True),  # self-locking
+        ({"efficiency": 0.4, "back_efficiency": 0.5}, False),
+        # at rest all of 1e-9 N m decides: no_load r against the weight along the slope, 9.81 N
+        ({"no_load_torque": 9.81 / 50.0 + 1e-9}, True),
+        ({"no_load_torque": 9.81 / 50.0 - 1e-9}, False),
+        ({"ratio": -50.0, "efficiency": 0.4, "back_efficiency": 0.0}, True),
+        (None, False),
+    ],
+)
 def test_a_gear_holds_by_itself_where_its_motor_may_be_without_torque(gear, holds):
-    drive = {"joint": "slide"} if gear is None else {
-        "joint": "slide", "transmission": {"ratio": 50.0, **gear}}  # fmt: skip
+    drive = (
+        {"joint": "slide"}
+        if gear is None
+        else {"joint": "slide", "transmission": {"ratio": 50.0, **gear}}
+    )
     scene = pf.Scene(model=block(np.deg2rad(30.0), 2.0), actuators=[drive])
     t = np.linspace(0.0, 3.0, 301)
     moving = (t > 1.0) & (t < 2.0)
@@ -107,9 +113,10 @@ def test_a_gear_without_a_load_holds_nothing():
 def test_a_gear_holds_in_a_simulation_while_its_joint_rests():
     worm = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2}
     scene = pf.Scene(
-        model=block(), friction={"slide": plane_friction(0.5, 0.5)},
+        model=block(),
+        friction={"slide": plane_friction(0.5, 0.5)},
         actuators=[{"joint": "slide", "transmission": worm}],
-    )  # fmt: skip
+    )
     motion = pf.simulate(scene, [0.0], [1.0], np.array([5.0]), 1.0)
     (interval,) = motion.stick_intervals()
     ((start, end),) = make_frames(scene, motion).gears["slide"]
@@ -144,9 +151,12 @@ def test_frames_between_coarse_samples_meet_positions_and_velocities():
     frames = make_frames(scene, result, rate=60.0)
     assert len(frames.t) >= 120
     dense = pf.inverse_dynamics(
-        scene, exact(frames.t), np.zeros((len(frames.t), 2)), np.zeros((len(frames.t), 2)),
+        scene,
+        exact(frames.t),
+        np.zeros((len(frames.t), 2)),
+        np.zeros((len(frames.t), 2)),
         t=frames.t,
-    )  # fmt: skip
+    )
     wanted = make_frames(scene, dense, rate=60.0)
     # cubic Hermite: h^4/384 max|x''''| = 0.25^4/384 x 16 = 1.6e-4 rad
     assert np.abs(frames.placement - wanted.placement).max() < 5e-4
@@ -267,11 +277,20 @@ def drawn(scene):
 def boom():
     """A bar lifted by a cylinder between two points 0.3 m and 0.7 m from its hinge."""
     model = grounded_model(gravity=(0.0, 0.0, -9.81))
-    add_link(model, 0, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0, 0, 0.5])), "boom",
-             bar(20.0, 1.5))  # fmt: skip
+    add_link(
+        model,
+        0,
+        pin.JointModelRY(),
+        pin.SE3(np.eye(3), np.array([0, 0, 0.5])),
+        "boom",
+        bar(20.0, 1.5),
+    )
     ends = {"a": {"link": "ground", "xyz": [0.3, 0, 0]}, "b": {"link": "boom", "xyz": [0.7, 0, 0]}}
-    return pf.Scene(model=model, friction={"boom": pin_friction(0.15)},
-                    actuators=[{"cylinder": {"name": "lift", **ends}}])  # fmt: skip
+    return pf.Scene(
+        model=model,
+        friction={"boom": pin_friction(0.15)},
+        actuators=[{"cylinder": {"name": "lift", **ends}}],
+    )
 
 
 def test_loops_and_cylinders_are_drawn_where_they_act():
@@ -330,7 +349,7 @@ def arm(folder, *meshes):
         f'<visual><origin xyz="0 0 1"/><geometry><mesh filename="{name}" scale="2 2 2"/></geometry>'
         '<material name="m"><color rgba="1 0 0 0.5"/></material></visual>'
         for name in meshes
-    )  # fmt: skip
+    )
     (folder / "arm.urdf").write_text(ARM.format(visuals=visuals))
     (folder / "arm.yaml").write_text(
         "pinfric: 1\nrobot: {urdf: arm.urdf}\nfriction: {shoulder: {bearing: "
@@ -418,8 +437,9 @@ def pushed():
     """2 kg m^2 that 4 N m speed up for 1 s, that rests on at 2 rad/s, that 6 N m brake; rest."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j")
-    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), 2.0 * np.eye(3)),
-                            pin.SE3.Identity())  # fmt: skip
+    model.appendBodyToJoint(
+        joint, pin.Inertia(1.0, np.zeros(3), 2.0 * np.eye(3)), pin.SE3.Identity()
+    )
     t = np.arange(3001) / 1000.0
     a = np.select([t <= 1.0, t <= 2.0, t < 2.0 + 2 / 3], [2.0, 0.0, -3.0], 0.0)[:, None]
     v = np.where(t <= 1.0, 2.0 * t, np.clip(2.0 - 3.0 * (t - 2.0), 0.0, 2.0))[:, None]

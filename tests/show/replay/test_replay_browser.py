@@ -87,8 +87,9 @@ class Page:
         """A property of an object of meshcat's scene tree."""
         return self.run(
             "return replay.viewer.scene_tree.find(['meshcat', ...arguments[0].split('/')])"
-            f".object.{what}", path,
-        )  # fmt: skip
+            f".object.{what}",
+            path,
+        )
 
     def ring(self, joint):
         """(colour of a marker, whether its disc is seen)."""
@@ -154,9 +155,13 @@ def test_marker_has_the_sticking_colour_inside_an_interval_and_not_outside(three
     interval = result.stick_intervals()[1]
     middle = 0.5 * (interval.start + interval.end)
     for t, state in (
-        (interval.start - 1e-3, "sliding"), (interval.start, "sticking"), (middle, "sticking"),
-        (interval.end - 0.01, "near"), (interval.end, "near"), (interval.end + 1e-3, "sliding"),
-    ):  # fmt: skip
+        (interval.start - 1e-3, "sliding"),
+        (interval.start, "sticking"),
+        (middle, "sticking"),
+        (interval.end - 0.01, "near"),
+        (interval.end, "near"),
+        (interval.end + 1e-3, "sliding"),
+    ):
         page.seek(t)
         assert page.ring("joint_12") == (COLORS[state], state != "sliding"), t
         assert page.run("return replay.state('joint_12')") == state
@@ -181,8 +186,9 @@ def test_slider_moves_the_robot(three_link):
         t = float(result.t[sample])
         page.run(
             "const s = document.getElementById('slider'); s.value = arguments[0];"
-            "s.dispatchEvent(new Event('input'))", t,
-        )  # fmt: skip
+            "s.dispatchEvent(new Event('input'))",
+            t,
+        )
         assert page.run("return replay.time()") == pytest.approx(t, abs=1e-12)
         for joint in scene.joint_names:
             expected = placement(scene, result.states.q[sample], joint)
@@ -331,8 +337,11 @@ def test_friction_along_a_slide_is_seen_through_the_body_that_slides(browser, tm
     page.run("document.getElementById('show-names').click()")
 
     def orange(shown):
-        page.run("if (replay.show.friction !== arguments[0])"
-                 "document.getElementById('show-friction').click()", shown)  # fmt: skip
+        page.run(
+            "if (replay.show.friction !== arguments[0])"
+            "document.getElementById('show-friction').click()",
+            shown,
+        )
         page.seek(1.0)
         time.sleep(0.1)
         red, green, blue = page.pixels().reshape(-1, 3).astype(int).T
@@ -383,8 +392,12 @@ def test_limits_have_rows_that_say_which_one_holds_back(browser, tmp_path):
     page = Page(browser, pf.replay(*pushed(), html=tmp_path / "limits.html", limits=limits).html)
     assert page.complaints() == []
     assert "a drive at one of its limits" in page.text("#legend")
-    for t, words in ((0.5, "peak torque"), (1.5, "joint speed"), (2.3, "peak torque exceeded"),
-                     (2.9, "")):  # fmt: skip
+    for t, words in (
+        (0.5, "peak torque"),
+        (1.5, "joint speed"),
+        (2.3, "peak torque exceeded"),
+        (2.9, ""),
+    ):
         page.seek(t)
         assert page.text(".row .name").strip() == "▲ j"
         assert page.text(".row .value").strip() == words
@@ -458,8 +471,9 @@ def test_sticks_shorter_than_a_frame_are_listed_and_shown(browser, tmp_path):
     t = np.arange(0.0, 1.0, 1e-4)
     v = np.ones((len(t), 3))
     v[5000:5004, 1] = 0.0  # 0.3 ms of rest
-    shown = pf.replay(scene, pf.inverse_dynamics(scene, 0 * v, v, 0 * v, t=t),
-                      html=tmp_path / "short.html")  # fmt: skip
+    shown = pf.replay(
+        scene, pf.inverse_dynamics(scene, 0 * v, v, 0 * v, t=t), html=tmp_path / "short.html"
+    )
     page = Page(browser, shown.html)
     assert page.text("#intervals").split("\n")[-1] == "0.30 ms"
     assert "0.50000 \u2013 0.50030 s" in page.text("#intervals")
@@ -477,8 +491,11 @@ def test_panda_with_meshes_and_box(browser, tmp_path):
     page = Page(browser, shown.html)
     assert page.complaints() == []
     carried = np.flatnonzero(result.states.attached[:, 0])
-    for t, there in ((result.t[carried[0]] - 0.01, False), (result.t[carried[0]] + 0.01, True),
-                     (result.t[carried[-1]] + 0.01, False)):  # fmt: skip
+    for t, there in (
+        (result.t[carried[0]] - 0.01, False),
+        (result.t[carried[0]] + 0.01, True),
+        (result.t[carried[-1]] + 0.01, False),
+    ):
         page.seek(t)
         assert page.node("world/panda_joint7/payload box", "visible") is there
         for s, joint in enumerate(scene.site_names):
@@ -494,8 +511,9 @@ def test_robot_without_visuals_is_seen(browser, tmp_path):
     t = np.linspace(0.0, 1.0, 51)
     still = np.zeros((51, scene.model.nv))
     q = np.tile(pin.neutral(scene.model), (51, 1))
-    shown = pf.replay(scene, pf.inverse_dynamics(scene, q, still, still, t=t),
-                      html=tmp_path / "tree.html")  # fmt: skip
+    shown = pf.replay(
+        scene, pf.inverse_dynamics(scene, q, still, still, t=t), html=tmp_path / "tree.html"
+    )
     page = Page(browser, shown.html)
     assert page.complaints() == []
     assert "no joint has friction" in page.text("#legend")
