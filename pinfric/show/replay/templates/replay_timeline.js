@@ -49,11 +49,11 @@ function draw_strip(site, s) {  // and friction over time: a band at rest
   let most = 1e-300;
   for (let i = s; i < F * ns; i += ns) most = Math.max(most, UPPER[i] || 0, -LOWER[i] || 0);
   const y = (value) => h / 2 - (value / most) * (h / 2 - 2);
-  const columns = [[]];  // least and greatest friction of each half pixel; a jam has none to draw
+  const columns = [[]];  // of each half pixel: the first friction, the range of the rest; none of a jam
   for (let k = 0, i = s; k < F; k++, i += ns) {
     const part = columns.at(-1), left = Math.round(2 * x(T[k])) / 2, end = part.at(-1);
     if (!isFinite(UPPER[i])) columns.push([]);
-    else if (end && end.x === left) Object.assign(end, {low: Math.min(end.low, LOWER[i]), up: Math.max(end.up, UPPER[i])});
+    else if (part.at(-2)?.x === left) Object.assign(end, {low: Math.min(end.low, LOWER[i]), up: Math.max(end.up, UPPER[i])});
     else part.push({x: left, low: LOWER[i], up: UPPER[i]});
   }
   c.fillStyle = "rgba(255, 255, 255, .30)";
