@@ -14,6 +14,7 @@ import pinocchio as pin
 import pytest
 
 import pinfric as pf
+from pinfric.model.robot import example_robot_data
 from pinfric.show.replay.markers import COLORS
 from pinfric.show.replay.stage import SEGMENTS, SIDES
 
@@ -539,3 +540,26 @@ def test_cylinder_reaches_from_link_to_link(browser, tmp_path):
     np.testing.assert_allclose(begin, [0.3, 0, 0], atol=1e-6)
     hinge = pin.SE3(pin.utils.rotate("y", 0.5 * np.sin(t[40, 0]) - 0.6), np.array([0, 0, 0.5]))
     np.testing.assert_allclose(end, hinge.act(np.array([0.7, 0, 0])), atol=1e-5)
+
+
+@pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")  # of the robot's own file
+def test_robot_of_48_joints_is_a_small_page_with_48_rows(browser, tmp_path):
+    urdf = example_robot_data() / "tiago_description/robots/tiago.urdf"
+    model = pin.buildModelFromUrdf(str(urdf))
+    friction = {name: {"viscous": 0.05} for name in model.names[1:]}
+    (tmp_path / "tiago.yaml").write_text(
+        json.dumps({"pinfric": 1, "robot": {"urdf": str(urdf)}, "friction": friction})
+    )
+    scene = pf.load_scene(tmp_path / "tiago.yaml")
+    t = np.linspace(0.0, 2.0, 401)
+    v = 0.3 * np.sin(2 * t[:, None] + np.arange(scene.model.nv))
+    q = np.array([pin.integrate(scene.model, pin.neutral(scene.model), 0.2 * x) for x in v])
+    result = pf.inverse_dynamics(scene, q, v, np.gradient(v, t, axis=0), t=t)
+    shown = pf.replay(scene, result, html=tmp_path / "tiago.html")
+    assert len(shown.page) < 6e6
+    page = Page(browser, shown.html)
+    assert page.complaints() == []
+    assert page.run("return document.querySelectorAll('.row .value').length") == 48
+    page.seek(1.0)
+    expected = placement(scene, q[200], "head_2_joint")
+    np.testing.assert_allclose(page.place("head_2_joint"), expected, atol=2e-4)
