@@ -24,6 +24,7 @@ from pinfric.model.scene import Scene, Site
 from pinfric.show.replay import markers
 from pinfric.show.replay.drawn import Surface, Track
 from pinfric.show.replay.markers import ARC, COLORS, FORCE_COLOR, PAYLOAD_COLOR, Marker
+from pinfric.show.replay.meshes import Shape
 from pinfric.show.replay.shapes import UP, box_mesh, linkage_frame, robot_shapes
 from pinfric.study.timeline.frames import Frames
 
@@ -85,7 +86,8 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
     """
     shapes, upright = robot_shapes(scene), _upright(scene)
     few = placements[np.unique(np.linspace(0, len(placements) - 1, 24).astype(int))]
-    points = [(shape.joint, shape.corners()) for shape in shapes]
+    carried = {name: _payload_shape(scene, name) for name in scene.payloads}
+    points = [(shape.joint, shape.corners()) for shape in (*shapes, *carried.values())]
     points += [(joint, np.zeros((1, 3))) for joint in range(1, scene.model.njoints)]
     seen = [
         np.concatenate([_act(places, joint, local) for joint, local in points]) @ upright.T
@@ -108,7 +110,11 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
     for site, marker in zip(scene.sites, placed, strict=True):
         sites.append(f"{nodes[marker.joint]}/site {_node(site.name)}")
         _draw_marker(viewer[sites[-1]], marker, site, size)
-    payloads = {name: _draw_payload(viewer, scene, name, nodes) for name in scene.payloads}
+    payloads = {name: f"{nodes[x.joint]}/payload {_node(name)}" for name, x in carried.items()}
+    for name, path in payloads.items():
+        viewer[path].set_object(Surface(carried[name].mesh, PAYLOAD_COLOR, 0.8))
+        viewer[path].set_transform(carried[name].placement.homogeneous)
+        viewer[path].set_property("visible", bool(scene.payloads[name].attached))
     cylinders = _draw_linkage(viewer, scene.linkage, nodes, size) if scene.linkage else ()
     low, high = np.min(seen, axis=(0, 1)), np.max(seen, axis=(0, 1))
     _dress(viewer, upright, low[2] if low[2] < -0.02 * size else 0.0, size)
@@ -259,13 +265,9 @@ def _draw_arrow(node: Any, color: str, thickness: float, on_top: bool = False) -
     node["head"].set_object(Surface(head, color, on_top=on_top))
 
 
-def _draw_payload(viewer: Any, scene: Scene, name: str, nodes: tuple[str, ...]) -> str:
+def _payload_shape(scene: Scene, name: str) -> Shape:
     joint, box = payload_box(scene, scene.payloads[name])
-    path = f"{nodes[joint]}/payload {_node(name)}"
-    viewer[path].set_object(Surface(box_mesh(box), PAYLOAD_COLOR, 0.8))
-    viewer[path].set_transform(box.placement.homogeneous)
-    viewer[path].set_property("visible", bool(scene.payloads[name].attached))
-    return path
+    return Shape("payload", joint, box.placement, box_mesh(box))
 
 
 def _dress(viewer: Any, upright: np.ndarray, floor: float, size: float) -> None:
