@@ -35,6 +35,8 @@ DRIVE_COLOR = "#C9A227"
 _RING, _ARC_TUBE, _ARROW, _LINE = 0.0048, 0.0032, 0.0055, 0.008
 #: The longest arrow, and the arc's radius beside its ring's.
 ARROW, ARC_REACH = 0.22, 1.22
+#: Angle of view (deg), and the direction from what is seen to the camera.
+VIEW, _LOOK = 36.0, np.array([1.0, -1.25, 0.55]) / np.linalg.norm([1.0, -1.25, 0.55])
 #: How far a cylinder's barrel reaches along it.
 _BARREL = 0.6
 #: Pieces along a ring or an arc, and round its thickness.
@@ -62,7 +64,7 @@ class Stage:
         payload_paths: payload -> node.
         cylinders: the drives along a line between two links.
         markers: in the order of the sites.
-        middle, radius: of a ball round all that moves, in the turned world, m.
+        middle, distance: of all that moves, in the turned world, and from which `VIEW` holds it, m.
         size: of the robot (diagonal of the box round it, median over the frames), m.
     """
 
@@ -72,7 +74,7 @@ class Stage:
     cylinders: tuple[DrawnCylinder, ...]
     markers: tuple[Marker, ...]
     middle: np.ndarray
-    radius: float
+    distance: float
     size: float
 
 
@@ -119,8 +121,11 @@ def set_stage(viewer: Any, scene: Scene, placements: np.ndarray) -> Stage:
     low, high = np.min(seen, axis=(0, 1)), np.max(seen, axis=(0, 1))
     _dress(viewer, upright, low[2] if low[2] < -0.02 * size else 0.0, size)
     middle = 0.5 * (low + high)
-    radius = max(float(np.linalg.norm(x - middle, axis=1).max()) for x in seen)
-    return Stage(nodes[1:], tuple(sites), payloads, cylinders, placed, middle, radius, size)
+    local = np.concatenate(seen) - middle
+    depth = local @ _LOOK
+    aside = np.linalg.norm(local - depth[:, None] * _LOOK, axis=1)
+    distance = float((aside / np.tan(np.deg2rad(0.5 * VIEW)) + depth).max())
+    return Stage(nodes[1:], tuple(sites), payloads, cylinders, placed, middle, distance, size)
 
 
 def animate(viewer: Any, stage: Stage, frames: Frames) -> None:

@@ -336,6 +336,7 @@ def test_friction_along_a_slide_is_seen_through_the_body_that_slides(browser, tm
     page = Page(browser, pf.replay(scene, result, html=tmp_path / "drawer.html").html)
     assert "cylinder or force that drives" in page.text("#legend")
     page.run("document.getElementById('show-names').click()")
+    page.run("replay.viewer.camera.zoom = 2; replay.viewer.camera.updateProjectionMatrix()")
 
     def orange(shown):
         page.run(

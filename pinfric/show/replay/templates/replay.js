@@ -234,11 +234,10 @@ function jump(forward) {
   go(target ?? (forward ? t1 : t0));
 }
 
-function fit() {  // look from the front, right and above at the ball round all that moves
-  const [x, y, z] = D.middle, half = (36 / 2) * Math.PI / 180;  // meshcat's camera: y points up
-  const wide = Math.min(1, $("pane").clientWidth / Math.max($("pane").clientHeight, 1));
-  const far = 0.8 * D.radius / Math.sin(Math.atan(Math.tan(half) * wide));
-  Object.assign(viewer.camera, {fov: 36, near: far / 50, far: 60 * far});
+function fit() {  // look from the front, right and above at all that moves
+  const [x, y, z] = D.middle;  // meshcat's camera: y points up
+  const far = D.distance / Math.min(1, $("pane").clientWidth / Math.max($("pane").clientHeight, 1));
+  Object.assign(viewer.camera, {fov: D.view, near: far / 50, far: 60 * far});
   viewer.controls.target.set(x, z, -y);
   viewer.camera.position.set(1.0, 0.55, 1.25).setLength(far).add(viewer.controls.target);
   viewer.controls.update();
