@@ -60,7 +60,6 @@ _PUBLIC = {
     "sweep": "pinfric.study.sweep.run",
     "SweepResult": "pinfric.study.sweep.result",
     "replay": "pinfric.show.replay.replay",
-    "LiveReplay": "pinfric.show.replay.live",
     "PinfricError": "pinfric.errors",
     "PinfricWarning": "pinfric.errors",
 }
@@ -88,7 +87,6 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
     from pinfric.errors import RetimeError as RetimeError
     from pinfric.model.scene import Scene as Scene
     from pinfric.model.scene_file import load_scene as load_scene
-    from pinfric.show.replay.live import LiveReplay as LiveReplay
     from pinfric.show.replay.replay import replay as replay
     from pinfric.show.views import plot as plot
     from pinfric.show.views import summary as summary

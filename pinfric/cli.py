@@ -504,9 +504,6 @@ def replay(
         ),
     ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Show it in a browser.")] = False,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show the simulation while it computes, too.")
-    ] = False,
     motors: Motors = None,
     effort_at: EffortAt = "joint",
     as_json: AsJson = False,
@@ -519,27 +516,18 @@ def replay(
     """
     from pinfric.dynamics.simulation.motion import Motion
     from pinfric.model.scene_file import load_scene
-    from pinfric.show.replay.live import simulate_live
-    from pinfric.show.replay.replay import motion_to_replay, replay_lines, replay_summary
     from pinfric.show.replay.replay import replay as make_replay
+    from pinfric.show.replay.replay import replay_lines, replay_summary
+    from pinfric.study.timeline.motion import motion_to_replay
 
     scene = load_scene(scene_name)
     html = _page(html, scene.source)
-    if live and motion_name is not None:
-        raise typer.BadParameter(
-            "is for the scene's own simulation, not for a motion that is there already",
-            param_hint="--live",
-        )
-    motion: Any
-    if live:
-        motion, judged = simulate_live(scene, say, open_browser=open_browser), None
-    else:
-        with working("computing the motion"):
-            motion, judged = motion_to_replay(scene, motion_name, notice, log, effort_at)
+    with working("computing the motion"):
+        motion, judged = motion_to_replay(scene, motion_name, notice, log, effort_at)
     title = Path(scene.source).stem + (f" · {Path(motion_name).name}" if motion_name else "")
     with working(f"writing {html}"):
         shown = make_replay(scene, motion, html=html, title=title, log=judged, limits=motors)
-    opened = shown.open() if open_browser and not live else None
+    opened = shown.open() if open_browser else None
     read.extend([scene.source, motion_name or "", motors or ""])
     lines = partial(replay_lines, shown, opened)
     answer("replay", replay_summary(shown), lines, as_json, scene=scene.source)

@@ -91,7 +91,6 @@ pf.elasticity(pf.inverse_dynamics(arm.with_(actuators=elastic), motion())).summa
     "replay": "pf.replay(arm, pf.run_scene(arm, t_end=0.02), html='page.html')",
     "identify": "pf.identify(pf.load_scene('pendulum'), ['log.csv'], effort_at='joint')",
     "Path": "pf.Path.from_trajectory(motion())",
-    "LiveReplay": "pf.LiveReplay(arm).close()",
     "CompensationOptions": "pf.CompensationOptions(scale=1.0)",
 }  # fmt: skip
 #: Arguments of every command.

@@ -26,7 +26,7 @@ COMMANDS = {
     "inverse": ["inverse", *PANDA],
     "size": ["size", *PANDA, "--catalog", "default"],
     "paper": ["paper"],
-    "live": ["replay", "three_link", "--live", "--html", "page.html"],
+    "replay": ["replay", "four_bar", "--html", "page.html"],
     "two processes": ["sweep", *PANDA, "panda_pick_and_place", "--processes", "2"],
 }
 
@@ -63,7 +63,7 @@ def expect_the_end(process):
 
 @pytest.mark.parametrize(
     ("name", "delay"),
-    [("simulate", 0.1), ("size", 0.3), ("inverse", 0.6), ("live", 0.9), ("paper", 1.2)],
+    [("simulate", 0.1), ("size", 0.3), ("inverse", 0.6), ("replay", 0.9), ("paper", 1.2)],
 )
 def test_ctrl_c_while_modules_are_imported(name, delay, tmp_path):
     process = begin(name, tmp_path)
@@ -77,13 +77,6 @@ def test_ctrl_c_while_kernels_are_compiled(delay, tmp_path):
     process = begin("simulate", tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "empty"))
     time.sleep(delay)
     assert process.poll() is None
-    expect_the_end(process)
-
-
-def test_ctrl_c_while_a_page_is_served(tmp_path):
-    process = begin("live", tmp_path)
-    wait_for(process, lambda: len(listening(process.pid)) >= 2)
-    time.sleep(0.3)
     expect_the_end(process)
 
 

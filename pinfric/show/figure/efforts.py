@@ -43,14 +43,20 @@ _BAND, _VEIL, _VEIL_ALPHA = "#A9CFE8", "#539FD1", 0.5
 _SHADE = 0.17
 #: The mark of an instant at rest, at the bottom of a panel.
 _PASSAGE: dict[str, Any] = {
-    "linestyle": "", "marker": 2, "markersize": 9, "markeredgecolor": "#B87400",  # 2: a tick upward
+    "linestyle": "",
+    "marker": 2,
+    "markersize": 9,
+    "markeredgecolor": "#B87400",  # 2: a tick upward
     "markeredgewidth": 1.4,
-}  # fmt: skip
+}
 #: The mark of the largest effort.
 _PEAK: dict[str, Any] = {
-    "marker": "o", "markersize": 4.5, "markerfacecolor": "white", "markeredgecolor": _EFFORT,
+    "marker": "o",
+    "markersize": 4.5,
+    "markerfacecolor": "white",
+    "markeredgecolor": _EFFORT,
     "markeredgewidth": 1.2,
-}  # fmt: skip
+}
 #: Pieces a long motion is cut into, each drawn by its extremes: more than a panel has pixels.
 _PIECES = 2000
 #: A stick of this part of the whole time is a line, not a band: three pixels wide.
@@ -258,11 +264,11 @@ def _draw_panel(axes: Axes, result: InverseResult, i: int, zero: float, bottom: 
         axes.plot(t, frictionless, color=INK, linewidth=0.7, zorder=2.9, gid="frictionless")
     _draw_interval(axes, t, lower, upper, interval, interval & (sticking & ~passages)[kept])
     sliding = np.where(interval, np.nan, upper)
-    axes.plot(t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding",
-              solid_capstyle="round")  # fmt: skip
+    axes.plot(
+        t, sliding, color=_EFFORT, linewidth=1.5, zorder=4, gid="sliding", solid_capstyle="round"
+    )
     dots = ~interval if len(t) <= _FEW else _alone(~interval)
-    axes.plot(t[dots], upper[dots], ".", color=_EFFORT, markersize=4, zorder=4,
-              clip_on=False)  # fmt: skip
+    axes.plot(t[dots], upper[dots], ".", color=_EFFORT, markersize=4, zorder=4, clip_on=False)
     _dress(axes, result.t, (lower, upper, frictionless), zero, bottom)
 
 
@@ -278,14 +284,30 @@ def _draw_interval(
     where = lasting.tolist()
     axes.fill_between(t, lower, upper, where=where, color="white", linewidth=0, zorder=2.8)
     axes.fill_between(
-        t, lower, upper, where=where, facecolor=_VEIL, alpha=_VEIL_ALPHA, linewidth=0,
-        zorder=3, gid="interval",
-    )  # fmt: skip
-    axes.fill_between(t, lower, upper, where=where, facecolor="none", edgecolor=_EFFORT,
-                      linewidth=0.7, zorder=3.7)  # fmt: skip
+        t,
+        lower,
+        upper,
+        where=where,
+        facecolor=_VEIL,
+        alpha=_VEIL_ALPHA,
+        linewidth=0,
+        zorder=3,
+        gid="interval",
+    )
+    axes.fill_between(
+        t, lower, upper, where=where, facecolor="none", edgecolor=_EFFORT, linewidth=0.7, zorder=3.7
+    )
     instants = (interval & ~lasting) | _alone(lasting)
-    axes.vlines(t[instants], lower[instants], upper[instants], color=_EFFORT, linewidth=1.2,
-                alpha=0.6, zorder=3, gid="instants")  # fmt: skip
+    axes.vlines(
+        t[instants],
+        lower[instants],
+        upper[instants],
+        color=_EFFORT,
+        linewidth=1.2,
+        alpha=0.6,
+        zorder=3,
+        gid="instants",
+    )
 
 
 def _shade(axes: Axes, t: np.ndarray, sticking: np.ndarray) -> None:
@@ -298,10 +320,15 @@ def _shade(axes: Axes, t: np.ndarray, sticking: np.ndarray) -> None:
         else:
             spans.append([float(t[first]), float(t[last])])
     axes.broken_barh(
-        [(start, end - start) for start, end in spans], (0.0, 1.0),
-        transform=axes.get_xaxis_transform(), facecolor=_STICKING, alpha=_SHADE, linewidth=0,
-        zorder=0, gid="sticking",
-    )  # fmt: skip
+        [(start, end - start) for start, end in spans],
+        (0.0, 1.0),
+        transform=axes.get_xaxis_transform(),
+        facecolor=_STICKING,
+        alpha=_SHADE,
+        linewidth=0,
+        zorder=0,
+        gid="sticking",
+    )
 
 
 def _passages(result: InverseResult, i: int) -> np.ndarray:
@@ -323,8 +350,15 @@ def _mark_passages(axes: Axes, t: np.ndarray, passages: np.ndarray) -> None:
     for moment in t[passages][first].tolist():
         if not moments or moment - moments[-1] > width:
             moments.append(moment)
-    axes.plot(moments, np.zeros(len(moments)), transform=axes.get_xaxis_transform(), zorder=4.5,
-              clip_on=False, gid="passages", **_PASSAGE)  # fmt: skip
+    axes.plot(
+        moments,
+        np.zeros(len(moments)),
+        transform=axes.get_xaxis_transform(),
+        zorder=4.5,
+        clip_on=False,
+        gid="passages",
+        **_PASSAGE,
+    )
 
 
 def _dress(
@@ -369,8 +403,17 @@ def _label(axes: Axes, name: str, summary: ActuatorSummary, width: float, zero: 
         (f"{figures}  {summary.unit}", 1, "right", {"fontsize": 8, "color": QUIET}),
     )
     for text, x, side, look in labels:
-        axes.annotate(text, (x, 1), (0, 4), "axes fraction", "offset points", ha=side, va="bottom",
-                      annotation_clip=False, **look)  # fmt: skip
+        axes.annotate(
+            text,
+            (x, 1),
+            (0, 4),
+            "axes fraction",
+            "offset points",
+            ha=side,
+            va="bottom",
+            annotation_clip=False,
+            **look,
+        )
 
 
 def _draw_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]], t: np.ndarray) -> None:
@@ -378,15 +421,24 @@ def _draw_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]], t: np
     axes.set_ylim(len(phases), 0)
     axes.axis("off")
     for row, (name, spans) in enumerate(phases.items()):
-        axes.broken_barh([(a, b - a) for a, b in spans], (row + 0.08, 0.84),
-                         facecolor=_CARRIED, alpha=0.8, linewidth=0, gid="carried")  # fmt: skip
+        axes.broken_barh(
+            [(a, b - a) for a, b in spans],
+            (row + 0.08, 0.84),
+            facecolor=_CARRIED,
+            alpha=0.8,
+            linewidth=0,
+            gid="carried",
+        )
         start, end = max(spans, key=lambda ends: ends[1] - ends[0])
         inside = (end - start) / (t[-1] - t[0]) > 0.012 * (len(name) + 8)
         axes.annotate(
             f"carries {name}" if inside else f" {name}",
-            ((start + end) / 2 if inside else end, row + 0.5), fontsize=8,
-            color="white" if inside else _CARRIED, ha="center" if inside else "left", va="center",
-        )  # fmt: skip
+            ((start + end) / 2 if inside else end, row + 0.5),
+            fontsize=8,
+            color="white" if inside else _CARRIED,
+            ha="center" if inside else "left",
+            va="center",
+        )
 
 
 def _mark_phases(axes: Axes, phases: dict[str, list[tuple[float, float]]]) -> None:
@@ -408,10 +460,18 @@ def _head(
     figure.text(left, 1 - 0.2 / total, title, fontsize=13, fontweight="bold", color=INK, va="top")
     figure.text(left, 1 - 0.46 / total, text, fontsize=9, color=QUIET, va="top")
     figure.legend(
-        handles=_key(result), loc="upper left", ncols=6, frameon=False, fontsize=8.5,
-        bbox_to_anchor=(left, 1 - 0.63 / total), borderaxespad=0, borderpad=0.2, handlelength=1.8,
-        columnspacing=1.8, labelcolor=INK,
-    )  # fmt: skip
+        handles=_key(result),
+        loc="upper left",
+        ncols=6,
+        frameon=False,
+        fontsize=8.5,
+        bbox_to_anchor=(left, 1 - 0.63 / total),
+        borderaxespad=0,
+        borderpad=0.2,
+        handlelength=1.8,
+        columnspacing=1.8,
+        labelcolor=INK,
+    )
 
 
 def _key(result: InverseResult) -> list[Any]:
@@ -422,8 +482,14 @@ def _key(result: InverseResult) -> list[Any]:
         Line2D([], [], color=_EFFORT, linewidth=1.5, label="effort where the joint slides")
     ]
     if (result.effort_lower != result.effort_upper).any():
-        handles.append(Patch(facecolor=_BAND, edgecolor=_EFFORT, linewidth=0.6,
-                             label="possible efforts where it sticks"))  # fmt: skip
+        handles.append(
+            Patch(
+                facecolor=_BAND,
+                edgecolor=_EFFORT,
+                linewidth=0.6,
+                label="possible efforts where it sticks",
+            )
+        )
     if result.sticking.any():
         handles.append(Patch(facecolor=_STICKING, alpha=_SHADE * 1.8, label="time at rest"))
     if any(_passages(result, i).any() for i in range(len(result.actuator_names))):

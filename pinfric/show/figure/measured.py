@@ -14,6 +14,7 @@ from pinfric.study.summary import effort_unit, rests
 from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _COMPUTED, _BAND, _MEASURED, _STICKING = "#0072B2", "#A9CFE8", "#F2B38B", "#E69F00"
@@ -36,33 +37,74 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
 
     if result.t is None or not log.measured:
         raise StateError("a figure of measured efforts needs a log that has them")
-    t, (lower, upper) = result.t, measured_interval(result, log.at)
     total = _HEADER + _PANEL * len(log.measured) + _FOOT
     with style():
         figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         panels = figure.subplots(len(log.measured), 1, sharex=True, squeeze=False)[:, 0]
         for axes, (name, found) in zip(panels, log.measured.items(), strict=True):
+            draw_measured(axes, result, log, name)
             i = result.actuator_names.index(name)
-            measured = log.reading.effort[name]
-            known = np.where(np.isfinite(measured), measured, 0.0)
-            keep = thinned([lower[:, i], upper[:, i], known])
-            axes.broken_barh([(t[a], t[b] - t[a]) for a, b in runs(rests(result, i))], (0.0, 1.0),
-                             transform=axes.get_xaxis_transform(), color=_STICKING, alpha=0.15,
-                             linewidth=0)  # fmt: skip
-            axes.fill_between(t[keep], lower[keep, i], upper[keep, i], color=_BAND, linewidth=0)
-            axes.plot(t[keep], measured[keep], color=_MEASURED, linewidth=1.8, gid="measured")
-            axes.plot(t[keep], upper[keep, i], color=_COMPUTED, linewidth=0.9, gid="computed")
-            axes.plot(t[keep], lower[keep, i], color=_COMPUTED, linewidth=0.9)
             title = f"{name}, {effort_unit(result.scene, i)}: off by {found.relative_error:.0%}"
             axes.set_title(title.replace("%", " %"), loc="left", fontsize=9)
             axes.yaxis.set_major_formatter(brief_ticks)
             axes.tick_params(colors=QUIET)
         panels[-1].set_xlabel("time (s)", color=QUIET)
         handles = [panels[0].lines[0], panels[0].lines[1]]
-        figure.legend(handles, ["measured", "computed (a band where it sticks)"], ncols=2,
-                      loc="upper right", frameon=False)  # fmt: skip
-        figure.suptitle(f"{trajectory}: efforts at the {log.at}", x=0.06, ha="left",
-                        fontweight="bold", fontsize=12)  # fmt: skip
-        figure.subplots_adjust(left=0.06, right=0.985, top=1.0 - _HEADER / total,
-                               bottom=_FOOT / total, hspace=0.45)  # fmt: skip
+        figure.legend(
+            handles,
+            ["measured", "computed (a band where it sticks)"],
+            ncols=2,
+            loc="upper right",
+            frameon=False,
+        )
+        figure.suptitle(
+            f"{trajectory}: efforts at the {log.at}",
+            x=0.06,
+            ha="left",
+            fontweight="bold",
+            fontsize=12,
+        )
+        figure.subplots_adjust(
+            left=0.06, right=0.985, top=1.0 - _HEADER / total, bottom=_FOOT / total, hspace=0.45
+        )
     return figure
+
+
+def draw_measured(
+    axes: Axes,
+    result: InverseResult,
+    log: JudgedLog,
+    drive: str,
+    shift: float = 0.0,
+    lag: float = 0.0,
+    pieces: int = 2000,
+) -> None:
+    """Draw a drive's measured effort over the computed one: two lines, a band where it sticks.
+
+    Args:
+        axes: to draw in.
+        result: of the log's motion, with times.
+        log: with measured efforts.
+        drive: its name.
+        shift: added to the times, s.
+        lag: of the measured effort behind the motion, s; drawn without it.
+        pieces: that a long log is cut into, each kept with its extremes.
+    """
+    assert result.t is not None
+    i, t = result.actuator_names.index(drive), result.t + shift
+    lower, upper = measured_interval(result, log.at)
+    measured = log.reading.effort[drive]
+    known = np.where(np.isfinite(measured), measured, 0.0)
+    keep = thinned([lower[:, i], upper[:, i], known], pieces)
+    axes.broken_barh(
+        [(t[a], t[b] - t[a]) for a, b in runs(rests(result, i))],
+        (0.0, 1.0),
+        transform=axes.get_xaxis_transform(),
+        color=_STICKING,
+        alpha=0.15,
+        linewidth=0,
+    )
+    axes.fill_between(t[keep], lower[keep, i], upper[keep, i], color=_BAND, linewidth=0)
+    axes.plot(t[keep] - lag, measured[keep], color=_MEASURED, linewidth=1.8, gid="measured")
+    axes.plot(t[keep], upper[keep, i], color=_COMPUTED, linewidth=0.9, gid="computed")
+    axes.plot(t[keep], lower[keep, i], color=_COMPUTED, linewidth=0.9)

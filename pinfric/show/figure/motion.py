@@ -89,8 +89,10 @@ def _chosen(rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
     order = sorted(range(len(rows)), key=lambda i: (rows[i].kind, -rows[i].travel))
     moving = [i for i in order if rows[i].kind < 2] or order
     chosen = set(moving[:_MOST])
-    return ([row for i, row in enumerate(rows) if i in chosen],
-            [row for i, row in enumerate(rows) if i not in chosen])  # fmt: skip
+    return (
+        [row for i, row in enumerate(rows) if i in chosen],
+        [row for i, row in enumerate(rows) if i not in chosen],
+    )
 
 
 def _rows(motion: Motion) -> list[_Row]:
@@ -125,8 +127,9 @@ def _kind(motion: Motion, site: int, velocity: np.ndarray | None) -> int:
 
 def _draw(panels: Sequence[Axes], motion: Motion, row: _Row, name: str) -> None:
     length = "m" if row.sliding else "rad"
-    for axes, values, unit in zip(panels, (row.position, row.velocity), (length, f"{length}/s"),
-                                  strict=False):  # fmt: skip
+    for axes, values, unit in zip(
+        panels, (row.position, row.velocity), (length, f"{length}/s"), strict=False
+    ):
         if values is None:
             axes.axis("off")
         else:
@@ -142,9 +145,17 @@ def _draw(panels: Sequence[Axes], motion: Motion, row: _Row, name: str) -> None:
     if row.position is None:
         _say(panels[0], "closes a loop" if row.velocity is None else "follows another joint")
     panels[0].annotate(
-        name, (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9, fontweight="bold",
-        color=INK, va="bottom", annotation_clip=False,
-    )  # fmt: skip
+        name,
+        (0, 1),
+        (0, 4),
+        "axes fraction",
+        "offset points",
+        fontsize=9,
+        fontweight="bold",
+        color=INK,
+        va="bottom",
+        annotation_clip=False,
+    )
 
 
 def _say(axes: Axes, text: str) -> None:
@@ -195,16 +206,30 @@ def _head(
     if any(row.site >= 0 for row in drawn):
         handles += [
             Line2D([], [], color=_FRICTION, linewidth=1.5, label="friction"),
-            Line2D([], [], color=_LIMIT, linewidth=0.9, linestyle=(0, (4, 2)),
-                   label="its static limits"),
-        ]  # fmt: skip
+            Line2D(
+                [],
+                [],
+                color=_LIMIT,
+                linewidth=0.9,
+                linestyle=(0, (4, 2)),
+                label="its static limits",
+            ),
+        ]
     if motion.stick_intervals():
         handles.append(Patch(facecolor=_STICKING, alpha=1.8 * _SHADE, label="this joint sticks"))
     figure.legend(
-        handles=handles, loc="upper left", ncols=4, frameon=False, fontsize=8.5,
-        bbox_to_anchor=(0.01, 1 - 0.53 / total), borderaxespad=0, borderpad=0.2, handlelength=1.8,
-        columnspacing=1.8, labelcolor=INK,
-    )  # fmt: skip
+        handles=handles,
+        loc="upper left",
+        ncols=4,
+        frameon=False,
+        fontsize=8.5,
+        bbox_to_anchor=(0.01, 1 - 0.53 / total),
+        borderaxespad=0,
+        borderpad=0.2,
+        handlelength=1.8,
+        columnspacing=1.8,
+        labelcolor=INK,
+    )
 
 
 def _what(motion: Motion, drawn: Sequence[_Row], left: Sequence[_Row]) -> str:

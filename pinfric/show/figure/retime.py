@@ -54,8 +54,10 @@ def retime_figure(result: RetimeResult) -> Figure:
         before = f" ({digits(result.before)} s before)" if result.before is not None else ""
         title = f"{Path(scene.source).stem} · {Path(path.source).name}"
         figure.text(0.02, 1 - 0.3 / total, title, fontsize=12, fontweight="bold", color=INK)
-        text = (f"{digits(result.duration)} s{before}; no limit exceeded by more than "
-                f"{100 * result.excess:.2g} %")  # fmt: skip
+        text = (
+            f"{digits(result.duration)} s{before}; no limit exceeded by more than "
+            f"{100 * result.excess:.2g} %"
+        )
         figure.text(0.02, 1 - 0.55 / total, text, color=QUIET)
         _legend(figure, used)
     return figure
@@ -77,21 +79,44 @@ def fastest_figure(sets: Sequence[TimedSet], title: str) -> Figure:
         others = [x for x in sets if not x.best]
         most = 1.25 * max(x.duration for x in best)  # far slower ones would squeeze the rest
         shown = [x for x in others if x.duration <= most]
-        axes.plot([x.mass for x in shown], [x.duration for x in shown], "o", color=QUIET,
-                  alpha=0.5, label="tried")  # fmt: skip
-        axes.step([x.mass for x in best], [x.duration for x in best], "o-", where="post",
-                  color=_SPEED, label="nothing lighter is as fast")  # fmt: skip
+        axes.plot(
+            [x.mass for x in shown],
+            [x.duration for x in shown],
+            "o",
+            color=QUIET,
+            alpha=0.5,
+            label="tried",
+        )
+        axes.step(
+            [x.mass for x in best],
+            [x.duration for x in best],
+            "o-",
+            where="post",
+            color=_SPEED,
+            label="nothing lighter is as fast",
+        )
         for x in best:
-            axes.annotate(x.held_by, (x.mass, x.duration), xytext=(5, 4), fontsize=7,
-                          textcoords="offset points", color=INK)  # fmt: skip
+            axes.annotate(
+                x.held_by,
+                (x.mass, x.duration),
+                xytext=(5, 4),
+                fontsize=7,
+                textcoords="offset points",
+                color=INK,
+            )
         axes.margins(x=0.12, y=0.12)
         axes.set_xlabel("mass of all drives (kg)")
         axes.set_ylabel("cycle time (s)")
         figure.legend(loc="lower right", bbox_to_anchor=(0.98, 0.86), frameon=False, ncols=2)
         left = len(others) - len(shown)
         figure.text(0.02, 0.94, title, fontsize=12, fontweight="bold", color=INK)
-        figure.text(0.02, 0.895, "cycle time with other drives, and what holds each back"
-                    + f"; {left} slower ones not drawn" * (left > 0), color=QUIET)  # fmt: skip
+        figure.text(
+            0.02,
+            0.895,
+            "cycle time with other drives, and what holds each back"
+            + f"; {left} slower ones not drawn" * (left > 0),
+            color=QUIET,
+        )
     return figure
 
 
@@ -108,8 +133,13 @@ def _draw_speed(axes: Axes, result: RetimeResult) -> None:
         limit = np.where(limit < (3.0 * most) ** 2, np.sqrt(limit), np.nan)
         axes.plot(t, limit, color=_LIMIT, linewidth=1.0, label="limit" if label else None)
         fine = np.linspace(0.0, result.profile.duration[p], 400)
-        axes.plot(departs + fine, result.profile.at(p, fine)[1], color=_SPEED, linewidth=1.6,
-                  label="speed" if label else None)  # fmt: skip
+        axes.plot(
+            departs + fine,
+            result.profile.at(p, fine)[1],
+            color=_SPEED,
+            linewidth=1.6,
+            label="speed" if label else None,
+        )
         departs, label = departs + float(result.moves[p]), False
     axes.set_ylim(0.0, 1.35 * most)
     axes.set_ylabel("along the path, ds/dt (1/s)")
@@ -133,8 +163,12 @@ def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
     reached = share > _AT_LIMIT
     colour[reached] = table[nearest[reached]]
     axes.spines[:].set_visible(True)
-    axes.imshow(colour.transpose(1, 0, 2), aspect="auto", interpolation="nearest",
-                extent=(t[0], t[-1], len(names) - 0.5, -0.5))  # fmt: skip
+    axes.imshow(
+        colour.transpose(1, 0, 2),
+        aspect="auto",
+        interpolation="nearest",
+        extent=(t[0], t[-1], len(names) - 0.5, -0.5),
+    )
     axes.set_yticks(range(len(names)), names)
     axes.set_yticks(np.arange(0.5, len(names) - 1), minor=True)
     axes.grid(which="minor", axis="y", color="white", linewidth=2.0)

@@ -12,12 +12,14 @@ def style() -> AbstractContextManager[None]:
     """Let matplotlib draw as all pictures do; places are ours, whatever layout a user has on."""
     from matplotlib import rc_context
 
-    return rc_context({
-        "font.size": 8.5,
-        "font.family": "DejaVu Sans",
-        "axes.edgecolor": QUIET,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "figure.constrained_layout.use": False,
-        "figure.autolayout": False,
-    })  # fmt: skip
+    return rc_context(
+        {
+            "font.size": 8.5,
+            "font.family": "DejaVu Sans",
+            "axes.edgecolor": QUIET,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "figure.constrained_layout.use": False,
+            "figure.autolayout": False,
+        }
+    )

@@ -61,8 +61,12 @@ def sweep_figure(result: SweepResult) -> Figure:
     labels = shortened(result.actuator_names, _LETTERS)
     count = len(drawn)
     with style():
-        figure = Figure(figsize=(11.0, _ROW * count + _REST), dpi=150, facecolor="white",
-                        layout=ConstrainedLayoutEngine(h_pad=0.06, wspace=0.03))  # fmt: skip
+        figure = Figure(
+            figsize=(11.0, _ROW * count + _REST),
+            dpi=150,
+            facecolor="white",
+            layout=ConstrainedLayoutEngine(h_pad=0.06, wspace=0.03),
+        )
         figure.suptitle(_title(result) + left, x=0.01, ha="left", fontsize=12, color=INK)
         panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
         measure, strength = strengths(result, names[1])
@@ -71,8 +75,9 @@ def sweep_figure(result: SweepResult) -> Figure:
                 _spread(axes, result, i, name)
             _drivers(row[2], result, i, strength[:, i], bottom=i == drawn[-1])
             text = labels[i] + ("" if same else f"\n{units[i]}")
-            row[0].set_ylabel(text, rotation=0, ha="right", va="center",
-                              fontweight="bold", color=INK, labelpad=8)  # fmt: skip
+            row[0].set_ylabel(
+                text, rotation=0, ha="right", va="center", fontweight="bold", color=INK, labelpad=8
+            )
         titles = f"peak{where}{same}", f"RMS{where}{same}", f"RMS: {measure}"
         for axes, text in zip(panels[0], titles, strict=True):
             axes.set_title(text, loc="left", fontsize=10, color=INK, pad=12)
@@ -82,8 +87,10 @@ def sweep_figure(result: SweepResult) -> Figure:
 def _title(result: SweepResult) -> str:
     solved = np.count_nonzero(result.solved)
     lost = f" ({result.samples - solved} without a solution)" if solved < result.samples else ""
-    return (f"{Path(result.scene).stem} · {Path(result.trajectory).name} · "
-            f"{result.samples} samples{lost}")  # fmt: skip
+    return (
+        f"{Path(result.scene).stem} · {Path(result.trajectory).name} · "
+        f"{result.samples} samples{lost}"
+    )
 
 
 def _spread(axes: Axes, result: SweepResult, i: int, name: str) -> None:
@@ -118,9 +125,13 @@ def _rating(trial: Trial | None, name: str) -> float | None:
 
 
 def _name_rating(
-    axes: Axes, result: SweepResult, trial: Trial | None, name: str, rating: float | None,
+    axes: Axes,
+    result: SweepResult,
+    trial: Trial | None,
+    name: str,
+    rating: float | None,
     inside: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Say beside the rating in how many samples it suffices."""
     if rating is None:
         return
@@ -131,10 +142,16 @@ def _name_rating(
     right = not inside or rating > 0.5 * (low + high)
     at = rating if inside else high
     axes.annotate(
-        text, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(-4 if right else 4, -1),
-        textcoords="offset points", ha="right" if right else "left", va="top", fontsize=8,
+        text,
+        (at, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(-4 if right else 4, -1),
+        textcoords="offset points",
+        ha="right" if right else "left",
+        va="top",
+        fontsize=8,
         color=_RATING,
-    )  # fmt: skip
+    )
 
 
 def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> None:
@@ -146,12 +163,28 @@ def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> No
     last = -np.inf
     for x, p in sorted(zip(at, result.percentiles, strict=True)):
         if x - last > 0.17 * (high - low):
-            axes.annotate(f"{digits(x)}", (x, 0), xytext=(0, -6), textcoords="offset points",
-                          xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=8,
-                          color=INK)  # fmt: skip
-            axes.annotate(f"{p:g} %", (x, 0), xytext=(0, -16), textcoords="offset points",
-                          xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=6.5,
-                          color=QUIET)  # fmt: skip
+            axes.annotate(
+                f"{digits(x)}",
+                (x, 0),
+                xytext=(0, -6),
+                textcoords="offset points",
+                xycoords=("data", "axes fraction"),
+                ha="center",
+                va="top",
+                fontsize=8,
+                color=INK,
+            )
+            axes.annotate(
+                f"{p:g} %",
+                (x, 0),
+                xytext=(0, -16),
+                textcoords="offset points",
+                xycoords=("data", "axes fraction"),
+                ha="center",
+                va="top",
+                fontsize=6.5,
+                color=QUIET,
+            )
             last = x
 
 

@@ -1,4 +1,4 @@
-"""The identification page: one self-contained HTML file, plotly inlined once, no network."""
+"""The identification page: one self-contained HTML file, no network."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from pinfric import __version__
-from pinfric.show.identification_page.figures import Figure, over_time, residual_clouds
+from pinfric.show.figure.panel import svg
+from pinfric.show.identification_page.figures import over_time, residual_clouds
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.values import json_for_script
 from pinfric.show.sizing_page.page import page_parts
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import PLAIN
@@ -27,20 +27,20 @@ def identification_page(found: Identified) -> str:
         found: of `identify`.
 
     Raises:
-        PinfricError: the extra `report` (jinja2, plotly) is not installed.
+        PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment, plotly = page_parts(Path(__file__).parent)
+    environment = page_parts(Path(__file__).parent)
     summary = identify_summary(found)
     time = over_time(found)
-    figures: dict[str, Figure] = {}
     joints: list[dict[str, Any]] = []
     for j, name in enumerate(found.scene.joint_names):
         if name not in found.errors:
             continue
-        k = len(joints)
-        clouds = residual_clouds(found, j)
-        figures |= {f"time-{k}": time[j]} | {f"{kind}-{k}": cloud for kind, cloud in clouds.items()}
-        joints.append(_joint_view(found, j, name))
+        pictures = {"time": svg(time[j], f"Efforts of {name} over time")} | {
+            kind: svg(cloud, f"Residual of {name} over {kind}")
+            for kind, cloud in residual_clouds(found, j).items()
+        }
+        joints.append(_joint_view(found, j, name) | pictures)
     page: str = environment.get_template("identification.html.j2").render(
         found=found,
         laws=table_of("", summary.joints),
@@ -56,8 +56,6 @@ def identification_page(found: Identified) -> str:
             for p in sorted(found.parameters, key=_vagueness)
             if p.key in found.advice[0].factors
         ][:_WORST],
-        plotly=plotly,
-        figures=json_for_script(figures),
         version=__version__,
     )
     return page

@@ -1,1 +1,1 @@
-"""Replay of a motion in 3D: as a page, and live."""
+"""Replay of a motion in 3D, as a page."""

@@ -1,4 +1,4 @@
-"""Surfaces and meshes in the form that meshcat's viewer takes."""
+"""Triangles and tracks of time in the form that meshcat's viewer takes, packed small."""
 
 from __future__ import annotations
 
@@ -6,36 +6,41 @@ from typing import Any
 
 import meshcat.geometry as mg
 import numpy as np
-
-from pinfric.show.replay.meshes import Mesh
+import umsgpack  # type: ignore[import-untyped]
 
 #: Codes of msgpack's extension types for JavaScript's arrays.
-_INT8, _UINT8, _UINT16, _UINT32, _FLOAT32 = 0x11, 0x12, 0x14, 0x16, 0x17
-#: Bits of a coordinate's mantissa that are kept: 1 in 60 000, and the page shrinks by a quarter.
-_KEPT = np.uint32(0xFFFFFF00)
+_CODES = {
+    "Int8": 0x11,
+    "Uint8": 0x12,
+    "Int16": 0x13,
+    "Uint16": 0x14,
+    "Uint32": 0x16,
+    "Float32": 0x17,
+}
 
 
 class Surface(mg.Mesh):
-    """A triangulated surface in one colour, lit or flat, optionally on top of everything.
+    """A trimesh in its own colours or in one, lit or flat, optionally on top of everything.
 
     Args:
-        vertices, faces: (n, 3) in m and (k, 3) indices.
-        color: "#rrggbb".
+        mesh: `trimesh.Trimesh`.
+        color: "#rrggbb"; None takes the colours of its vertices.
         opacity: 1 is opaque.
         on_top: drawn over everything else, also what is in front of it.
     """
 
     def __init__(
-        self, vertices: np.ndarray, faces: np.ndarray, color: str, opacity: float = 1.0,
-        on_top: bool = False,
-    ) -> None:  # fmt: skip
+        self, mesh: Any, color: str | None = None, opacity: float = 1.0, on_top: bool = False
+    ) -> None:
         kind = mg.MeshBasicMaterial if on_top else mg.MeshPhongMaterial
         # ObjectLoader takes these keys of three.js as they are
-        extra = {"depthTest": False, "depthWrite": False} if on_top else {"shininess": 60}
-        material = kind(color=int(color[1:], 16), opacity=opacity, **extra)
+        extra = {"depthTest": False, "depthWrite": False} if on_top else {"shininess": 40}
+        if color is None:
+            opacity, extra["vertexColors"] = mesh.visual.vertex_colors[0, 3] / 255, True
+        material = kind(color=int((color or "#ffffff")[1:], 16), opacity=float(opacity), **extra)
         if on_top:
             material.transparent = True  # opaque objects are drawn first, whatever their order
-        super().__init__(mg.TriangularMeshGeometry(vertices, faces), material)
+        super().__init__(_Packed(mesh, color is None), material)
         self.on_top = on_top
 
     def lower(self) -> dict[str, Any]:
@@ -45,48 +50,66 @@ class Surface(mg.Mesh):
         return data
 
 
-class DrawnMesh(mg.Mesh):
-    """A mesh with a colour per vertex, packed small: normals and colours take a byte a number."""
-
-    def __init__(self, mesh: Mesh) -> None:
-        material = mg.MeshPhongMaterial(
-            color=0xFFFFFF, vertexColors=True, shininess=35, opacity=mesh.opacity
-        )
-        super().__init__(_Packed(mesh), material)
-
-
 class _Packed(mg.Geometry):
-    def __init__(self, mesh: Mesh) -> None:
+    """Positions as whole numbers between the least and the greatest, 1/65000 of the whole apart."""
+
+    def __init__(self, mesh: Any, colored: bool) -> None:
         super().__init__()
-        self.mesh = mesh
+        self.mesh, self.colored = mesh, colored
+        low, high = mesh.bounds
+        self.middle, self.half = 0.5 * (low + high), max(0.5 * float((high - low).max()), 1e-9)
+
+    def intrinsic_transform(self) -> np.ndarray:
+        """Return the matrix from the whole numbers to m, column after column."""
+        matrix = np.diag([self.half, self.half, self.half, 1.0])
+        matrix[3, :3] = self.middle
+        return matrix
 
     def lower(self, _data: dict[str, Any]) -> dict[str, Any]:
         mesh = self.mesh
-        position = np.ascontiguousarray(mesh.vertices, dtype="<f4")
-        position = (position.view(np.uint32) & _KEPT).view("<f4")
-        small = len(position) < 2**16
-        index = mesh.faces.astype("<u2" if small else "<u4")
+        position = np.round(32767.0 * (mesh.vertices - self.middle) / self.half)
         attributes = {
-            "position": _array(position, "Float32Array", _FLOAT32),
-            "color": _array(mesh.colors.astype(np.uint8), "Uint8Array", _UINT8, True),
+            "position": _attribute(position, "Int16", 3, True),
+            "normal": _attribute(np.round(127.0 * mesh.vertex_normals), "Int8", 3, True),
         }
-        if mesh.normals is not None:
-            normals = np.round(127.0 * mesh.normals).astype(np.int8)
-            attributes["normal"] = _array(normals, "Int8Array", _INT8, True)
-        kind = ("Uint16Array", _UINT16) if small else ("Uint32Array", _UINT32)
-        return {
-            "uuid": self.uuid,
-            "type": "BufferGeometry",
-            "data": {"attributes": attributes, "index": _array(index, *kind)},
-        }
+        if self.colored:
+            colors = mesh.visual.vertex_colors[:, :3]
+            attributes["color"] = _attribute(colors, "Uint8", 3, True)
+        index = "Uint16" if len(position) < 2**16 else "Uint32"
+        data = {"attributes": attributes, "index": _attribute(mesh.faces, index, 1)}
+        return {"uuid": self.uuid, "type": "BufferGeometry", "data": data}
 
 
-def _array(array: np.ndarray, kind: str, code: int, normalized: bool = False) -> dict[str, Any]:
-    import umsgpack  # type: ignore[import-untyped]
+class Track:
+    """A property over time, as meshcat's `AnimationTrack` but of arrays, not of a list of keys.
 
+    Args:
+        name: of a property of three.js's object.
+        kind: of the values: "vector3", "quaternion" or "boolean".
+        times: (F,) s, from 0 on.
+        values: (F, n), or F booleans.
+    """
+
+    def __init__(self, name: str, kind: str, times: Any, values: Any) -> None:
+        self.name, self.kind, self.times, self.values = name, kind, times, values
+
+    def lower(self) -> dict[str, Any]:
+        """Return three.js's form of the track."""
+        boolean = self.kind == "boolean"
+        values = list(map(bool, self.values)) if boolean else _packed(self.values, "Float32")
+        times = _packed(self.times, "Float32")
+        return {"name": f".{self.name}", "type": self.kind, "times": times, "values": values}
+
+
+def _attribute(array: np.ndarray, kind: str, size: int, normalized: bool = False) -> dict[str, Any]:
     return {
-        "itemSize": 1 if kind.startswith("Uint") and code in (_UINT16, _UINT32) else 3,
-        "type": kind,
-        "array": umsgpack.Ext(code, np.ascontiguousarray(array).tobytes()),
+        "itemSize": size,
+        "type": f"{kind}Array",
+        "array": _packed(array, kind),
         "normalized": normalized,
     }
+
+
+def _packed(array: np.ndarray, kind: str) -> Any:
+    values = np.ascontiguousarray(array, dtype=np.dtype(kind.lower()).newbyteorder("<"))
+    return umsgpack.Ext(_CODES[kind], values.tobytes())

@@ -6,6 +6,7 @@ nothing hides it, and faintly on top of everything, so that a joint inside its h
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,8 @@ import pinocchio as pin
 
 from pinfric.model.loops import turn_between
 from pinfric.model.scene import Scene, Site
-from pinfric.show.replay.shapes import UP, Shapes, linkage_frame
+from pinfric.show.replay.meshes import Shape
+from pinfric.show.replay.shapes import UP, linkage_frame
 
 #: What a site does -> its colour (Okabe and Ito's palette, told apart with every colour vision).
 COLORS = {
@@ -67,7 +69,7 @@ class Marker:
     turn: np.ndarray
 
 
-def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker:
+def site_marker(scene: Scene, site: Site, shapes: Sequence[Shape], size: float) -> Marker:
     """Place a site's ring round its axis at the bearing's middle, outside the links if it can.
 
     A cylinder's is at its end b, round its line as that is at the start, and turns with that link.
@@ -81,56 +83,40 @@ def site_marker(scene: Scene, site: Site, shapes: Shapes, size: float) -> Marker
     bearing = site.friction.bearing
     offset = getattr(bearing, "offset", 0.0)  # not every kind has one, nor a radius
     radius = 1.15 * getattr(bearing, "radius", 0.0)
-    if site.pair < 0:
-        return joint_marker(scene, site.joint + 1, site.axis, shapes, size, radius, offset)
-    assert scene.linkage is not None  # there are pairs
-    joint, frame = linkage_frame(scene.linkage, site.pair, 1)
+    least = _SMALLEST * size
+    most = max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
     up = turn_between(UP, site.axis)
-    least, most = _extremes(radius, size)
-    if site.name in scene.linkage.cylinders:
-        line = _line_at_start(scene, linkage_frame(scene.linkage, site.pair, 0), (joint, frame))
-        return Marker(joint, pin.SE3(turn_between(UP, line), frame.translation), least, np.eye(3))
-    placement = frame * pin.SE3(up, offset * site.axis)
+    placement = pin.SE3(up, offset * site.axis)
+    joint = site.joint + 1
+    if site.pair < 0:
+        radius = max(radius, _outside(scene, joint, placement, shapes, (least, most)))
+    else:
+        assert scene.linkage is not None  # there are pairs
+        joint, frame = linkage_frame(scene.linkage, site.pair, 1)
+        placement = frame * placement
+        if site.name in scene.linkage.cylinders:
+            other = linkage_frame(scene.linkage, site.pair, 0)
+            line = turn_between(UP, _line_at_start(scene, other, (joint, frame)))
+            return Marker(joint, pin.SE3(line, frame.translation), least, np.eye(3))
     return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
 
 
-def joint_marker(
-    scene: Scene, joint: int, axis: np.ndarray, shapes: Shapes, size: float,
-    radius: float = 0.0, offset: float = 0.0,
-) -> Marker:  # fmt: skip
-    """Place a ring round a joint's axis, outside the links if it can.
-
-    Args:
-        scene: the robot.
-        joint: Pinocchio's index.
-        axis: (3,) unit vector in the joint's frame.
-        shapes: what is drawn of the robot.
-        size: of the robot, m.
-        radius: at least, if it is in proportion (m).
-        offset: of the ring along the axis (m).
-    """
-    up = turn_between(UP, axis)
-    placement = pin.SE3(up, offset * axis)
-    least, most = _extremes(radius, size)
+def _outside(
+    scene: Scene,
+    joint: int,
+    placement: pin.SE3,
+    shapes: Sequence[Shape],
+    limits: tuple[float, float],
+) -> float:
+    """Radius of a ring about z of `placement` that is outside most of the links; 0 for none."""
     seen = _points_around(scene, joint, shapes)
-    if len(seen):
-        local = (seen - placement.translation) @ placement.rotation
-        slab = np.abs(local[:, 2]) < 0.5 * least
-        reach = np.hypot(local[slab, 0], local[slab, 1])
-        reach = reach[reach < most]
-        if len(reach) > 10:
-            radius = max(radius, 1.12 * float(np.quantile(reach, 0.75)))
-    return Marker(joint, placement, float(np.clip(radius, least, most)), up.T)
+    local = (seen - placement.translation) @ placement.rotation
+    reach = np.hypot(local[:, 0], local[:, 1])
+    reach = reach[(np.abs(local[:, 2]) < 0.5 * limits[0]) & (reach < limits[1])]
+    return 1.12 * float(np.quantile(reach, 0.75)) if len(reach) > 10 else 0.0
 
 
-def _extremes(radius: float, size: float) -> tuple[float, float]:
-    """Least and greatest radius of a ring (m)."""
-    return _SMALLEST * size, max(_LARGEST * size, min(radius, 3.0 * _LARGEST * size))
-
-
-def _line_at_start(
-    scene: Scene, a: tuple[int, pin.SE3], b: tuple[int, pin.SE3]
-) -> np.ndarray:  # fmt: skip
+def _line_at_start(scene: Scene, a: tuple[int, pin.SE3], b: tuple[int, pin.SE3]) -> np.ndarray:
     """(3,) from end a to end b, at the scene's start, in the axes of the joint that carries b."""
     data = scene.model.createData()
     pin.forwardKinematics(scene.model, data, scene.start_configuration)
@@ -138,13 +124,13 @@ def _line_at_start(
     return np.asarray(data.oMi[b[0]].rotation.T @ (end - start))
 
 
-def _points_around(scene: Scene, joint: int, shapes: Shapes) -> np.ndarray:
+def _points_around(scene: Scene, joint: int, shapes: Sequence[Shape]) -> np.ndarray:
     """(n, 3) points on the visuals of the joint and of its parent, in the joint's frame at q0."""
     to_joint = scene.model.jointPlacements[joint].inverse()
     parts = [np.empty((0, 3))]
-    for visual in shapes.visuals:
-        if visual.joint in (joint, scene.model.parents[joint]):
-            place = visual.placement if visual.joint == joint else to_joint * visual.placement
-            points = visual.mesh.vertices[:: max(1, len(visual.mesh.vertices) // 2000)]
+    for shape in shapes:
+        if shape.kind == "visual" and shape.joint in (joint, scene.model.parents[joint]):
+            place = shape.placement if shape.joint == joint else to_joint * shape.placement
+            points = shape.mesh.vertices[:: max(1, len(shape.mesh.vertices) // 2000)]
             parts.append(points @ place.rotation.T + place.translation)
     return np.concatenate(parts)

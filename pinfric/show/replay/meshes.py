@@ -1,4 +1,4 @@
-"""A URDF's visuals as plain triangles with colours, whatever file they come from.
+"""A URDF's visuals as triangles with colours, whatever file they come from.
 
 Read by trimesh, one by one: a mesh that is missing or broken costs no more than itself. (Pinocchio
 refuses all visuals then, and meshcat's own reader of Collada files fails on some of them.)
@@ -6,220 +6,163 @@ refuses all visuals then, and meshcat's own reader of Collada files fails on som
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from pinfric.errors import RobotError
 from pinfric.model.magnitudes import LARGEST, impossible
 from pinfric.model.robot import Robot
 from pinfric.model.urdf import mesh_file, read_mesh_scene
-from pinfric.model.urdf_file import read_xml
-from pinfric.show.replay import surfaces
 
-_GRAY = (190, 196, 204)
+_GRAY = (190, 196, 204, 255)
 
 
 @dataclass(frozen=True)
-class Mesh:
-    """Triangles with one colour per vertex.
+class Shape:
+    """What is seen of a link: a `<visual>`, or what stands for it.
 
     Attributes:
-        vertices: (n, 3), m.
-        faces: (k, 3) indices.
-        normals: (n, 3) unit, or None: a viewer makes them.
-        colors: (n, 3) uint8.
-        opacity: 1 is opaque.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    normals: np.ndarray | None
-    colors: np.ndarray
-    opacity: float = 1.0
-
-
-@dataclass(frozen=True)
-class Visual:
-    """One `<visual>` of a link.
-
-    Attributes:
+        kind: "visual", "body" (a box of equal inertia) or "line" (to the next joint).
         joint: Pinocchio's index of the joint that moves the link (0: the ground).
         placement: in that joint's frame.
-        mesh: what is seen.
+        mesh: `trimesh.Trimesh` with a colour (RGBA) at each vertex.
     """
 
+    kind: str
     joint: int
     placement: pin.SE3
-    mesh: Mesh
+    mesh: Any
+
+    def corners(self) -> np.ndarray:
+        """Return the (8, 3) corners of the box round the shape, in the joint's frame."""
+        from trimesh.bounds import corners
+
+        box = np.asarray(corners(self.mesh.bounds))
+        return box @ self.placement.rotation.T + self.placement.translation
 
 
-def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Visual], dict[str, str]]:
+def urdf_visuals(model: pin.Model, robot: Robot) -> tuple[list[Shape], dict[str, str]]:
     """Return a URDF's visuals, and those that cannot be had: file name -> why.
 
     Args:
         model: the robot, with a frame for each of its links.
         robot: the URDF and where its meshes are.
     """
-    root = read_xml(robot.urdf)
-    named = {m.get("name"): color for m in root.findall("material") if (color := _rgba(m))}
-    found: list[Visual] = []
+    import yourdfpy
+
+    try:
+        document = yourdfpy.URDF.load(str(robot.urdf), build_scene_graph=False, load_meshes=False)
+    except Exception as problem:  # a colour that is no number, say: it must not stop the replay
+        return [], {"its <visual>s": str(problem)}
+    named = {m.name: m.color for m in document.robot.materials or () if m.color is not None}
+    found: list[Shape] = []
     missing: dict[str, str] = {}
-    loaded: dict[Path, Mesh] = {}
-    for link in root.findall("link"):
-        name = link.get("name", "")
-        if not model.existFrame(name, pin.FrameType.BODY):
+    loaded: dict[Path, Any] = {}
+    for link in document.robot.links:
+        if not model.existFrame(link.name, pin.FrameType.BODY):
             continue
-        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
-        for visual in link.findall("visual"):
-            material = visual.find("material")
-            color = None if material is None else _rgba(material) or named.get(material.get("name"))
-            mesh = _geometry(visual.find("geometry"), robot, loaded, missing)
-            if mesh is None:
+        frame = model.frames[model.getFrameId(link.name, pin.FrameType.BODY)]
+        for visual in link.visuals:
+            name = getattr(visual.geometry.mesh, "filename", None) or f"a <visual> of {link.name}"
+            origin = np.eye(4) if visual.origin is None else visual.origin
+            try:
+                placement = frame.placement * pin.SE3(origin[:3, :3], origin[:3, 3])
+                mesh = _geometry(visual.geometry, robot, loaded)
+                refuse_nowhere(mesh.vertices, placement.np)
+            except Exception as problem:  # each format's reader raises its own
+                missing[name] = str(problem) or type(problem).__name__
                 continue
-            placement = frame.placement * _origin(visual.find("origin"))
-            if impossible(mesh.vertices, LARGEST).any() or impossible(placement.np, LARGEST).any():
-                missing[f"a <visual> of {name}"] = "its sizes or places are no numbers of a machine"
-                continue
-            found.append(Visual(int(frame.parentJoint), placement, _painted(mesh, color)))
+            material = visual.material
+            if material is not None and (color := material.color or named.get(material.name)):
+                mesh.visual.vertex_colors = (
+                    np.clip(255 * color.rgba, 0, 255).round().astype(np.uint8)
+                )
+            found.append(Shape("visual", int(frame.parentJoint), placement, mesh))
     return found, missing
 
 
-def read_mesh(path: Path) -> Mesh:
-    """Read a mesh file (Collada, STL, OBJ, and what else trimesh knows).
+def refuse_nowhere(*numbers: np.ndarray) -> None:
+    """Raise ValueError for coordinates that are not finite, or beyond any machine."""
+    if any(impossible(x, LARGEST).any() for x in numbers):
+        raise ValueError("its sizes or places are no numbers of a machine")
+
+
+def read_mesh(path: Path) -> Any:
+    """Read a mesh file (Collada, STL, OBJ, and what else trimesh knows) as one trimesh, in m.
 
     Raises:
         Exception: whatever its reader raises; ValueError where there are no triangles.
     """
-
-    with np.errstate(all="ignore"):  # of corners beyond numbers, which are refused below
-        return _triangles(*read_mesh_scene(path))
-
-
-def _triangles(scene: Any, unit: float) -> Mesh:
     import trimesh
 
-    parts = []
-    for node in scene.graph.nodes_geometry:
-        turn, name = scene.graph[node]
-        part = scene.geometry[name]
-        if isinstance(part, trimesh.Trimesh) and len(part.faces):
-            parts.append(_part(part, np.asarray(turn)))
-    if not parts:
-        raise ValueError("no triangles")
-    if any(impossible(part.vertices, LARGEST).any() for part in parts):
-        raise ValueError("corners that are nowhere (not finite, or beyond any machine)")
-    first = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    return Mesh(
-        vertices=unit * np.concatenate([part.vertices for part in parts]),
-        faces=np.concatenate([part.faces + n for part, n in zip(parts, first[:-1], strict=True)]),
-        normals=np.concatenate([part.normals for part in parts]),
-        colors=np.concatenate([part.colors for part in parts]),
-    )
+    with np.errstate(all="ignore"):  # of corners beyond numbers, which are refused below
+        scene, unit = read_mesh_scene(path)
+        parts = [
+            part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)
+        ]
+        if not parts:
+            raise ValueError("no triangles")
+        whole = trimesh.util.concatenate([_colored(part) for part in parts])
+    return whole.apply_scale(unit)
 
 
-def _part(part: Any, turn: np.ndarray) -> Mesh:
-    vertices = np.asarray(part.vertices) @ turn[:3, :3].T + turn[:3, 3]
-    normals = np.asarray(part.vertex_normals) @ np.linalg.inv(turn[:3, :3])
-    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return Mesh(vertices, np.asarray(part.faces), normals, _colors(part))
+def _colored(part: Any) -> Any:
+    """The part with a colour at each vertex; of one colour, with each vertex once where smooth."""
+    import trimesh
+
+    refuse_nowhere(part.vertices)
+    colors = _colors(part)
+    part.visual = trimesh.visual.ColorVisuals(part, vertex_colors=colors)
+    if not (colors == colors[0]).all():
+        return part
+    part.merge_vertices(merge_tex=True, merge_norm=True)
+    return painted(part, colors[0])
 
 
 def _colors(part: Any) -> np.ndarray:
-    """(n, 3) uint8: from a texture, a material, or the vertices; gray where there is nothing."""
-    count, visual = len(part.vertices), part.visual
+    """(n, 4) uint8: from a texture, a material, or the vertices; gray where there is nothing."""
+    visual = part.visual
     try:
-        if visual.kind == "texture" and _has_image(visual.material) and visual.uv is not None:
-            colors = np.asarray(visual.to_color().vertex_colors)
-        elif visual.kind == "texture":
-            colors = np.asarray(visual.material.main_color)
-        elif visual.kind in ("vertex", "face"):
-            colors = np.asarray(visual.vertex_colors)
+        if visual.kind == "texture":
+            material = visual.material
+            images = [getattr(material, name, None) for name in ("image", "baseColorTexture")]
+            textured = visual.uv is not None and any(image is not None for image in images)
+            colors = visual.to_color().vertex_colors if textured else material.main_color
         else:
-            colors = np.array(_GRAY)
+            colors = visual.vertex_colors if visual.kind else _GRAY
     except Exception:  # a texture that cannot be read must not cost the shape
-        colors = np.array(_GRAY)
-    return np.broadcast_to(colors[..., :3].astype(np.uint8), (count, 3))
+        colors = _GRAY
+    return np.broadcast_to(np.asarray(colors, np.uint8), (len(part.vertices), 4))
 
 
-def _has_image(material: Any) -> bool:
-    images = (getattr(material, "image", None), getattr(material, "baseColorTexture", None))
-    return any(image is not None for image in images)
+def _geometry(geometry: Any, robot: Robot, loaded: dict[Path, Any]) -> Any:
+    """Return one geometry of a URDF as a trimesh of its own."""
+    from trimesh import creation
 
-
-def _geometry(
-    geometry: ElementTree.Element | None, robot: Robot,
-    loaded: dict[Path, Mesh], missing: dict[str, str],
-) -> Mesh | None:  # fmt: skip
-    if geometry is None or not len(geometry):
-        return None
-    shape = geometry[0]
-    if shape.tag == "mesh":
-        return _mesh(shape, robot, loaded, missing)
-    if shape.tag == "box":
-        vertices, faces = surfaces.box(_vector(shape, "size", (1.0, 1.0, 1.0)))
-    elif shape.tag == "cylinder":
-        radius, length = float(shape.get("radius", 0)), float(shape.get("length", 0))
-        vertices, faces = surfaces.rod(radius)
-        vertices = (vertices - [0.0, 0.0, 0.5]) * [1.0, 1.0, length]
-    elif shape.tag == "sphere":
-        vertices, faces = surfaces.ball(float(shape.get("radius", 0)))
-    else:
-        return None
-    return Mesh(vertices, faces, None, np.broadcast_to(np.array(_GRAY, np.uint8), vertices.shape))
-
-
-def _mesh(
-    element: ElementTree.Element, robot: Robot,
-    loaded: dict[Path, Mesh], missing: dict[str, str],
-) -> Mesh | None:  # fmt: skip
-    name = element.get("filename", "")
-    path = mesh_file(name, robot.urdf, robot.package_dirs)
-    if path is None:
-        missing[name] = "there is no such file"
-        return None
-    if path not in loaded:
-        try:
+    if geometry.mesh is not None:
+        path = mesh_file(geometry.mesh.filename, robot.urdf, robot.package_dirs)
+        if path is None:
+            raise RobotError("there is no such file")
+        if path not in loaded:
             loaded[path] = read_mesh(path)
-        except Exception as problem:  # each format's reader raises its own
-            missing[name] = str(problem) or type(problem).__name__
-            return None
-    mesh, scale = loaded[path], _vector(element, "scale", (1.0, 1.0, 1.0))
-    if (scale == 1.0).all():
-        return mesh
-    normals = None if mesh.normals is None else mesh.normals * np.sign(scale)
-    return replace(mesh, vertices=mesh.vertices * scale, normals=normals)
+        mesh = loaded[path].copy()
+        return mesh.apply_scale(1.0 if geometry.mesh.scale is None else geometry.mesh.scale)
+    if geometry.box is not None:
+        return painted(creation.box(geometry.box.size))
+    if geometry.cylinder is not None:
+        return painted(creation.cylinder(geometry.cylinder.radius, geometry.cylinder.length))
+    if geometry.sphere is not None:
+        return painted(creation.icosphere(radius=geometry.sphere.radius))
+    raise RobotError("it has no geometry")
 
 
-def _painted(mesh: Mesh, color: tuple[float, ...] | None) -> Mesh:
-    if color is None:
-        return mesh
-    one = np.round(255.0 * np.clip(color[:3], 0.0, 1.0)).astype(np.uint8)
-    return replace(mesh, colors=np.broadcast_to(one, mesh.vertices.shape), opacity=color[3])
-
-
-def _rgba(material: ElementTree.Element) -> tuple[float, ...] | None:
-    color = material.find("color")
-    if color is None:
-        return None
-    try:
-        values = tuple(float(x) for x in color.get("rgba", "").split())
-    except ValueError:
-        return None  # a colour that is none stops no replay
-    return values if len(values) == 4 else None
-
-
-def _origin(origin: ElementTree.Element | None) -> pin.SE3:
-    if origin is None:
-        return pin.SE3.Identity()
-    xyz, rpy = (_vector(origin, key, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
-    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
-
-
-def _vector(element: ElementTree.Element, key: str, default: Sequence[float]) -> np.ndarray:
-    values = [float(x) for x in element.get(key, "").split()]
-    return np.array(values if len(values) == 3 else default)
+def painted(mesh: Any, color: Sequence[int] = _GRAY) -> Any:
+    """Return a trimesh in one colour (RGBA), its edges sharp."""
+    mesh = mesh.smooth_shaded.copy()
+    mesh.visual.vertex_colors = color
+    return mesh

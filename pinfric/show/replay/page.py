@@ -1,7 +1,8 @@
-"""The replay as one HTML file: meshcat's viewer, what it draws, the frames, and our controls.
+"""The replay as one HTML file: meshcat's viewer, its animation, the friction, and our controls.
 
 Nothing is fetched: the file plays from a disk without a network. The drawing commands and the
-frames are compressed; every browser since 2023 unpacks them by itself.
+friction are compressed; every browser since 2023 unpacks them by itself. (Meshcat's own
+`static_html` needs its server, does not compress, and sends the animation before the objects.)
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ import pinocchio as pin
 
 from pinfric import __version__
 from pinfric.model.scene import Scene
-from pinfric.show.replay import markers, stage, surfaces
-from pinfric.show.replay.frames import Frames
+from pinfric.show.replay import markers, stage
 from pinfric.show.replay.stage import Stage
+from pinfric.show.report.names import affixes, without
 from pinfric.show.report.values import json_for_script
+from pinfric.study.timeline.frames import Frames
 
 
 class RecordingWindow:
@@ -55,7 +57,8 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
 
     window = RecordingWindow()
     viewed = meshcat.Visualizer(window=window)
-    staged = stage.set_stage(viewed, scene, frames.placement, frames.gears)
+    staged = stage.set_stage(viewed, scene, frames.placement)
+    stage.animate(viewed, staged, frames)
     viewer = Path(meshcat.__file__).parent / "viewer/dist/main.min.js"
     return _fill(
         _template("replay.html"),
@@ -73,94 +76,89 @@ def replay_html(scene: Scene, frames: Frames, title: str) -> str:
 
 def _data(scene: Scene, frames: Frames, staged: Stage) -> dict[str, Any]:
     """What the page's script reads, apart from the frames."""
-    sites = [
-        {
-            "name": site.name,
-            "path": path,
-            "sliding": site.sliding,
-            "ball": site.ball,
-            "turn": pin.Quaternion(marker.turn).coeffs(),
-            "arc_radius": stage.ARC_REACH * marker.radius,
-            "times": {
-                "sticking": times.sticking, "near": times.near,
-                "reversal": times.reversal, "jammed": times.jammed,
-            },
-        }
-        for site, path, marker, times in zip(
-            scene.sites, staged.site_paths, staged.markers, frames.sites, strict=True
-        )
-    ]  # fmt: skip
-    return _drives(frames, staged) | {
-        "simulated": frames.simulated,
+    rows = _rows(frames)
+    names = [*scene.site_names, *(row["name"] for row in rows)]
+    ends = affixes(names)
+    for row, label in zip(rows, without(names, *ends)[len(scene.sites) :], strict=True):
+        row["label"] = label
+    return {
         "about": _about(scene, frames),
         "frames": len(frames.t),
-        "joints": staged.joint_paths,
-        "sites": sites,
-        "payloads": [
-            {"name": name, "path": path, "spans": frames.carried[name]}
-            for name, path in staged.payload_paths.items()
-        ],
-        "cylinders": [
-            {"path": c.path, "a": [c.a[0] - 1, c.a[1]], "b": [c.b[0] - 1, c.b[1]]}
-            for c in staged.cylinders
-        ],
-        "barrel": stage.BARREL,
+        "sites": _sites(scene, frames, staged, without(scene.site_names, *ends)),
+        "rows": rows,
         "colors": markers.COLORS,
-        "meanings": markers.MEANINGS | (markers.SIMULATED if frames.simulated else {}),
-        "force_color": markers.FORCE_COLOR,
-        "payload_color": markers.PAYLOAD_COLOR,
-        "drive_color": stage.DRIVE_COLOR,
-        "drives": bool(staged.cylinders) or any(a.force for a in scene.actuators or ()),
-        "points": _hull(staged.points),
-        "floor": staged.floor,
+        "legend": _legend(scene, frames, staged),
+        "middle": staged.middle,
+        "distance": staged.distance,
+        "view": stage.VIEW,
         "size": staged.size,
         "arrow": stage.ARROW * staged.size,
         "head": {kind: length * staged.size for kind, length in stage.HEADS.items()},
-        "arc": {"angle": markers.ARC, "segments": surfaces.SEGMENTS, "sides": surfaces.SIDES},
+        "arc": {"angle": markers.ARC, "segments": stage.SEGMENTS, "sides": stage.SIDES},
         "most": _most(scene, frames),
     }
 
 
-def _drives(frames: Frames, staged: Stage) -> dict[str, Any]:
-    """What gears hold by themselves, logged efforts that miss the computed ones, limits."""
-    return {
-        "gears": [
-            {"name": name, "path": staged.gear_paths.get(name, ""), "spans": spans}
-            for name, spans in frames.gears.items()
-        ],
-        "strips": _strips(frames),
-        "gear_color": markers.GEAR_COLOR,
-        "gear_meaning": markers.GEAR_MEANING,
-        "strip_meanings": [
-            (mark, colors[1], meaning)
-            for mark, colors, meaning, there in (
-                ("≠", markers.OFF_COLORS, markers.OFF_MEANING, frames.off),
-                ("▲", markers.LIMIT_COLORS[::-1], markers.LIMIT_MEANING, frames.limiting),
-            ) if there
-        ],
-    }  # fmt: skip
-
-
-def _strips(frames: Frames) -> list[dict[str, Any]]:
-    """Rows in time of what drives do: [colour, spans, words] each, of which later ones win."""
-    off = [
-        ("≠", name, "logged effort of", [
-            (markers.OFF_COLORS[0], mild, "off the log"),
-            (markers.OFF_COLORS[1], strong, "far off the log"),
-        ])
-        for name, (mild, strong) in frames.off.items()
-    ]  # fmt: skip
-    near, over = markers.LIMIT_COLORS
-    limiting = [
-        ("▲", name, "limits of", [
-            *((near, spans, kind) for kind, (spans, _) in kinds.items()),
-            *((over, spans, f"{kind} exceeded") for kind, (_, spans) in kinds.items()),
-        ])
-        for name, kinds in frames.limiting.items()
-    ]  # fmt: skip
+def _sites(scene: Scene, frames: Frames, staged: Stage, labels: list[str]) -> list[dict[str, Any]]:
     return [
-        {"mark": mark, "name": name, "of": of, "parts": parts}
-        for mark, name, of, parts in off + limiting
+        {
+            "name": site.name,
+            "label": labels[s],
+            "path": staged.site_paths[s],
+            "unit": "N" if site.sliding else "N m",
+            "sliding": site.sliding,
+            "ball": site.ball,
+            "turn": pin.Quaternion(staged.markers[s].turn).coeffs(),
+            "arc_radius": stage.ARC_REACH * staged.markers[s].radius,
+            "times": vars(frames.sites[s]),
+        }
+        for s, site in enumerate(scene.sites)
+    ]
+
+
+def _rows(frames: Frames) -> list[dict[str, Any]]:
+    """Rows in time of what drives do: (colour, spans, words) each, of which later ones win."""
+    rows = [
+        ("⚙", name, "gear of", [(markers.GEAR_COLOR, spans, "holds by itself")])
+        for name, spans in frames.gears.items()
+    ]
+    words = "off the log", "far off the log"
+    for name, both in frames.off.items():
+        parts = list(zip(markers.OFF_COLORS, both, words, strict=True))
+        rows.append(("≠", name, "logged effort of", parts))
+    near, over = markers.LIMIT_COLORS
+    for name, kinds in frames.limiting.items():
+        parts = [(near, spans, kind) for kind, (spans, _) in kinds.items()]
+        parts += [(over, spans, f"{kind} exceeded") for kind, (_, spans) in kinds.items()]
+        rows.append(("▲", name, "limits of", parts))
+    return [{"mark": m, "name": name, "of": of, "parts": parts} for m, name, of, parts in rows]
+
+
+def _legend(scene: Scene, frames: Frames, staged: Stage) -> list[tuple[str, str, str]]:
+    """(kind of mark or the mark itself, colour, meaning) of what the page shows."""
+    meanings = markers.MEANINGS | (markers.SIMULATED if frames.simulated else {})
+    found = [
+        ("ring" if state == "sliding" else "ring full", markers.COLORS[state], words)
+        for state, words in meanings.items()
+        if state in ("sliding", "sticking") or any(getattr(x, state) for x in frames.sites)
+    ]
+    at_rest = "with its share of the limit" if frames.simulated else "both ways: all it can be"
+    found += [
+        ("↻", "#46525f", f"friction of the parent on the child; at rest {at_rest}"),
+        ("↑", markers.FORCE_COLOR, "force of the parent on the child"),
+    ]
+    found = found if scene.sites else [("", "", "no joint has friction")]
+    drives = staged.cylinders or any(a.force for a in scene.actuators or ())
+    for there, mark, color, words in (
+        (frames.gears, "⚙", markers.GEAR_COLOR, markers.GEAR_MEANING),
+        (frames.off, "≠", markers.OFF_COLORS[1], markers.OFF_MEANING),
+        (frames.limiting, "▲", markers.LIMIT_COLORS[0], markers.LIMIT_MEANING),
+        (drives, "box", stage.DRIVE_COLOR, "cylinder or force that drives"),
+    ):
+        if there:
+            found.append((mark, color, words))
+    return found + [
+        ("box", markers.PAYLOAD_COLOR, f"{name}, while carried") for name in scene.payloads
     ]
 
 
@@ -180,18 +178,6 @@ def _most(scene: Scene, frames: Frames) -> dict[str, float]:
     }
 
 
-def _hull(points: np.ndarray) -> np.ndarray:
-    """The points that can limit a view: the farthest in many directions, to 4 digits."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    height = np.linspace(-1.0, 1.0, 9)[:, None]
-    reach = np.sqrt(1.0 - height**2)
-    directions = np.stack(
-        (reach * np.cos(angle), reach * np.sin(angle), np.broadcast_to(height, (9, 24))), axis=-1
-    ).reshape(-1, 3)
-    farthest = np.unique(np.argmax(directions @ points.T, axis=1))
-    return np.round(points[farthest], 4)
-
-
 def _about(scene: Scene, frames: Frames) -> str:
     """One line below the title."""
     kind = "Simulated motion" if frames.simulated else "Inverse dynamics along a motion"
@@ -209,8 +195,13 @@ def _about(scene: Scene, frames: Frames) -> str:
 def _arrays(scene: Scene, frames: Frames) -> bytes:
     """The frames as the script takes them: t in double precision, the rest in single."""
     balls = frames.slip[:, [site.ball for site in scene.sites]]
-    rest = (frames.placement, frames.friction_lower, frames.friction_upper, frames.use,
-            frames.force, balls)  # fmt: skip
+    rest = (
+        frames.friction_lower,
+        frames.friction_upper,
+        frames.use,
+        frames.force,
+        balls,
+    )
     t = np.ascontiguousarray(frames.t, dtype="<f8")
     return b"".join([t.tobytes(), *(np.asarray(a, dtype="<f4").tobytes() for a in rest)])
 

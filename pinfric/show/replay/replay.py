@@ -6,25 +6,19 @@ import html as html_escaping
 import os
 import sys
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult, StickInterval
-from pinfric.dynamics.simulation.motion import Motion, scene_digests
-from pinfric.dynamics.simulation.motion_file import load_motion
-from pinfric.errors import StateError, TrajectoryError
+from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.described import described, quantity
 from pinfric.model.files import write_file
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.show.replay.frames import RATE, make_frames
 from pinfric.show.replay.page import replay_html
-from pinfric.study.retime.limits import DriveLimits, LimitsLike, limited_scene, read_limits
-from pinfric.study.scene_run import run_scene
-from pinfric.study.trajectory.log.judged import JudgedLog, judge_log
-from pinfric.study.trajectory.log.reading import ReadingOptions
-from pinfric.study.trajectory.trajectory import load_trajectory
+from pinfric.study.retime.limits import LimitsLike
+from pinfric.study.timeline.frames import RATE, make_frames
+from pinfric.study.timeline.motion import check_same_scene, with_drives
+from pinfric.study.trajectory.log.judged import JudgedLog
 
 
 @dataclass(frozen=True)
@@ -63,8 +57,10 @@ class Replay:
 
     def _repr_html_(self) -> str:
         page = html_escaping.escape(self.page)
-        return (f'<iframe srcdoc="{page}" style="width: 100%; height: 600px; border: 1px solid '
-                '#dfe4ea; border-radius: 6px"></iframe>')  # fmt: skip
+        return (
+            f'<iframe srcdoc="{page}" style="width: 100%; height: 600px; border: 1px solid '
+            '#dfe4ea; border-radius: 6px"></iframe>'
+        )
 
 
 def replay(
@@ -104,70 +100,23 @@ def replay(
     check_same_scene(scene, motion)
     given = None
     if limits is not None:
-        scene, motion, given = _with_drives(scene, motion, limits)
+        scene, motion, given = with_drives(scene, motion, limits)
     frames = make_frames(scene, motion, rate, log, given)
     page = replay_html(scene, frames, title or Path(scene.source).stem)
     if html is None and open_browser:
         html = Path(tempfile.mkdtemp(prefix="pinfric-")) / "replay.html"
     done = Replay(
-        page=page, html=None if html is None else Path(html), duration=frames.duration,
-        frames=len(frames.t), stick_intervals=frames.stick_intervals,
-    )  # fmt: skip
+        page=page,
+        html=None if html is None else Path(html),
+        duration=frames.duration,
+        frames=len(frames.t),
+        stick_intervals=frames.stick_intervals,
+    )
     if done.html is not None:
         done.save(done.html)
         if open_browser:
             done.open()
     return done
-
-
-def _with_drives(
-    scene: Scene, motion: InverseResult | Motion, limits: LimitsLike
-) -> tuple[Scene, InverseResult, tuple[DriveLimits, ...]]:
-    """Return scene and motion with the gears of the drives that are given, and their limits."""
-    given = read_limits(scene, limits)
-    geared = limited_scene(scene, given)
-    if isinstance(motion, Motion) or (geared is not scene and motion.external):
-        raise StateError(
-            "replay: limits are for what inverse dynamics gives, not for a "
-            "simulation; nor with gears of a catalogue under forces from outside"
-        )
-    if geared is not scene:
-        now = motion.states
-        motion = inverse_dynamics(geared, now.q, now.v, now.a, t=now.t, attached=now.attached)
-    return geared, motion, given
-
-
-def motion_to_replay(
-    scene: Scene,
-    name: str | None = None,
-    notice: Callable[[str], object] = lambda _: None,
-    log: ReadingOptions = ReadingOptions(),  # noqa: B008
-    effort_at: str = "joint",
-) -> tuple[InverseResult | Motion, JudgedLog | None]:
-    """Return what `pinfric replay SCENE [NAME]` shows, and how a log's own efforts fit it.
-
-    Args:
-        scene: the robot.
-        name: a saved motion (.npz), a trajectory (log, CSV, way-points; a file or a bundled one),
-            whose inverse dynamics are computed, or None: the scene's own simulation.
-        notice: called with each of the trajectory's warnings.
-        log: how a log is to be read.
-        effort_at: where its efforts were measured, "motor" or "joint".
-
-    Raises:
-        PinfricError: the file cannot be read or is of another scene; there is no simulation.
-    """
-    if name is None:
-        return run_scene(scene), None
-    if Path(name).suffix.lower() == ".npz":
-        if not os.path.isfile(name):
-            raise TrajectoryError(f"there is no file {name}; `Motion.save` writes such files")
-        return load_motion(name, scene), None
-    trajectory = load_trajectory(name, scene, log)
-    for text in trajectory.warnings:
-        notice(f"{trajectory.source}: {text}")
-    result, reading = inverse_dynamics(scene, trajectory), trajectory.reading
-    return result, None if reading is None else judge_log(result, reading, effort_at)
 
 
 def replay_lines(shown: Replay, opened: bool | None) -> list[str]:
@@ -199,28 +148,6 @@ def replay_summary(shown: Replay) -> ReplaySummary:
     """Return what a replay shows."""
     html = None if shown.html is None else str(shown.html)
     return ReplaySummary(html, shown.duration, shown.frames, tuple(shown.stick_intervals))
-
-
-def check_same_scene(scene: Scene, motion: InverseResult | Motion) -> None:
-    """Refuse a motion of another scene: its numbers would move the wrong joints.
-
-    Raises:
-        StateError: says which parts of the scenes differ.
-        SceneError: a `scene.model` was changed after its scene was made.
-    """
-    other = motion.scene
-    scene.check_unchanged()
-    other.check_unchanged()
-    if other is scene:
-        return
-    given = motion.given if isinstance(motion, Motion) else "effort"
-    here, there = scene_digests(scene, given), scene_digests(other, given)
-    differ = [part for part in here if here[part] != there[part]]
-    if differ:
-        raise StateError(
-            f"replay: the motion is of another scene, {other.source}; {scene.source} differs in "
-            f"{', '.join(differ)}"
-        )
 
 
 def open_page(page: str | Path) -> bool:

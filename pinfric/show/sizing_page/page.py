@@ -11,6 +11,7 @@ import numpy as np
 
 from pinfric import __version__
 from pinfric.errors import PinfricError
+from pinfric.show.figure.panel import svg
 from pinfric.show.report.drives import brake_table, bus_lines, sets_table, shortfall, turn
 from pinfric.show.report.html import html_of
 from pinfric.show.report.sizing import (
@@ -25,7 +26,6 @@ from pinfric.show.report.sizing import (
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits, json_for_script
 from pinfric.show.sizing_page.figures import (
-    Figure,
     effort_over_time,
     mass_against_margin,
     power_over_time,
@@ -54,12 +54,12 @@ def sizing_page(report: SizingReport) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
-    environment, plotly = page_parts()
+    environment, plotly = page_parts(), _needed("plotly.offline").get_plotlyjs()
     environment.filters.update(formula=_formula)
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Any] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
-    if report.catalog is not None:
-        figures["bus"] = power_over_time(report)
+    title = "Power from the bus"
+    bus_picture = "" if report.catalog is None else svg(power_over_time(report), title)
     t = report.result.t
     assert t is not None  # size refuses a motion without times
     page: str = environment.get_template("sizing.html.j2").render(
@@ -71,6 +71,7 @@ def sizing_page(report: SizingReport) -> str:
         joints=joints,
         matrix=_matrix(report),
         bus=bus_lines(report),
+        bus_picture=bus_picture,
         turn=turn(report),
         elastic=elastic_lines(report),
         sets=sets_table(report),
@@ -98,9 +99,9 @@ def _needed(module: str) -> Any:
 
 
 def _joint_view(
-    joint: JointSizing, report: SizingReport, figures: dict[str, Figure], k: int
+    joint: JointSizing, report: SizingReport, figures: dict[str, Any], k: int
 ) -> dict[str, Any]:
-    """What the template shows of one joint; its figures are added to `figures`."""
+    """What the template shows of one joint; its map of candidates is added to `figures`."""
     taken, d = joint.taken, joint.demand
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
@@ -113,19 +114,19 @@ def _joint_view(
         elif taken is not None:
             heat = next(c for c in taken.criteria if c.name == "winding temperature")
             missing.append(("Winding temperature", f"{heat.status}: {heat.note}"))
+    pictures = [
+        (f"{kind}-{k}", title, svg(figure, f"{title} of {d.name}")) for kind, title, figure in drawn
+    ]
     if joint.assessments:
-        drawn.append(("trade", "Candidates: mass against margin", mass_against_margin(joint)))
-    ids = []
-    for kind, title, figure in drawn:
-        figures[f"{kind}-{k}"] = figure
-        ids.append((f"{kind}-{k}", title))
+        figures[f"trade-{k}"] = mass_against_margin(joint)
+        pictures.append((f"trade-{k}", "Candidates: mass against margin", ""))
     fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
     rejected = [a for a in joint.assessments if not a.fits]
     return {
         "sizing": joint,
         "demand": d,
         "taken": taken,
-        "figures": ids,
+        "figures": pictures,
         "missing": missing,
         "criteria": _criteria(report, k),
         "smaller": joint.next_smaller,
@@ -165,16 +166,16 @@ def _sources(report: SizingReport) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def page_parts(*folders: Path) -> tuple[Any, str]:
-    """Return jinja2's environment for a page, and plotly's script.
+def page_parts(*folders: Path) -> Any:
+    """Return jinja2's environment for a page.
 
     Args:
-        folders: of templates, beside this one with the style and the script that draws.
+        folders: of templates, beside this one with the style.
 
     Raises:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
-    jinja2, offline = _needed("jinja2"), _needed("plotly.offline")
+    jinja2 = _needed("jinja2")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([*folders, Path(__file__).parent]),
         autoescape=True,
@@ -183,7 +184,7 @@ def page_parts(*folders: Path) -> tuple[Any, str]:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters.update(digits=_digits, percent=_percent, table=_table)
-    return environment, offline.get_plotlyjs()
+    return environment
 
 
 def _table(table: Table | None) -> Any:

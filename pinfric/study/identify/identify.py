@@ -168,6 +168,23 @@ def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, Jud
     return result, JudgedLog(reading, measured=measured, at=at)
 
 
+def left_over(found: Identified, joint: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (n,) velocity, effort without friction, and measured less fitted effort of one joint.
+
+    Args:
+        found: what was identified.
+        joint: its number.
+    """
+    rows = found.estimate.rows[joint]
+    return rows.velocity, rows.load, residuals(rows, found.estimate.fit, joint)
+
+
+def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """Return means of x and of y over parts of equally many of them, in the order of x."""
+    order = [part for part in np.array_split(np.argsort(x), parts) if part.size]
+    return np.array([x[k].mean() for k in order]), np.array([y[k].mean() for k in order])
+
+
 def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str, Law]) -> None:
     for option, value, allowed in (("effort-at", effort_at, ("motor", "joint")),
                                    ("inertia", inertia, ("consistent", "keep"))):  # fmt: skip

@@ -136,3 +136,12 @@ def _rank(assessment: Assessment) -> tuple[int, float, float, int, str]:
         return 0, mass or 0.0, -round(assessment.margin, 9), len(assessment.not_checked), name
     group = 2 if assessment.failed else 1
     return group, -assessment.margin, mass or 0.0, len(assessment.not_checked), name
+
+
+def pareto_front(assessments: Sequence[Assessment]) -> list[Assessment]:
+    """Return those than which no other is both lighter and of greater margin, by mass."""
+    front: list[Assessment] = []
+    for a in sorted(assessments, key=lambda a: (a.candidate.mass or 0.0, -a.margin)):
+        if not front or a.margin > front[-1].margin:
+            front.append(a)
+    return front

@@ -17,20 +17,20 @@ from mechanisms import add_link, bar, four_bar, grounded_model, pin_friction
 import pinfric as pf
 from pinfric.errors import PinfricError, PinfricWarning, StateError
 from pinfric.model.described import in_json
-from pinfric.show.replay import surfaces
-from pinfric.show.replay.frames import frame_times, make_frames
+from pinfric.model.equivalent_box import equivalent_box
 from pinfric.show.replay.meshes import urdf_visuals
 from pinfric.show.replay.page import RecordingWindow
 from pinfric.show.replay.replay import (
     Replay,
-    motion_to_replay,
     open_page,
     replay_lines,
     replay_summary,
 )
-from pinfric.show.replay.shapes import equivalent_box, robot_shapes
-from pinfric.show.replay.stage import set_stage
+from pinfric.show.replay.shapes import robot_shapes
+from pinfric.show.replay.stage import SEGMENTS, SIDES, _tube, set_stage
 from pinfric.study.retime.limits import read_limits
+from pinfric.study.timeline.frames import frame_times, make_frames
+from pinfric.study.timeline.motion import motion_to_replay
 
 ROBOTS = Path(__file__).parents[3] / "robots"
 pytestmark = [
@@ -77,16 +77,22 @@ def test_every_begin_and_end_of_sticking_is_a_frame(three_link):
 
 @pytest.mark.parametrize(
     ("gear", "holds"),
-    [({"efficiency": 0.4, "back_efficiency": -0.2}, True),  # self-locking
-     ({"efficiency": 0.4, "back_efficiency": 0.5}, False),
-     # at rest all of 1e-9 N m decides: no_load r against the weight along the slope, 9.81 N
-     ({"no_load_torque": 9.81 / 50.0 + 1e-9}, True),
-     ({"no_load_torque": 9.81 / 50.0 - 1e-9}, False),
-     ({"ratio": -50.0, "efficiency": 0.4, "back_efficiency": 0.0}, True), (None, False)],
-)  # fmt: skip
+    [
+        ({"efficiency": 0.4, "back_efficiency": -0.2}, True),  # self-locking
+        ({"efficiency": 0.4, "back_efficiency": 0.5}, False),
+        # at rest all of 1e-9 N m decides: no_load r against the weight along the slope, 9.81 N
+        ({"no_load_torque": 9.81 / 50.0 + 1e-9}, True),
+        ({"no_load_torque": 9.81 / 50.0 - 1e-9}, False),
+        ({"ratio": -50.0, "efficiency": 0.4, "back_efficiency": 0.0}, True),
+        (None, False),
+    ],
+)
 def test_a_gear_holds_by_itself_where_its_motor_may_be_without_torque(gear, holds):
-    drive = {"joint": "slide"} if gear is None else {
-        "joint": "slide", "transmission": {"ratio": 50.0, **gear}}  # fmt: skip
+    drive = (
+        {"joint": "slide"}
+        if gear is None
+        else {"joint": "slide", "transmission": {"ratio": 50.0, **gear}}
+    )
     scene = pf.Scene(model=block(np.deg2rad(30.0), 2.0), actuators=[drive])
     t = np.linspace(0.0, 3.0, 301)
     moving = (t > 1.0) & (t < 2.0)
@@ -108,9 +114,10 @@ def test_a_gear_without_a_load_holds_nothing():
 def test_a_gear_holds_in_a_simulation_while_its_joint_rests():
     worm = {"ratio": 50.0, "efficiency": 0.4, "back_efficiency": -0.2}
     scene = pf.Scene(
-        model=block(), friction={"slide": plane_friction(0.5, 0.5)},
+        model=block(),
+        friction={"slide": plane_friction(0.5, 0.5)},
         actuators=[{"joint": "slide", "transmission": worm}],
-    )  # fmt: skip
+    )
     motion = pf.simulate(scene, [0.0], [1.0], np.array([5.0]), 1.0)
     (interval,) = motion.stick_intervals()
     ((start, end),) = make_frames(scene, motion).gears["slide"]
@@ -145,9 +152,12 @@ def test_frames_between_coarse_samples_meet_positions_and_velocities():
     frames = make_frames(scene, result, rate=60.0)
     assert len(frames.t) >= 120
     dense = pf.inverse_dynamics(
-        scene, exact(frames.t), np.zeros((len(frames.t), 2)), np.zeros((len(frames.t), 2)),
+        scene,
+        exact(frames.t),
+        np.zeros((len(frames.t), 2)),
+        np.zeros((len(frames.t), 2)),
         t=frames.t,
-    )  # fmt: skip
+    )
     wanted = make_frames(scene, dense, rate=60.0)
     # cubic Hermite: h^4/384 max|x''''| = 0.25^4/384 x 16 = 1.6e-4 rad
     assert np.abs(frames.placement - wanted.placement).max() < 5e-4
@@ -165,7 +175,7 @@ def test_frame_times_are_samples_where_these_are_dense_and_fewer():
 
 def test_long_motion_gets_fewer_frames_a_second(monkeypatch, three_link):
     scene, result = three_link
-    monkeypatch.setattr("pinfric.show.replay.frames.MOST_FRAMES", 40)
+    monkeypatch.setattr("pinfric.study.timeline.frames.MOST_FRAMES", 40)
     assert len(make_frames(scene, result).t) <= 40 + 12  # and what changes
 
 
@@ -210,7 +220,7 @@ def test_log_whose_noise_passes_zero_all_the_time_keeps_the_page_small(monkeypat
     t = np.arange(0.0, 3.0, 1e-3)
     v = np.sin(t)[:, None] * np.ones(3)
     v[::2, 1] = 0.0  # sticks at every other sample
-    monkeypatch.setattr("pinfric.show.replay.frames.MOST_FRAMES", 500)
+    monkeypatch.setattr("pinfric.study.timeline.frames.MOST_FRAMES", 500)
     result = pf.inverse_dynamics(scene, 0 * v, v, 0 * v, t=t)
     assert len(result.stick_intervals()) == 1500
     frames = make_frames(scene, result)
@@ -248,11 +258,11 @@ def test_box_of_equal_inertia_has_the_bodys_moments():
 def test_robot_without_urdf_is_drawn_from_its_inertias():
     scene = pf.Scene(model=random_tree(2, joints=4))
     shapes = robot_shapes(scene)
-    assert sorted(shapes.boxes) == [1, 2, 3, 4]
-    assert sum(len(ends) for ends in shapes.lines.values()) == 4
+    assert [shape.joint for shape in shapes if shape.kind == "body"] == [1, 2, 3, 4]
+    assert sum(shape.kind == "line" for shape in shapes) == 4
     window = drawn(scene)
     assert (
-        sum(b"body_0" in command and b"set_object" in command for command in window.commands) == 4
+        sum(b"/body_" in command and b"set_object" in command for command in window.commands) == 4
     )
 
 
@@ -268,11 +278,20 @@ def drawn(scene):
 def boom():
     """A bar lifted by a cylinder between two points 0.3 m and 0.7 m from its hinge."""
     model = grounded_model(gravity=(0.0, 0.0, -9.81))
-    add_link(model, 0, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0, 0, 0.5])), "boom",
-             bar(20.0, 1.5))  # fmt: skip
+    add_link(
+        model,
+        0,
+        pin.JointModelRY(),
+        pin.SE3(np.eye(3), np.array([0, 0, 0.5])),
+        "boom",
+        bar(20.0, 1.5),
+    )
     ends = {"a": {"link": "ground", "xyz": [0.3, 0, 0]}, "b": {"link": "boom", "xyz": [0.7, 0, 0]}}
-    return pf.Scene(model=model, friction={"boom": pin_friction(0.15)},
-                    actuators=[{"cylinder": {"name": "lift", **ends}}])  # fmt: skip
+    return pf.Scene(
+        model=model,
+        friction={"boom": pin_friction(0.15)},
+        actuators=[{"cylinder": {"name": "lift", **ends}}],
+    )
 
 
 def test_loops_and_cylinders_are_drawn_where_they_act():
@@ -304,21 +323,13 @@ def test_urdfs_primitives_are_drawn_as_they_are():
     assert bar.joint == 1
     np.testing.assert_allclose(np.ptp(bar.mesh.vertices, axis=0), [0.07, 0.4, 0.07])
     np.testing.assert_array_equal(bar.placement.translation, [0, 0.2, 0])
-    assert tuple(bar.mesh.colors[0]) == (204, 76, 64)
-
-
-@pytest.mark.parametrize("surface", [surfaces.box(np.array([1.0, 2.0, 3.0])), surfaces.ball(1.0)])
-def test_faces_of_solids_look_outwards(surface):
-    vertices, faces = surface
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    outwards = (np.cross(b - a, c - a) * (a + b + c)).sum(axis=1)
-    assert (outwards > -1e-12).all()
-    assert (outwards > 1e-6).sum() > 0.9 * len(faces)
+    assert tuple(bar.mesh.visual.vertex_colors[0]) == (204, 76, 64, 255)
 
 
 def test_first_faces_of_an_arc_are_its_beginning():
-    vertices, faces = surfaces.tube(1.0, 0.01, np.deg2rad(90.0))
-    quarter = vertices[faces[: len(faces) // 4]].reshape(-1, 3)
+    tube = _tube(1.0, 0.01, np.deg2rad(90.0))
+    assert len(tube.faces) == 2 * SEGMENTS * SIDES
+    quarter = tube.vertices[tube.faces[: len(tube.faces) // 4]].reshape(-1, 3)
     angle = np.arctan2(quarter[:, 1], quarter[:, 0])
     assert np.rad2deg(angle.max()) == pytest.approx(22.5)
 
@@ -339,7 +350,7 @@ def arm(folder, *meshes):
         f'<visual><origin xyz="0 0 1"/><geometry><mesh filename="{name}" scale="2 2 2"/></geometry>'
         '<material name="m"><color rgba="1 0 0 0.5"/></material></visual>'
         for name in meshes
-    )  # fmt: skip
+    )
     (folder / "arm.urdf").write_text(ARM.format(visuals=visuals))
     (folder / "arm.yaml").write_text(
         "pinfric: 1\nrobot: {urdf: arm.urdf}\nfriction: {shoulder: {bearing: "
@@ -355,10 +366,10 @@ def test_mesh_beside_the_urdf_is_scaled_and_painted(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         shapes = robot_shapes(scene)
-    (plate,) = shapes.visuals
+    (plate,) = [shape for shape in shapes if shape.joint == 1]
+    assert plate.kind == "visual"
     np.testing.assert_allclose(plate.mesh.vertices.max(axis=0), [2, 2, 0])
-    assert (tuple(plate.mesh.colors[0]), plate.mesh.opacity) == ((255, 0, 0), 0.5)
-    assert shapes.boxes == {}
+    assert tuple(plate.mesh.visual.vertex_colors[0]) == (255, 0, 0, 128)
 
 
 def test_missing_and_broken_meshes_become_shapes_with_one_warning(tmp_path):
@@ -369,7 +380,7 @@ def test_missing_and_broken_meshes_become_shapes_with_one_warning(tmp_path):
     assert len(caught) == 1
     text = str(caught[0].message)
     assert all(name in text for name in ("nowhere/a.dae", "broken.stl", "c.obj", "arm.urdf"))
-    assert list(shapes.boxes) == [1]
+    assert [shape.joint for shape in shapes if shape.kind == "body"] == [1]
 
 
 def test_replay_goes_on_without_meshes(tmp_path):
@@ -399,11 +410,11 @@ def test_page_is_one_file_that_fetches_nothing(three_link, tmp_path):
     assert (shown.frames, shown.duration) == (179, pytest.approx(2.9))
 
 
-def test_pages_of_the_bundled_robots_stay_below_25_mb(tmp_path):
+def test_pages_of_the_bundled_robots_stay_below_6_mb(tmp_path):
     for name in ("panda_pick_and_place", "so101"):
         scene, result = result_of(name)
         shown = pf.replay(scene, result)
-        assert 1e6 < len(shown.page) < 10e6
+        assert 1e6 < len(shown.page) < 6e6
         assert shown.html is None
 
 
@@ -426,8 +437,9 @@ def pushed():
     """2 kg m^2 that 4 N m speed up for 1 s, that rests on at 2 rad/s, that 6 N m brake; rest."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j")
-    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), 2.0 * np.eye(3)),
-                            pin.SE3.Identity())  # fmt: skip
+    model.appendBodyToJoint(
+        joint, pin.Inertia(1.0, np.zeros(3), 2.0 * np.eye(3)), pin.SE3.Identity()
+    )
     t = np.arange(3001) / 1000.0
     a = np.select([t <= 1.0, t <= 2.0, t < 2.0 + 2 / 3], [2.0, 0.0, -3.0], 0.0)[:, None]
     v = np.where(t <= 1.0, 2.0 * t, np.clip(2.0 - 3.0 * (t - 2.0), 0.0, 2.0))[:, None]

@@ -13,7 +13,7 @@ import pytest
 
 import pinfric as pf
 from pinfric.dynamics.simulation.motion import Motion
-from pinfric.show.replay.frames import make_frames, site_rates
+from pinfric.study.timeline.frames import make_frames, site_rates
 
 ROBOTS = Path(__file__).parents[3] / "robots"
 
@@ -78,8 +78,9 @@ def test_friction_of_a_ball_acts_about_the_direction_of_its_slip(delta):
         moved = None
         for f, t in enumerate(frames.t):
             i = int(np.searchsorted(result.t, t, side="right") - 1)
-            spin = relative_spin(scene, scene.loops[scene.sites[s].pair],
-                                 result.states.q[i], result.states.v[i])  # fmt: skip
+            spin = relative_spin(
+                scene, scene.loops[scene.sites[s].pair], result.states.q[i], result.states.v[i]
+            )
             assert np.linalg.norm(frames.slip[f, s]) == pytest.approx(1.0)
             if not result.sticking[i, s]:
                 moved = spin / np.linalg.norm(spin)
@@ -97,12 +98,23 @@ def simulated(scene, result, part):
     modes = np.where(result.sticking, 0, -np.sign(result.friction_upper)).astype(int)[part]
     change = np.flatnonzero((modes[1:] != modes[:-1]).any(axis=1)) + 1
     return Motion(
-        scene=scene, method="event", t=t, q=result.states.q[part], v=result.states.v[part],
-        a=result.states.a[part], effort=result.effort_upper[part], modes=modes,
+        scene=scene,
+        method="event",
+        t=t,
+        q=result.states.q[part],
+        v=result.states.v[part],
+        a=result.states.a[part],
+        effort=result.effort_upper[part],
+        modes=modes,
         friction=np.where(result.sticking, 0.3, 1.0)[part] * result.friction_upper[part],
-        normal_load=result.normal_load[part], events=(), phase_t=t[[0, *change, len(t) - 1]],
-        phase_modes=modes[[0, *change]], status="finished", message="", evaluations=0,
-    )  # fmt: skip
+        normal_load=result.normal_load[part],
+        events=(),
+        phase_t=t[[0, *change, len(t) - 1]],
+        phase_modes=modes[[0, *change]],
+        status="finished",
+        message="",
+        evaluations=0,
+    )
 
 
 @pytest.mark.parametrize("name", ["four_bar", "delta", "excavator"])

@@ -6,36 +6,13 @@ const element = (kind, name, html = "") =>
 const plain = (text) =>
   text.replace(/[&<>"]/g, (c) => ({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}[c]));
 
-// "panda_joint1", "panda_joint2": without what all names begin with, up to a "_" before a letter
-const together = ns < 2 ? "" : sites.reduce((common, {name}) => {
-  let n = 0;
-  while (n < common.length && common[n] === name[n]) n++;
-  return common.slice(0, n);
-}, sites[0].name);
-let cut = together.lastIndexOf("_") + 1;
-while (cut > 0 && sites.some(({name}) => !/[A-Za-z]/.test(name[cut]))) {
-  cut = together.lastIndexOf("_", cut - 2) + 1;
-}
-// and without "_joint" at the end, where all have it
-const tail = "_joint", end = ns && sites.every(({name}) => name.endsWith(tail) && name.length > cut + tail.length)
-  ? -tail.length : undefined;
-const short = (name) => plain(name.length > cut ? name.slice(cut, end) : name);
-
-function add_row(owner, mark = "", of = "", kind = "row") {
-  owner.row = element("div", kind, `<span class="name" title="${of}${plain(owner.name)}"><i></i>${mark}${short(owner.name)}</span>` +
-    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`);
+for (const owner of [...sites, ...D.rows]) {  // joints; drives: gears, logged efforts, limits
+  owner.row = $("strips").appendChild(element("div", "row",
+    `<span class="name" title="${plain((owner.of ? owner.of + " " : "") + owner.name)}"><i></i>${owner.mark ? owner.mark + " " : ""}${plain(owner.label)}</span>` +
+    `<div class="track"><canvas></canvas><div class="playhead"></div></div><span class="value"></span>`));
   [owner.canvas, owner.value] = [owner.row.querySelector("canvas"), owner.row.querySelector(".value")];
-  $("strips").append(owner.row);
 }
-sites.forEach((site) => {
-  site.inverse = new THREE.Quaternion(...site.turn);  // from the wrench's axes to the marker's
-  add_row(site);
-  site.label = $("labels").appendChild(element("span", "", short(site.name)));
-});
-// strips of gears that hold a joint without their motor, below those of the joints' friction
-gears.forEach((gear) => add_row(gear, "⚙ ", "gear of ", "row gear"));
-// strips of logged efforts that miss the computed ones, and of limits that hold the motion back
-D.strips.forEach((strip) => add_row(strip, strip.mark + " ", strip.of + " "));
+for (const site of sites) site.tag = $("labels").appendChild(element("span", "", plain(site.label)));
 const ticks = element("div", "row ticks", `<span></span><div class="track"><canvas></canvas></div><span></span>`);
 $("strips").append(ticks);
 
@@ -48,31 +25,6 @@ function sized(canvas) {
   return [context, canvas.clientWidth, canvas.clientHeight];
 }
 
-function thinned(values) {  // of one pixel: the first, the whole range, the last
-  if (values.length < 3) return values;
-  const [first, last] = [values[0], values[values.length - 1]];
-  const low = Math.min(...values.map((p) => p.low)), up = Math.max(...values.map((p) => p.up));
-  return [first, {x: 0.5 * (first.x + last.x), low, up}, last];
-}
-
-function draw_band(c, part, y) {  // between the least and the greatest friction, edges drawn
-  const edge = (name, points) => points.map((p) => [p.x, y(p[name])]);
-  const [up, low] = [edge("up", part), edge("low", part)];
-  const trace = (points) => {
-    c.beginPath();
-    points.forEach(([a, b], n) => (n ? c.lineTo(a, b) : c.moveTo(a, b)));
-  };
-  c.fillStyle = "rgba(255, 255, 255, .30)";
-  trace([...up, ...low.reverse()]);
-  c.fill();
-  c.strokeStyle = "rgba(20, 38, 60, .80)";
-  c.lineWidth = 1.2;
-  for (const points of part.some((p) => y(p.low) - y(p.up) > 1) ? [up, low] : [up]) {
-    trace(points);
-    c.stroke();
-  }
-}
-
 function draw_spans(canvas, parts) {  // parts: [colour, spans, least width in pixels], later ones win
   const [c, w, h] = sized(canvas);
   const x = (t) => (t1 > t0 ? (w * (t - t0)) / (t1 - t0) : 0);
@@ -80,7 +32,6 @@ function draw_spans(canvas, parts) {  // parts: [colour, spans, least width in p
   c.beginPath();
   c.roundRect(0, 0, w, h, 4);
   c.fill();
-  c.save();
   c.clip();
   for (const [color, spans, least] of parts) {
     c.fillStyle = color;
@@ -92,26 +43,31 @@ function draw_spans(canvas, parts) {  // parts: [colour, spans, least width in p
   return [c, x, h];
 }
 
-function draw_strip(site, s) {
+function draw_strip(site, s) {  // and friction over time: a band at rest
   const [c, x, h] = draw_spans(site.canvas, STATES.slice(1).map((state) =>
     [D.colors[state], site.times[state], state === "near" ? 1 : 2]));
-  let most = 0;
-  for (let k = 0; k < F; k++) most = Math.max(most, UPPER[k * ns + s] || 0, -LOWER[k * ns + s] || 0);
-  if (most > 0) {  // friction over time: its least and greatest value in each pixel
-    const y = (value) => h / 2 - (value / most) * (h / 2 - 2);
-    let part = [];
-    for (let k = 0; k <= F; k++) {
-      const i = k * ns + s;
-      if (k < F && isFinite(UPPER[i])) {
-        const value = {x: x(T[k]), low: LOWER[i], up: UPPER[i]}, last = part[part.length - 1];
-        if (last && value.x - last[0].x < 1) last.push(value); else part.push([value]);
-      } else if (part.length) {  // a jam has no friction to draw
-        draw_band(c, part.flatMap(thinned), y);
-        part = [];
-      }
-    }
+  let most = 1e-300;
+  for (let i = s; i < F * ns; i += ns) most = Math.max(most, UPPER[i] || 0, -LOWER[i] || 0);
+  const y = (value) => h / 2 - (value / most) * (h / 2 - 2);
+  const columns = [[]];  // of each half pixel: the first friction, the range of the rest; none of a jam
+  for (let k = 0, i = s; k < F; k++, i += ns) {
+    const part = columns.at(-1), left = Math.round(2 * x(T[k])) / 2, end = part.at(-1);
+    if (!isFinite(UPPER[i])) columns.push([]);
+    else if (part.at(-2)?.x === left) Object.assign(end, {low: Math.min(end.low, LOWER[i]), up: Math.max(end.up, UPPER[i])});
+    else part.push({x: left, low: LOWER[i], up: UPPER[i]});
   }
-  c.restore();
+  c.fillStyle = "rgba(255, 255, 255, .30)";
+  c.strokeStyle = "rgba(20, 38, 60, .80)";
+  for (const part of columns) {
+    const upper = new Path2D(), lower = new Path2D();
+    for (const p of part) upper.lineTo(p.x, y(p.up));
+    for (const p of part.reverse()) lower.lineTo(p.x, y(p.low));
+    const band = new Path2D(upper);
+    for (const p of part) band.lineTo(p.x, y(p.low));
+    c.fill(band);
+    c.stroke(upper);
+    if (part.some((p) => y(p.low) - y(p.up) > 1)) c.stroke(lower);
+  }
 }
 
 function draw_ticks() {
@@ -134,69 +90,50 @@ function draw_ticks() {
 function lay_out() {
   viewer.set_3d_pane_size();
   sites.forEach(draw_strip);
-  gears.forEach((gear) => draw_spans(gear.canvas, [[D.gear_color, gear.spans, 2]]));
-  D.strips.forEach((strip) => draw_spans(strip.canvas, strip.parts.map(([color, spans]) => [color, spans, 1])));
+  for (const {canvas, parts} of D.rows) draw_spans(canvas, parts.map(([color, spans]) => [color, spans, 1]));
   draw_ticks();
   place_labels();
 }
 
 // ---------------------------------------------------------------- panel
-const ring = (state) =>
-  `<li style="--state:${D.colors[state]}"><span class="ring${state === "sliding" ? "" : " full"}"></span>${D.meanings[state]}</li>`;
-const used = STATES.filter((s) => s === "sliding" || s === "sticking" || sites.some((x) => x.times[s].length));
-$("legend").innerHTML = (ns ? used.map(ring).join("") : "<li>no joint has friction</li>") +
-  (ns ? `<li style="--state:#46525f"><span class="mark">↻</span>friction of the parent on the child${D.simulated ? "; at rest with its share of the limit" : "; at rest both ways: all it can be"}</li>` : "") +
-  (ns ? `<li style="--state:${D.force_color}"><span class="mark">↑</span>force of the parent on the child</li>` : "") +
-  (gears.length ? `<li style="--state:${D.gear_color}"><span class="mark">⚙</span>${D.gear_meaning}</li>` : "") +
-  D.strip_meanings.map(([mark, color, words]) => `<li style="--state:${color}"><span class="mark">${mark}</span>${words}</li>`).join("") +
-  (D.drives ? `<li style="--state:${D.drive_color}"><span class="box"></span>cylinder or force that drives</li>` : "") +
-  payloads.map((p) => `<li style="--state:${D.payload_color}"><span class="box"></span>${plain(p.name)}, while carried</li>`).join("");
+$("legend").innerHTML = D.legend.map(([mark, color, words]) => `<li style="--state:${color}">` + (
+  /^(ring|box)/.test(mark) ? `<span class="${mark}"></span>` : `<span class="mark">${mark}</span>`) + plain(words) + "</li>").join("");
 $("about").textContent = D.about;
 
 for (const [key, text] of [["friction", "friction"], ["forces", "forces"], ["names", "names"], ["solid", "solid robot"]]) {
-  const label = element("label", "check", `<input type="checkbox">${text}`);
-  const box = label.firstChild;
-  box.id = "show-" + key;
-  box.checked = shown[key];
-  box.onchange = () => {
-    shown[key] = box.checked;
-    if (key === "solid") see_through(!box.checked);
+  const label = $("toggles").appendChild(element("label", "check", `<input id="show-${key}" type="checkbox">${text}`));
+  label.firstChild.checked = shown[key];
+  label.firstChild.onchange = (event) => {
+    shown[key] = event.target.checked;
+    if (key === "solid") see_through(!shown.solid);
     show(now);
   };
-  $("toggles").append(label);
 }
 
-const drawn_of_robot = [];
-find("world").object.traverse((node) => {
-  for (let up = node; up; up = up.parent) if (up.name.startsWith("site ") || up.name === "axes") return;
-  if (node.isMesh) drawn_of_robot.push(...[node.material].flat());
-});
-function see_through(on) {
-  for (const material of drawn_of_robot) {
-    material.was = material.was ?? {opacity: material.opacity, transparent: material.transparent, depthWrite: material.depthWrite};
-    Object.assign(material, on ? {opacity: 0.3 * material.was.opacity, transparent: true, depthWrite: false} : material.was);
+function see_through(on) {  // meshes of the robot, not those of its markers
+  viewer.scene_tree.find(["meshcat", "world"]).object.traverse((node) => {
+    if (!node.isMesh || !/^(visual|body|line)_/.test(node.parent.name)) return;
+    const material = node.material;
+    material.solid = material.solid ?? material.opacity;
+    Object.assign(material, {opacity: (on ? 0.3 : 1) * material.solid, transparent: on || material.solid < 1, depthWrite: !on});
     material.needsUpdate = true;
-  }
+  });
 }
 
 const lasting = (s) => s >= 0.0995 ? s.toFixed(2) + " s" : s >= 0.00995 ? (1e3 * s).toFixed(0) + " ms"
   : s >= 0.0000995 ? (1e3 * s).toPrecision(2) + " ms" : (1e6 * s).toPrecision(2) + " µs";
 
 const MOST_ROWS = 1000;
-const intervals = sites.flatMap((site) =>
-  site.times.sticking.map(([start, end]) => ({site: site.name, start, end})));
+const intervals = sites.flatMap((site) => site.times.sticking.map(([start, end]) => ({site, start, end})));
 intervals.sort((a, b) => a.start - b.start);
 $("count").textContent = intervals.length || "";
 for (const interval of intervals.slice(0, MOST_ROWS)) {
-  const length = interval.end - interval.start;
+  const {site, start, end} = interval, length = end - start;
   const usual = t1 - t0 < 100 ? 3 : 2;  // more where begin and end would read alike
   const digits = length > 0 && length < 2e-3 ? Math.min(Math.ceil(1 - Math.log10(length)), 6) : usual;
-  const span = length > 0 ? `${interval.start.toFixed(digits)} – ${interval.end.toFixed(digits)}` : interval.start.toFixed(digits);
-  const button = element("button", "", `<b>${short(interval.site)}</b><span>${span} s</span>` +
-    `<em>${length > 0 ? lasting(length) : "passes"}</em>`);
-  button.interval = interval;
-  button.title = `${interval.site}: go to the beginning of this interval`;
-  button.onclick = () => { pause(); show(interval.start); };
+  const span = length > 0 ? `${start.toFixed(digits)} – ${end.toFixed(digits)}` : start.toFixed(digits);
+  const button = element("button", "", `<b>${plain(site.label)}</b><span>${span} s</span><em>${length > 0 ? lasting(length) : "passes"}</em>`);
+  Object.assign(button, {interval, title: `${site.name}: go to the beginning of this interval`, onclick: () => go(start)});
   $("intervals").appendChild(element("li", "")).append(button);
 }
 const interval_buttons = [...$("intervals").querySelectorAll("button")];

@@ -13,55 +13,31 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
-from pinfric.dynamics.inverse.result import InverseResult, StickInterval, runs
-from pinfric.dynamics.samples.closure import working_rates
-from pinfric.dynamics.samples.motor_torques import drive_stick_velocity, motor_torques
-from pinfric.dynamics.samples.outcome import Status
+from pinfric.dynamics.inverse.result import InverseResult, StickInterval
 from pinfric.dynamics.samples.reactions import state_wrenches
 from pinfric.dynamics.samples.states import States
 from pinfric.dynamics.simulation.motion import FINISHED, Motion
 from pinfric.errors import PinfricError, StateError
 from pinfric.model.closure import loop_state
 from pinfric.model.scene import Scene
-from pinfric.study.retime.limits import KINDS, DriveLimits
-from pinfric.study.retime.problem import Policy, usage
-from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
+from pinfric.study.retime.limits import DriveLimits
+from pinfric.study.timeline.spans import (
+    SiteTimes,
+    Spans,
+    carried_payloads,
+    gear_holds,
+    limit_use,
+    limiting_drives,
+    off_the_log,
+    site_times,
+)
+from pinfric.study.trajectory.log.judged import JudgedLog
 
 #: Frames per second of a replay.
 RATE = 60.0
 #: Most frames; a longer motion gets fewer per second. As many again where sticking begins or ends
 #: (a log whose noise passes zero at every other sample has more: some of them are left out then).
 MOST_FRAMES = 20_000
-#: A simulated site this near its stick limit is about to break away.
-NEAR = 0.9
-#: In inverse dynamics break-away is certain only where motion resumes: the end of the interval is
-#: marked, this many seconds of it, at most this part.
-BEFORE, BEFORE_PART = 0.1, 0.25
-
-#: Shares of a logged effort's RMS by which it is off, and far off, the computed one.
-OFF = 0.1, 0.3
-
-#: Part of a limit from which on it holds a motion back, and from which on it is exceeded.
-AT_LIMIT = 0.995, 1.002
-
-Spans = tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True)
-class SiteTimes:
-    """When one friction site does what else than sliding: spans (start, end) in s, in order.
-
-    Attributes:
-        sticking: at rest, friction anywhere up to its limit.
-        near: at rest and about to break away.
-        reversal: passes through rest between two samples.
-        jammed: the friction laws leave no effort or acceleration, or several.
-    """
-
-    sticking: Spans
-    near: Spans
-    reversal: Spans
-    jammed: Spans
 
 
 @dataclass(frozen=True)
@@ -74,7 +50,6 @@ class Frames:
         placement: (F, nj, 7) of each joint in the world: x, y, z in m, quaternion x, y, z, w.
         friction_lower, friction_upper: (F, ns) friction of the parent on the child along the
             joint's positive direction (N m or N).
-        load: (F, ns) normal load (N m or N).
         force: (F, ns, 3) force of the parent on the child, in the child's joint frame (N).
         slip: (F, ns, 3) unit vector, in the same frame, that friction is measured along: the site's
             axis; of a ball the direction of its slip (at rest: of its last slip).
@@ -97,7 +72,6 @@ class Frames:
     placement: np.ndarray
     friction_lower: np.ndarray
     friction_upper: np.ndarray
-    load: np.ndarray
     force: np.ndarray
     slip: np.ndarray
     use: np.ndarray
@@ -143,27 +117,29 @@ def make_frames(
     intervals = motion.stick_intervals()
     rate = min(rate, MOST_FRAMES / max(float(t[-1] - t[0]), 1e-9))
     times, index = frame_times(t, _few(_keys(t, motion, states)), rate)
+    ended, off, limiting = "", {}, {}
     if isinstance(motion, Motion):
-        lower, upper, use = motion.friction, motion.friction, _use(scene, motion)
+        lower, upper, use = motion.friction, motion.friction, limit_use(scene, motion)
         ended = "" if motion.status == FINISHED else motion.message
     else:
-        lower, upper, ended = motion.friction_lower, motion.friction_upper, ""
+        lower, upper = motion.friction_lower, motion.friction_upper
         use = np.full(lower.shape, np.nan)
+        off = {} if log is None else off_the_log(motion, log)
+        limiting = {} if limits is None else limiting_drives(motion, limits)
     return Frames(
         t=times,
         placement=_placements(scene.model, _positions(scene.model, states, times, index)),
         friction_lower=lower[index],
         friction_upper=upper[index],
-        load=motion.normal_load[index],
         force=_forces(scene, motion, states, index),
         slip=_slip_directions(scene, states.q[index], states.v[index]),
         use=use[index],
-        sites=tuple(_site_times(motion, s, intervals, use) for s in range(len(scene.sites))),
+        sites=tuple(site_times(motion, s, intervals, use) for s in range(len(scene.sites))),
         stick_intervals=intervals,
-        carried=_carried(scene, states),
-        gears=_gears(scene, motion, states),
-        off={} if log is None or isinstance(motion, Motion) else _off(motion, log),
-        limiting={} if limits is None or isinstance(motion, Motion) else _limiting(motion, limits),
+        carried=carried_payloads(scene, states),
+        gears=gear_holds(scene, motion, states),
+        off=off,
+        limiting=limiting,
         simulated=isinstance(motion, Motion),
         ended=ended,
     )
@@ -251,15 +227,6 @@ def _few(keys: np.ndarray) -> np.ndarray:
     return np.sort(keys)[np.linspace(0, len(keys) - 1, MOST_FRAMES).astype(int)]
 
 
-def _use(scene: Scene, motion: Motion) -> np.ndarray:
-    """(T, ns) friction over its limit where a simulated site sticks, NaN elsewhere."""
-    load, friction, laws = motion.normal_load, motion.friction, scene.site_tables.laws
-    forward, backward = laws.coulomb_static.T
-    limit = laws.mu_static * load + np.where(friction < 0, forward, backward)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(motion.modes == 0, np.abs(friction) / limit, np.nan)
-
-
 def _forces(
     scene: Scene, motion: InverseResult | Motion, states: States, index: np.ndarray
 ) -> np.ndarray:
@@ -332,104 +299,3 @@ def _placements(model: pin.Model, q: np.ndarray) -> np.ndarray:
         for j in range(1, model.njoints):
             out[f, j - 1] = pin.SE3ToXYZQUAT(data.oMi[j])
     return out
-
-
-def _site_times(
-    motion: InverseResult | Motion, s: int, intervals: Sequence[StickInterval], use: np.ndarray
-) -> SiteTimes:
-    t, name = motion.t, motion.site_names[s]
-    assert t is not None  # _states refuses a motion without
-    sticking = tuple((i.start, i.end) for i in intervals if i.site == name)
-    if isinstance(motion, Motion):
-        turns = tuple((e.time, e.time) for e in motion.events
-                      if e.name == name and e.kind == "reversal")  # fmt: skip
-        return SiteTimes(sticking, _spans(t, use[:, s] >= NEAR), turns, ())
-    end = float(t[-1])
-    near = tuple(
-        (stop - min(BEFORE, BEFORE_PART * (stop - start)), stop)
-        for start, stop in sticking
-        if start < stop < end
-    )
-    failed = motion.status != Status.CONVERGED
-    return SiteTimes(sticking, near, _spans(t, motion.reversal[:, s], half=True), _spans(t, failed))
-
-
-def _spans(t: np.ndarray, mask: np.ndarray, half: bool = False) -> Spans:
-    """Times of the runs of a mask; with `half`, widened by half a sample to both sides."""
-    found = []
-    for first, last in runs(mask):
-        start, end = t[first], t[last]
-        if half:
-            start = 0.5 * (start + t[max(first - 1, 0)])
-            end = 0.5 * (end + t[min(last + 1, len(t) - 1)])
-        found.append((float(start), float(end)))
-    return tuple(found)
-
-
-def _gears(scene: Scene, motion: InverseResult | Motion, states: States) -> dict[str, Spans]:
-    """Which gears hold by themselves, and when: see `Frames.gears`."""
-    rates, _ = working_rates(scene, states.q, states.v)
-    if isinstance(motion, Motion):
-        effort = motion.effort, motion.effort
-        still = np.zeros_like(rates)  # of interest at rest only, where nothing accelerates
-        torque = motor_torques(scene, states, slice(0, len(rates)), effort, rates, still)
-    else:
-        effort = motion.effort_lower, motion.effort_upper
-        torque = motion.motor_torque_lower, motion.motor_torque_upper
-    loaded = (effort[0] > 0.0) | (effort[1] < 0.0)
-    free = (torque[0] <= 0.0) & (torque[1] >= 0.0)
-    found = {}
-    for d, drive in enumerate(scene.drives):
-        rests = np.abs(rates[:, d]) <= drive_stick_velocity(scene, drive)
-        holds = rests & loaded[:, d] & free[:, d]
-        if drive.transmission is not None and holds.any():
-            assert states.t is not None
-            found[drive.name] = _spans(states.t, holds)
-    return found
-
-
-def _off(result: InverseResult, log: JudgedLog) -> dict[str, tuple[Spans, Spans]]:
-    """Where logged efforts miss the computed ones: see `Frames.off`."""
-    found, (lower, upper) = {}, measured_interval(result, log.at)
-    for name, compared in log.measured.items():
-        i, effort = result.actuator_names.index(name), log.reading.effort[name]
-        gap = np.abs(effort - np.clip(effort, lower[:, i], upper[:, i]))
-        assert result.t is not None  # _states refuses a motion without
-        mild, strong = (_spans(result.t, gap > share * compared.rms) for share in OFF)
-        found[name] = mild, strong
-    return found
-
-
-def _limiting(
-    result: InverseResult, limits: Sequence[DriveLimits]
-) -> dict[str, dict[str, tuple[Spans, Spans]]]:
-    """Which limits of which drives hold the motion back, and when: see `Frames.limiting`."""
-    t, use = result.t, usage(result, limits, Policy())
-    assert t is not None  # _states refuses a motion without
-    moving = (result.actuator_velocity != 0.0).any(axis=1)
-    nearest = use.argmax(axis=2)
-    found: dict[str, dict[str, tuple[Spans, Spans]]] = {}
-    for d, name in enumerate(result.actuator_names):
-        for k, kind in enumerate(KINDS):
-            mine = moving & (nearest[:, d] == k)
-            near, over = (_spans(t, mine & (use[:, d, k] > part), half=True) for part in AT_LIMIT)
-            if near:
-                found.setdefault(name, {})[kind] = near, over
-    return found
-
-
-def _carried(scene: Scene, states: States) -> dict[str, Spans]:
-    t = states.t
-    assert t is not None
-    spans: dict[str, list[tuple[float, float]]] = {name: [] for name in scene.payloads}
-    for start, stop, names in states.phases(scene):
-        if names is None:
-            names = tuple(name for name, payload in scene.payloads.items() if payload.attached)
-        for name in names:
-            there = spans[name]
-            end = float(t[min(stop, len(t) - 1)])
-            if there and there[-1][1] == float(t[start]):
-                there[-1] = there[-1][0], end
-            else:
-                there.append((float(t[start]), end))
-    return {name: tuple(there) for name, there in spans.items()}
