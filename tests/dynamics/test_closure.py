@@ -243,7 +243,7 @@ def test_an_undriven_motion_is_named_even_where_the_count_is_right():
         ({"axis": [0, 0, 0]}, r"loops\.B\.axis: .* has no direction"),
         ({"b": {"link": "coupler"}}, "both sides are on the same rigid body"),
         ({"kind": "hinge"}, "kind"),
-        ({"c": 1}, "unknown key `c`"),
+        ({"c": 1}, r"unknown key `loops\[0\].c`"),
     ],
 )
 def test_bad_loops_are_refused(change, says):

@@ -14,7 +14,7 @@ from mechanisms import pin_friction
 import pinfric as pf
 from pinfric.dynamics.inverse import interval_ends, linkage_batch
 from pinfric.dynamics.inverse import tree as inverse_tree
-from pinfric.dynamics.problem import motor_torques
+from pinfric.dynamics.samples import motor_torques
 from pinfric.errors import SceneError
 from pinfric.model.effects import STRUCTURAL, effects, switchable, with_effects
 

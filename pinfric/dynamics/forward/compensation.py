@@ -120,8 +120,10 @@ def check_compensated(scene: Scene) -> None:
     reason = "there friction and reactions depend on each other, and solving that has no time limit"
     for what, named in (("the loop", scene.loops), ("the drive off the joints", off_joint)):
         if named:
-            raise PinfricError(f"{scene.source}: {what} {named[0].name!r}: {reason}; a compensator "
-                               "takes open chains with drives at their joints")  # fmt: skip
+            raise PinfricError(
+                f"{scene.source}: {what} {named[0].name!r}: {reason}; a compensator takes open "
+                "chains with drives at their joints"
+            )
     if not scene.joint_names:
         raise PinfricError(f"{scene.source}: has no joint that a compensator could act on")
     for name, components in zip(scene.joint_names, scene.twin().components, strict=True):

@@ -357,8 +357,9 @@ class Solver:
         nv, tables = self._ws.nv, self._compensated
         still = np.zeros(nv)
         given = {"v": v, "a": a, "v_ref": v_ref, "error": error, "v_now": v_now}
-        motion = {name: None if x is None else vector(name, x, nv, "nv")
-                  for name, x in given.items()}  # fmt: skip
+        motion = {
+            name: None if x is None else vector(name, x, nv, "nv") for name, x in given.items()
+        }
         rate, bend = (still if x is None else x for x in (motion["v"], motion["a"]))
         carried = None
         if self._carried is not None:

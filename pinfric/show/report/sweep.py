@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from pinfric.show.report.values import digits
 from pinfric.study.sweep.result import Probability, SweepResult
 from pinfric.study.sweep.summary import MotorOnTrial, SweepSummary
 
+#: So small a share of the samples is rounding.
+_NONE = 1e-9
 #: Parameters named per drive and figure, and the least share of the variance that is.
 _NAMED, _LEAST_SHARE = 2, 0.01
 _AT_JOINT, _AT_MOTOR = ("peak", "rms"), ("motor_peak", "motor_rms")
@@ -46,7 +49,7 @@ def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
         cells = {
             "name": lambda motor: motor.name or "as given",
             "suffices": lambda motor: percent(motor.suffices, interval=True),
-            "criteria": _failures,
+            "criteria": partial(_failures, unsolved=float(np.mean(~result.solved))),
         }
         title_of_trials = "motors on trial: in how many samples they suffice, and what fails"
         tables.append(table_of(title_of_trials, found.motors, cells=cells))
@@ -140,9 +143,15 @@ def brief(parameter: str) -> str:
     return parameter.split(".", 1)[-1]
 
 
-def _failures(motor: MotorOnTrial) -> str:
-    """The criteria that fail in any sample, and in how many, the most frequent first."""
-    shares = {name: 1.0 - met.value for name, met in motor.criteria.items() if met.value < 1.0}
+def _failures(motor: MotorOnTrial, unsolved: float) -> str:
+    """The criteria that fail in any sample, and in how many, the most frequent first.
+
+    Args:
+        motor: on trial.
+        unsolved: share of samples without a solution, which meet none and are said apart.
+    """
+    missed = {name: 1.0 - met.value - unsolved for name, met in motor.criteria.items()}
+    shares = {name: share for name, share in missed.items() if share > _NONE}
     order = sorted(shares, key=lambda name: -shares[name])
     return "\n".join(f"{name} {100 * shares[name]:.1f} %" for name in order) or "nothing"
 
