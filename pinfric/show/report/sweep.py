@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
     if elastic := result.elastic_quantiles():
         tables.append(_elastic_table(result, elastic))
     if found.motors:
-        cells = {
+        cells: dict[str, Callable[[Any], str]] = {
             "name": lambda motor: motor.name or "as given",
             "suffices": lambda motor: percent(motor.suffices, interval=True),
             "criteria": partial(_failures, unsolved=float(np.mean(~result.solved))),
