@@ -528,7 +528,8 @@ def replay(
     with working(f"writing {html}"):
         shown = make_replay(scene, motion, html=html, title=title, log=judged, limits=motors)
     opened = shown.open() if open_browser else None
-    read.extend([scene.source, motion_name or "", motors or ""])
+    urdf = "" if scene.robot is None else scene.robot.urdf
+    read.extend([scene.source, urdf, motion_name or "", log.columns or "", motors or ""])
     lines = partial(replay_lines, shown, opened)
     answer("replay", replay_summary(shown), lines, as_json, scene=scene.source)
     if isinstance(motion, Motion) and motion.status == "interrupted" and motion_name is None:
@@ -573,7 +574,7 @@ def schema(
         str,
         typer.Argument(
             metavar="FORMAT",
-            help="scene, waypoints, columns, sweep, motors, catalog; result: what --json prints.",
+            help="scene, waypoints, columns, sweep, motors, catalog, table; result: of --json.",
         ),
     ],
 ) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
+import pinfric as pf
 from pinfric import cli
 
 URDF = """<robot name="arm">
@@ -322,3 +324,16 @@ def test_a_mesh_that_is_nowhere_costs_no_more_than_itself(corner, tmp_path, monk
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("pinfric: warning: ")
     assert "part.stl" in line
+
+
+@pytest.mark.parametrize(
+    ("file", "says"),
+    [
+        ("robots/three_link.urdf", "is a robot, no scene; `pinfric new"),
+        ("robots/ur10_machine_tending.waypoints.yaml", "is a trajectory file, no scene"),
+    ],
+)
+def test_what_is_no_scene_is_said(file, says):
+    root = Path(__file__).parents[1]
+    with pytest.raises(pf.PinfricError, match=says):
+        pf.load_scene(root / file)

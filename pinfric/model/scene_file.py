@@ -32,7 +32,7 @@ def load_scene(path: str | Path) -> Scene:
         PinfricWarning: a joint's friction contradicts the hysteresis of its gear, and the like.
     """
     file = find_file(path, (".yaml", ".yml"), SceneError)
-    entries: SceneFile = parse(SceneFile, read_yaml(file, SceneError), str(file))
+    entries: SceneFile = parse(SceneFile, _content(file), str(file))
     robot = _read(entries, file)
     if entries.actuators is None:
         mention_reductions(robot, str(file))
@@ -54,6 +54,18 @@ def load_scene(path: str | Path) -> Scene:
         redundancy_length=entries.redundancy.length,
         tool=entries.tool,
     )
+
+
+def _content(file: Path) -> dict[str, Any]:
+    """Read a scene's keys; say what another kind of file is."""
+    if file.suffix.lower() in (".urdf", ".xacro", ".xml"):
+        raise SceneError(f"{file}: is a robot, no scene; `pinfric new {file}` writes a scene of it")
+    content = read_yaml(file, SceneError)
+    other = next((str(key) for key in content if str(key).startswith("pinfric_")), None)
+    if other is not None and "pinfric" not in content:
+        what = other.removeprefix("pinfric_")
+        raise SceneError(f"{file}: is a {what} file, no scene; give the scene before it")
+    return content
 
 
 def bundled_folder() -> Path:

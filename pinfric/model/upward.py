@@ -56,9 +56,8 @@ class Shown:
     def _repr_html_(self) -> str:
         """Return the result's table for a notebook: what has a heading, with units."""
         table = self.summary()
-        headings = table.attrs.get("headings")
-        if headings:
-            table = table[list(headings)].rename(columns=headings)
         title = html.escape(repr(self).partition("\n")[0])
-        shown: str = table.to_html(float_format="{:.4g}".format, na_rep="")
+        shown: str = table.attrs.get("html") or table.to_html(
+            float_format="{:.4g}".format, na_rep=""
+        )
         return f"<p><b>{title}</b></p>{shown}"

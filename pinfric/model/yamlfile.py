@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -40,6 +41,9 @@ def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
         line = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         text = getattr(problem, "problem", None) or getattr(problem, "reason", None) or problem
         one_line = cut(" ".join(str(text).split()), 3 * _SHOWN)
+        one_line = re.sub(r"^found (duplicate key \S+).*", r"\1 in one mapping; keep one", one_line)
+        if "'\\t'" in one_line:
+            one_line = "a tab; indent with blanks"
         raise error(f"{path}{line}: not valid YAML: {one_line}") from None
     if not isinstance(content, dict):
         found = "an empty file" if content is None else f"a {type(content).__name__}"

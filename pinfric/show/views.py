@@ -22,7 +22,8 @@ from pinfric.show.figure.measured import measured_figure
 from pinfric.show.figure.motion import motion_figure
 from pinfric.show.figure.retime import retime_figure
 from pinfric.show.figure.sweep import sweep_figure
-from pinfric.show.report.rows import flat, heading
+from pinfric.show.report.html import html_of
+from pinfric.show.report.rows import flat, table_of
 from pinfric.study.elastic.motion import Elasticity
 from pinfric.study.elastic.summary import WindUp, elastic_summary
 from pinfric.study.export.export import Exported
@@ -133,11 +134,8 @@ def _frame(rows: Sequence[Any], index: str, label: str = "") -> pd.DataFrame:
     table = pd.DataFrame([flat(row) for row in rows] or {index: []}).set_index(index)
     known = quantities(type(rows[0])) if rows else {}
     table.attrs["units"] = {name: found.unit for name, found in known.items() if found.unit}
-    table.attrs["headings"] = {
-        name: " ".join(heading(found, "").split())
-        for name, found in known.items()
-        if found.heading and name in table
-    }
+    shown = table_of("", rows) if rows else None
+    table.attrs["html"] = "" if shown is None else html_of(shown)
     return table.rename_axis(label or index)
 
 

@@ -54,6 +54,8 @@ def test_on_is_a_key_like_any_other(tmp_path):
         ("a: !!int wide", ["line 1", "'wide' is no !!int"]),
         ("a: !!python/object:os.system x", ["not valid YAML", "python/object"]),
         (f"{'k' * 900}: 1\n{'k' * 900}: 1", ["line 2", "duplicate key"]),
+        ("a: {b: 1, b: 2}", ["line 1", 'duplicate key "b" in one mapping; keep one']),
+        ("a:\n\tb: 1", ["line 2", "a tab; indent with blanks"]),
     ],
     ids=lambda x: x[:12] if isinstance(x, str) else "",
 )

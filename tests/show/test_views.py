@@ -199,8 +199,11 @@ def test_efforts_csv_holds_the_motion_that_was_given(panda):
 
 def test_a_notebook_shows_a_result_as_its_table_and_its_figure_as_a_picture(panda):
     shown = panda[2]._repr_html_()
-    assert "<th>peak N m or N</th>" in shown
-    assert "panda_joint2" in shown
+    assert "<th>RMS<br>least–worst<br>N m</th>" in shown  # noqa: RUF001
+    table = pf.summary(panda[2])
+    pair = f"{table.rms_least.iloc[0]:#.3g}–{table.rms.iloc[0]:#.3g}"  # noqa: RUF001
+    assert f"<td>{pair}</td>" in shown
+    assert "panda_<wbr>joint2" in shown
     assert "panda_pick_and_place.yaml" in shown
     picture = pickle.loads(pickle.dumps(panda[2].plot()))
     for figure in (panda[2].plot(), picture):

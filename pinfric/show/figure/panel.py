@@ -56,7 +56,8 @@ def svg(figure: Figure, title: str) -> str:
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     text = file.getvalue()
     text = re.sub(r'<g id="[^"]*"', "<g", text[text.index("<svg") :])  # ids are of one picture
-    text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)  # 1/100 of a point
+    # places to 1/100 of a point; what stands between tags is text
+    text = re.sub(r"<[^>]+>", lambda tag: re.sub(r"(\d\.\d\d)\d+", r"\1", tag[0]), text)
     return re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL).replace(
         "<svg", f'<svg role="img" aria-label="{escape(title)}"', 1
     )

@@ -204,24 +204,27 @@ def _percent(x: float | None) -> str:
         return _NONE
     if x <= _BEYOND:
         return "beyond any limit"
-    return f"{100 * x:.0f} %" if x > -10 else f"{1 - x:.3g} times the limit"
+    if x <= -10:
+        return f"{1 - x:.3g} times the limit"
+    near = abs(x) < 0.005 or abs(x - 0.1) < 0.005  # of failing, of what is called tight
+    return f"{100 * x:.{1 if near and x else 0}f} %".replace("-", "\N{MINUS SIGN}")
 
 
 def _formula(text: str) -> Any:
     """A formula in plain letters as HTML: Greek letters, roots, integrals, subscripts, powers."""
     markup = import_module("markupsafe")
     html = str(markup.escape(text)).replace("&lt;=", "≤").replace("&gt;", ">")
-    for word, sign in (
-        ("int ", "∫ "),
-        ("sqrt", "√"),
-        ("cbrt", "∛"),
-        ("omega", "ω"),
-        ("eta", "η"),
-        (" pi", " π"),
-        ("^2", "²"),
-        ("^3", "³"),
+    for pattern, sign in (
+        (r"\bint ", "∫ "),
+        (r"\bsqrt", "√"),
+        (r"\bcbrt", "∛"),
+        (r"\bomega", "ω"),
+        (r"\beta", "η"),
+        (r"\bpi\b", "π"),
+        (r"\^2", "²"),
+        (r"\^3", "³"),
     ):
-        html = html.replace(word, sign)
+        html = re.sub(pattern, sign, html)
     return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))
 
 

@@ -19,7 +19,7 @@ import pinfric as pf
 from pinfric.model.described import in_json
 from pinfric.show.report.sizing import passes, sizing_report, tightest
 from pinfric.show.sizing_page.figures import torque_speed
-from pinfric.show.sizing_page.page import sizing_page
+from pinfric.show.sizing_page.page import _formula, _percent, sizing_page
 from pinfric.study.sizing.assess import pareto_front
 from pinfric.study.sizing.catalog import load_catalog
 from pinfric.study.sizing.summary import sizing_summary
@@ -276,3 +276,15 @@ def test_browser_draws_every_figure_without_errors(report, tmp_path):
     assert 'data-covered=""' in dom  # no legend lies over its plot
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert not [line for line in console if "rror" in line]
+
+
+def test_formulas_replace_whole_words_only():
+    assert _formula("int M^2 dt over this joint and theta") == "∫ M² dt over this joint and theta"
+
+
+@pytest.mark.parametrize(
+    ("margin", "says"),
+    [(0.123, "12 %"), (-0.0027, "\N{MINUS SIGN}0.3 %"), (0.0996, "10.0 %"), (0.0, "0 %")],
+)
+def test_a_margin_near_a_limit_has_a_decimal(margin, says):
+    assert _percent(margin) == says

@@ -147,8 +147,8 @@ function show_site(site, s, k, since) {
   stretch(site.force, seen ? force / D.most.force * D.arrow : 0, D.head.force);
 }
 
-const number = (x) => !isFinite(x) ? "∞" : x === 0 ? "0" : Math.abs(x) >= 100 ? x.toFixed(0)
-  : (Math.abs(x) < 0.001 ? x.toExponential(1) : x.toPrecision(3)).replace("-", "−");
+const number = (x) => !isFinite(x) ? "∞" : x === 0 ? "0" : (Math.abs(x) >= 100 ? x.toFixed(0)
+  : Math.abs(x) < 0.001 ? x.toExponential(1) : x.toPrecision(3)).replaceAll("-", "−");
 
 function friction_text(site, i) {
   const low = LOWER[i], up = UPPER[i], unit = `<small>${site.unit}</small>`;
@@ -272,7 +272,9 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
   action();
 });
-window.addEventListener("resize", lay_out);
+let turned = false;  // by hand: then a new size of the window leaves the view as it is
+viewer.controls.addEventListener("start", () => { turned = true; });
+window.addEventListener("resize", () => { lay_out(); if (!turned) fit(); });
 viewer.controls.addEventListener("change", place_labels);
 
 // #t=1.2 opens at that time, #play plays
