@@ -100,6 +100,11 @@ def test_rows_of_both_kinds_have_their_unit_in_a_column():
     assert table_of("", []) is None
 
 
+def test_rounding_squared_prints_as_nothing_and_small_errors_stay():
+    rows = [After("elbow", "N m", 1.0, jerk) for jerk in (50.0, 3e-29, 3e-15)]
+    assert [row[-1] for row in table_of("", rows, only=("jerk",)).rows] == ["50.0", "0", "3.00e-15"]
+
+
 @pytest.mark.parametrize(
     ("least", "most", "text"), [(1.0, 2.0, "1.00\N{EN DASH}2.00"), (1.0, 1.0001, "1.00")]
 )

@@ -20,6 +20,8 @@ DISPLAYS = {"mm": 1e3, "arcmin": 60 * 180 / math.pi, "ms": 1e3, "us": 1e6}
 _LABEL = 20
 #: What stands in place of no figure.
 NONE = "-"
+#: So small beside the largest of its column a figure is rounding's square: 3e-29 W beside 50 W.
+_ROUNDING = 1e-24
 
 
 def table_of(
@@ -58,7 +60,7 @@ def table_of(
         if name == "unit" and (shared or not units[0]):
             continue
         write, is_effort = given.get(name), found.unit in ("", EFFORT) or not units[0]
-        small = zero if is_effort else 0.0
+        small = zero if is_effort else _ROUNDING * _largest(rows, name)
         column = [write(row) if write else cell(row, name, found, _of(small, row)) for row in rows]
         if set(column) <= {NONE, "", "n/a"} and name not in given:
             continue
@@ -113,6 +115,13 @@ def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
         return Kind.NUMBER
     lines = [line for text in texts for line in text.split("\n")]
     return Kind.LABEL if all(len(line) <= _LABEL for line in lines) else Kind.WORDS
+
+
+def _largest(rows: Sequence[Any], name: str) -> float:
+    """The largest number in a column, 0 without any."""
+    values = (attrgetter(name)(row) for row in rows)
+    sizes = (abs(x) for x in values if isinstance(x, int | float))
+    return max((size for size in sizes if math.isfinite(size)), default=0.0)
 
 
 def _words(value: Any) -> bool:
