@@ -31,7 +31,7 @@ from pinfric.dynamics.inverse.choices import (
 from pinfric.dynamics.inverse.effort_maps import Maps
 from pinfric.dynamics.problem.plan import Plan
 from pinfric.dynamics.samples.outcome import Status
-from pinfric.friction.given_modes import MOST_SOLUTIONS, reduce_problem
+from pinfric.friction.given_modes import MOST_SOLUTIONS, Reduced, reduce_problem
 from pinfric.friction.problem import empty_problem
 from pinfric.friction.several import distinct, from_many_starts
 
@@ -142,14 +142,20 @@ class Solver:
         self, sample: np.ndarray, code: np.ndarray, direction: np.ndarray | None = None
     ) -> Candidates:
         """Solve the given samples with the given codes (m, ns); directions (m, ne) of the law."""
-        m, ns = code.shape
-        direction = self.law.direction[sample] if direction is None else direction
-        x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
-        out = Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
-        if ns > 0:  # else nothing rubs, and that is the solution
+        out = self.unsolved(sample, code, direction)
+        if code.shape[1] > 0:  # else nothing rubs, and that is the solution
             self._solve(out)
             self._complete(out)
         return out
+
+    def unsolved(
+        self, sample: np.ndarray, code: np.ndarray, direction: np.ndarray | None = None
+    ) -> Candidates:
+        """Return candidates before they are solved; see `candidates`."""
+        m, ns = code.shape
+        direction = self.law.direction[sample] if direction is None else direction
+        x, figures = np.zeros((m, MOST_SOLUTIONS, ns)), np.zeros((m, 2))
+        return Candidates(sample, code, direction, x, np.ones(m, dtype=np.int64), figures)
 
     def _solve(self, c: Candidates) -> None:
         solve_list(self.maps.contact, self._rows, self.plan.entries.site, self.base, self.law, c)
@@ -159,15 +165,24 @@ class Solver:
 
         Of `_MOST_SEARCHED` candidates at most: it takes milliseconds each.
         """
-        nobody = np.zeros(len(self.base.constant), dtype=bool)
         doubtful = (c.figures[:, 0] >= 1.0) & (c.found < 2)
         for i in np.flatnonzero(doubtful)[:_MOST_SEARCHED].tolist():
-            self._solve(Candidates(*(field[i : i + 1] for field in c)))  # writes the problem
-            way = self.law.way[c.code[i], c.sample[i], np.arange(len(nobody))]
-            nz, reduced = reduce_problem(self.base, nobody, way)
+            nz, reduced, way = self.reduced(Candidates(*(field[i : i + 1] for field in c)))
             every = distinct(from_many_starts(reduced, way))[:MOST_SOLUTIONS] if nz > 0 else []
             if len(every) > c.found[i]:
                 c.x[i, : len(every)], c.found[i] = every, len(every)
+
+    def reduced(self, one: Candidates) -> tuple[int, Reduced, np.ndarray]:
+        """Return what `given_modes` solves for one candidate, which it solves on the way.
+
+        Returns:
+            number of frictions that follow loads, -1 of a singular problem; the problem in them;
+            (ns,) the direction of each site's slip.
+        """
+        self._solve(one)  # writes the problem of the last candidate
+        way = self.law.way[one.code[0], one.sample[0], np.arange(one.code.shape[1])]
+        nobody = np.zeros(len(way), dtype=bool)
+        return (*reduce_problem(self.base, nobody, way), way)
 
     def _phi(self, c: Candidates, solution: int) -> np.ndarray:
         """(m, ne) friction coordinates of one of the solutions."""

@@ -18,7 +18,7 @@ from pinfric.dynamics.samples.closure import pair_rates
 from pinfric.dynamics.samples.outcome import Solution, SolvedMotion
 from pinfric.dynamics.samples.reactions import Batch
 from pinfric.friction.dense import spectral_radius_bound
-from pinfric.friction.given_modes import Reduced, contraction_matrix, reduce_problem
+from pinfric.friction.given_modes import Reduced, contraction_matrix
 from pinfric.friction.law import write_loads
 from pinfric.friction.several import distinct, from_many_starts
 from pinfric.kernels.compiled import KernelArgument
@@ -63,10 +63,7 @@ def reduced_problem(solver: Solver) -> Reduced:
     """Return what `given_modes` solves for a solver's only sample."""
     law = solver.law
     code = np.where(law.options > 1, LOWER, law.code)  # what sticks is at a limit
-    solver.candidates(np.zeros(1, dtype=np.int64), code)
-    way = law.way[code[0], 0, np.arange(code.shape[1])]
-    reduced: Reduced = reduce_problem(solver.base, np.zeros(len(way), dtype=bool), way)[1]
-    return reduced
+    return solver.reduced(solver.unsolved(np.zeros(1, dtype=np.int64), code))[1]
 
 
 def find_jamming_site(result: SolvedMotion, sample: int) -> str | None:

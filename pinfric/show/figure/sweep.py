@@ -163,28 +163,21 @@ def _mark_percentiles(axes: Axes, result: SweepResult, values: np.ndarray) -> No
     last = -np.inf
     for x, p in sorted(zip(at, result.percentiles, strict=True)):
         if x - last > 0.17 * (high - low):
-            axes.annotate(
-                f"{digits(x)}",
-                (x, 0),
-                xytext=(0, -6),
-                textcoords="offset points",
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                va="top",
-                fontsize=8,
-                color=INK,
-            )
-            axes.annotate(
-                f"{p:g} %",
-                (x, 0),
-                xytext=(0, -16),
-                textcoords="offset points",
-                xycoords=("data", "axes fraction"),
-                ha="center",
-                va="top",
-                fontsize=6.5,
-                color=QUIET,
-            )
+            for text, below, size, colour in (
+                (digits(x), -6, 8, INK),
+                (f"{p:g} %", -16, 6.5, QUIET),
+            ):
+                axes.annotate(
+                    text,
+                    (x, 0),
+                    xytext=(0, below),
+                    textcoords="offset points",
+                    xycoords=("data", "axes fraction"),
+                    ha="center",
+                    va="top",
+                    fontsize=size,
+                    color=colour,
+                )
             last = x
 
 

@@ -16,7 +16,7 @@ from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.retime import fastest_table
 from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
-from pinfric.show.report.values import digits, span
+from pinfric.show.report.values import digits
 from pinfric.study.elastic.summary import elastic_summary
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
@@ -203,11 +203,6 @@ def _changes(report: SizingReport) -> list[str]:
 def beside(x: float, scale: float) -> str:
     """Return x as `digits` does; what vanishes beside `scale`, of the same unit, is 0."""
     return digits(x, zero=max(ROUNDING, _VISIBLE * scale))
-
-
-def span_beside(least: float, worst: float, scale: float) -> str:
-    """Return "least–worst" as `span` does; what vanishes beside `scale` is 0."""
-    return span(least, worst, zero=max(ROUNDING, _VISIBLE * scale))
 
 
 def _name(assessment: Assessment | None) -> str | None:
