@@ -17,7 +17,8 @@ from pinfric.study.new_scene import new_scene, new_waypoints, write_new
 pytestmark = pytest.mark.filterwarnings("ignore::pinfric.errors.PinfricWarning")
 URDFS = sorted(example_robot_data().rglob("*.urdf"))
 #: Without a joint that moves, or without anything.
-EMPTY = {"quadrotor_base", "iris_simple", "ur3"}
+#: No joint that moves, or no valid URDF: `test_example_robots`.
+REFUSED = {"quadrotor_base", "iris_simple", "ur3", "bluevolta", "falcon"}
 ARM = """<robot name="arm">
   <link name="base"/>
   <link name="upper"><inertial><origin xyz="0.5 0 0"/><mass value="4"/>
@@ -47,7 +48,7 @@ def test_every_robot_that_loads_gets_a_scene_that_runs(urdf, tmp_path):
     try:
         read_robot(urdf, {})
     except RobotError as refused:
-        assert urdf.stem in EMPTY
+        assert urdf.stem in REFUSED
         with pytest.raises(RobotError, match=re.escape(str(refused))):  # `new` says so, too
             write_new(urdf, tmp_path)
         return
