@@ -40,7 +40,7 @@ def python_of(notebook):
 
 def test_these_are_all():
     numbers = [file.name[:2] for file in NOTEBOOKS]
-    assert numbers == ["01", "02", "03", "04", "05", "06", "07", "08", "09"]
+    assert numbers == ["01", "02", "03", "04", "05", "06", "07", "08", "09", "10"]
 
 
 NUMBER = re.compile(r"-?\d+(?:\.(\d+))?(?:e([+-]\d+))?")
