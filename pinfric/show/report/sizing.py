@@ -20,7 +20,7 @@ from pinfric.show.report.values import digits
 from pinfric.study.elastic.summary import elastic_summary
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.criteria import Criterion, Status
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.size import SizingReport
 
 #: Efforts below (N m, N) are rounding.

@@ -33,7 +33,7 @@ from pinfric.show.sizing_page.figures import (
     torque_speed,
 )
 from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.criteria import Criterion, Status
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.sizing.summary import ratio_figures
 

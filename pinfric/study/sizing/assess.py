@@ -9,7 +9,8 @@ from functools import cached_property
 from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions
-from pinfric.study.sizing.criteria import Case, Criterion, Status, check
+from pinfric.study.sizing.criteria import Case, check
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, motor_cycle
 
 #: A candidate whose continuous torque cannot be checked is not offered: nothing speaks for it.

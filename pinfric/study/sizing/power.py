@@ -15,7 +15,7 @@ import numpy as np
 from pinfric.dynamics.inverse.result import runs
 from pinfric.model.described import derived, described, quantity
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criteria import Criterion, compare
+from pinfric.study.sizing.criterion import Criterion, compare
 from pinfric.study.sizing.demand import power_figures
 from pinfric.study.sizing.drivetrain import MotorCycle
 from pinfric.study.sizing.duty import Schedule

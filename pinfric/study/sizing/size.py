@@ -44,7 +44,8 @@ from pinfric.study.sizing.assess import (
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
-from pinfric.study.sizing.criteria import Case, Criterion, Status
+from pinfric.study.sizing.criteria import Case
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
     GearDemand,

@@ -11,11 +11,12 @@ from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.criteria import Criterion, load_factor, optimum_ratio
+from pinfric.study.sizing.criterion import Criterion
 from pinfric.study.sizing.demand import JointDemand
 from pinfric.study.sizing.drivetrain import MotorFigures
 from pinfric.study.sizing.front import DriveSet
 from pinfric.study.sizing.power import BusPower
+from pinfric.study.sizing.rules import load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import ends_by_magnitude
 

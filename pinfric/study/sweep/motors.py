@@ -19,7 +19,8 @@ from pinfric.model.schema import Transmission
 from pinfric.study.sizing.assess import Assessment, own_bearing
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
-from pinfric.study.sizing.criteria import Case, Status, check
+from pinfric.study.sizing.criteria import Case, check
+from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.demand import DriveCycle, GearDemand
 from pinfric.study.sizing.drivetrain import Candidate, Ratings, candidates
 from pinfric.study.sizing.size import (

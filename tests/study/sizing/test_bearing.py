@@ -20,7 +20,7 @@ from pinfric.study.sizing.bearing import (
     static_load,
 )
 from pinfric.study.sizing.catalog import load_catalog
-from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.criterion import Status
 
 CROSSED = {"kind": "crossed roller", "pitch_diameter": 0.077, "offset": 0.017,
            "dynamic_rating": 10800.0, "static_rating": 18700.0, "max_radial": 2940.0,

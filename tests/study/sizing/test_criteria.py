@@ -26,18 +26,11 @@ from sizing_cases import (
 import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.model.drives import motor_torque_bounds
-from pinfric.study.sizing.criteria import (
-    Case,
-    Status,
-    check,
-    compare,
-    gear_life,
-    load_factor,
-    optimum_ratio,
-    resonance,
-)
+from pinfric.study.sizing.criteria import Case, check
+from pinfric.study.sizing.criterion import Status, compare
 from pinfric.study.sizing.demand import DriveCycle
 from pinfric.study.sizing.drivetrain import gear_transmission, motor_cycle, motor_with_gear
+from pinfric.study.sizing.rules import gear_life, load_factor, optimum_ratio, resonance
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)

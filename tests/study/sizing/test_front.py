@@ -12,7 +12,7 @@ from sizing_cases import GEAR, MOTOR, load_catalog, one_drive, trapezoid, turnta
 import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.show.report.drives import sets_table
-from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.criterion import Status
 from pinfric.study.summary import ends_by_magnitude
 
 
