@@ -335,7 +335,7 @@ def motor_with_gear(
     return Candidate(
         name=f"{motor_name} + {gear_name}{several}", motor=motor_name, gear_name=gear_name,
         ratio=ratio,
-        ratings=_ratings(motor),
+        ratings=ratings_of(motor),
         at_output=False,
         linear=gear.output == "linear",
         gear=gear,
@@ -352,6 +352,42 @@ def motor_with_gear(
         sources=(f"{motor_name}: {motor.source} ({motor.grade})",
                  f"{gear_name}: {gear.source} ({gear.grade})"),
     )  # fmt: skip
+
+
+def motor_alone(name: str, ratings: Ratings, **figures: Any) -> Candidate:
+    """Return a motor without a gear, for the limits that are its own.
+
+    Args:
+        name: for reports. ratings: of its shaft. figures: other fields of the candidate.
+    """
+    nothing: dict[str, Any] = dict.fromkeys(
+        (
+            "gear_name",
+            "gear",
+            "transmission",
+            "mass",
+            "price",
+            "rotor_inertia",
+            "back_driving_torque",
+            "bearing",
+        )
+    )
+    return Candidate(
+        **nothing
+        | {
+            "name": name,
+            "motor": name,
+            "ratio": 1.0,
+            "ratings": ratings,
+            "missing": (),
+            "at_output": False,
+            "linear": False,
+            "stand_ins": (),
+            "losses": "",
+            "sources": (),
+        }
+        | figures
+    )
 
 
 def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[Transmission, str]:
@@ -479,8 +515,8 @@ def _electrical(
     return power + resistance * current**2, True
 
 
-def _ratings(entry: Motor | GearMotor) -> Ratings:
-    """A maker's figures, completed by what follows from others."""
+def ratings_of(entry: Motor | GearMotor) -> Ratings:
+    """Return a maker's figures, completed by what follows from others."""
     given: dict[str, Any] = {f.name: getattr(entry, f.name, None) for f in fields(Ratings)}
     continuous, k, stall = (given[x] for x in ("continuous_torque", "torque_constant",
                                                "stall_torque"))  # fmt: skip
@@ -519,7 +555,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         losses = "identified friction at the output: base, load-dependent, viscous"
     return Candidate(
         name=name, motor=name, gear_name=None, ratio=entry.ratio,
-        ratings=_ratings(entry),
+        ratings=ratings_of(entry),
         at_output=True,
         linear=entry.output == "linear",
         gear=None,
