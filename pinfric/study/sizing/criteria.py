@@ -37,6 +37,7 @@ from pinfric.study.sizing.rules import gear_life, momentary_peaks, resonance
 #: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
 _HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
 _PRACTICE = "common practice of servo drives"
+_STATED = "motor file, or the URDF: retiming alone knows it"
 #: Why a load inertia is not known.
 _LOOPS = "inertia about a joint of a closed loop"
 #: A bus above this many times the nominal voltage is likelier a slip than a choice.
@@ -138,12 +139,21 @@ def _asked(figure: str) -> Callable[[Judged], float | None]:
     return lambda d: None if d.figures is None else getattr(d.figures, figure)
 
 
+def _line_voltage(d: Judged) -> float | None:
+    if d.motor is None or not d.ratings.has_line:
+        return None
+    hot = d.motor.figures.hot
+    torques = d.motor.torque_lower, d.motor.torque_upper
+    return max(largest(d.ratings.voltage(torque, d.motor.speed, hot)) for torque in torques)
+
+
 #: What a sample of a motion asks, by name: the same need over a cycle, of `Judged`. The motor's are
 #: at the rated shaft.
 SIGNALS: dict[str, Callable[[Judged], float | None]] = {
     "motor torque": _asked("peak"),
     "motor RMS torque": _asked("rms"),
     "motor speed": _asked("max_speed"),
+    "voltage": _line_voltage,
     "effort": lambda d: d.demand.peak,
     "input speed": lambda d: d.candidate.ratio * d.demand.speed,
     "speed": lambda d: d.demand.speed,
@@ -159,6 +169,14 @@ Text = str | Callable[[Judged], str]
 
 def _always(_: Judged) -> bool:
     return True
+
+
+def _never(_: Judged) -> bool:
+    return False
+
+
+def _nothing(_: Judged) -> float | None:
+    return None
 
 
 def _one(_: Conditions) -> float:
@@ -253,6 +271,14 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[C
     return tuple(limit.judge(judged) for limit in LIMITS if limit.applies(judged))
 
 
+def instant_limits() -> tuple[Limit, ...]:
+    """Return the rows that bound every instant of a motion, in the order of the table."""
+    over_time = ("motor RMS torque",)
+    return tuple(
+        limit for limit in LIMITS if isinstance(limit.need, str) and limit.need not in over_time
+    )
+
+
 def add_limit(limit: Limit) -> None:
     """Add a row to the table: `size`, `sweep` and `retime` judge it from then on.
 
@@ -312,14 +338,6 @@ def _most_voltage(d: Judged) -> float | None:
 def _made_for(d: Judged) -> str:
     nominal = d.ratings.nominal_voltage
     return "" if nominal is None else f"made for {nominal:g} V"
-
-
-def _line_voltage(d: Judged) -> float | None:
-    if d.motor is None or not d.ratings.has_line:
-        return None
-    hot = d.motor.figures.hot
-    torques = d.motor.torque_lower, d.motor.torque_upper
-    return max(largest(d.ratings.voltage(torque, d.motor.speed, hot)) for torque in torques)
 
 
 def _line_formula(d: Judged) -> str:
@@ -619,7 +637,7 @@ LIMITS: list[Limit] = [
     ),
     Limit(
         "speed-torque line",
-        need=_line_voltage,
+        need="voltage",
         gives=lambda d: d.conditions.bus_voltage,
         unit="V",
         formula=_line_formula,
@@ -664,13 +682,24 @@ LIMITS: list[Limit] = [
     Limit(
         "gear repeated peak torque",
         need="effort",
-        gives=("gear.repeated_peak_torque",),
+        gives=("gear.repeated_peak_torque", "gear.average_torque", "gear.rated_torque"),
         unit="effort",
         formula="max |T| <= limit for repeated peak torque",
         source=_HARMONIC,
         missing="limit for repeated peak torque",
         applies=_has_gear,
         settles=("gear's load",),
+    ),
+    Limit(
+        "effort",
+        need="effort",
+        gives=_nothing,
+        unit="effort",
+        formula="max |effort| <= effort",
+        source=_STATED,
+        applies=_never,
+        settles=("gear's load",),
+        key="effort",
     ),
     Limit(
         "gear momentary peak torque",
@@ -704,7 +733,7 @@ LIMITS: list[Limit] = [
     Limit(
         "gear maximum input speed",
         need="input speed",
-        gives=("gear.max_input_speed",),
+        gives=("gear.max_input_speed", "gear.average_input_speed"),
         unit="rad/s",
         formula="ratio max |v| <= maximum input speed",
         source=_HARMONIC,
@@ -712,6 +741,27 @@ LIMITS: list[Limit] = [
         applies=_has_gear,
         settles=("gear's speed",),
         key="input_speed",
+    ),
+    Limit(
+        "joint speed",
+        need="speed",
+        gives=_nothing,
+        unit="rad/s or m/s",
+        formula="max |v| <= velocity",
+        source=_STATED,
+        applies=_never,
+        settles=("motor's speed", "gear's speed"),
+        key="velocity",
+    ),
+    Limit(
+        "acceleration",
+        need="acceleration",
+        gives=_nothing,
+        unit="rad/s^2 or m/s^2",
+        formula="max |a| <= acceleration",
+        source=_STATED,
+        applies=_never,
+        key="acceleration",
     ),
     Limit(
         "gear average input speed",
@@ -746,8 +796,8 @@ LIMITS: list[Limit] = [
     ),
     Limit(
         "{bearing} loads",
-        need=lambda _: None,
-        gives=lambda _: None,
+        need=_nothing,
+        gives=_nothing,
         unit="",
         formula="loads and life by its ratings",
         source=lambda d: KINDS["ball screw" if d.candidate.linear else "crossed roller"].source,
@@ -828,8 +878,8 @@ LIMITS: list[Limit] = [
     ),
     Limit(
         "back-driving",
-        need=lambda _: None,
-        gives=lambda _: None,
+        need=_nothing,
+        gives=_nothing,
         unit="",
         formula="",
         source="",

@@ -117,6 +117,11 @@ class Ratings:
             return self.thermal.max_winding
         return conditions.max_winding
 
+    def hottest(self, conditions: Conditions) -> float:
+        """Return resistance at the permissible winding temperature over that at 25 C, else 1."""
+        limit = self.max_winding(conditions)
+        return 1.0 if limit is None else 1 + COPPER * (limit - REFERENCE_TEMPERATURE)
+
     def speed_limit(self, bus_voltage: float) -> tuple[float | None, str]:
         """Return the largest permitted speed (rad/s, or None) and what it is, in words.
 
