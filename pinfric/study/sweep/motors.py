@@ -42,8 +42,6 @@ from pinfric.study.summary import effort_unit
 from pinfric.study.sweep.cycle import FIGURES, Judge, JudgedTransmission
 from pinfric.study.sweep.file import MotorOnTrial, SweepFile
 
-#: Ratings that a sweep's file may give.
-_RATINGS = ("continuous_torque", "peak_torque", "max_speed")
 #: Signal of the table (`criteria.SIGNALS`) -> the figure of a sweep that is its need.
 _NEEDS = {"motor torque": "motor_peak", "motor RMS torque": "motor_rms", "motor speed": "speed"}
 
@@ -213,57 +211,66 @@ def _trial(
     if name not in scene.actuator_names:
         raise SweepError(f"there is no such drive; {choose_from(name, scene.actuator_names)}")
     actuator = scene.actuator_names.index(name)
-    drive = scene.drives[actuator]
-    transmission = drive.transmission if isinstance(drive, Drive) else None
-    ratings, scale, candidate = Ratings(), 1.0, None
-    if entry.drive is not None:
-        assert catalog is not None
-        if not isinstance(drive, Drive) or not depth(scene, actuator):
-            raise SweepError("takes no motor with a gear; give the ratings, or `motor`")
-        linear = effort_unit(scene, actuator) == "N"
-        bearing = own_bearing(catalog, conditions, name, linear)
-        candidate = _candidate(catalog, entry.drive, linear, bearing)
-        if candidate.transmission is None:
-            raise SweepError(f"{entry.drive}: not known: {', '.join(candidate.missing)}")
-        transmission = candidate.transmission
-        # a gearmotor is rated at its output; the sweep compares at the motor's shaft
-        ratings, scale = candidate.ratings, candidate.ratio if candidate.at_output else 1.0
-    elif entry.motor is not None:
-        assert catalog is not None
-        if entry.motor not in catalog.motors:
-            raise SweepError(f"the catalogue has no motor {entry.motor!r}; "
-                             f"{choose_from(entry.motor, catalog.motors)}")  # fmt: skip
-        ratings = ratings_of(catalog.motors[entry.motor])
-    given = {k: getattr(entry, k) for k in _RATINGS if getattr(entry, k) is not None}
-    own = {k: x / scale if k == "max_speed" else x * scale for k, x in given.items()}
+    hand = depth(scene, actuator) > BASE_AXES
+    candidate = _rated(scene, catalog, conditions, actuator, entry)
+    # a gearmotor is rated at its output; the sweep compares at the motor's shaft
+    scale = candidate.ratio if candidate.at_output else 1.0
+    per_shaft = {"continuous_torque": 1 / scale, "peak_torque": 1 / scale, "max_speed": scale}
+    given = {k: getattr(entry, k) for k in per_shaft if getattr(entry, k) is not None}
+    own = {k: x / per_shaft[k] for k, x in given.items()}
     if "continuous_torque" in own:
         own["continuous_curve"] = None
-    ratings = dataclasses.replace(ratings, **own)
-    per_shaft = {"continuous_torque": 1 / scale, "peak_torque": 1 / scale, "max_speed": scale}
-    figures = {k: _times(getattr(ratings, k), factor) for k, factor in per_shaft.items()}
-    ratio = 1.0 if transmission is None else transmission.ratio
-    checks: tuple[str, ...] = ()
-    hand = depth(scene, actuator) > BASE_AXES
-    rated = motor_alone(name, ratings) if candidate is None else candidate
-    rated = dataclasses.replace(rated, ratings=ratings)
-    judged = Judged(rated, None, idle(conditions, hand))
+    ratings = dataclasses.replace(candidate.ratings, **own)
+    judged = Judged(dataclasses.replace(candidate, ratings=ratings), None, idle(conditions, hand))
     bounds = _bounds(judged, scale)
-    if candidate is not None:
+    checks: tuple[str, ...] = ()
+    transmission = candidate.transmission or getattr(scene.drives[actuator], "transmission", None)
+    if entry.drive is not None:
         checks = _required(judged)
-        judges[actuator] = Judge(rated, conditions, hand, checks)
+        judges[actuator] = Judge(judged.candidate, conditions, hand, checks)
     elif all(bound.available is None for bound in bounds.values()):
         raise SweepError(f"{entry.motor}: the catalogue has no figure to check")
     return Trial(
         name,
         actuator,
         entry.drive or entry.motor or "",
-        **figures,
-        ratio=ratio,
+        **{k: _times(getattr(ratings, k), factor) for k, factor in per_shaft.items()},
+        ratio=1.0 if transmission is None else transmission.ratio,
         peak_factor=conditions.peak_factor,
         checks=checks,
-        mass=None if candidate is None else candidate.mass,
+        mass=candidate.mass if entry.drive is not None else None,
         bounds=bounds,
     )
+
+
+def _rated(
+    scene: Scene,
+    catalog: Catalog | None,
+    conditions: Conditions,
+    actuator: int,
+    entry: MotorOnTrial,
+) -> Candidate:
+    """What the sweep's file names: a drive of the catalogue, a motor of it, or nothing rated."""
+    drive = scene.drives[actuator]
+    if entry.drive is not None:
+        assert catalog is not None
+        if not isinstance(drive, Drive) or not depth(scene, actuator):
+            raise SweepError("takes no motor with a gear; give the ratings, or `motor`")
+        linear = effort_unit(scene, actuator) == "N"
+        bearing = own_bearing(catalog, conditions, drive.name, linear)
+        candidate = _candidate(catalog, entry.drive, linear, bearing)
+        if candidate.transmission is None:
+            raise SweepError(f"{entry.drive}: not known: {', '.join(candidate.missing)}")
+        return candidate
+    if entry.motor is None:
+        return motor_alone(drive.name, Ratings())
+    assert catalog is not None
+    if entry.motor not in catalog.motors:
+        raise SweepError(
+            f"the catalogue has no motor {entry.motor!r}; "
+            f"{choose_from(entry.motor, catalog.motors)}"
+        )
+    return motor_alone(entry.motor, ratings_of(catalog.motors[entry.motor]))
 
 
 def _bounds(judged: Judged, scale: float) -> dict[str, Bound]:
