@@ -8,7 +8,6 @@ from pathlib import Path
 from pinfric.show.report.drives import (
     brake_table,
     bus_lines,
-    sets_table,
     smaller_table,
     turn,
 )
@@ -50,7 +49,6 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
         [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"],
         _heavier(report),
         smaller_table(report),
-        sets_table(report),
         brake_table(report),
         bus_lines(report),
         _changes(report),

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -36,7 +36,6 @@ from pinfric.study.elastic.motion import Elasticity, elasticity
 from pinfric.study.sizing.assess import (
     Assessment,
     assess,
-    judged,
     lightest,
     nearest_miss,
     own_bearing,
@@ -53,7 +52,6 @@ from pinfric.study.sizing.demand import (
     average_output_effort,
     drive_cycle,
     driven_joint,
-    gear_demand,
     hold_samples,
     joint_demand,
     screw_load,
@@ -61,7 +59,6 @@ from pinfric.study.sizing.demand import (
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, candidates, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool
-from pinfric.study.sizing.front import DriveSet, Judge, trade_offs
 from pinfric.study.sizing.power import BusPower, bus_power
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -147,7 +144,6 @@ class SizingReport(Shown):
         trajectory: where the motion came from.
         catalog, conditions: what was chosen from and what was demanded; catalog None: demand only.
         joints: in the order of the scene's drives.
-        judge: sizes a set of drives, joint by joint, with their masses in the model.
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         duty: which samples are which cycle of the period, and how often it is run.
         passes: over all joints, until no choice changed. settled: no choice changed in the last.
@@ -164,7 +160,6 @@ class SizingReport(Shown):
     result: InverseResult
     result_without_masses: InverseResult
     duty: Schedule
-    judge: Judge = field(repr=False, compare=False)
     passes: int
     settled: bool
     notes: tuple[str, ...] = ()
@@ -225,16 +220,6 @@ class SizingReport(Shown):
         t = self.result.t
         assert t is not None  # size refuses a motion without times
         return bus_power(drives, t, self.duty, self.conditions)
-
-    @cached_property
-    def sets(self) -> tuple[DriveSet, ...]:
-        """Sets of drives that none betters in mass, energy, peak power and price (`front`)."""
-        if any(joint.choice is None for joint in self.joints):
-            return ()
-        fitting = [[a for a in joint.assessments if a.fits] for joint in self.joints]
-        return trade_offs([joint.name for joint in self.joints], fitting,
-                          [joint.cycle for joint in self.joints], self.conditions,
-                          self.judge)  # fmt: skip
 
     @property
     def misses(self) -> tuple[str, ...]:
@@ -379,7 +364,7 @@ class _Sizing:
             scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
             trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without, duty=duty, judge=self.judge,
+            result_without_masses=without, duty=duty,
             passes=passes, settled=settled,
             notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
             unclosed=gaps,
@@ -395,17 +380,6 @@ class _Sizing:
         if key not in self.judged:
             self.judged[key] = self._judge(i, *solved)
         return self.judged[key]
-
-    def judge(self, taken: Mapping[int, Assessment]) -> list[tuple[Assessment, DriveCycle]]:
-        """Judge one drive for every joint, all of their masses in the model."""
-        load = tuple(sorted((k, a.candidate.mass) for k, a in taken.items()))
-        (result, inertias), found = self._solve(load, taken), []
-        for i, assessment in taken.items():
-            cycle, inertia = self._cycle(i, result, inertias)
-            self.beyond[i] = yielding(self.scene, i, _softest(taken), inertias)
-            case = self._case(i, gear_demand(result, i, cycle), cycle, inertia)
-            found.append((judged(assessment.candidate, case), cycle))
-        return found
 
     def _case(self, i: int, demand: GearDemand, cycle: DriveCycle, inertia: float | None) -> Case:
         """What a joint's candidates are judged by."""

@@ -14,7 +14,6 @@ from pinfric.study.sizing.brake import Standstill
 from pinfric.study.sizing.criterion import Criterion
 from pinfric.study.sizing.demand import JointDemand
 from pinfric.study.sizing.drivetrain import MotorFigures
-from pinfric.study.sizing.front import DriveSet
 from pinfric.study.sizing.power import BusPower
 from pinfric.study.sizing.rules import load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
@@ -113,9 +112,6 @@ class SizingSummary:
     drive_mass: float = quantity("of all drives in the model", "kg")
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
     bus: BusPower = quantity("of all drives together")
-    sets: tuple[DriveSet, ...] = quantity(
-        "that no other one tried betters in mass, energy, peak power and price"
-    )
     misses: tuple[str, ...] = quantity("joints for which no drive fits")
     short: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
     robot_criteria: tuple[Criterion, ...] = quantity("asked of the whole robot")
@@ -153,7 +149,6 @@ def sizing_summary(
             for joint, still in zip(report.joints, report.standstills, strict=True)
         ),
         bus=report.bus,
-        sets=report.sets,
         misses=report.misses,
         short=report.short,
         robot_criteria=report.arm_criteria,

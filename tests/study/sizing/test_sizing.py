@@ -479,3 +479,19 @@ def test_full_turns_of_a_continuous_joint_close():
     q, v = np.column_stack([np.cos(angle), np.sin(angle)]), np.ones((200, 1))
     motion = pf.Trajectory.from_arrays(scene, angle, q, v, 0 * v)
     assert pf.size(scene, motion).unclosed == ()
+
+
+def test_the_next_smaller_says_what_it_lacks(tmp_path):
+    motors = {
+        "small": {**MOTOR, "mass": 0.3, "continuous_torque": 0.06, "thermal": None},
+        "tiny": {**MOTOR, "mass": 0.1, "continuous_torque": 0.02, "thermal": None},
+        "large": {**MOTOR, "mass": 1.0, "thermal": None},
+    }
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    assert joint.choice.candidate.motor == "large"
+    assert joint.next_smaller.candidate.motor == "small"
+    short = joint.next_smaller.failed[0]
+    assert short.name in ("continuous torque", "short-term torque")
+    assert short.shortfall == f"{100 * (joint.motor.figures.rms / 0.06 - 1):.3g} %"
