@@ -81,6 +81,8 @@ def turn(report: SizingReport) -> str:
 def bus_lines(report: SizingReport) -> list[str]:
     """Return what all drives take from the bus, in words."""
     bus, each = report.bus, turn(report)
+    if not bus.known:
+        return [f"bus and braking: {bus.remedy}"]
     lines = [
         f"bus: peak {'of at least ' if bus.at_least else ''}{digits(bus.peak)} W "
         f"({digits(bus.current)} A), {digits(bus.mean)} W on average "

@@ -11,7 +11,7 @@ each instant of a motion by the rows whose need is one of `SIGNALS`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -160,8 +160,10 @@ SIGNALS: dict[str, Callable[[Judged], float | None]] = {
     "acceleration": lambda d: largest(d.case.cycle.acceleration),
 }
 #: What must be settled of a drive before it is offered: of the rows that settle the same thing at
-#: least one must have been checked.
+#: least one must have been checked, or the drive cannot be judged.
 SETTLES = ("heat", "motor's peak", "motor's speed", "gear's load", "gear's speed")
+#: Of a screw the nut's ratings settle the load, too.
+_LOAD_OF_A_SCREW = ("gear's load",)
 
 Figure = Callable[[Judged], float | None]
 Text = str | Callable[[Judged], str]
@@ -188,7 +190,7 @@ class Limit:
     """One limit of drives.
 
     Attributes:
-        name: as reports, sweeps and retiming print it; `{bearing}` is what carries the joint.
+        name: as reports, sweeps and retiming print it.
         need: what the cycle asks: one of `SIGNALS`, which `retime` bounds at every instant, or a
             function of the whole cycle; None where it is not known.
         gives: figures of the candidate, `ratings.`, `gear.` or `bearing.` before an entry's key, in
@@ -250,13 +252,14 @@ class Limit:
         formula, source, missing, note = (x if isinstance(x, str) else x(d) for x in texts)
         torque, speed = d.candidate.units
         unit = {"torque": torque, "speed": speed, "effort": d.demand.unit}.get(self.unit, self.unit)
-        name = self.name.format(bearing=_carrier(d))
         required = self.required(d)
         if self.endless and found is not None and np.isinf(found):
             passes = Status.PASSES
-            return Criterion(name, passes, required, None, unit, 1.0, formula, source, self.endless)
+            return Criterion(
+                self.name, passes, required, None, unit, 1.0, formula, source, self.endless
+            )
         note = "; ".join(text for text in (note, stand_in) if text)
-        return compare(name, required, found, unit, formula, source, missing, note)
+        return compare(self.name, required, found, unit, formula, source, missing, note)
 
 
 def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[Criterion, ...]:
@@ -269,6 +272,22 @@ def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[C
     """
     judged = Judged(candidate, motor, case)
     return tuple(limit.judge(judged) for limit in LIMITS if limit.applies(judged))
+
+
+def missing_figures(criteria: Sequence[Criterion]) -> tuple[str, ...]:
+    """Return why a drive cannot be judged: what of `SETTLES` no figure settles, and what lacks.
+
+    Args:
+        criteria: of `check`.
+    """
+    unchecked = {c.name: c for c in criteria if c.status == Status.NOT_CHECKED}
+    names, reasons = {c.name for c in criteria}, []
+    for thing in SETTLES:
+        rows = [limit.name for limit in LIMITS if thing in limit.settles and limit.name in names]
+        if rows and all(name in unchecked for name in rows):
+            lacks = " or ".join(f"{name}: {unchecked[name].note}" for name in rows)
+            reasons.append(f"cannot be judged by its {thing.replace(chr(39) + 's', '')}: {lacks}")
+    return tuple(reasons)
 
 
 def instant_limits() -> tuple[Limit, ...]:
@@ -439,22 +458,15 @@ def _gear_life(d: Judged) -> float | None:
     return gear_life(life, speed, torque, mean_speed, d.demand.mean_cubic)[0]
 
 
-def _carrier(d: Judged) -> str:
-    return "screw" if d.candidate.linear else "bearing"
-
-
-def _carried(d: Judged) -> bool:
-    """Whether a bearing or a screw's nut carries the joint; belts and linear motors have none."""
-    candidate = d.candidate
-    return not candidate.linear or (candidate.gear is not None and "screw" in candidate.gear.kind)
-
-
-def _rated(d: Judged) -> bool:
-    return _carried(d) and d.candidate.bearing is not None
-
-
 def _turning(d: Judged) -> bool:
-    return _rated(d) and not d.bearing.screw
+    """Whether a bearing carries the joint."""
+    return not d.candidate.linear
+
+
+def _nut(d: Judged) -> bool:
+    """Whether a screw's nut carries the joint; belts and linear motors have none."""
+    candidate = d.candidate
+    return candidate.linear and candidate.gear is not None and "screw" in candidate.gear.kind
 
 
 def _rule(d: Judged) -> str:
@@ -574,6 +586,84 @@ def _back_driving(d: Judged) -> Criterion:
     status = Status.PASSES if back <= 0 else Status.FAILS
     text = "self-locking" if back <= 0 else "not self-locking: it needs a brake"
     return Criterion(name, status, None, None, "", -back, "eta_b <= 0: self-locking", source, text)
+
+
+def _carrying(what: str, carried: Callable[[Judged], bool]) -> list[Limit]:
+    """The rows of what carries a joint: its bearing, or a screw's nut."""
+
+    def rated(d: Judged) -> bool:
+        return carried(d) and d.candidate.bearing is not None
+
+    turning = [
+        Limit(
+            "bearing tilting moment",
+            need=_tilting,
+            gives=("bearing.max_moment",),
+            unit="N m",
+            formula="max M + R max F_r <= permissible tilting moment",
+            source=_rule,
+            missing=_of_bearing("permissible tilting moment"),
+            applies=rated,
+        ),
+        Limit(
+            "bearing radial force",
+            need=lambda d: d.demand.bearing and d.demand.bearing.radial,
+            gives=("bearing.max_radial",),
+            unit="N",
+            formula="max |F_r| <= permissible radial force",
+            source=_rule,
+            missing=_of_bearing("permissible radial force"),
+            applies=rated,
+        ),
+    ]
+    return [
+        Limit(
+            f"{what} loads",
+            need=_nothing,
+            gives=_nothing,
+            unit="",
+            formula="loads and life by its ratings",
+            source=KINDS["ball screw" if what == "screw" else "crossed roller"].source,
+            missing=f"ratings of the {what}",
+            applies=lambda d: carried(d) and d.candidate.bearing is None,
+        ),
+        *(turning if what == "bearing" else ()),
+        Limit(
+            f"{what} axial force",
+            need=lambda d: d.demand.bearing and d.demand.bearing.axial,
+            gives=("bearing.max_axial",),
+            unit="N",
+            formula="max |F_a| <= permissible axial force",
+            source=_rule,
+            missing=_of_bearing("permissible axial force"),
+            applies=rated,
+            settles=_LOAD_OF_A_SCREW if what == "screw" else (),
+        ),
+        Limit(
+            f"{what} static safety",
+            need=lambda d: d.bearing.static_safety,
+            gives=_static_safety,
+            unit="",
+            formula=_safety_formula,
+            source=_rule,
+            missing="static load rating C_0 or pitch diameter",
+            applies=rated,
+            endless="nothing loads it",
+            settles=_LOAD_OF_A_SCREW if what == "screw" else (),
+        ),
+        Limit(
+            f"{what} life L10",
+            need=lambda d: d.conditions.life,
+            gives=_bearing_life,
+            unit="h",
+            formula=_life_formula,
+            source=_rule,
+            missing="dynamic load rating C or pitch diameter",
+            note=_life_note,
+            applies=rated,
+            endless="it never turns under load",
+        ),
+    ]
 
 
 #: The table.
@@ -794,69 +884,8 @@ LIMITS: list[Limit] = [
         missing="stroke",
         applies=lambda d: _has_gear(d) and d.gear.output == "linear",
     ),
-    Limit(
-        "{bearing} loads",
-        need=_nothing,
-        gives=_nothing,
-        unit="",
-        formula="loads and life by its ratings",
-        source=lambda d: KINDS["ball screw" if d.candidate.linear else "crossed roller"].source,
-        missing=lambda d: f"ratings of the {_carrier(d)}",
-        applies=lambda d: _carried(d) and not _rated(d),
-    ),
-    Limit(
-        "{bearing} tilting moment",
-        need=_tilting,
-        gives=("bearing.max_moment",),
-        unit="N m",
-        formula="max M + R max F_r <= permissible tilting moment",
-        source=_rule,
-        missing=_of_bearing("permissible tilting moment"),
-        applies=_turning,
-    ),
-    Limit(
-        "{bearing} radial force",
-        need=lambda d: d.demand.bearing and d.demand.bearing.radial,
-        gives=("bearing.max_radial",),
-        unit="N",
-        formula="max |F_r| <= permissible radial force",
-        source=_rule,
-        missing=_of_bearing("permissible radial force"),
-        applies=_turning,
-    ),
-    Limit(
-        "{bearing} axial force",
-        need=lambda d: d.demand.bearing and d.demand.bearing.axial,
-        gives=("bearing.max_axial",),
-        unit="N",
-        formula="max |F_a| <= permissible axial force",
-        source=_rule,
-        missing=_of_bearing("permissible axial force"),
-        applies=_rated,
-    ),
-    Limit(
-        "{bearing} static safety",
-        need=lambda d: d.bearing.static_safety,
-        gives=_static_safety,
-        unit="",
-        formula=_safety_formula,
-        source=_rule,
-        missing="static load rating C_0 or pitch diameter",
-        applies=_rated,
-        endless="nothing loads it",
-    ),
-    Limit(
-        "{bearing} life L10",
-        need=lambda d: d.conditions.life,
-        gives=_bearing_life,
-        unit="h",
-        formula=_life_formula,
-        source=_rule,
-        missing="dynamic load rating C or pitch diameter",
-        note=_life_note,
-        applies=_rated,
-        endless="it never turns under load",
-    ),
+    *_carrying("bearing", _turning),
+    *_carrying("screw", _nut),
     Limit(
         "inertia ratio",
         need=_inertia_ratio,

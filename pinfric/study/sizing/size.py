@@ -86,7 +86,7 @@ class JointSizing:
         nearest: where none fits, the candidate that comes nearest.
         choice_without_masses: what would have been chosen without the drives' mass.
         choice_frictionless: what would have been chosen without friction in the joints.
-        lacking: why there are no candidates, where a catalogue was given; else empty.
+        nothing_because: why there are no candidates, where a catalogue was given; else empty.
     """
 
     demand: JointDemand
@@ -99,7 +99,7 @@ class JointSizing:
     nearest: Assessment | None = None
     choice_without_masses: Assessment | None = None
     choice_frictionless: Assessment | None = None
-    lacking: str = ""
+    nothing_because: str = ""
 
     @property
     def name(self) -> str:
@@ -122,14 +122,13 @@ class JointSizing:
     @property
     def miss(self) -> str:
         """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
-        if self.choice is not None or (not self.assessments and not self.lacking):
+        if self.choice is not None or (not self.assessments and not self.nothing_because):
             return ""
         if not self.assessments:
-            return f"{self.name}: nothing to choose from: {self.lacking}"
+            return f"{self.name}: nothing to choose from: {self.nothing_because}"
         if self.nearest is None:
-            lacking = self.assessments[0]
-            return (f"{self.name}: no candidate could be judged; {lacking.candidate.name}: "
-                    f"{lacking.why}")  # fmt: skip
+            first = self.assessments[0]
+            return f"{self.name}: no candidate can be judged; {first.candidate.name}: {first.why}"
         return (f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
                 f"is {self.nearest.candidate.name}: {self.nearest.why}")  # fmt: skip
 
@@ -176,7 +175,8 @@ class SizingReport(Shown):
                 "catalog": file_name(self.catalog.source),
                 "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
                 "misses": listed([joint.name for joint in self.joints if joint.miss]),
-                "mass": f"{self.drive_mass:.3g} kg of drives; {settled} after "
+                "mass": (f"{self.chosen_mass:.3g} kg of drives" if chosen else "no drive fits")
+                        + f"; {settled} after "
                         + counted(self.passes, "pass", "passes"),
             }  # fmt: skip
         title = (
@@ -196,6 +196,12 @@ class SizingReport(Shown):
         """Mass of all drives in the model, kg."""
         taken = (joint.taken for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
+
+    @property
+    def chosen_mass(self) -> float:
+        """Mass of the drives that fit, kg."""
+        chosen = (joint.choice for joint in self.joints)
+        return sum(a.candidate.mass or 0.0 for a in chosen if a is not None)
 
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
@@ -423,9 +429,18 @@ class _Sizing:
         demand = joint_demand(result, i, cycle)
         ranked = assess(self._offers(i, demand), self._case(i, demand, cycle, inertia))
         choice = ranked[0] if ranked and ranked[0].fits else None
-        lacking = "" if ranked else self._no_candidates(i, demand.unit)
-        return JointSizing(demand, cycle, demand, inertia, None, ranked, choice,
-                           None if choice else nearest_miss(ranked), lacking=lacking)  # fmt: skip
+        because = "" if ranked else self._no_candidates(i, demand.unit)
+        nearest = None if choice else nearest_miss(ranked)
+        return JointSizing(
+            demand,
+            cycle,
+            demand,
+            inertia,
+            assessments=ranked,
+            choice=choice,
+            nearest=nearest,
+            nothing_because=because,
+        )
 
     def _no_candidates(self, i: int, unit: str) -> str:
         """Why there is nothing to choose from; empty without a catalogue."""

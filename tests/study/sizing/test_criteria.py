@@ -263,10 +263,10 @@ def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
     for part in ({"gear": {"efficiency": None, "back_efficiency": None}},
                  {"gear": {"input_inertia": None}}, {"motor": {"rotor_inertia": None}},
                  {"motor": {"continuous_torque": None}}, {"motor": {"mass": None}}):  # fmt: skip
-        with pytest.warns(pf.PinfricWarning, match="no candidate could be judged"):
+        with pytest.warns(pf.PinfricWarning, match="no candidate can be judged"):
             joint = sized(tmp_path, **part)
         assert joint.choice is None
-        assert joint.assessments[0].lacking
+        assert joint.assessments[0].missing_figures
         assert not joint.assessments[0].failed
 
 

@@ -202,7 +202,8 @@ def test_sliding_joint_takes_linear_gears_only(tmp_path):
     model.appendBodyToJoint(1, body, pin.SE3.Identity())
     scene = pf.Scene(model=model)
     screw = {"source": "invented", "grade": "R", "ratio": 628.3, "output": "linear", "mass": 0.5,
-             "input_inertia": 1e-6, "efficiency": 0.9, "back_driving_torque": 12.0}  # fmt: skip
+             "input_inertia": 1e-6, "efficiency": 0.9, "back_driving_torque": 12.0,
+             "average_torque": 500.0, "max_input_speed": 400.0}  # fmt: skip
     gears = {"G": GEAR, "screw": screw}
     catalog = load_catalog(write_catalog(tmp_path / "c.yaml", gears=gears))
     (joint,) = pf.size(scene, still(scene), catalog).joints
