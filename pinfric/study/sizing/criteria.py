@@ -31,7 +31,7 @@ from pinfric.study.sizing.catalog import Conditions, Gear
 from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import DriveCycle, GearDemand, largest
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, MotorFigures, Ratings, too_hot
-from pinfric.study.sizing.overload import overload_window
+from pinfric.study.sizing.overload import Lag, heat_lag, standstill_time
 from pinfric.study.sizing.rules import gear_life, momentary_peaks, resonance
 
 #: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
@@ -326,8 +326,8 @@ def _continuous_note(d: Judged) -> str:
     if ratings.continuous_curve is not None and figures is not None:
         notes.append(f"of the maker's curve at the mean speed, {d.mean_speed:.4g} rad/s")
     notes += [text for text in ratings.derived if text.startswith("continuous")]
-    standing = None if figures is None else figures.standing
-    if standing is not None and limit and standing > (ratings.continuous_stall_torque or limit):
+    standing, stall = None if figures is None else figures.standing, ratings.stall_at(d.conditions)
+    if standing is not None and limit and standing > (limit if stall is None else stall):
         notes.append(
             f"standing still it takes up to {standing:.3g} N m, above the continuous torque: a "
             "stalled motor has hot spots that the mean does not show (overloaded standstill)"
@@ -335,8 +335,23 @@ def _continuous_note(d: Judged) -> str:
     return "; ".join(notes)
 
 
+def _lag(d: Judged) -> Lag:
+    return heat_lag(d.ratings.thermal, d.ratings.thermal_time, d.conditions)
+
+
+def _heat_formula(d: Judged) -> str:
+    lag = _lag(d)
+    nodes = " + ".join(
+        f"theta(tau = {time:.4g} s)"
+        if len(lag.times) == 1
+        else f"{part:.3g} theta(tau = {time:.4g} s)"
+        for time, part in zip(lag.times, lag.parts, strict=True)
+    )
+    return f"sqrt(max({nodes})) <= continuous torque{d.output}; tau theta' + theta = T_m^2, settled"
+
+
 def _window(d: Judged) -> tuple[float, str]:
-    return overload_window(d.ratings.thermal, d.conditions)
+    return standstill_time(d.ratings.thermal, d.conditions)
 
 
 def _standing_formula(d: Judged) -> str:
@@ -685,11 +700,8 @@ LIMITS: list[Limit] = [
         need=_asked("short_term"),
         gives=_continuous,
         unit="torque",
-        formula=lambda d: (
-            f"max of sqrt(1/w int T_m^2 dt) over any w = {_window(d)[0]:.3g} s <= continuous torque"
-            + d.output
-        ),
-        source=lambda d: _window(d)[1],
+        formula=_heat_formula,
+        source=lambda d: _lag(d).source,
         missing=_of_motor("continuous torque"),
         note=lambda d: d.ratings.continuous_at(d.conditions, d.mean_speed)[1],
     ),

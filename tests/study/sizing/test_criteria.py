@@ -27,6 +27,7 @@ from sweep_cases import sweep_of
 import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.model.drives import motor_torque_bounds
+from pinfric.study.sizing.catalog import Conditions
 from pinfric.study.sizing.criteria import LIMITS, Case, Limit, add_limit, check
 from pinfric.study.sizing.criterion import Status, compare
 from pinfric.study.sizing.demand import DriveCycle
@@ -311,9 +312,54 @@ def test_ambient_derates_the_continuous_torque(tmp_path):
     limit = {"ambient": 75.0, "max_winding": 125.0}
     found = criterion(sized(tmp_path, bare, conditions=limit), "continuous torque")
     assert found.available == pytest.approx(MOTOR["continuous_torque"] * np.sqrt(0.5))
-    found = criterion(sized(tmp_path, bare, conditions={"ambient": 100}), "continuous torque")
-    assert found.available == MOTOR["continuous_torque"]
-    assert found.note == "rated at 25 C, not checked at 100 C"
+    with pytest.warns(pf.PinfricWarning, match="no candidate can be judged") as caught:
+        joint = sized(tmp_path, bare, conditions={"ambient": 60.0})
+    assert "rated at 25 C, not at 60 C" in str(caught[0].message)
+    assert joint.choice is None
+    assert criterion(joint, "continuous torque").status == Status.NOT_CHECKED
+    # ratings at another ambient temperature, and a maker's own curve, stall ratings too
+    warm = sized(tmp_path, {"rated_ambient": 40.0}, conditions={"ambient": 75.0})
+    assert criterion(warm, "continuous torque").available == pytest.approx(0.5 * np.sqrt(50 / 85))
+    curve = {
+        "thermal": None,
+        "ambient_curve": [[40.0, 1.0], [60.0, 0.8]],
+        "rated_ambient": 40.0,
+        "continuous_stall_torque": 0.4,
+    }
+    joint = sized(tmp_path, curve, conditions={"ambient": 50.0})
+    assert criterion(joint, "continuous torque").available == pytest.approx(0.45)
+    assert joint.choice.candidate.ratings.stall_at(Conditions(ambient=50.0)) == pytest.approx(0.36)
+    with pytest.warns(pf.PinfricWarning, match="the maker's curve ends at 60 C, it is 70 C around"):
+        sized(tmp_path, curve, conditions={"ambient": 70.0})
+
+
+@pytest.mark.parametrize(
+    ("current", "resistance_of", "loss"),
+    [
+        ("dc", "terminals", 1.0),
+        ("rms", "terminals", 1.5),
+        ("rms", "phase", 3.0),
+        ("peak", "terminals", 0.75),
+        ("peak", "phase", 1.5),
+    ],
+)
+def test_copper_loss_and_voltage_by_what_the_constant_is_printed_for(
+    tmp_path, current, resistance_of, loss
+):
+    """Three phases lose 3 R_ph i_rms^2; the bus gives sqrt(3) times a phase's peak voltage."""
+    convention = {"current": current, "resistance_of": resistance_of, "thermal": None}
+    motor = sized(tmp_path, convention).motor
+    k, r, torque = MOTOR["torque_constant"], MOTOR["resistance"], motor.torque_upper
+    np.testing.assert_allclose(
+        motor.power - torque * motor.speed, loss * r * (torque / k) ** 2, rtol=1e-9, atol=1e-9
+    )
+    if current == "dc":
+        return
+    to_peak, phase = {"rms": np.sqrt(2), "peak": 1.0}[current], {"phase": 1.0, "terminals": 0.5}
+    peak = to_peak * torque / k
+    volts = np.sqrt(3) * np.abs(phase[resistance_of] * r * peak + (k / to_peak) / 1.5 * motor.speed)
+    found = sized(tmp_path, convention).choice.candidate.ratings.voltage(torque, motor.speed)
+    np.testing.assert_allclose(found, volts, rtol=1e-9)
 
 
 def test_surroundings_hotter_than_the_winding_may_be_are_said_plainly(tmp_path):

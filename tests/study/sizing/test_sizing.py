@@ -164,7 +164,8 @@ def test_lightest_that_fits_is_chosen_and_margins_break_ties(tmp_path):
     assert fitting[-1] == "heavy"
     assert set(fitting) == {"light", "light and strong", "heavy"}
     (weak,) = [a for a in joint.assessments if a.candidate.motor == "weak"]
-    assert weak.why.startswith("continuous torque: needs ")
+    assert weak.why.startswith("short-term torque: needs ")
+    assert "continuous torque: needs " in weak.why
     assert joint.nearest is None
 
 
@@ -494,5 +495,5 @@ def test_the_next_smaller_says_what_it_lacks(tmp_path):
     assert joint.choice.candidate.motor == "large"
     assert joint.next_smaller.candidate.motor == "small"
     short = joint.next_smaller.failed[0]
-    assert short.name in ("continuous torque", "short-term torque")
-    assert short.shortfall == f"{100 * (joint.motor.figures.rms / 0.06 - 1):.3g} %"
+    assert short.name == "short-term torque"
+    assert short.shortfall == f"{100 * (joint.motor.figures.short_term / 0.06 - 1):.3g} %"
