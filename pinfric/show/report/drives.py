@@ -41,7 +41,7 @@ def brake_table(report: SizingReport) -> Table:
     """Say which joints hold without power, what their brakes must bear, and which ones do."""
     rows = []
     for joint, still in zip(report.joints, report.standstills, strict=True):
-        brake = still.criteria[-1]
+        brake = still.criteria[1]
         rows.append(
             (
                 joint.name,
@@ -62,7 +62,7 @@ def brake_table(report: SizingReport) -> Table:
         Column("smallest brake", Kind.WORDS),
         Column("\nmargin"),
     )
-    title = "without power, anywhere along the cycle: friction helping most\N{EN DASH}least"
+    title = "without power, anywhere along the cycle: friction helping most\N{EN DASH}not at all"
     return Table(title, columns, rows)
 
 

@@ -96,7 +96,9 @@ def caveats(
         "Each motor and gear is a point mass on its joint's parent link, at the joint's origin; "
         "the first joint's stands on the ground.",
         "Any motor is taken to fit any gear, any brake any motor; couplings, housings and brakes "
-        "have no mass. Brakes are chosen by what they hold at rest, not by stops at speed.",
+        "have no mass. "
+        "Brakes are chosen by what they hold at rest and, where printed, by the energy of a stop; "
+        "how far the robot moves until it stands is not judged.",
         "Output bearings carry the joint's whole wrench, about its origin as if that lay on the "
         "output flange; conditions.bearings puts another bearing of the catalogue in their place.",
         "Magnets are taken as cold: the torque constant does not fall with temperature.",

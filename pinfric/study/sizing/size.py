@@ -22,11 +22,9 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.states import MotionLike, States
+from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.couples import delivery, taking_part
-from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.springs import softest
@@ -59,6 +57,7 @@ from pinfric.study.sizing.demand import (
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, candidates, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool
+from pinfric.study.sizing.inertia import load_inertias
 from pinfric.study.sizing.power import BusPower, bus_power
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -494,31 +493,6 @@ def gear_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> GearDema
     carried = screw_load(cycle) if demand.unit == "N" else demand.bearing
     return GearDemand(demand.name, demand.unit, demand.peak_frictionless, demand.speed,
                       demand.mean_speed, cubic, carried, demand.travel)  # fmt: skip
-
-
-def load_inertias(result: InverseResult) -> np.ndarray:
-    """Return (na,) the largest `joint_inertias` over a motion.
-
-    Args:
-        result: of inverse dynamics.
-    """
-    return np.asarray(joint_inertias(result.scene, result.states).max(axis=0))
-
-
-def joint_inertias(scene: Scene, states: States) -> np.ndarray:
-    """Return (T, na) M_jj(q): the inertia about each drive's joint, kg m^2 (kg).
-
-    Payloads count while they are carried; rotors (Pinocchio's armature) do not. Of coupled drives
-    it is what moves with one while the others stand, (P M P^T)_jj.
-    """
-    own = np.array([drive.velocity_index for drive in scene.drives], dtype=np.int64)
-    P, found = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
-    for start, stop, carried in states.phases(scene):
-        mass = mass_matrices(scene.twin(carried), states.q[start:stop])
-        found[start:stop] = mass[:, own, own]
-        for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
-            found[start:stop, d] = np.einsum("a,nab,b->n", P[d], mass[:, own][:, :, own], P[d])
-    return found
 
 
 def yielding(
