@@ -33,11 +33,12 @@ from pinfric.study.retime.tables import (
     rates_of,
 )
 from pinfric.study.retime.thermal import Cycle, within_continuous
-from pinfric.study.sizing.criteria import Case, Limit, check, instant_limits
+from pinfric.study.sizing.criteria import check, instant_limits
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import drive_cycle, gear_demand, hold_samples
 from pinfric.study.sizing.drivetrain import motor_cycle
 from pinfric.study.sizing.inertia import load_inertias
+from pinfric.study.sizing.limit import Case, Limit
 from pinfric.study.sizing.size import BASE_AXES, depth
 from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.summary import rms as root_mean_square

@@ -9,9 +9,10 @@ from functools import cached_property
 from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions
-from pinfric.study.sizing.criteria import Case, check, missing_figures
+from pinfric.study.sizing.criteria import check, missing_figures
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, motor_cycle
+from pinfric.study.sizing.limit import Case
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,11 @@ import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.model.drives import motor_torque_bounds
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criteria import LIMITS, Case, Limit, add_limit, check
+from pinfric.study.sizing.criteria import LIMITS, add_limit, check
 from pinfric.study.sizing.criterion import Status, compare
 from pinfric.study.sizing.demand import DriveCycle
 from pinfric.study.sizing.drivetrain import gear_transmission, motor_cycle, motor_with_gear
+from pinfric.study.sizing.limit import Case, Limit
 from pinfric.study.sizing.rules import gear_life, load_factor, optimum_ratio, resonance
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB

@@ -28,7 +28,7 @@ import pinfric as pf
 from pinfric.errors import CatalogError, SizingError, StateError
 from pinfric.study.sizing.assess import assess, lightest
 from pinfric.study.sizing.catalog import load_catalog
-from pinfric.study.sizing.criteria import Case
+from pinfric.study.sizing.limit import Case
 from pinfric.study.summary import summarize
 
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
