@@ -93,16 +93,30 @@ class Problem:
             return np.array([x.least(signal) for x in limits])
 
         return Scan(
-            step=grid.step, start=grid.start, end=grid.end, stop=grid.stop,
-            effort=self.tables.effort, gram=self.tables.gram, rate=rate,
-            curvature=curvature, top=np.minimum(top, 1e15), way=grid.way, mode=self.mode,
-            constant=self.constant, laws=self.scene.site_tables.laws,
+            step=grid.step,
+            start=grid.start,
+            end=grid.end,
+            stop=grid.stop,
+            effort=self.tables.effort,
+            gram=self.tables.gram,
+            rate=rate,
+            curvature=curvature,
+            top=np.minimum(top, 1e15),
+            way=grid.way,
+            mode=self.mode,
+            constant=self.constant,
+            laws=self.scene.site_tables.laws,
             gears=gear_table([drive.transmission for drive in drives], stick),
-            peak=least("motor torque"), stall=np.array([x.stall_torque for x in limits]),
-            no_load_speed=np.array([x.no_load_speed for x in limits]), effort_limit=least("effort"),
-            acceleration=least("acceleration"), work=np.empty((self.tables.gram.shape[1], 3)),
-            head=np.empty(8), holes=np.zeros(1, dtype=np.int64), **self._sites,
-        )  # fmt: skip
+            peak=least("motor torque"),
+            stall=np.array([x.stall_torque for x in limits]),
+            no_load_speed=np.array([x.no_load_speed for x in limits]),
+            effort_limit=least("effort"),
+            acceleration=least("acceleration"),
+            work=np.empty((self.tables.gram.shape[1], 3)),
+            head=np.empty(8),
+            holes=np.zeros(1, dtype=np.int64),
+            **self._sites,
+        )
 
     def solve(self) -> Profile:
         """Return the fastest profile.
@@ -122,9 +136,13 @@ class Problem:
         return replace(self, limits=(*self.limits[:d], limits, *self.limits[d + 1 :]))
 
     def states(
-        self, s: np.ndarray, piece: np.ndarray, x: np.ndarray, u: np.ndarray,
+        self,
+        s: np.ndarray,
+        piece: np.ndarray,
+        x: np.ndarray,
+        u: np.ndarray,
         attached: np.ndarray | None = None,
-    ) -> InverseResult:  # fmt: skip
+    ) -> InverseResult:
         """Return inverse dynamics at places of the path, as states without order.
 
         Args:
@@ -158,8 +176,10 @@ class Problem:
             x, u = np.empty(n + 1), np.empty((n, 2))
             scan = self.with_limits(k, DriveLimits()).scan()
             if fastest(box_scan(scan), x, u) != interval:
-                return (f"{where}: drive {drive.name!r} cannot follow the path on from there at "
-                        "any speed; a stronger drive, or less curvature")  # fmt: skip
+                return (
+                    f"{where}: drive {drive.name!r} cannot follow the path on from there at "
+                    "any speed; a stronger drive, or less curvature"
+                )
         return f"{where}: several drives together cannot follow the path at any speed"
 
     def place(self, piece: int, s: float) -> str:

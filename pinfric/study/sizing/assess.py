@@ -106,8 +106,9 @@ def own_bearing(
         return entry.ratings.model_copy(update={"source": entry.ratings.source or entry.source})
     rated = [known for known, other in catalog.bearings.items() if other.ratings is not None]
     what = "has no `ratings`" if name in catalog.bearings else "is not in the catalogue"
-    raise CatalogError(f"conditions.bearings.{joint}: the bearing {name!r} {what}; "
-                       f"{choose_from(name, rated)}")  # fmt: skip
+    raise CatalogError(
+        f"conditions.bearings.{joint}: the bearing {name!r} {what}; {choose_from(name, rated)}"
+    )
 
 
 def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:

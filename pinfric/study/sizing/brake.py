@@ -165,9 +165,11 @@ def _use(still: InverseResult, i: int, pose: int) -> tuple[float | None, bool | 
     scene, effort = still.scene, still.effort_frictionless[pose].copy()
     effort[i] = 0.0
     carried = still.states.attached
-    attached = None if carried is None else [
-        name for name, on in zip(scene.payloads, carried[pose], strict=True) if on
-    ]  # fmt: skip
+    attached = (
+        None
+        if carried is None
+        else [name for name, on in zip(scene.payloads, carried[pose], strict=True) if on]
+    )
     given = {"effort": effort}
     ratios = [None if d.transmission is None else d.transmission.ratio for d in scene.drives]
     if None not in ratios:
@@ -183,8 +185,17 @@ def _unpowered(use: float | None, held: bool | None) -> Criterion:
     formula = "static friction needed / its limit <= 1, power off and all other joints held"
     if held is not False:
         return compare(_HOLDING, use, 1.0, "", formula, _STATICS, "a statics that is decided")
-    return Criterion(_HOLDING, Status.NOT_REQUIRED, None, 1.0, "", None, formula, _STATICS,
-                     "it moves: friction alone does not hold it")  # fmt: skip
+    return Criterion(
+        _HOLDING,
+        Status.NOT_REQUIRED,
+        None,
+        1.0,
+        "",
+        None,
+        formula,
+        _STATICS,
+        "it moves: friction alone does not hold it",
+    )
 
 
 def _ranked(brakes: Mapping[str, Brake]) -> list[str]:
@@ -247,9 +258,12 @@ def _energy(
 
 def _described(brake: Brake) -> str:
     parts = [f"{brake.torque:g} N m"]
-    for value, text in ((brake.voltage, "{:g} V"), (brake.power, "{:g} W"),
-                        (brake.release_time, "opens in {:g} s"),
-                        (brake.engage_time, "closes in {:g} s"),
-                        (brake.stop_energy, "{:g} J a stop")):  # fmt: skip
+    for value, text in (
+        (brake.voltage, "{:g} V"),
+        (brake.power, "{:g} W"),
+        (brake.release_time, "opens in {:g} s"),
+        (brake.engage_time, "closes in {:g} s"),
+        (brake.stop_energy, "{:g} J a stop"),
+    ):
         parts += [text.format(value)] if value is not None else []
     return ", ".join(parts) + f" ({brake.grade}: {brake.source})"

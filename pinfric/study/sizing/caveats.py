@@ -105,9 +105,11 @@ def caveats(
     ]
     notes.append(_of_friction(scene))
     if not conditions.mass_in_urdf:
-        text = ("The URDF's links are taken to be without drives: if they have some, these count "
-                "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
-                "(`extends: default` keeps the bundled entries).")  # fmt: skip
+        text = (
+            "The URDF's links are taken to be without drives: if they have some, these count "
+            "twice. Name their masses in conditions.mass_in_urdf, in a catalogue file "
+            "(`extends: default` keeps the bundled entries)."
+        )
         notes.insert(1 + len(opening), text)
     if any(drive.transmission is not None for drive in scene.drives):
         notes.append("The scene's transmissions are replaced by the candidates'.")
@@ -117,8 +119,9 @@ def caveats(
 def _of_the_motion(gaps: Sequence[str], jumps: Sequence[str]) -> list[str]:
     opening = []
     if jumps:
-        opening.append(f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as "
-                       "a cycle.")  # fmt: skip
+        opening.append(
+            f"{'; '.join(jumps)}: the way there takes no time and no torque; add it as a cycle."
+        )
     if gaps:
         more = f" and {len(gaps) - _MOST_GAPS} more" if len(gaps) > _MOST_GAPS else ""
         opening.append(

@@ -370,7 +370,9 @@ def motor_with_gear(
         transmission, losses = gear_transmission(gear, ratio, inertia or 0.0)
     several = f", i = {ratio:g}" if len(gear.ratios) > 1 else ""
     return Candidate(
-        name=f"{motor_name} + {gear_name}{several}", motor=motor_name, gear_name=gear_name,
+        name=f"{motor_name} + {gear_name}{several}",
+        motor=motor_name,
+        gear_name=gear_name,
         ratio=ratio,
         ratings=ratings_of(motor),
         at_output=False,
@@ -383,12 +385,17 @@ def motor_with_gear(
         rotor_inertia=inertia,
         back_driving_torque=gear.back_driving_torque,
         bearing=gear.bearing,
-        stand_ins=tuple(f"{figure.replace('_', ' ')}: {whose}"
-                        for entry in (motor, gear) for figure, whose in entry.stand_ins.items()),
+        stand_ins=tuple(
+            f"{figure.replace('_', ' ')}: {whose}"
+            for entry in (motor, gear)
+            for figure, whose in entry.stand_ins.items()
+        ),
         losses=losses,
-        sources=(f"{motor_name}: {motor.source} ({motor.grade})",
-                 f"{gear_name}: {gear.source} ({gear.grade})"),
-    )  # fmt: skip
+        sources=(
+            f"{motor_name}: {motor.source} ({motor.grade})",
+            f"{gear_name}: {gear.source} ({gear.grade})",
+        ),
+    )
 
 
 def motor_alone(name: str, ratings: Ratings, **figures: Any) -> Candidate:
@@ -446,11 +453,15 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
         assert gear.rated_torque is not None  # the schema requires it
         t, running = gear.rated_torque / ratio, gear.no_load_running_torque
         whole, eta = eta, min(t / (t + load_part(eta, t, running)), 1.0)
-        text = (f"efficiency {whole:.3g} at rated torque = {eta:.3f} load-proportional and "
-                f"{running:.3g} N m no-load")  # fmt: skip
+        text = (
+            f"efficiency {whole:.3g} at rated torque = {eta:.3f} load-proportional and "
+            f"{running:.3g} N m no-load"
+        )
     else:  # without the running torque it cannot be taken out of the efficiency
-        text = (f"efficiency {eta:.3g} at any load (its no-load part is not known: part loads come "
-                "out too well)")  # fmt: skip
+        text = (
+            f"efficiency {eta:.3g} at any load (its no-load part is not known: part loads come "
+            "out too well)"
+        )
     text += "; backwards "
     if back is not None:
         text += f"{back:.3f}"
@@ -463,9 +474,14 @@ def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[T
     else:
         back = 2 - 1 / eta
         text += f"{back:.3f} = 2 - 1/eta, the same loss both ways (assumed)"
-    values |= {"ratio": ratio, "efficiency": eta, "back_efficiency": back,
-               "rotor_inertia": rotor_inertia, "stiffness": gear.stiffness,
-               "hysteresis": gear.hysteresis}  # fmt: skip
+    values |= {
+        "ratio": ratio,
+        "efficiency": eta,
+        "back_efficiency": back,
+        "rotor_inertia": rotor_inertia,
+        "stiffness": gear.stiffness,
+        "hysteresis": gear.hysteresis,
+    }
     return Transmission.model_construct(**values), text  # the figures were validated in the entry
 
 
@@ -483,9 +499,13 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
     assert candidate.transmission is not None
     t = cycle.stretched
     lower, upper = gear_torque_bounds(
-        candidate.gears, cycle.effort_lower, cycle.effort_upper, cycle.velocity,
-        cycle.acceleration, cycle.at_rest,
-    )  # fmt: skip
+        candidate.gears,
+        cycle.effort_lower,
+        cycle.effort_upper,
+        cycle.velocity,
+        cycle.acceleration,
+        cycle.at_rest,
+    )
     speed = candidate.ratio * cycle.velocity
     if candidate.at_output:
         lower, upper, speed = lower * candidate.ratio, upper * candidate.ratio, cycle.velocity
@@ -504,16 +524,21 @@ def motor_cycle(candidate: Candidate, cycle: DriveCycle, conditions: Conditions)
         peak=largest(worst),
         rms=rms(t, worst),
         rms_least=rms(t, least),
-        max_speed=largest(speed), mean_speed=mean_speed,
+        max_speed=largest(speed),
+        mean_speed=mean_speed,
         holding=(largest(least[hold]), largest(worst[hold])) if hold.any() else None,
         peak_temperature=None if winding is None else winding.peak,
         mean_temperature=mean_temperature,
-        driving_power=drawn[0], braking_power=drawn[1], energy=drawn[2], regenerated=drawn[3],
+        driving_power=drawn[0],
+        braking_power=drawn[1],
+        energy=drawn[2],
+        regenerated=drawn[3],
         standing=largest(worst[cycle.standing]) if cycle.standing.any() else None,
         short_term=settled_heat(cycle.t, worst, lag, cycle.duty),
-        overloaded_standstill=None if limit is None else longest_above(
-            cycle.t, worst, limit, cycle.standing, cycle.duty),
-    )  # fmt: skip
+        overloaded_standstill=None
+        if limit is None
+        else longest_above(cycle.t, worst, limit, cycle.standing, cycle.duty),
+    )
     return MotorCycle(lower, upper, speed, current, winding, power, copper, figures)
 
 
@@ -598,9 +623,11 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
     missing = ("rotor inertia",) if entry.rotor_inertia is None else ()
     friction = entry.friction
     values: dict[str, Any] = {
-        "ratio": entry.ratio, "efficiency": 1.0, "back_efficiency": 1.0,
+        "ratio": entry.ratio,
+        "efficiency": 1.0,
+        "back_efficiency": 1.0,
         "rotor_inertia": entry.rotor_inertia or 0.0,
-    }  # fmt: skip
+    }
     losses = "inside the maker's ratings at the output"
     if friction is not None:  # at the output: effort (1 + l) + base + viscous v
         values["efficiency"] = 1 / (1 + friction.load_dependent)
@@ -609,7 +636,10 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         values["motor_viscous"] = linear_drag(friction.viscous / entry.ratio**2)
         losses = "identified friction at the output: base, load-dependent, viscous"
     return Candidate(
-        name=name, motor=name, gear_name=None, ratio=entry.ratio,
+        name=name,
+        motor=name,
+        gear_name=None,
+        ratio=entry.ratio,
         ratings=ratings_of(entry),
         at_output=True,
         linear=entry.output == "linear",
@@ -624,4 +654,4 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         stand_ins=tuple(f"{f.replace('_', ' ')}: {whose}" for f, whose in entry.stand_ins.items()),
         losses=losses,
         sources=(f"{name}: {entry.source} ({entry.grade})",),
-    )  # fmt: skip
+    )

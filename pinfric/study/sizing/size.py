@@ -128,8 +128,10 @@ class JointSizing:
         if self.nearest is None:
             first = self.assessments[0]
             return f"{self.name}: no candidate can be judged; {first.candidate.name}: {first.why}"
-        return (f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
-                f"is {self.nearest.candidate.name}: {self.nearest.why}")  # fmt: skip
+        return (
+            f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
+            f"is {self.nearest.candidate.name}: {self.nearest.why}"
+        )
 
 
 @dataclass(frozen=True)
@@ -175,9 +177,9 @@ class SizingReport(Shown):
                 "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
                 "misses": listed([joint.name for joint in self.joints if joint.miss]),
                 "mass": (f"{self.chosen_mass:.3g} kg of drives" if chosen else "no drive fits")
-                        + f"; {settled} after "
-                        + counted(self.passes, "pass", "passes"),
-            }  # fmt: skip
+                + f"; {settled} after "
+                + counted(self.passes, "pass", "passes"),
+            }
         title = (
             f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {self.period:.4g} s"
         )
@@ -238,8 +240,9 @@ class SizingReport(Shown):
         if self.catalog is None:
             return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
-        found = [(joint.name, still.criteria)
-                 for joint, still in zip(self.joints, wanted, strict=False)]  # fmt: skip
+        found = [
+            (joint.name, still.criteria) for joint, still in zip(self.joints, wanted, strict=False)
+        ]
         return _failing([*found, ("bus", self.bus.criteria), *whole])
 
     def check(self) -> None:
@@ -357,8 +360,11 @@ class _Sizing:
                     taken[i] = assessment
             settled = _names(taken) == before
         if not settled:
-            warnings.warn(f"the choice of drives still alternates after {passes} passes",
-                          PinfricWarning, stacklevel=3)  # fmt: skip
+            warnings.warn(
+                f"the choice of drives still alternates after {passes} passes",
+                PinfricWarning,
+                stacklevel=3,
+            )
         joints = tuple(self._compared(i, self.joint(i, taken)) for i in drives)
         chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
@@ -366,14 +372,20 @@ class _Sizing:
         duty = self.duty or once(len(without.states.q))
         gaps = unclosed(without, duty)
         return SizingReport(
-            scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
-            trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
+            scene=equipped,
+            given=self.scene,
+            catalog=self.catalog,
+            conditions=self.conditions,
+            trajectory=str(getattr(self.trajectory, "source", "motion")),
+            joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without, duty=duty,
-            passes=passes, settled=settled,
+            result_without_masses=without,
+            duty=duty,
+            passes=passes,
+            settled=settled,
             notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
             unclosed=gaps,
-        )  # fmt: skip
+        )
 
     def joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
         """Judge all candidates for one joint, with the drives beyond it in the model."""
@@ -469,9 +481,12 @@ class _Sizing:
             demand = joint_demand(result, i, alone)
             choice = lightest(offers, self._case(i, demand, alone, inertia))
         return replace(
-            joint, demand_without_masses=demand, motor=motor,
-            choice_frictionless=frictionless, choice_without_masses=choice,
-        )  # fmt: skip
+            joint,
+            demand_without_masses=demand,
+            motor=motor,
+            choice_frictionless=frictionless,
+            choice_without_masses=choice,
+        )
 
 
 def holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
@@ -491,8 +506,16 @@ def gear_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> GearDema
     """
     cubic = average_output_effort(cycle.stretched, cycle.effort_frictionless, cycle.velocity)
     carried = screw_load(cycle) if demand.unit == "N" else demand.bearing
-    return GearDemand(demand.name, demand.unit, demand.peak_frictionless, demand.speed,
-                      demand.mean_speed, cubic, carried, demand.travel)  # fmt: skip
+    return GearDemand(
+        demand.name,
+        demand.unit,
+        demand.peak_frictionless,
+        demand.speed,
+        demand.mean_speed,
+        cubic,
+        carried,
+        demand.travel,
+    )
 
 
 def yielding(
@@ -559,10 +582,16 @@ def without_drives(scene: Scene, names: Collection[str]) -> Scene:
         names: of the drives that others replace.
     """
     changed = {
-        name: entry.model_copy(update={key: term.scaled(0.0) for key, term in entry
-                                       if key in ("coulomb", "viscous") and term})
-        for name, entry in scene.friction.items() if name in names and entry.includes_drive
-    }  # fmt: skip
+        name: entry.model_copy(
+            update={
+                key: term.scaled(0.0)
+                for key, term in entry
+                if key in ("coulomb", "viscous") and term
+            }
+        )
+        for name, entry in scene.friction.items()
+        if name in names and entry.includes_drive
+    }
     return replace(scene, friction={**scene.friction, **changed}) if changed else scene
 
 
@@ -571,8 +600,10 @@ def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> list[Actua
     given = scene.actuators
     if given is None:
         given = [Actuator(joint=drive.name) for drive in scene.drives]
-    return [a.model_copy(update={"transmission": gears[a.drive_name]})
-            if a.drive_name in gears else a for a in given]  # fmt: skip
+    return [
+        a.model_copy(update={"transmission": gears[a.drive_name]}) if a.drive_name in gears else a
+        for a in given
+    ]
 
 
 def _loads(scene: Scene, drive: int, actuator: int) -> bool:
@@ -612,5 +643,7 @@ def check_names(scene: Scene, conditions: Conditions) -> None:
     for key in ("mass_in_urdf", "collision_effort", "bearings"):
         for name in getattr(conditions, key):
             if name not in scene.actuator_names:
-                raise CatalogError(f"conditions.{key}: there is no drive {name!r}; "
-                                   f"{choose_from(name, scene.actuator_names)}")  # fmt: skip
+                raise CatalogError(
+                    f"conditions.{key}: there is no drive {name!r}; "
+                    f"{choose_from(name, scene.actuator_names)}"
+                )

@@ -30,13 +30,19 @@ def arm():
         model.appendBodyToJoint(parent, body, pin.SE3.Identity())
         place = pin.SE3(np.eye(3), np.array([LENGTH, 0, 0]))
     friction = {
-        f"joint_{j + 1}": {"bearing": {"kind": "pin", "radius": RADIUS[j]},
-                           "coulomb": {"static": 0.0, "kinetic": 0.0},
-                           "mu": {"static": MU, "kinetic": MU}}
+        f"joint_{j + 1}": {
+            "bearing": {"kind": "pin", "radius": RADIUS[j]},
+            "coulomb": {"static": 0.0, "kinetic": 0.0},
+            "mu": {"static": MU, "kinetic": MU},
+        }
         for j in range(2)
-    }  # fmt: skip
-    gear = {"ratio": RATIO, "efficiency": ETA, "back_efficiency": 2 - 1 / ETA,
-            "no_load_torque": NO_LOAD}  # fmt: skip
+    }
+    gear = {
+        "ratio": RATIO,
+        "efficiency": ETA,
+        "back_efficiency": 2 - 1 / ETA,
+        "no_load_torque": NO_LOAD,
+    }
     actuators = [{"joint": f"joint_{j + 1}", "transmission": gear} for j in range(2)]
     return pf.Scene(model=model, friction=friction, actuators=actuators)
 
@@ -49,9 +55,12 @@ def searched(joint):
         outer = MASS * G * LENGTH / 2 * np.cos(q1 + q2)
         load = -(outer if joint else outer + 1.5 * MASS * G * LENGTH * np.cos(q1))
         efforts = load + np.linspace(-limit, limit, 2001)
-        motors = [(u + share * (1 / ETA - 1) * abs(u)) / RATIO + no_load
-                  for u, share, no_load in product(efforts[::20], (-1.0, 1.0, 0.0),
-                                                   np.linspace(-NO_LOAD, NO_LOAD, 5))]  # fmt: skip
+        motors = [
+            (u + share * (1 / ETA - 1) * abs(u)) / RATIO + no_load
+            for u, share, no_load in product(
+                efforts[::20], (-1.0, 1.0, 0.0), np.linspace(-NO_LOAD, NO_LOAD, 5)
+            )
+        ]
         ends = min(motors), max(motors)
         least = max(least, np.abs(efforts).min())
         most = max(most, abs(load))
@@ -90,8 +99,9 @@ def test_a_brake_bears_a_payload_where_it_is_carried_and_only_there():
     tip = pin.SE3(np.eye(3), np.array([LENGTH, 0, 0]))
     model.addFrame(pin.Frame("hand", 2, tip, pin.FrameType.BODY))
     box = {"link": "hand", "mass": mass, "com": [0.0, 0.0, 0.0], "attached": False}
-    scene = pf.Scene(model=model, friction=whole.friction, actuators=whole.actuators,
-                     payloads={"box": box})  # fmt: skip
+    scene = pf.Scene(
+        model=model, friction=whole.friction, actuators=whole.actuators, payloads={"box": box}
+    )
     t, zero = np.arange(4.0), np.zeros((4, 2))
     for carried in ([False, True, False, False], [False] * 4):
         motion = pf.Trajectory.from_arrays(scene, t, POSES, zero, zero, {"box": carried})
@@ -105,8 +115,10 @@ def test_a_brake_bears_a_payload_where_it_is_carried_and_only_there():
 
 
 def brakes(*torques):
-    return {f"B{torque:g}": {"source": "invented", "grade": "R", "torque": torque, "voltage": 24.0}
-            for torque in torques}  # fmt: skip
+    return {
+        f"B{torque:g}": {"source": "invented", "grade": "R", "torque": torque, "voltage": 24.0}
+        for torque in torques
+    }
 
 
 def sized(tmp_path, torques, wanted, on_miss="ignore"):
@@ -131,9 +143,14 @@ def test_the_smallest_brake_that_bears_it_is_taken(tmp_path):
 
 def test_of_brakes_with_equal_torque_the_lightest_is_taken():
     same = {"source": "invented", "grade": "R", "torque": 9.0}
-    of_mass = {"weak": {"torque": 0.01}, "unknown": {}, "heavy": {"mass": 0.3, "power": 5.0},
-               "light": {"mass": 0.2, "power": 9.0}, "cool": {"mass": 0.2, "power": 8.0},
-               "strong": {"torque": 10.0, "mass": 0.1}}  # fmt: skip
+    of_mass = {
+        "weak": {"torque": 0.01},
+        "unknown": {},
+        "heavy": {"mass": 0.3, "power": 5.0},
+        "light": {"mass": 0.2, "power": 9.0},
+        "cool": {"mass": 0.2, "power": 8.0},
+        "strong": {"torque": 10.0, "mass": 0.1},
+    }
     brakes = {name: Brake(**same | more) for name, more in of_mass.items()}
     scene = arm()
     found = standstills(pf.inverse_dynamics(scene, still(scene)), brakes, Conditions())
