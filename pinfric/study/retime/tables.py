@@ -134,14 +134,22 @@ def make_grid(
         end.append(count + own[1:] - np.isin(np.arange(1, len(s)), double))
         stop.append(np.arange(len(s) - 1) == 0)
         way.append(np.sign(first(0.5 * (s[:-1] + s[1:])) @ drives.T))
-        rows.append((places, np.full(len(places), p), piece(places), first(places),
-                     second(places)))  # fmt: skip
+        rows.append((places, np.full(len(places), p), piece(places), first(places), second(places)))
         count += len(places)
     s, of, q, q1, q2 = (np.concatenate(column) for column in zip(*rows, strict=True))
     rate, curvature = np.zeros((2, count, max(velocity) + 1))
     rate[:, velocity], curvature[:, velocity] = q1, q2
-    return Grid(s, of, q, rate, curvature, np.concatenate(start), np.concatenate(end),
-                np.concatenate([*stop, [True]]), np.concatenate(way))  # fmt: skip
+    return Grid(
+        s,
+        of,
+        q,
+        rate,
+        curvature,
+        np.concatenate(start),
+        np.concatenate(end),
+        np.concatenate([*stop, [True]]),
+        np.concatenate(way),
+    )
 
 
 def carried_names(scene: Scene, path: Path, piece: int) -> tuple[str, ...] | None:
@@ -169,8 +177,11 @@ def make_tables(scene: Scene, path: Path, columns: tuple[JointColumn, ...], grid
         rows = np.concatenate([np.arange(part.start, part.stop) for part in parts])
         twin = scene.twin(names)
         at_rest = np.zeros_like(grid.rate[rows])
-        states = ((at_rest, at_rest), (grid.rate[rows], grid.curvature[rows]),
-                  (at_rest, grid.rate[rows]))  # fmt: skip
+        states = (
+            (at_rest, at_rest),
+            (grid.rate[rows], grid.curvature[rows]),
+            (at_rest, grid.rate[rows]),
+        )
         found = [_wrenches_and_efforts(twin, q[rows], v, a, nt > 0) for v, a in states]
         for k, (_, effort) in enumerate(found):
             tables.effort[rows, :, k] = effort if k == 0 else effort - found[0][1]

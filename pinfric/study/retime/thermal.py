@@ -84,8 +84,10 @@ class _Barrier:
         self.scan, self.cycle = box_scan(scan), cycle
         self.names = problem.scene.actuator_names
         self.step, self.free = grid.step, ~grid.stop
-        top = np.minimum(scan.top[np.append(scan.start, scan.end[-1])],
-                         scan.top[np.append(scan.start[0], scan.end)])  # fmt: skip
+        top = np.minimum(
+            scan.top[np.append(scan.start, scan.end[-1])],
+            scan.top[np.append(scan.start[0], scan.end)],
+        )
         self.top = np.where(top < 1e14, top, np.inf)
         self.judged = np.isfinite(cycle.limit)
         #: Weight of a mean square beside a limit of one place, of which there are many.
@@ -143,8 +145,10 @@ class _Barrier:
                 return float(brentq(left, slower, faster, xtol=1e-10)) * (1.0 - 1e-9)
         worst = int(np.argmin(self.slack(fast.x * 1e-4)))
         name = [n for n, judged in zip(self.names, self.judged, strict=True) if judged][worst]
-        raise RetimeError(f"drive {name!r} exceeds its continuous torque however slow the motion "
-                          "is: it holds too much; a larger motor, or shorter holds")  # fmt: skip
+        raise RetimeError(
+            f"drive {name!r} exceeds its continuous torque however slow the motion is: it holds "
+            "too much; a larger motor, shorter holds, or heat=False (--no-heat) if it is done once"
+        )
 
     def constraints(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 2 sides, 2): u - low and high - u at both ends; and u (n,)."""
@@ -189,8 +193,9 @@ class _Barrier:
         band[1, :-1][fixed[1:]] = 0.0
         solved = solveh_banded(band, np.column_stack((-gradient, columns)), lower=True)
         way, reach = solved[:, 0], solved[:, 1:]
-        way = way - reach @ np.linalg.solve(np.eye(columns.shape[1]) + columns.T @ reach,
-                                            columns.T @ way)  # fmt: skip
+        way = way - reach @ np.linalg.solve(
+            np.eye(columns.shape[1]) + columns.T @ reach, columns.T @ way
+        )
         now, slope = self.value(x, weight), float(gradient @ way)
         size = min(1.0, 0.99 / max(float((-way[self.free] / x[self.free]).max()), 0.99))
         while size > 1e-10:
@@ -252,9 +257,11 @@ class _Barrier:
             products = 2.0 * (_outer(a, a) + _outer(b, b)) + _outer(a, b) + _outer(b, a)
             gradient += part * own
             hessian += part * (
-                time[:, None, None] * products / 3.0 + _outer(first, grown) + _outer(grown, first)
+                time[:, None, None] * products / 3.0
+                + _outer(first, grown)
+                + _outer(grown, first)
                 + second * (square[:, d] - limit)[:, None, None]
-            )  # fmt: skip
+            )
             columns[:-1, c] += own[:, 0]
             columns[1:, c] += own[:, 1]
             columns[:, c] *= part / np.sqrt(self.heavy * weight)

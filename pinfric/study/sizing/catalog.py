@@ -86,7 +86,38 @@ class Thermal(Entry):
     ] = None
 
 
-class Motor(Sourced):
+class Rated(Sourced):
+    """What continuous ratings refer to."""
+
+    rated_ambient: Annotated[
+        Number, key("temperature around it to which the continuous ratings refer", 40.0, "deg C")
+    ] = REFERENCE_TEMPERATURE
+    ambient_curve: Annotated[
+        tuple[tuple[Number, NonNegative], ...] | None,
+        key(
+            "the maker's derating, points of ambient temperature (deg C) and part of the "
+            "continuous ratings",
+            [[40.0, 1.0], [60.0, 0.8]],
+        ),
+    ] = None
+    thermal_time: Annotated[
+        Positive | None,
+        key(
+            "thermal time constant of the whole motor, where one is all that is printed",
+            1500.0,
+            "s",
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _curve_rises_in_temperature(self) -> Rated:
+        at = [point[0] for point in self.ambient_curve or ()]
+        if any(b <= a for a, b in pairwise(at)) or len(at) == 1:
+            raise ValueError("ambient_curve: points [deg C, part], ascending in deg C, two or more")
+        return self
+
+
+class Motor(Rated):
     """A motor: torques and speeds at its shaft."""
 
     continuous_torque: Annotated[Positive | None, key("that it bears for ever", 0.45, "N m")] = None
@@ -107,9 +138,19 @@ class Motor(Sourced):
         None
     )
     torque_constant: Annotated[Positive | None, key("torque per current", 0.075, "N m/A")] = None
-    resistance: Annotated[
-        Positive | None, key("from terminal to terminal at 25 C", 0.35, "Ohm")
-    ] = None
+    current: Annotated[
+        Literal["dc", "rms", "peak"],
+        key(
+            "which ampere the torque constant and the current are printed for: of DC or block "
+            "commutation, RMS or peak of a sinusoidal phase current",
+            "rms",
+        ),
+    ] = "dc"
+    resistance: Annotated[Positive | None, key("of the winding at 25 C", 0.35, "Ohm")] = None
+    resistance_of: Annotated[
+        Literal["terminals", "phase"],
+        key("whether that is from terminal to terminal or of one phase to the star point", "phase"),
+    ] = "terminals"
     rotor_inertia: Annotated[Positive | None, key("of the rotor", 3e-05, "kg m^2")] = None
     mass: Annotated[Positive | None, key("of the motor", 0.6, "kg")] = None
     max_speed: Annotated[Positive | None, key("permissible", 600.0, "rad/s")] = None
@@ -154,7 +195,7 @@ class OutputFriction(Entry):
     viscous: Annotated[NonNegative, key("per speed of the output", 0.2, "N m s/rad or N s/m")] = 0.0
 
 
-class GearMotor(Sourced):
+class GearMotor(Rated):
     """Motor and gear in one: torques, speeds and friction at the output, rotor at the motor.
 
     Where `output` is linear these are N, m/s and, of a linear motor (ratio 1), the mass that moves
@@ -599,7 +640,8 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         CatalogError: it cannot be read, has unknown keys or figures that cannot be.
 
     Warns:
-        PinfricWarning: a figure is so unusual that a wrong unit is likelier.
+        PinfricWarning: a figure is so unusual that a wrong unit is likelier; an entry replaces a
+            bundled one of its name.
     """
     if str(name) == DEFAULT and not os.path.isfile(name):
         catalog = _merged(DEFAULT, _bundled())
@@ -610,7 +652,10 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
                 f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
                 "`extends: default` takes the bundled ones"
             )
-        catalog = _merged(str(name), [*(_bundled() if file.extends else ()), file])
+        bundled = _bundled() if file.extends else ()
+        catalog = _merged(str(name), [*bundled, file])
+        for text in _replaced(bundled, file):
+            warnings.warn(f"{name}: {text}", PinfricWarning, stacklevel=2)
     for where, text in _doubts(catalog):
         warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
     return catalog
@@ -643,6 +688,15 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
         for section in _SECTIONS
     }
     return Catalog(source, **entries, conditions=files[-1].conditions or Conditions())
+
+
+def _replaced(bundled: Sequence[CatalogFile], file: CatalogFile) -> Iterator[str]:
+    """Say which bundled entries a file's own take the place of."""
+    for section in _SECTIONS:
+        there = {name for other in bundled for name in getattr(other, section)}
+        for name in getattr(file, section):
+            if name in there:
+                yield f"{section}.{name} replaces the bundled entry of that name"
 
 
 def _read(path: Path) -> CatalogFile:

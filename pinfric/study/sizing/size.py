@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -22,11 +22,9 @@ import pinocchio as pin
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.dynamics.samples.states import MotionLike, States
+from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import CatalogError, PinfricWarning, SizingError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.couples import delivery, taking_part
-from pinfric.model.mass_matrix import mass_matrices
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.model.schema import Actuator, Transmission
 from pinfric.model.springs import softest
@@ -36,7 +34,6 @@ from pinfric.study.elastic.motion import Elasticity, elasticity
 from pinfric.study.sizing.assess import (
     Assessment,
     assess,
-    judged,
     lightest,
     nearest_miss,
     own_bearing,
@@ -44,7 +41,7 @@ from pinfric.study.sizing.assess import (
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
-from pinfric.study.sizing.criteria import Case, Criterion, Status
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
     GearDemand,
@@ -52,7 +49,6 @@ from pinfric.study.sizing.demand import (
     average_output_effort,
     drive_cycle,
     driven_joint,
-    gear_demand,
     hold_samples,
     joint_demand,
     screw_load,
@@ -60,7 +56,8 @@ from pinfric.study.sizing.demand import (
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, candidates, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool
-from pinfric.study.sizing.front import DriveSet, Judge, trade_offs
+from pinfric.study.sizing.inertia import load_inertias
+from pinfric.study.sizing.limit import Case
 from pinfric.study.sizing.power import BusPower, bus_power
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -88,7 +85,7 @@ class JointSizing:
         nearest: where none fits, the candidate that comes nearest.
         choice_without_masses: what would have been chosen without the drives' mass.
         choice_frictionless: what would have been chosen without friction in the joints.
-        lacking: why there are no candidates, where a catalogue was given; else empty.
+        nothing_because: why there are no candidates, where a catalogue was given; else empty.
     """
 
     demand: JointDemand
@@ -101,7 +98,7 @@ class JointSizing:
     nearest: Assessment | None = None
     choice_without_masses: Assessment | None = None
     choice_frictionless: Assessment | None = None
-    lacking: str = ""
+    nothing_because: str = ""
 
     @property
     def name(self) -> str:
@@ -124,16 +121,17 @@ class JointSizing:
     @property
     def miss(self) -> str:
         """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
-        if self.choice is not None or (not self.assessments and not self.lacking):
+        if self.choice is not None or (not self.assessments and not self.nothing_because):
             return ""
         if not self.assessments:
-            return f"{self.name}: nothing to choose from: {self.lacking}"
+            return f"{self.name}: nothing to choose from: {self.nothing_because}"
         if self.nearest is None:
-            lacking = self.assessments[0]
-            return (f"{self.name}: no candidate could be judged; {lacking.candidate.name}: "
-                    f"{lacking.why}")  # fmt: skip
-        return (f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
-                f"is {self.nearest.candidate.name}: {self.nearest.why}")  # fmt: skip
+            first = self.assessments[0]
+            return f"{self.name}: no candidate can be judged; {first.candidate.name}: {first.why}"
+        return (
+            f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
+            f"is {self.nearest.candidate.name}: {self.nearest.why}"
+        )
 
 
 @dataclass(frozen=True)
@@ -146,7 +144,6 @@ class SizingReport(Shown):
         trajectory: where the motion came from.
         catalog, conditions: what was chosen from and what was demanded; catalog None: demand only.
         joints: in the order of the scene's drives.
-        judge: sizes a set of drives, joint by joint, with their masses in the model.
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         duty: which samples are which cycle of the period, and how often it is run.
         passes: over all joints, until no choice changed. settled: no choice changed in the last.
@@ -163,7 +160,6 @@ class SizingReport(Shown):
     result: InverseResult
     result_without_masses: InverseResult
     duty: Schedule
-    judge: Judge = field(repr=False, compare=False)
     passes: int
     settled: bool
     notes: tuple[str, ...] = ()
@@ -180,9 +176,10 @@ class SizingReport(Shown):
                 "catalog": file_name(self.catalog.source),
                 "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
                 "misses": listed([joint.name for joint in self.joints if joint.miss]),
-                "mass": f"{self.drive_mass:.3g} kg of drives; {settled} after "
-                        + counted(self.passes, "pass", "passes"),
-            }  # fmt: skip
+                "mass": (f"{self.chosen_mass:.3g} kg of drives" if chosen else "no drive fits")
+                + f"; {settled} after "
+                + counted(self.passes, "pass", "passes"),
+            }
         title = (
             f"{file_name(self.given.source)} · {file_name(self.trajectory)}: {self.period:.4g} s"
         )
@@ -200,6 +197,12 @@ class SizingReport(Shown):
         """Mass of all drives in the model, kg."""
         taken = (joint.taken for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
+
+    @property
+    def chosen_mass(self) -> float:
+        """Mass of the drives that fit, kg."""
+        chosen = (joint.choice for joint in self.joints)
+        return sum(a.candidate.mass or 0.0 for a in chosen if a is not None)
 
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
@@ -225,16 +228,6 @@ class SizingReport(Shown):
         assert t is not None  # size refuses a motion without times
         return bus_power(drives, t, self.duty, self.conditions)
 
-    @cached_property
-    def sets(self) -> tuple[DriveSet, ...]:
-        """Sets of drives that none betters in mass, energy, peak power and price (`front`)."""
-        if any(joint.choice is None for joint in self.joints):
-            return ()
-        fitting = [[a for a in joint.assessments if a.fits] for joint in self.joints]
-        return trade_offs([joint.name for joint in self.joints], fitting,
-                          [joint.cycle for joint in self.joints], self.conditions,
-                          self.judge)  # fmt: skip
-
     @property
     def misses(self) -> tuple[str, ...]:
         """One line for each joint for which no candidate fits."""
@@ -247,8 +240,9 @@ class SizingReport(Shown):
         if self.catalog is None:
             return _failing(whole)
         wanted = self.standstills if self.conditions.holding_brake != "any" else ()
-        found = [(joint.name, still.criteria)
-                 for joint, still in zip(self.joints, wanted, strict=False)]  # fmt: skip
+        found = [
+            (joint.name, still.criteria) for joint, still in zip(self.joints, wanted, strict=False)
+        ]
         return _failing([*found, ("bus", self.bus.criteria), *whole])
 
     def check(self) -> None:
@@ -366,8 +360,11 @@ class _Sizing:
                     taken[i] = assessment
             settled = _names(taken) == before
         if not settled:
-            warnings.warn(f"the choice of drives still alternates after {passes} passes",
-                          PinfricWarning, stacklevel=3)  # fmt: skip
+            warnings.warn(
+                f"the choice of drives still alternates after {passes} passes",
+                PinfricWarning,
+                stacklevel=3,
+            )
         joints = tuple(self._compared(i, self.joint(i, taken)) for i in drives)
         chosen = {i: j.taken for i, j in enumerate(joints) if j.taken is not None}
         equipped = with_masses(self.scene, chosen, self.conditions) if chosen else self.scene
@@ -375,14 +372,20 @@ class _Sizing:
         duty = self.duty or once(len(without.states.q))
         gaps = unclosed(without, duty)
         return SizingReport(
-            scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
-            trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
+            scene=equipped,
+            given=self.scene,
+            catalog=self.catalog,
+            conditions=self.conditions,
+            trajectory=str(getattr(self.trajectory, "source", "motion")),
+            joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without, duty=duty, judge=self.judge,
-            passes=passes, settled=settled,
+            result_without_masses=without,
+            duty=duty,
+            passes=passes,
+            settled=settled,
             notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
             unclosed=gaps,
-        )  # fmt: skip
+        )
 
     def joint(self, i: int, taken: Mapping[int, Assessment]) -> JointSizing:
         """Judge all candidates for one joint, with the drives beyond it in the model."""
@@ -394,17 +397,6 @@ class _Sizing:
         if key not in self.judged:
             self.judged[key] = self._judge(i, *solved)
         return self.judged[key]
-
-    def judge(self, taken: Mapping[int, Assessment]) -> list[tuple[Assessment, DriveCycle]]:
-        """Judge one drive for every joint, all of their masses in the model."""
-        load = tuple(sorted((k, a.candidate.mass) for k, a in taken.items()))
-        (result, inertias), found = self._solve(load, taken), []
-        for i, assessment in taken.items():
-            cycle, inertia = self._cycle(i, result, inertias)
-            self.beyond[i] = yielding(self.scene, i, _softest(taken), inertias)
-            case = self._case(i, gear_demand(result, i, cycle), cycle, inertia)
-            found.append((judged(assessment.candidate, case), cycle))
-        return found
 
     def _case(self, i: int, demand: GearDemand, cycle: DriveCycle, inertia: float | None) -> Case:
         """What a joint's candidates are judged by."""
@@ -448,9 +440,18 @@ class _Sizing:
         demand = joint_demand(result, i, cycle)
         ranked = assess(self._offers(i, demand), self._case(i, demand, cycle, inertia))
         choice = ranked[0] if ranked and ranked[0].fits else None
-        lacking = "" if ranked else self._no_candidates(i, demand.unit)
-        return JointSizing(demand, cycle, demand, inertia, None, ranked, choice,
-                           None if choice else nearest_miss(ranked), lacking=lacking)  # fmt: skip
+        because = "" if ranked else self._no_candidates(i, demand.unit)
+        nearest = None if choice else nearest_miss(ranked)
+        return JointSizing(
+            demand,
+            cycle,
+            demand,
+            inertia,
+            assessments=ranked,
+            choice=choice,
+            nearest=nearest,
+            nothing_because=because,
+        )
 
     def _no_candidates(self, i: int, unit: str) -> str:
         """Why there is nothing to choose from; empty without a catalogue."""
@@ -480,9 +481,12 @@ class _Sizing:
             demand = joint_demand(result, i, alone)
             choice = lightest(offers, self._case(i, demand, alone, inertia))
         return replace(
-            joint, demand_without_masses=demand, motor=motor,
-            choice_frictionless=frictionless, choice_without_masses=choice,
-        )  # fmt: skip
+            joint,
+            demand_without_masses=demand,
+            motor=motor,
+            choice_frictionless=frictionless,
+            choice_without_masses=choice,
+        )
 
 
 def holds(scene: Scene, trajectory: MotionLike, v: np.ndarray) -> np.ndarray:
@@ -502,33 +506,16 @@ def gear_demand_frictionless(demand: JointDemand, cycle: DriveCycle) -> GearDema
     """
     cubic = average_output_effort(cycle.stretched, cycle.effort_frictionless, cycle.velocity)
     carried = screw_load(cycle) if demand.unit == "N" else demand.bearing
-    return GearDemand(demand.name, demand.unit, demand.peak_frictionless, demand.speed,
-                      demand.mean_speed, cubic, carried, demand.travel)  # fmt: skip
-
-
-def load_inertias(result: InverseResult) -> np.ndarray:
-    """Return (na,) the largest `joint_inertias` over a motion.
-
-    Args:
-        result: of inverse dynamics.
-    """
-    return np.asarray(joint_inertias(result.scene, result.states).max(axis=0))
-
-
-def joint_inertias(scene: Scene, states: States) -> np.ndarray:
-    """Return (T, na) M_jj(q): the inertia about each drive's joint, kg m^2 (kg).
-
-    Payloads count while they are carried; rotors (Pinocchio's armature) do not. Of coupled drives
-    it is what moves with one while the others stand, (P M P^T)_jj.
-    """
-    own = np.array([drive.velocity_index for drive in scene.drives], dtype=np.int64)
-    P, found = delivery(scene.drives, scene.model.nv), np.empty((len(states.q), len(own)))
-    for start, stop, carried in states.phases(scene):
-        mass = mass_matrices(scene.twin(carried), states.q[start:stop])
-        found[start:stop] = mass[:, own, own]
-        for d in taking_part(scene.drives):  # v^T M v of what moves while the others stand
-            found[start:stop, d] = np.einsum("a,nab,b->n", P[d], mass[:, own][:, :, own], P[d])
-    return found
+    return GearDemand(
+        demand.name,
+        demand.unit,
+        demand.peak_frictionless,
+        demand.speed,
+        demand.mean_speed,
+        cubic,
+        carried,
+        demand.travel,
+    )
 
 
 def yielding(
@@ -595,10 +582,16 @@ def without_drives(scene: Scene, names: Collection[str]) -> Scene:
         names: of the drives that others replace.
     """
     changed = {
-        name: entry.model_copy(update={key: term.scaled(0.0) for key, term in entry
-                                       if key in ("coulomb", "viscous") and term})
-        for name, entry in scene.friction.items() if name in names and entry.includes_drive
-    }  # fmt: skip
+        name: entry.model_copy(
+            update={
+                key: term.scaled(0.0)
+                for key, term in entry
+                if key in ("coulomb", "viscous") and term
+            }
+        )
+        for name, entry in scene.friction.items()
+        if name in names and entry.includes_drive
+    }
     return replace(scene, friction={**scene.friction, **changed}) if changed else scene
 
 
@@ -607,8 +600,10 @@ def geared(scene: Scene, gears: Mapping[str, Transmission | None]) -> list[Actua
     given = scene.actuators
     if given is None:
         given = [Actuator(joint=drive.name) for drive in scene.drives]
-    return [a.model_copy(update={"transmission": gears[a.drive_name]})
-            if a.drive_name in gears else a for a in given]  # fmt: skip
+    return [
+        a.model_copy(update={"transmission": gears[a.drive_name]}) if a.drive_name in gears else a
+        for a in given
+    ]
 
 
 def _loads(scene: Scene, drive: int, actuator: int) -> bool:
@@ -648,5 +643,7 @@ def check_names(scene: Scene, conditions: Conditions) -> None:
     for key in ("mass_in_urdf", "collision_effort", "bearings"):
         for name in getattr(conditions, key):
             if name not in scene.actuator_names:
-                raise CatalogError(f"conditions.{key}: there is no drive {name!r}; "
-                                   f"{choose_from(name, scene.actuator_names)}")  # fmt: skip
+                raise CatalogError(
+                    f"conditions.{key}: there is no drive {name!r}; "
+                    f"{choose_from(name, scene.actuator_names)}"
+                )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,15 +11,17 @@ from builders import chain
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 from scipy.optimize import brentq, minimize
+from sizing_cases import GEAR, MOTOR, one_drive, turntable
 
 import pinfric as pf
-from pinfric.study.retime.limits import read_limits
+from pinfric.study.retime.limits import candidate_limits, read_limits
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.problem import Policy
 from pinfric.study.retime.profile import Profile
 from pinfric.study.retime.retime import _Retiming, retime
 from pinfric.study.retime.tables import natural_points
-from pinfric.study.sizing.catalog import load_catalog
+from pinfric.study.sizing.catalog import Conditions, load_catalog
+from pinfric.study.sizing.drivetrain import candidates
 from pinfric.study.trajectory.joint_columns import joint_columns
 
 
@@ -40,8 +44,13 @@ def along_a_line(up, down, distance):
 
     def phase(rate, speed, sign):
         """(distance, time) between rest and a speed."""
-        found = solve_ivp(lambda v, _: [sign * v / rate(v), sign / rate(v)], (0.0, speed), [0, 0],
-                          rtol=1e-10, atol=1e-12)  # fmt: skip
+        found = solve_ivp(
+            lambda v, _: [sign * v / rate(v), sign / rate(v)],
+            (0.0, speed),
+            [0, 0],
+            rtol=1e-10,
+            atol=1e-12,
+        )
         return found.y[:, -1]
 
     def whole(speed):
@@ -74,8 +83,13 @@ def test_coulomb_viscous_and_a_speed_torque_line():
 def test_gear_by_direction():
     """Accelerating the motor drives through the gear, braking the load drives it back."""
     eta, back, r, T, inertia, rotor = 0.7, 0.5, 50.0, 0.1, 2.0, 2e-4
-    gear = {"ratio": r, "efficiency": eta, "back_efficiency": back, "rotor_inertia": rotor,
-            "no_load_torque": 0.01}  # fmt: skip
+    gear = {
+        "ratio": r,
+        "efficiency": eta,
+        "back_efficiency": back,
+        "rotor_inertia": rotor,
+        "no_load_torque": 0.01,
+    }
     scene = one_joint(inertia=inertia, transmission=gear)
     up = r * (T - 0.01) / (inertia / eta + r * r * rotor)
     down = r * (T + 0.01) / (inertia * back + r * r * rotor)
@@ -92,8 +106,9 @@ def test_pendulum_whose_pin_feels_its_load():
     """Against the phase plane of m l^2 a = T - m g l sin(q) - mu r |F|, integrated by itself."""
     m, length, mu, radius, g, torque = 2.0, 0.5, 0.2, 0.1, 9.81, 14.0
     weight = pin.Inertia(m, np.array([0, 0, -length]), np.zeros((3, 3)))
-    friction = {"j": {"bearing": {"kind": "pin", "radius": radius},
-                      "mu": {"static": mu, "kinetic": mu}}}  # fmt: skip
+    friction = {
+        "j": {"bearing": {"kind": "pin", "radius": radius}, "mu": {"static": mu, "kinetic": mu}}
+    }
     scene = pf.Scene(chain(("j", pin.JointModelRY(), weight), gravity=g), friction=friction)
 
     def slope(q, x, drive):
@@ -106,10 +121,22 @@ def test_pendulum_whose_pin_feels_its_load():
         return 2.0 * brentq(balance, -1e3, 1e3)
 
     begin, end = 0.1, 2.3
-    forth = solve_ivp(lambda q, x: [slope(q, x[0], torque)], (begin, end), [0.0],
-                      dense_output=True, rtol=1e-9, atol=1e-9)  # fmt: skip
-    back = solve_ivp(lambda q, x: [slope(q, x[0], -torque)], (end, begin), [0.0],
-                     dense_output=True, rtol=1e-9, atol=1e-9)  # fmt: skip
+    forth = solve_ivp(
+        lambda q, x: [slope(q, x[0], torque)],
+        (begin, end),
+        [0.0],
+        dense_output=True,
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    back = solve_ivp(
+        lambda q, x: [slope(q, x[0], -torque)],
+        (end, begin),
+        [0.0],
+        dense_output=True,
+        rtol=1e-9,
+        atol=1e-9,
+    )
     root = np.linspace(0.0, 1.0, 4001)[1:-1]  # q = begin + way sin^2: even in time at both ends
     q = begin + (end - begin) * np.sin(0.5 * np.pi * root) ** 2
     x = np.minimum(forth.sol(q)[0], back.sol(q)[0])
@@ -132,18 +159,30 @@ def planar(friction=True):
     """Two links that hang, with all kinds of friction and gears that lose."""
     upper = pin.Inertia(3.0, np.array([0, 0, -0.2]), 0.05 * np.eye(3))
     lower = pin.Inertia(1.5, np.array([0, 0, -0.15]), 0.02 * np.eye(3))
-    model = chain(("a", pin.JointModelRY(), upper),
-                  ("b", pin.JointModelRY(), lower, [0, 0, -0.4]))  # fmt: skip
-    entry = {"bearing": {"kind": "pin", "radius": 0.03}, "mu": {"static": 0.15, "kinetic": 0.1},
-             "coulomb": {"positive": {"static": 0.5, "kinetic": 0.4},
-                         "negative": {"static": 0.4, "kinetic": 0.3}},
-             "viscous": 0.2, "stribeck": {"velocity": 0.3}}  # fmt: skip
-    gear = {"ratio": 60.0, "efficiency": 0.85, "back_efficiency": 0.8, "rotor_inertia": 3e-5,
-            "no_load_torque": 0.01, "motor_viscous": 2e-5}  # fmt: skip
+    model = chain(("a", pin.JointModelRY(), upper), ("b", pin.JointModelRY(), lower, [0, 0, -0.4]))
+    entry = {
+        "bearing": {"kind": "pin", "radius": 0.03},
+        "mu": {"static": 0.15, "kinetic": 0.1},
+        "coulomb": {
+            "positive": {"static": 0.5, "kinetic": 0.4},
+            "negative": {"static": 0.4, "kinetic": 0.3},
+        },
+        "viscous": 0.2,
+        "stribeck": {"velocity": 0.3},
+    }
+    gear = {
+        "ratio": 60.0,
+        "efficiency": 0.85,
+        "back_efficiency": 0.8,
+        "rotor_inertia": 3e-5,
+        "no_load_torque": 0.01,
+        "motor_viscous": 2e-5,
+    }
     return pf.Scene(
-        model=model, friction=dict.fromkeys("ab", entry) if friction else {},
+        model=model,
+        friction=dict.fromkeys("ab", entry) if friction else {},
         actuators=[{"joint": name, "transmission": gear} for name in "ab"],
-    )  # fmt: skip
+    )
 
 
 WAVE = Path.spline(np.arange(4.0), [[0.0, 0.0], [1.2, -0.8], [0.4, 0.5], [-0.5, 1.0]])
@@ -181,10 +220,11 @@ def test_no_other_profile_is_faster():
     """SLSQP on the squares of the speeds, judged by `inverse_dynamics`, on the same coarse grid."""
     scene, natural = planar(), natural_points(WAVE.pieces[0], np.eye(2))
     s = np.union1d(np.linspace(0.0, 3.0, 10), natural)
-    run = _Retiming(scene, WAVE, joint_columns(scene.model),
-                    read_limits(scene, MOTORS), Policy("own sign"))  # fmt: skip
+    run = _Retiming(scene, WAVE, joint_columns(scene.model), read_limits(scene, MOTORS), Policy())
     run.constant = [(0, 0.0, 3.0)]
     problem = run.problem([s])
+    # this search knows friction against the motion only: nor at the start both signs
+    problem = replace(problem, mode=np.zeros_like(problem.mode))
     best = problem.solve()
     step, curve = np.diff(s), WAVE.pieces[0]
     sliding = scene.with_(stick_velocity=1e-12)
@@ -221,10 +261,13 @@ def test_no_other_profile_is_faster():
 
     assert spare(best.x[1:-1]).min() > -1e-4
     found = minimize(
-        duration, best.scaled(0.7).x[1:-1], method="SLSQP", bounds=[(1e-4, None)] * (len(s) - 2),
+        duration,
+        best.scaled(0.7).x[1:-1],
+        method="SLSQP",
+        bounds=[(1e-4, None)] * (len(s) - 2),
         constraints={"type": "ineq", "fun": spare, "jac": slope},
         options={"maxiter": 400, "ftol": 1e-8},
-    )  # fmt: skip
+    )
     assert found.fun == pytest.approx(best.duration[0], rel=2e-3)
 
 
@@ -240,19 +283,9 @@ def test_samples_are_of_one_motion():
     assert found.trajectory.duration == pytest.approx(found.duration)
 
 
-def test_reversal_and_rest_policies():
-    """What friction at rest may ask counts at reversals; a joint that only rests is held."""
-    scene = planar()
-    strict = retime(scene, WAVE, MOTORS, points=100)
-    loose = retime(scene, WAVE, MOTORS, points=100, reversal="own sign")
-    assert loose.duration < strict.duration < 1.02 * loose.duration
+def test_a_joint_that_only_rests_is_within_its_limits():
     alone = Path.from_waypoints([[0.0, 0.3], [1.0, 0.3]])
-    worst = retime(scene, alone, MOTORS, points=100)
-    needed = retime(scene, alone, MOTORS, points=100, rest="needed")
-    assert needed.duration <= worst.duration
-    assert worst.excess < 1e-3
-    with pytest.raises(pf.RetimeError, match="rest 'never'; should be one of: worst, needed"):
-        retime(scene, alone, MOTORS, rest="never")
+    assert retime(planar(), alone, MOTORS, points=100).excess < 1e-3
 
 
 def test_holds_payloads_and_moves():
@@ -317,8 +350,12 @@ def test_guides_on_the_parent():
     body = pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3))
     model = chain(("lead", pin.JointModelPX(), body))
     guide = {"kind": "guide", "length": 0.2, "width": 0.1, "on": "parent", "preload": 5.0}
-    scene = pf.Scene(model=model, friction={"lead": {
-        "bearing": guide, "mu": {"static": 0.2, "kinetic": 0.1}, "viscous": 3.0}})  # fmt: skip
+    scene = pf.Scene(
+        model=model,
+        friction={
+            "lead": {"bearing": guide, "mu": {"static": 0.2, "kinetic": 0.1}, "viscous": 3.0}
+        },
+    )
     found = retime(scene, straight(0.5), {"lead": {"peak_torque": 40.0}})
     assert found.excess < 1e-3
     assert found.usage.max() > 0.999
@@ -327,8 +364,12 @@ def test_guides_on_the_parent():
 def test_gears_as_makers_give_them():
     """An efficiency that rises with the load: accelerating it is what it is at that torque."""
     curve = [[2.0, 0.5], [5.0, 0.7], [10.0, 0.8]]
-    gear = {"ratio": 50.0, "efficiency": {"over_load": curve}, "back_efficiency": "same_loss",
-            "no_load_torque": {"static": 0.02, "kinetic": 0.01}}  # fmt: skip
+    gear = {
+        "ratio": 50.0,
+        "efficiency": {"over_load": curve},
+        "back_efficiency": "same_loss",
+        "no_load_torque": {"static": 0.02, "kinetic": 0.01},
+    }
     scene = one_joint(inertia=2.0, transmission=gear)
     # at 10 N m the motor gives 10/0.8 N m/50 with all losses
     found = retime(scene, straight(3.0), {"j": {"peak_torque": 10.0 / 0.8 / 50.0}})
@@ -336,34 +377,29 @@ def test_gears_as_makers_give_them():
     assert most == pytest.approx(10.0 / 2.0, rel=1e-3)
     assert found.excess < 1e-3
     arm = planar()
-    gears = arm.with_(actuators=[{"joint": name, "transmission": gear | {"rotor_inertia": 3e-5}}
-                                 for name in "ab"])  # fmt: skip
+    gears = arm.with_(
+        actuators=[{"joint": name, "transmission": gear | {"rotor_inertia": 3e-5}} for name in "ab"]
+    )
     motors = {"a": {"peak_torque": 0.5}, "b": {"peak_torque": 0.25}}
     moved = retime(gears, WAVE, motors)
     assert moved.excess < 1e-3
     assert moved.usage.max() > 0.999
-    assert moved.duration == pytest.approx(retime(gears, WAVE, motors, points=900).duration,
-                                           rel=3e-3)  # fmt: skip
+    assert moved.duration == pytest.approx(
+        retime(gears, WAVE, motors, points=900).duration, rel=3e-3
+    )
 
 
-def test_sensitivity_and_ratio():
-    """T = sqrt(2 D/a) twice: T ~ torque^-1/2; the best ratio of an inertia is sqrt(J/J_rotor)."""
-    gear = {"ratio": 50.0, "rotor_inertia": 5e-4}
-    scene = one_joint(inertia=2.0, transmission=gear)
+def test_sensitivity():
+    """T = sqrt(2 D/a) twice: T ~ torque^-1/2."""
+    scene = one_joint(inertia=2.0, transmission={"ratio": 50.0, "rotor_inertia": 5e-4})
     found = retime(scene, straight(3.0), {"j": {"peak_torque": 0.1}})
     assert found.sensitivity() == {"j": {"peak torque": pytest.approx(-0.5, abs=1e-3)}}
-    best = float(np.sqrt(2.0 / 5e-4))
-    times = found.sweep_ratio("j", [0.8 * best, best, 1.25 * best])
-    assert min(times, key=times.get) == best
-    assert times[best] == pytest.approx(np.sqrt(4 * 3.0 * 2 * 2.0 / (best * 0.1)), rel=1e-4)
-    with pytest.raises(pf.RetimeError, match="there is no drive 'k'"):
-        found.sweep_ratio("k", [1.0])
 
 
 def test_sensitivity_to_a_continuous_torque():
     """T ~ c^-1/2 of a pure inertia that only its continuous torque limits."""
     limits = {"j": {"peak_torque": 50.0, "continuous_torque": 1.0}}
-    found = retime(one_joint(inertia=2.0), straight(3.0), limits, rms=True, points=60)
+    found = retime(one_joint(inertia=2.0), straight(3.0), limits, points=60)
     slopes = found.sensitivity(0.05)
     assert slopes == {"j": {"continuous torque": pytest.approx(-0.5, abs=0.01)}}
 
@@ -380,8 +416,11 @@ def lifting():
 @pytest.mark.parametrize(
     ("path", "limits", "message"),
     [
-        (straight(np.pi / 2), {"j": {"peak_torque": 9.0}},
-         r"path: stop 1: drive 'j' cannot hold: needs 9.81 N m of its motor, has 9"),
+        (
+            straight(np.pi / 2),
+            {"j": {"peak_torque": 9.0}},
+            r"path: stop 1: drive 'j' cannot hold: needs 9.81 N m of its motor, has 9",
+        ),
         (straight(1.8, -1.8), {"j": {"peak_torque": 9.0}}, r"stop 0: drive 'j' cannot hold"),
         (straight(1.0), {}, "limits: none for drive 'j'"),
         (straight(1.0), {"j": {"max_speed": 3.0}}, r"limits.j: nothing limits its torque"),
@@ -392,7 +431,7 @@ def lifting():
         (straight(1.0), {"j": "no such + thing"}, "has no drive 'no such"),
         (straight(1.0), None, "states no effort limit for 'j'"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_is_said_in_one_line(path, limits, message):
     with pytest.raises(pf.PinfricError, match=message) as caught:
         retime(lifting(), path, limits)
@@ -439,24 +478,83 @@ def test_continuous_torque_of_a_pure_inertia():
     """The optimum sqrt(2 sqrt(3) D J/c) is 7 % faster than the whole motion slowed down."""
     D, c, J = 3.0, 1.0, 2.0
     limits = {"j": {"peak_torque": 50.0, "continuous_torque": c}}
-    found = retime(one_joint(inertia=J), straight(D), limits, rms=True, points=150)
+    found = retime(one_joint(inertia=J), straight(D), limits, points=150)
     assert found.duration == pytest.approx(np.sqrt(2 * np.sqrt(3) * D * J / c), rel=1e-3)
     assert found.uniform == pytest.approx(2 * np.sqrt(D * J / c), rel=3e-3)
     assert found.rms == pytest.approx([1.0], abs=1e-3)
-    with pytest.raises(pf.RetimeError, match="no drive has a continuous_torque"):
-        retime(one_joint(), straight(D), {"j": {"peak_torque": 50.0}}, rms=True)
+    assert found.limiting["j"]["continuous torque"] == 1.0
+    once = retime(one_joint(inertia=J), straight(D), limits, heat=False, points=150)
+    assert once.duration == pytest.approx(2 * np.sqrt(D * J / 50.0), rel=1e-3)
+    assert once.rms is None
+    unknown = retime(one_joint(), straight(D), {"j": {"peak_torque": 50.0}})
+    assert unknown.rms is None
 
 
 def test_continuous_torques_over_a_cycle_with_holds():
-    found = retime(planar(), STOPS, {name: entry | {"continuous_torque": 0.6 * entry["peak_torque"]}
-                                     for name, entry in MOTORS.items()}, rms=True)  # fmt: skip
+    found = retime(
+        planar(),
+        STOPS,
+        {
+            name: entry | {"continuous_torque": 0.6 * entry["peak_torque"]}
+            for name, entry in MOTORS.items()
+        },
+    )
     fast = retime(planar(), STOPS, MOTORS)
     assert fast.duration < found.duration <= found.uniform
     assert found.rms.max() == pytest.approx(1.0, abs=2e-3)
     assert found.excess < 1e-3
     with pytest.raises(pf.RetimeError, match="'a' exceeds its continuous torque however slow"):
-        retime(planar(), STOPS, {"a": MOTORS["a"] | {"continuous_torque": 0.02},
-                                 "b": MOTORS["b"]}, rms=True)  # fmt: skip
+        retime(planar(), STOPS, {"a": MOTORS["a"] | {"continuous_torque": 0.02}, "b": MOTORS["b"]})
+
+
+def table_drive(tmp_path, gear=None, motor=None, **conditions):
+    """A turntable, the drive of `sizing_cases` with figures changed, and its limits."""
+    catalog = one_drive(tmp_path, motor, gear)
+    (candidate,) = candidates(catalog, False)
+    return turntable(), candidate_limits(candidate, Conditions(**conditions)), candidate
+
+
+def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
+    """The retimed motion uses all of a limit that `size` finds used up, and heat is one."""
+    scene, limits, candidate = table_drive(tmp_path)
+    assert limits.peak_torque == MOTOR["peak_torque"] / Conditions().peak_factor
+    hot = 1 + 0.0039 * (MOTOR["thermal"]["max_winding"] - 25)
+    stall = 48.0 * MOTOR["torque_constant"] / (MOTOR["resistance"] * hot)
+    assert limits.stall_torque == pytest.approx(stall)
+    path = Path.from_waypoints([[0.0], [2.0], [0.0]])
+    once = retime(scene, path, {"table": candidate}, heat=False)
+    with pytest.warns(pf.PinfricWarning, match="table: this motion, repeated, does not pass"):
+        found = retime(scene, path, {"table": candidate})
+    assert once.duration < found.duration
+    assert found.limiting["table"]["continuous torque"] == 1.0
+    assert found.rms == pytest.approx([1.0], abs=2e-3)
+    by_name = {c.name: c for c in found.criteria["table"]}
+    assert by_name["continuous torque"].margin == pytest.approx(0.0, abs=2e-3)
+    report = pf.size(scene, found.trajectory, one_drive(tmp_path), on_miss="ignore")
+    for mine, theirs in zip(
+        found.criteria["table"], report.joints[0].assessments[0].criteria, strict=True
+    ):
+        assert mine.name == theirs.name
+        if theirs.margin is not None:
+            assert mine.margin == pytest.approx(theirs.margin, rel=1e-9)
+
+
+def test_the_momentary_peak_of_a_gear_is_no_limit_of_a_cycle(tmp_path):
+    gear = {"repeated_peak_torque": None}
+    _, limits, _ = table_drive(tmp_path, gear)
+    assert limits.least("effort") == GEAR["average_torque"]
+    gear |= {"average_torque": None, "rated_torque": None}
+    scene, _, candidate = table_drive(tmp_path, gear)
+    path = Path.from_waypoints([[0.0], [2.0]])
+    with pytest.raises(pf.RetimeError, match=r"M \+ G cannot be judged: .* gear repeated peak"):
+        retime(scene, path, {"table": candidate})
+
+
+def test_smoothing_beyond_a_limit_is_a_warning():
+    with pytest.warns(pf.PinfricWarning, match=r"smoothing over 200 ms exceeds the .* of [ab] by"):
+        found = retime(planar(), WAVE, MOTORS, smooth=0.2)
+    assert found.excess > 1e-3
+    assert found.notes
 
 
 def test_smoothing_costs_its_width_and_stays_on_the_path():

@@ -14,8 +14,8 @@ from pinfric.errors import CatalogError, SizingError
 from pinfric.model.springs import StiffnessLines
 from pinfric.show.sizing_page.page import sizing_page
 from pinfric.study.sizing.catalog import load_catalog
-from pinfric.study.sizing.criteria import Status
-from pinfric.study.sizing.size import joint_inertias
+from pinfric.study.sizing.criterion import Status
+from pinfric.study.sizing.inertia import joint_inertias
 
 TAU = 2 * np.pi
 LINES = {"k1": 1e4, "k2": 1.4e4, "k3": 1.6e4, "t1": 3.9, "t2": 12}

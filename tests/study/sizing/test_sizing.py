@@ -28,7 +28,7 @@ import pinfric as pf
 from pinfric.errors import CatalogError, SizingError, StateError
 from pinfric.study.sizing.assess import assess, lightest
 from pinfric.study.sizing.catalog import load_catalog
-from pinfric.study.sizing.criteria import Case
+from pinfric.study.sizing.limit import Case
 from pinfric.study.summary import summarize
 
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -164,7 +164,8 @@ def test_lightest_that_fits_is_chosen_and_margins_break_ties(tmp_path):
     assert fitting[-1] == "heavy"
     assert set(fitting) == {"light", "light and strong", "heavy"}
     (weak,) = [a for a in joint.assessments if a.candidate.motor == "weak"]
-    assert weak.why.startswith("continuous torque: needs ")
+    assert weak.why.startswith("short-term torque: needs ")
+    assert "continuous torque: needs " in weak.why
     assert joint.nearest is None
 
 
@@ -201,8 +202,18 @@ def test_sliding_joint_takes_linear_gears_only(tmp_path):
     body = pin.Inertia(4.0, np.zeros(3), 0.01 * np.eye(3))
     model.appendBodyToJoint(1, body, pin.SE3.Identity())
     scene = pf.Scene(model=model)
-    screw = {"source": "invented", "grade": "R", "ratio": 628.3, "output": "linear", "mass": 0.5,
-             "input_inertia": 1e-6, "efficiency": 0.9, "back_driving_torque": 12.0}  # fmt: skip
+    screw = {
+        "source": "invented",
+        "grade": "R",
+        "ratio": 628.3,
+        "output": "linear",
+        "mass": 0.5,
+        "input_inertia": 1e-6,
+        "efficiency": 0.9,
+        "back_driving_torque": 12.0,
+        "average_torque": 500.0,
+        "max_input_speed": 400.0,
+    }
     gears = {"G": GEAR, "screw": screw}
     catalog = load_catalog(write_catalog(tmp_path / "c.yaml", gears=gears))
     (joint,) = pf.size(scene, still(scene), catalog).joints
@@ -312,13 +323,17 @@ def test_neglecting_friction_would_have_bought_a_smaller_drive(tmp_path):
 
 
 def test_friction_that_holds_the_old_drive_gives_way_to_the_new_ones(tmp_path):
-    pin_of_5cm = {"bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
-                  "mu": {"static": 0.1, "kinetic": 0.1}}  # fmt: skip
+    pin_of_5cm = {
+        "bearing": {"kind": "pin", "radius": 0.05, "length": 0.1},
+        "mu": {"static": 0.1, "kinetic": 0.1},
+    }
     own = pin_of_5cm | {"coulomb": {"static": 2.0, "kinetic": 1.5}, "viscous": 1.0}
     entries = pin_of_5cm, own, own | {"includes_drive": True}
     bare, kept, replaced = (arm(1, friction={"joint_1": entry}) for entry in entries)
-    reports = [pf.size(scene, still(scene), one_drive(tmp_path), on_miss="ignore")
-               for scene in (bare, kept, replaced)]  # fmt: skip
+    reports = [
+        pf.size(scene, still(scene), one_drive(tmp_path), on_miss="ignore")
+        for scene in (bare, kept, replaced)
+    ]
     rms, rms_kept, rms_replaced = (report.joints[0].demand.rms for report in reports)
     assert rms_replaced == pytest.approx(rms, rel=1e-12)
     assert rms_kept > rms + 1.0
@@ -436,8 +451,9 @@ def way_out(scene, end=0.5, speed=0.0, attached=None):
     q = end * (3 * t**2 - 2 * t**3) + speed * (t**3 - t**2)
     v = end * (6 * t - 6 * t**2) + speed * (3 * t**2 - 2 * t)
     a = end * (6 - 12 * t) + speed * (6 * t - 2)
-    return pf.Trajectory.from_arrays(scene, t, q[:, None], v[:, None], a[:, None],
-                                     attached=attached)  # fmt: skip
+    return pf.Trajectory.from_arrays(
+        scene, t, q[:, None], v[:, None], a[:, None], attached=attached
+    )
 
 
 def test_a_cycle_that_does_not_close_says_what_and_by_how_much(tmp_path):
@@ -447,8 +463,9 @@ def test_a_cycle_that_does_not_close_says_what_and_by_how_much(tmp_path):
     model.addFrame(pin.Frame("table", 1, pin.SE3.Identity(), pin.FrameType.BODY))
     scene = pf.Scene(model=model, payloads=payload, friction=scene.friction)
     carried = {"box": np.arange(51) > 20}
-    report = pf.size(scene, way_out(scene, 0.5, 0.2, carried), one_drive(tmp_path),
-                     on_miss="ignore")  # fmt: skip
+    report = pf.size(
+        scene, way_out(scene, 0.5, 0.2, carried), one_drive(tmp_path), on_miss="ignore"
+    )
     assert report.unclosed == (
         "table ends 0.5 rad from where it began",
         "table ends with a velocity 0.2 rad/s from that at its start",
@@ -479,3 +496,19 @@ def test_full_turns_of_a_continuous_joint_close():
     q, v = np.column_stack([np.cos(angle), np.sin(angle)]), np.ones((200, 1))
     motion = pf.Trajectory.from_arrays(scene, angle, q, v, 0 * v)
     assert pf.size(scene, motion).unclosed == ()
+
+
+def test_the_next_smaller_says_what_it_lacks(tmp_path):
+    motors = {
+        "small": {**MOTOR, "mass": 0.3, "continuous_torque": 0.06, "thermal": None},
+        "tiny": {**MOTOR, "mass": 0.1, "continuous_torque": 0.02, "thermal": None},
+        "large": {**MOTOR, "mass": 1.0, "thermal": None},
+    }
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    assert joint.choice.candidate.motor == "large"
+    assert joint.next_smaller.candidate.motor == "small"
+    short = joint.next_smaller.failed[0]
+    assert short.name == "short-term torque"
+    assert short.shortfall == f"{100 * (joint.motor.figures.short_term / 0.06 - 1):.3g} %"
