@@ -29,8 +29,27 @@ def html_of(table: Table) -> str:
     )
 
 
+class Marked(str):
+    """A cell that is HTML already."""
+
+    def __html__(self) -> str:
+        return self
+
+
+def mark(kind: str, text: str, title: str = "") -> Marked:
+    """Return text on a coloured ground: "ok", "tight", "bad", "none" or "free" of the pages' style.
+
+    Args:
+        kind: which.
+        text: what stands there.
+        title: what is shown where a reader points at it.
+    """
+    more = f' title="{escape(title)}"' if title else ""
+    return Marked(f'<span class="m {kind}"{more}>{escape(text)}</span>')
+
+
 def _cell(tag: str, text: str, left: bool, name: bool = False) -> str:
-    content = escape(text).replace("\n", "<br>")
+    content = text if isinstance(text, Marked) else escape(text).replace("\n", "<br>")
     for letter in _BREAKS if name else "":
         content = content.replace(letter, f"{letter}<wbr>")
     kind = ' class="l"' if left else ""

@@ -60,7 +60,7 @@ RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
 class Parameter:
     """One coefficient as the scene says it."""
 
-    section: str = quantity("where a scene says it: friction")
+    section: str = quantity("where a scene says it: friction, transmission", heading="section")
     joint: str = quantity("and of which joint: elbow_joint", heading="joint", name=True)
     name: str = quantity("and by which key: coulomb.positive", heading="coefficient")
     unit: str = quantity("of all figures here", heading="unit")

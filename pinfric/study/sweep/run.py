@@ -20,7 +20,7 @@ import numpy as np
 from pinfric import __version__
 from pinfric.errors import PinfricWarning, SweepError
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.study.summary import effort_unit
+from pinfric.study.summary import effort_unit, motor_unit
 from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, Block, Study, compute
 from pinfric.study.sweep.file import SweepFile, load_sweep
 from pinfric.study.sweep.motors import motors_on_trial
@@ -95,6 +95,7 @@ def sweep(
         sampling=entries.sampling, seed=entries.seed,
         parameter_names=tuple(t.name for t in targets), actuator_names=scene.actuator_names,
         units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
+        motor_units=tuple(motor_unit(equipped, i) for i in range(len(scene.drives))),
         values=values, figures=run.figures, unsolved=run.unsolved, problems=tuple(run.problems),
         trials=trials, percentiles=entries.percentiles, processes=used, resumed=run.resumed,
         notes=_notes(equipped, trajectory, targets, values, run), elastic=run.elastic,
