@@ -139,6 +139,11 @@ def unit_at(unit: str, effort: str) -> str:
     return sliding if effort == "N" else turning
 
 
+def effort_where(slides: bool) -> str:
+    """Return the unit of an effort: along a sliding joint N, about a turning one N m."""
+    return unit_at(EFFORT, "N" if slides else "N m")
+
+
 def unit_of(row: Any, unit: str) -> str:
     """Return a figure's unit in one row of results: at the row's joint, or as another field says.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pinfric.show.figure.efforts import largest
 from pinfric.show.figure.style import INK, QUIET, style
-from pinfric.show.report.names import least_room, shortened
+from pinfric.show.report.names import least_room, picture_names, shortened
 from pinfric.show.report.sweep import measure, own, percent, shaft
 from pinfric.show.report.values import digits
 from pinfric.study.sweep.motors import Trial
@@ -52,7 +52,7 @@ def sweep_figure(result: SweepResult) -> Figure:
     same = f", {units[0]}" if len(set(units)) == 1 else ""
     peaks = np.median(result.figure(names[0])[result.solved], axis=0)
     drawn, left = largest(peaks.tolist(), units, _MOST)
-    labels = shortened(result.actuator_names, _LETTERS)
+    labels, note = picture_names(result.actuator_names, _LETTERS)
     count = len(drawn)
     with style():
         figure = Figure(
@@ -61,7 +61,7 @@ def sweep_figure(result: SweepResult) -> Figure:
             facecolor="white",
             layout=ConstrainedLayoutEngine(h_pad=0.06, wspace=0.03),
         )
-        figure.suptitle(_title(result) + left, x=0.01, ha="left", fontsize=12, color=INK)
+        figure.suptitle(_title(result) + left + note, x=0.01, ha="left", fontsize=12, color=INK)
         panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
         strength = result.influences(names[1])
         for i, row in zip(drawn, panels, strict=True):

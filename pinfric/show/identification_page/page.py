@@ -7,7 +7,6 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from pinfric import __version__
 from pinfric.show.figure.panel import svg
 from pinfric.show.identification_page.figures import over_time, residual_clouds
 from pinfric.show.report.html import Marked, mark
@@ -41,7 +40,7 @@ def identification_page(found: Identified) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment = page_parts(Path(__file__).parent)
+    environment = page_parts(found.scene.joint_names, Path(__file__).parent)
     summary = identify_summary(found)
     time = over_time(found)
     joints: list[dict[str, Any]] = []
@@ -67,7 +66,6 @@ def identification_page(found: Identified) -> str:
         determined=sum(p.determined for p in found.parameters),
         joints=joints,
         more=_more(found),
-        version=__version__,
     )
     return page
 

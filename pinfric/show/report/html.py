@@ -1,4 +1,4 @@
-"""Tables as HTML: on pages the same as on the terminal, with names as they are."""
+"""Tables as HTML: on pages the same as on the terminal."""
 
 from __future__ import annotations
 

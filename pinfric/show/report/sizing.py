@@ -200,10 +200,5 @@ def _changes(report: SizingReport) -> list[str]:
     return lines
 
 
-def beside(x: float, scale: float) -> str:
-    """Return x as `digits` does; what vanishes beside `scale`, of the same unit, is 0."""
-    return digits(x, zero=max(ROUNDING, _VISIBLE * scale))
-
-
 def _name(assessment: Assessment | None) -> str | None:
     return None if assessment is None else assessment.candidate.name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from pinfric.errors import PinfricError
 from pinfric.show.figure.panel import svg
 from pinfric.show.report.drives import brake_table, bus_lines, sets_table, shortfall, turn
 from pinfric.show.report.html import html_of
+from pinfric.show.report.names import affixes, left_out, said_short, without
 from pinfric.show.report.sizing import (
     ROUNDING,
     demand_table,
@@ -54,7 +56,10 @@ def sizing_page(report: SizingReport) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
-    environment, plotly = page_parts(), _needed("plotly.offline").get_plotlyjs()
+    environment, plotly = (
+        page_parts(report.scene.actuator_names),
+        _needed("plotly.offline").get_plotlyjs(),
+    )
     environment.filters.update(formula=_formula)
     figures: dict[str, Any] = {}
     joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
@@ -83,7 +88,6 @@ def sizing_page(report: SizingReport) -> str:
         sources=_sources(report),
         plotly=plotly,
         figures=json_for_script(figures),
-        version=__version__,
         Status=Status,
     )
     return page
@@ -166,10 +170,11 @@ def _sources(report: SizingReport) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def page_parts(*folders: Path) -> Any:
-    """Return jinja2's environment for a page.
+def page_parts(names: Sequence[str], *folders: Path) -> Any:
+    """Return jinja2's environment for a page, with filters that show values and names.
 
     Args:
+        names: of joints and drives; what all begin and end with is left out, and said once.
         folders: of templates, beside this one with the style.
 
     Raises:
@@ -183,12 +188,22 @@ def page_parts(*folders: Path) -> Any:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters.update(digits=_digits, percent=_percent, table=_table)
+    ends = affixes(names)
+    short = dict(zip(names, without(names, *ends), strict=True))
+    environment.filters.update(
+        digits=_digits,
+        percent=_percent,
+        table=lambda table: _table(table, *ends),
+        short=lambda text: said_short(text, short),
+    )
+    environment.globals.update(left_out=left_out(*ends), version=__version__)
     return environment
 
 
-def _table(table: Table | None) -> Any:
-    return "" if table is None else import_module("markupsafe").Markup(html_of(table))
+def _table(table: Table | None, front: str, back: str) -> Any:
+    if table is None:
+        return ""
+    return import_module("markupsafe").Markup(html_of(table.without(front, back)))
 
 
 def _digits(x: float | None) -> str:
