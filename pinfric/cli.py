@@ -608,7 +608,7 @@ def check(
 
     with working("reading the robot and its meshes"):
         report = judge(source)
-    read.append(report.source)
+    read.extend(report.files)
     scene_name = "" if report.source.endswith((".urdf", ".xacro")) else report.source
     answer("check", report, partial(check_report, report), as_json, scene=scene_name)
     report.check(strict)  # errors are the last line, and the exit code (2)

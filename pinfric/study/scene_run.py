@@ -27,6 +27,11 @@ def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Mo
     Raises:
         SceneError: there is no such section, or it names a joint that is not there.
         And what `simulate` raises.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> pf.run_scene(scene, t_end=0.5).status
+    'finished'
     """
     expect_scene(scene, "run_scene")
     if scene.simulation is None:

@@ -113,6 +113,12 @@ def simulate(
         AccelerationError: none, several, undecided or a jam, with time and state. Until then there
             is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
             (before the first sample the interrupt goes on).
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.simulate(scene, [0.0], [1.0], [0.0], 1.0)
+    >>> motion.q[-1].round(4)
+    array([0.237])
     """
     settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints, motor_torque)

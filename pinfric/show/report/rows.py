@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from enum import Enum
+from enum import Enum, IntEnum
 from string import Formatter
 from typing import Any
 
@@ -140,7 +140,7 @@ def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
     if found.name:
         return Kind.NAME
     known = [value for value in values if value is not None]
-    if not any(isinstance(x, str | bool | list | Mapping) or _words(x) for x in known):
+    if not any(isinstance(x, str | bool | list | Mapping | Enum) or _words(x) for x in known):
         return Kind.NUMBER
     lines = [line for text in texts for line in text.split("\n")]
     return Kind.LABEL if all(len(line) <= _LABEL for line in lines) else Kind.WORDS
@@ -184,6 +184,8 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
         return NONE
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, IntEnum):
+        return value.name.lower()
     if isinstance(value, str | Enum):
         return str(value)
     if isinstance(value, tuple) and len(value) == 2 and not _words(value):
@@ -222,6 +224,8 @@ def flat(row: Any) -> dict[str, Any]:
             found |= {f"{name}_least": value[0], f"{name}_worst": value[1]}
         elif dataclasses.is_dataclass(value):
             found |= {f"{name}_{key}": entry for key, entry in flat(value).items()}
+        elif isinstance(value, IntEnum):
+            found[name] = value.name.lower()
         elif value is None or isinstance(value, str | bool | int | float):
             found[name] = value
     return found

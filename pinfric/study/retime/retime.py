@@ -227,6 +227,13 @@ def retime(
         RetimeError: loops, cylinders or joints without a drive; limits missing; a drive that cannot
             hold, break away or follow, with the place and what it needs.
         TrajectoryError: a path that cannot be, or does not fit the robot.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> found = pf.retime(scene, motion, {"joint_1": {"effort": 20.0, "velocity": 2.0}})
+    >>> round(found.duration, 2)
+    2.29
     """
     expect_scene(scene, "retime")
     _check_scene(scene)

@@ -77,6 +77,15 @@ def sweep(
 
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> speed = {"uniform": {"low": 0.9, "high": 1.1}}
+    >>> varied = {"pinfric_sweep": 1, "samples": 100, "parameters": {"speed": speed}}
+    >>> found = pf.sweep(scene, motion, varied, processes=1)
+    >>> found.quantiles("peak").round(1).ravel().tolist()
+    [4.5, 5.5, 6.3, 6.4]
     """
     _check_given(scene, processes, scheduler)
     entries, source = load_sweep(sweep)
