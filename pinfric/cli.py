@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import typer
 
 from pinfric import __version__
-from pinfric.errors import PinfricError, PinfricWarning
+from pinfric.errors import PinfricError, PinfricWarning, plain
 from pinfric.terminal import (
     answer,
     load,
@@ -807,7 +807,9 @@ def _run(arguments: list[str] | None) -> int:
         message, code = str(problem), BAD_INPUT
     except usage_error as problem:
         command = problem.ctx.command_path if problem.ctx else "pinfric"
-        message, code = f"{problem.format_message()} (see {command} --help)", BAD_INPUT
+        before, said, rest = problem.format_message().partition("Input ")
+        said = plain(rest) if said else ""  # typer says of numbers what pydantic says
+        message, code = f"{before}{said} (see {command} --help)", BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # typer before 0.20 has Abort, later an exit code
         message, code = "interrupted", INTERRUPTED
     except Exception as problem:

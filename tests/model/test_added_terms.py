@@ -175,7 +175,7 @@ def test_they_are_effects_by_their_keys(tmp_path):
          "unknown key `friction.turn.bearing.wieght`; did you mean 'weight'"),
         (COLLAR.replace("weight", "radius"), r"bearing\.radius`; there are: kind, weight"),
         (COLLAR.replace(", weight: 2.0", ""), r"`friction\.turn\.bearing\.weight` is missing"),
-        (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*greater than or equal to 0"),
+        (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*at least 0"),
         (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*or equal to 0"),
         (POWER_DRAG.replace("exponent", "exponant"),
          r"unknown key `friction\.turn\.power_drag\.exponant`; did you mean 'exponent'"),

@@ -139,7 +139,8 @@ def test_rounded_offsets_along_the_pins_are_shifted_away(tmp_path):
     q, v, a = motion(shifted)
     ours, theirs = (pf.inverse_dynamics(scene, q, v, a).effort_lower for scene in (shifted, exact))
     np.testing.assert_allclose(ours, theirs, rtol=1e-5)
-    with pytest.raises(SceneError, match=r"loops\[0\] \(rocker_pin\): cannot close: .* 0\.002 m.*loop_tol"):
+    cannot = r"loops\[0\] \(rocker_pin\): cannot close: .* 0\.002 m.*loop_tol"
+    with pytest.raises(SceneError, match=cannot):
         written(tmp_path, "revolute", EXACT, offset="0.002")
 
 

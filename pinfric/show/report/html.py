@@ -22,7 +22,9 @@ def html_of(table: Table) -> str:
         "".join(_cell("td", *of) for of in zip(row, left, names, strict=True)) for row in table.rows
     ]
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
-    title = f"<h3>{escape(table.title)}</h3>\n" if table.title else ""
+    first = table.title.split(" ")[0]
+    named = table.title.capitalize()[0] + table.title[1:] if first.isalpha() else table.title
+    title = f"<h3>{escape(named)}</h3>\n" if table.title else ""
     return (
         f'{title}<div class="scroll"><table class="wide figures">\n'
         f"<thead><tr>{heads}</tr></thead>\n<tbody>\n{body}\n</tbody></table></div>"

@@ -194,7 +194,7 @@ def page_parts(names: Sequence[str], *folders: Path) -> Any:
         digits=_digits,
         percent=_percent,
         table=lambda table: _table(table, *ends),
-        short=lambda text: said_short(text, short),
+        short=lambda text: _said(said_short(text, short)),
     )
     environment.globals.update(left_out=left_out(*ends), version=__version__)
     return environment
@@ -204,6 +204,12 @@ def _table(table: Table | None, front: str, back: str) -> Any:
     if table is None:
         return ""
     return import_module("markupsafe").Markup(html_of(table.without(front, back)))
+
+
+def _said(text: str) -> Any:
+    """Text as HTML, with what stands in `backticks` as code."""
+    markup = import_module("markupsafe")
+    return markup.Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(markup.escape(text))))
 
 
 def _digits(x: float | None) -> str:

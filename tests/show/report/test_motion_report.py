@@ -65,7 +65,7 @@ def test_the_figure_shades_stick_and_has_a_panel_per_site():
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["pendulum", "--method", "magic"], "there are event, timestepping, regularized"),
+        (["pendulum", "--method", "magic"], "there are: event, timestepping, regularized"),
         (["pendulum", "--t-end", "-1"], "t_end"),
         (["pendulum", "--method", "timestepping", "--dt", "0"], "dt"),
         (["ur5_pick_and_place"], "has no `simulation` section"),
