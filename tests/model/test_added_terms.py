@@ -176,7 +176,7 @@ def test_they_are_effects_by_their_keys(tmp_path):
         (COLLAR.replace("weight", "radius"), r"bearing\.radius`; there are: kind, weight"),
         (COLLAR.replace(", weight: 2.0", ""), r"`friction\.turn\.bearing\.weight` is missing"),
         (COLLAR.replace("2.0", "-2"), r"bearing\.weight`: .*at least 0"),
-        (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*or equal to 0"),
+        (POWER_DRAG.replace("0.4", "-1"), r"turn\.power_drag\.coefficient`: .*at least 0"),
         (POWER_DRAG.replace("exponent", "exponant"),
          r"unknown key `friction\.turn\.power_drag\.exponant`; did you mean 'exponent'"),
         (POWER_DRAG.replace("power_drag", "power_darg"),

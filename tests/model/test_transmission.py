@@ -242,7 +242,7 @@ STARTING = {"starting_torque": 0.03, "back_driving_torque": 3.06}
          "from 39 on the loss falls while the load grows"),
         ({"efficiency": {"rated": 0.7, "load": 9.0, "exponent": 0.5}}, "needs `over_speed`"),
         ({"efficiency": over_speed(20, temperature={"factor": 2.7})}, "temperature.source` is mis"),
-        ({"efficiency": 0.8, "back_efficiency": 1.1}, "`back_efficiency`: .*equal to 1"),
+        ({"efficiency": 0.8, "back_efficiency": 1.1}, "`back_efficiency`: .*at most 1"),
         ({"efficiency": 0.8, "back_efficiency": "same"}, "should be 'same_loss', found 'same'"),
         ({"efficiency": 0.8, "back_efficiency": None}, "needs `back_efficiency`.*0.75"),
         ({"efficiency": {"over_load": CURVE}, "back_efficiency": None}, "take `same_loss`"),
