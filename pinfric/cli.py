@@ -336,9 +336,12 @@ def retime(
         typer.Argument(metavar="PATH", help="Way-points (`via: true`: no stop) or a trajectory."),
     ],
     motors: Motors = None,
-    rms: Annotated[
-        bool, typer.Option("--rms", help="Keep continuous torques over the cycle, too.")
-    ] = False,
+    heat: Annotated[
+        bool,
+        typer.Option(
+            "--heat/--no-heat", help="Keep continuous torques over the cycle, which is repeated."
+        ),
+    ] = True,
     smooth: Annotated[
         float, typer.Option(min=0.0, metavar="MS", help="Let accelerations ramp for so long.")
     ] = 0.0,
@@ -350,8 +353,9 @@ def retime(
 ) -> None:
     """Give the fastest motion along a path, and the drive that holds it back.
 
-    Within motor torque, speed-torque line, gear and joint limits (without --motors the URDF's), all
-    friction and gear losses included. --out writes trajectory.csv, retime.png and summary.json.
+    Within motor torque, speed-torque line, heat, gear and joint limits (without --motors the
+    URDF's), all friction and gear losses included. --out writes trajectory.csv, retime.png and
+    summary.json.
     """
     scene, _ = load(scene_name, out=out)
     from pinfric.show.figure.retime import retime_figure
@@ -360,7 +364,7 @@ def retime(
     from pinfric.study.retime.summary import retime_summary
 
     with working("retiming"):
-        result = find_fastest(scene, path_name, motors, rms=rms, smooth=1e-3 * smooth)
+        result = find_fastest(scene, path_name, motors, heat=heat, smooth=1e-3 * smooth)
         slopes = result.sensitivity() if sensitivity else None
     read.extend([result.problem.path.source, motors or ""])
     found = retime_summary(result, slopes)

@@ -27,6 +27,7 @@ from pinfric.model.yamlfile import read_yaml
 from pinfric.study.formats import FORMATS, json_schema
 from pinfric.study.new_scene import write_new
 from pinfric.study.sizing.catalog import Brake, CatalogFile
+from pinfric.study.sizing.criteria import LIMITS
 from pinfric.study.sweep.distributions import Steps
 
 ROOT = Path(__file__).parents[1]
@@ -76,9 +77,23 @@ def test_the_pictures_of_the_architecture_are_those_of_the_code(monkeypatch):
             assert callable(getattr(importlib.import_module(f"pinfric.{module}"), function))
 
 
+def architecture_examples():
+    text = (PAGES / "architecture.md").read_text(encoding="utf-8")
+    return re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+
+
+def test_a_limit_is_added_by_the_steps_of_the_architecture():
+    example = next(x for x in architecture_examples() if "add_limit" in x)
+    before = list(LIMITS)
+    try:
+        exec(compile(example, "architecture.md", "exec", dont_inherit=True), {"__name__": "added"})
+        assert [limit.name for limit in LIMITS if limit not in before] == ["coupling torque"]
+    finally:
+        LIMITS[:] = before
+
+
 def test_a_bearing_is_added_by_the_steps_of_the_architecture(capsys):
-    (example,) = re.findall(r"^```python\n(.*?)^```", (PAGES / "architecture.md").read_text(
-        encoding="utf-8"), re.DOTALL | re.MULTILINE)  # fmt: skip
+    example = next(x for x in architecture_examples() if "bearing_kind" in x)
     try:
         exec(compile(example, "architecture.md", "exec", dont_inherit=True), {"__name__": "added"})
         schema = json_schema("scene")["$defs"]

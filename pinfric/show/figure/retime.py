@@ -13,16 +13,16 @@ from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.names import picture_names
 from pinfric.show.report.values import digits
 from pinfric.study.retime.fastest import TimedSet
-from pinfric.study.retime.limits import KINDS
 from pinfric.study.retime.retime import RetimeResult
+from pinfric.study.sizing.criteria import instant_limits
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _SPEED, _LIMIT = "#0072B2", "#D55E00"
-#: A colour for each of `KINDS` (Okabe and Ito's palette), where the drive is at that limit.
-_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B4513", "#F0E442", "#56B4E9", "#009E73")
+#: Colours of `instant_limits` (Okabe and Ito's palette), where the drive is at that limit.
+_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B4513", "#F0E442", "#0072B2", "#56B4E9", "#009E73")
 #: Inches: width, top panel, a drive's strip, margins.
 _WIDTH, _TOP, _STRIP, _HEAD, _GAP, _FOOT = 11.0, 3.0, 0.34, 0.85, 0.45, 0.95
 #: Pieces of time that strips are drawn in.
@@ -163,7 +163,7 @@ def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
     nearest, share = most.argmax(axis=2), np.clip(most.max(axis=2), 0.0, 1.0)
     grey = 1.0 - 0.55 * share
     colour = np.stack([grey, grey, np.minimum(grey + 0.06, 1.0)], axis=2)
-    table = np.array([to_rgb(c) for c in _COLOURS])
+    table = np.array([to_rgb(_colour(k)) for k in range(use.shape[2])])
     reached = share > _AT_LIMIT
     colour[reached] = table[nearest[reached]]
     axes.spines[:].set_visible(True)
@@ -182,9 +182,14 @@ def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
     return sorted(set(nearest[reached].tolist()))
 
 
+def _colour(k: int) -> str:
+    return _COLOURS[k % len(_COLOURS)]
+
+
 def _legend(figure: Figure, used: list[int]) -> None:
     from matplotlib.patches import Patch
 
-    patches = [Patch(color=_COLOURS[k], label=f"at its {KINDS[k]}") for k in used]
+    limits = instant_limits()
+    patches = [Patch(color=_colour(k), label=f"at its {limits[k].name}") for k in used]
     patches.append(Patch(color=(0.45, 0.45, 0.51), label="uses nearly all of a limit"))
     figure.legend(handles=patches, loc="lower center", ncols=len(patches), frameon=False)

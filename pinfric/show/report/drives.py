@@ -1,13 +1,11 @@
-"""What stands beside the choice of drives: next smaller ones, brakes, the bus, other sets."""
+"""What stands beside the choice of drives: next smaller ones, brakes, the bus."""
 
 from __future__ import annotations
 
-from pinfric.show.report.rows import table_of
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, span
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.front import DriveSet
 from pinfric.study.sizing.size import SizingReport
 
 #: Criteria that a table names of a drive that misses several.
@@ -83,6 +81,8 @@ def turn(report: SizingReport) -> str:
 def bus_lines(report: SizingReport) -> list[str]:
     """Return what all drives take from the bus, in words."""
     bus, each = report.bus, turn(report)
+    if not bus.known:
+        return [f"bus and braking: {bus.remedy}"]
     lines = [
         f"bus: peak {'of at least ' if bus.at_least else ''}{digits(bus.peak)} W "
         f"({digits(bus.current)} A), {digits(bus.mean)} W on average "
@@ -100,29 +100,3 @@ def bus_lines(report: SizingReport) -> list[str]:
     if bus.left_out:
         lines.append(f"the bus without {', '.join(bus.left_out)}: no motor")
     return lines
-
-
-def sets_table(report: SizingReport) -> Table | None:
-    """List the sets that trade mass for energy, power or price; None without a second one."""
-    if len(report.sets) < 2:
-        return None
-    least = " (≥: without the copper loss of some, and compared without it)"
-    title = "sets of drives that no other one tried betters"
-    title += least * any(not found.copper for found in report.sets)
-    cells = {
-        "energy": lambda found: _bounded(found.energy, found),
-        "peak_power": lambda found: _bounded(found.peak_power, found),
-        "drives": lambda found: exchanged(found, report),
-    }
-    return table_of(title, report.sets, keys=0, cells=cells)
-
-
-def exchanged(found: DriveSet, report: SizingReport) -> str:
-    """Return the drives in which a set differs from the lightest."""
-    chosen = {j.name: j.choice.candidate.name for j in report.joints if j.choice is not None}
-    parts = [f"{name}: {drive}" for name, drive in found.drives.items() if drive != chosen[name]]
-    return "; ".join(parts) or "the lightest"
-
-
-def _bounded(x: float, found: DriveSet) -> str:
-    return digits(x) if found.copper else f"≥{digits(x)}"

@@ -78,11 +78,12 @@ def fastest_table(sets: Sequence[TimedSet]) -> Table | None:
 
 def _lines(result: RetimeResult) -> list[str]:
     rate = result.problem.policy.sample_rate
-    lines = [
+    lines = [f"! {note}" for note in result.notes]
+    lines.append(
         f"no limit is exceeded by more than {100 * result.excess:.2g} % at {rate:g} Hz "
         "(inverse dynamics)"
-    ]
-    if result.uniform is not None:
+    )
+    if result.uniform is not None and result.uniform > result.duration * 1.0005:
         gain = 100.0 * (result.uniform / result.duration - 1.0)
         lines.append(
             f"slowed down as a whole to keep the continuous torques it would take "

@@ -8,7 +8,6 @@ from pathlib import Path
 from pinfric.show.report.drives import (
     brake_table,
     bus_lines,
-    sets_table,
     smaller_table,
     turn,
 )
@@ -20,7 +19,7 @@ from pinfric.show.report.values import digits
 from pinfric.study.elastic.summary import elastic_summary
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.criteria import Criterion, Status
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.size import SizingReport
 
 #: Efforts below (N m, N) are rounding.
@@ -47,10 +46,9 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
     return paragraphs(
         demand_table(report),
         _choice_table(report),
-        [f"{digits(report.drive_mass)} kg of drives; {passes(report)}"],
+        [verdict(report)],
         _heavier(report),
         smaller_table(report),
-        sets_table(report),
         brake_table(report),
         bus_lines(report),
         _changes(report),
@@ -157,6 +155,25 @@ def tightest(assessment: Assessment) -> Criterion | None:
     return min(compared, key=lambda c: c.margin or 0.0, default=None)
 
 
+def verdict(report: SizingReport) -> str:
+    """Return in a line how the sizing ended: which joints have a drive, its mass, what is open."""
+    chosen = [joint.choice for joint in report.joints if joint.choice is not None]
+    nearest = [joint.name for joint in report.joints if joint.choice is None and joint.nearest]
+    parts = [f"{len(chosen)} of {len(report.joints)} joints have a drive that fits"]
+    if chosen:
+        unchecked, criteria = (
+            sum(map(len, x))
+            for x in zip(*((a.not_checked, a.criteria) for a in chosen), strict=True)
+        )
+        parts += [
+            f"{digits(report.chosen_mass)} kg of drives",
+            f"{unchecked} of their {criteria} criteria not checked",
+        ]
+    if nearest:
+        parts.append(f"the nearest misses of {', '.join(nearest)} are in the model")
+    return "; ".join([*parts, passes(report)])
+
+
 def passes(report: SizingReport) -> str:
     """Return how the choice of drives ended, in words."""
     count = f"{report.passes} pass" + "es" * (report.passes != 1)
@@ -191,12 +208,9 @@ def _changes(report: SizingReport) -> list[str]:
         ):
             if _name(other) != _name(joint.choice):
                 lines.append(f"{joint.name}: {text} it would be {_name(other) or 'none'}")
-    unchecked = sum(len(j.choice.not_checked) for j in report.joints if j.choice is not None)
-    if unchecked:
-        lines.append(
-            f"{unchecked} criteria of the chosen drives are not checked: no figure "
-            "(--json and the report name them)"
-        )
+    open_ = {c.name for j in report.joints if j.choice is not None for c in j.choice.not_checked}
+    if open_:
+        lines.append(f"not checked, for a figure is missing: {', '.join(sorted(open_))}")
     return lines
 
 

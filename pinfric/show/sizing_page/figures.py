@@ -164,7 +164,7 @@ def _draw_envelope(
 
 def mass_against_margin(joint: JointSizing) -> dict[str, Any]:
     """Return plotly's figure of every judged candidate: mass and least margin, and their front."""
-    judged = [a for a in joint.assessments if not a.lacking]
+    judged = [a for a in joint.assessments if not a.missing_figures]
     fitting = [a for a in judged if a.fits]
     front = pareto_front(fitting)
     line = {"color": GREEN, "width": 1, "shape": "hv"}

@@ -13,7 +13,7 @@ import numpy as np
 from pinfric import __version__
 from pinfric.errors import PinfricError
 from pinfric.show.figure.panel import svg
-from pinfric.show.report.drives import brake_table, bus_lines, sets_table, shortfall, turn
+from pinfric.show.report.drives import brake_table, bus_lines, shortfall, turn
 from pinfric.show.report.html import html_of
 from pinfric.show.report.names import affixes, left_out, said_short, without
 from pinfric.show.report.sizing import (
@@ -35,7 +35,7 @@ from pinfric.show.sizing_page.figures import (
     torque_speed,
 )
 from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.criteria import Criterion, Status
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.sizing.summary import ratio_figures
 
@@ -79,7 +79,6 @@ def sizing_page(report: SizingReport) -> str:
         bus_picture=bus_picture,
         turn=turn(report),
         elastic=elastic_lines(report),
-        sets=sets_table(report),
         demand=demand_table(report),
         power=power_table(report),
         brakes=brake_table(report),

@@ -7,10 +7,11 @@ search by steps: sets that exchange several drives at once for less are not trie
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 
-from pinfric.errors import RetimeError
+from pinfric.errors import PinfricWarning, RetimeError
 from pinfric.model.described import described, quantity
 from pinfric.study.retime.limits import candidate_limits
 from pinfric.study.retime.path import Path
@@ -65,8 +66,6 @@ def fastest_sets(report: SizingReport, path: Path) -> tuple[TimedSet, ...]:
         names = report.given.actuator_names
         held = dict.fromkeys(drive for drive, kind, _ in result.held_back()
                              if kind not in ("joint speed", "acceleration"))  # fmt: skip
-        if result.rms is not None and result.rms.max() > 0.99:
-            held = {names[int(result.rms.argmax())]: None} | held
         options = []
         for drive in list(held)[:_DRIVES]:
             i = names.index(drive)
@@ -105,12 +104,11 @@ def _tried(
     scene = with_masses(report.given, taken, report.conditions)
     names = scene.actuator_names
     limits = {names[i]: candidate_limits(a.candidate, report.conditions) for i, a in taken.items()}
-    rated = any(limit.continuous_torque < float("inf") for limit in limits.values())
-    result = retime(scene, path, limits, rms=rated, points=_POINTS)
+    with warnings.catch_warnings():  # what was chosen and tried is judged by `size` already
+        warnings.simplefilter("ignore", PinfricWarning)
+        result = retime(scene, path, limits, points=_POINTS)
     most = result.held_back()
     held_by = f"{most[0][0]}: {most[0][1]}" if most else ""
-    if result.rms is not None and result.rms.max() > 0.99:
-        held_by = f"{names[int(result.rms.argmax())]}: continuous torque"
     mass = sum(a.candidate.mass or 0.0 for a in taken.values())
     drives = {names[i]: a.candidate.name for i, a in sorted(taken.items())}
     return TimedSet(mass, result.duration, drives, held_by), result

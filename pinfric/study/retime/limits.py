@@ -1,10 +1,8 @@
 """What limits each drive: its motor, its gear, its joint; by numbers, catalogue or URDF.
 
-    |T_m| <= peak,   |T_m/stall + omega/no-load| <= 1,   |omega| <= maximum,   |effort| <= gear's,
-    |v| <= joint's,  |a| <= joint's,   RMS(T_m) <= continuous torque over the cycle, if asked for
-
-T_m and omega at the motor's shaft (`drives.motor_torque_bounds`), the speed-torque line at the bus
-voltage (equivalent circuit of a DC or field-oriented motor, as `size` takes it).
+The rows of the table of limits (`criteria`) that bound every instant of a motion, of a drive of the
+catalogue with its own figures, else with those of a motor file or of the URDF. The speed-torque
+line is that of a winding as hot as it may be.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, PrivateAttr
 
 from pinfric.errors import CatalogError, RetimeError, choose_from
 from pinfric.model.drives import Drive
@@ -24,21 +22,18 @@ from pinfric.model.scene import Scene
 from pinfric.model.schema import Transmission
 from pinfric.model.yamlfile import read_yaml
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
+from pinfric.study.sizing.criteria import (
+    LIMITS,
+    SETTLES,
+    Judged,
+    Limit,
+    idle,
+    instant_limits,
+)
 from pinfric.study.sizing.drivetrain import Candidate, candidates
 from pinfric.study.sizing.size import geared
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.joint_columns import stated_limit
-
-#: What can hold a motion back, in the order of every table of shares.
-KINDS = (
-    "peak torque",
-    "speed-torque line",
-    "motor speed",
-    "effort",
-    "input speed",
-    "joint speed",
-    "acceleration",
-)
 
 
 class DriveLimits(Entry):
@@ -57,30 +52,50 @@ class DriveLimits(Entry):
     velocity: Annotated[Positive, key("of the joint", 2.0, "rad/s or m/s")] = math.inf
     acceleration: Annotated[Positive, key("of the joint", 20.0, "rad/s^2 or m/s^2")] = math.inf
     continuous_torque: Annotated[
-        Positive, key("at the motor's shaft, over the cycle, where asked for", 0.45, "N m")
+        Positive, key("at the motor's shaft, RMS over the cycle", 0.45, "N m")
     ] = math.inf
     transmission: Annotated[Transmission | None, key("in place of the scene's", {"ratio": 100})] = (
         None
     )
     motor: Annotated[str, key("a name for tables", "left shoulder")] = ""
 
+    #: Row of the table -> the bound of a drive of the catalogue, where no key gives it.
+    _rows: dict[str, float] = PrivateAttr(default_factory=dict)
+    #: The drive of the catalogue, and what is demanded of it.
+    _drive: tuple[Candidate, Conditions] | None = PrivateAttr(default=None)
+
+    @property
+    def from_catalog(self) -> tuple[Candidate, Conditions] | None:
+        """The drive of the catalogue and what is demanded of it; None where numbers are given."""
+        return self._drive
+
+    def bound(self, limit: Limit) -> float:
+        """Return the bound of a row of the table, infinite where there is none.
+
+        Torques and speeds are at the motor's shaft; of the speed-torque line the stall torque.
+        """
+        if limit.key:
+            return float(getattr(self, limit.key))
+        return self._rows.get(limit.name, math.inf)
+
+    def least(self, signal: str) -> float:
+        """Return the least bound of a signal (`criteria.SIGNALS`)."""
+        rows = (limit for limit in instant_limits() if limit.need == signal)
+        return min((self.bound(limit) for limit in rows), default=math.inf)
+
+    def scaled(self, limit: Limit, factor: float) -> DriveLimits:
+        """Return the same limits, one of them times a factor."""
+        if limit.key:
+            return self.model_copy(update={limit.key: factor * self.bound(limit)})
+        changed = self.model_copy()
+        changed._rows = {**self._rows, limit.name: factor * self.bound(limit)}
+        return changed
+
     @property
     def driven(self) -> bool:
         """Whether its torque is limited, without which nothing limits a motion."""
         line = math.isfinite(self.stall_torque) and math.isfinite(self.no_load_speed)
-        return line or math.isfinite(min(self.peak_torque, self.effort))
-
-
-#: The field of `DriveLimits` behind each of `KINDS`.
-FIELDS = (
-    "peak_torque",
-    "stall_torque",
-    "max_speed",
-    "effort",
-    "input_speed",
-    "velocity",
-    "acceleration",
-)
+        return line or math.isfinite(min(self.least("motor torque"), self.least("effort")))
 
 
 class NamedDrive(DriveLimits):
@@ -157,7 +172,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
             raise RetimeError(
                 f"limits: there is no drive {name!r}; {choose_from(name, scene.actuator_names)}"
             )
-    shop = _Shop(catalog, conditions)
+    lookup = CatalogLookup(catalog, conditions)
     found = []
     for drive in scene.drives:
         entry = given.get(drive.name, others)
@@ -166,7 +181,7 @@ def read_limits(scene: Scene, limits: LimitsLike) -> tuple[DriveLimits, ...]:
                 f"limits: none for drive {drive.name!r}; give at least peak_torque "
                 "(N m, at the motor's shaft), or a motor by name"
             )
-        found.append(_limits(drive.name, entry, shop))
+        found.append(_limits(drive.name, entry, lookup))
     return tuple(found)
 
 
@@ -185,9 +200,8 @@ def limited_scene(scene: Scene, limits: Sequence[DriveLimits]) -> Scene:
 def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimits:
     """Return the limits of a drive of a catalogue, under given conditions.
 
-    The peak torque is divided by `conditions.peak_factor`, the line is at `conditions.bus_voltage`,
-    the continuous torque at `conditions.ambient`; the gear's limit is its repeated peak torque,
-    without one its momentary peak torque. A gearmotor's figures are brought to its motor's shaft.
+    Each row of the table with its reserve, at the ambient temperature and the bus voltage of the
+    conditions. A gearmotor's figures are brought to its motor's shaft.
 
     Raises:
         RetimeError: a figure is missing that the motor's torque needs.
@@ -199,41 +213,30 @@ def candidate_limits(candidate: Candidate, conditions: Conditions) -> DriveLimit
             "it the motor's torque cannot be computed"
         )
     torque, speed = (1 / ratio, ratio) if candidate.at_output else (1.0, 1.0)
-    values: dict[str, float | None] = {
-        "peak_torque": None
-        if ratings.peak_torque is None
-        else torque * ratings.peak_torque / conditions.peak_factor,
-        "max_speed": ratings.speed_limit(conditions.bus_voltage)[0],
-        "continuous_torque": ratings.continuous_at(conditions, np.inf)[0],  # at any speed
+    to_shaft = {"motor torque": torque, "motor RMS torque": torque, "motor speed": speed}
+    judged = Judged(candidate, None, idle(conditions))
+    bounds = {
+        limit: to_shaft.get(limit.need, 1.0) * limit.bound(judged)
+        for limit in LIMITS
+        if isinstance(limit.need, str) and limit.need != "voltage"
     }
-    for rating, factor in (("max_speed", speed), ("continuous_torque", torque)):
-        value = values[rating]
-        values[rating] = None if value is None else factor * value
+    values = {limit.key: bound for limit, bound in bounds.items() if limit.key}
     if ratings.has_line:
-        one, none = np.ones(1), np.zeros(1)
-        values["stall_torque"] = (
-            torque * conditions.bus_voltage / float(ratings.voltage(one, none)[0])
-        )
-        values["no_load_speed"] = (
-            speed * conditions.bus_voltage / float(ratings.voltage(none, one)[0])
-        )
-    if candidate.gear is not None:
-        gear = candidate.gear
-        values["effort"] = gear.repeated_peak_torque or gear.momentary_peak_torque
-        values["input_speed"] = gear.max_input_speed
-    known: dict[str, Any] = {rating: value for rating, value in values.items() if value is not None}
-    return DriveLimits(**known, motor=candidate.name).model_copy(
-        update={"transmission": candidate.transmission}  # its figures were validated in the entry
+        one, none, volts = np.ones(1), np.zeros(1), conditions.bus_voltage
+        hot = ratings.hottest(conditions)
+        values["stall_torque"] = torque * volts / float(ratings.voltage(one, none, hot)[0])
+        values["no_load_speed"] = speed * volts / float(ratings.voltage(none, one)[0])
+    known: dict[str, Any] = {key: bound for key, bound in values.items() if math.isfinite(bound)}
+    # the transmission's figures were validated in the entry
+    found = DriveLimits(**known, motor=candidate.name).model_copy(
+        update={"transmission": candidate.transmission}
     )
+    found._rows = {limit.name: bound for limit, bound in bounds.items() if not limit.key}
+    found._drive = candidate, conditions
+    return found
 
 
-def scaled(limits: DriveLimits, kind: int, factor: float) -> DriveLimits:
-    """Return the limits with one of `KINDS` times a factor (of the line: the stall torque)."""
-    field = FIELDS[kind]
-    return limits.model_copy(update={field: factor * getattr(limits, field)})
-
-
-class _Shop:
+class CatalogLookup:
     """A catalogue, read at the first name that is asked for."""
 
     def __init__(self, catalog: str, conditions: Mapping[str, Any] | None) -> None:
@@ -241,6 +244,7 @@ class _Shop:
         self.catalog: Catalog | None = None
 
     def drive(self, where: str, name: str) -> DriveLimits:
+        """Return the limits of a drive by its name; `where` says in a message who asks."""
         if self.catalog is None:
             self.catalog = load_catalog(self.file)
         known = {c.name: c for linear in (False, True) for c in candidates(self.catalog, linear)}
@@ -252,20 +256,21 @@ class _Shop:
         return candidate_limits(known[name], conditions)
 
 
-def _limits(name: str, entry: Any, shop: _Shop) -> DriveLimits:
+def _limits(name: str, entry: Any, lookup: CatalogLookup) -> DriveLimits:
     if isinstance(entry, str):
-        found = shop.drive(name, entry.removeprefix("default:"))
+        found = lookup.drive(name, entry.removeprefix("default:"))
     elif isinstance(entry, Candidate):
         found = candidate_limits(entry, Conditions())
     else:
         chosen = None
         if isinstance(entry, dict) and "drive" in entry:
-            chosen = shop.drive(name, str(entry["drive"]).removeprefix("default:"))
+            chosen = lookup.drive(name, str(entry["drive"]).removeprefix("default:"))
             entry = {key: value for key, value in entry.items() if key != "drive"}
         found = parse(DriveLimits, entry, f"limits.{name}", RetimeError)
         if chosen is not None:
             own = {key: getattr(found, key) for key in found.model_fields_set}
             found = chosen.model_copy(update=own)
+    _check_settled(name, found)
     if math.isfinite(found.stall_torque) != math.isfinite(found.no_load_speed):
         raise RetimeError(
             f"limits.{name}: the speed-torque line needs both stall_torque and no_load_speed"
@@ -276,6 +281,24 @@ def _limits(name: str, entry: Any, shop: _Shop) -> DriveLimits:
             "stall_torque with no_load_speed, or effort"
         )
     return found
+
+
+def _check_settled(name: str, limits: DriveLimits) -> None:
+    """Refuse a drive of the catalogue whose gear or motor nothing limits: it cannot be judged."""
+    if limits.from_catalog is None:
+        return
+    candidate, _ = limits.from_catalog
+    for thing in SETTLES:
+        rows = [limit for limit in instant_limits() if thing in limit.settles]
+        known = any(math.isfinite(limits.bound(limit)) for limit in rows)
+        if known or not rows or (thing.startswith("gear") and candidate.gear is None):
+            continue
+        names = " or ".join(limit.name for limit in rows if limit.key != "velocity")
+        keys = " or ".join(limit.key for limit in rows if limit.key)
+        raise RetimeError(
+            f"limits.{name}: {candidate.name} cannot be judged: the catalogue has no figure for "
+            f"its {names}; give {keys} beside `drive`"
+        )
 
 
 def _stated(scene: Scene, i: int) -> DriveLimits:
@@ -297,9 +320,10 @@ def joint_speeds(scene: Scene) -> np.ndarray:
 
 def drive_speeds(drives: Sequence[Drive], limits: Sequence[DriveLimits]) -> np.ndarray:
     """Return (na,) the greatest speeds behind the gears: limits, motor and gear (rad/s or m/s)."""
+    turning = [min(x.least("motor speed"), x.least("input speed")) for x in limits]
     return np.array(
         [
-            min(x.velocity, min(x.max_speed, x.input_speed) / abs(drive.ratio))
-            for drive, x in zip(drives, limits, strict=True)
+            min(x.least("speed"), most / abs(drive.ratio))
+            for drive, x, most in zip(drives, limits, turning, strict=True)
         ]
     )

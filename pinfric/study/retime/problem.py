@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
@@ -16,31 +15,28 @@ from pinfric.errors import RetimeError
 from pinfric.model.couples import rate_rows
 from pinfric.model.drives import gear_table
 from pinfric.model.scene import Scene
-from pinfric.study.retime.limits import KINDS, DriveLimits, drive_speeds, joint_speeds
+from pinfric.study.retime.limits import DriveLimits, drive_speeds, joint_speeds
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.profile import Profile, columns_to_velocities
-from pinfric.study.retime.scan import BREAKING, NEEDED, WORST, Scan, box_scan, fastest
+from pinfric.study.retime.scan import MOVING, WORST, Scan, box_scan, fastest
 from pinfric.study.retime.tables import Grid, Tables, carried_names
-from pinfric.study.summary import effort_unit, ends_by_magnitude, motor_unit, rests, sites_on
+from pinfric.study.sizing.criteria import instant_limits
+from pinfric.study.summary import effort_unit, ends_by_magnitude, motor_unit, rests
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 
 
 @dataclass(frozen=True)
 class Policy:
-    """What is demanded where a joint stands still.
+    """How finely a motion is judged.
+
+    Where a joint stands still, starts or reverses, both ends of its interval of standstill are
+    within the limits, as `inverse_dynamics` reports them.
 
     Attributes:
-        reversal: "interval": both ends of the interval of standstill are within the limits, as
-            `inverse_dynamics` reports them at the sample beside a reversal or a start; "own sign":
-            only friction against the motion counts.
-        rest: "worst": the same for a joint that rests while others move; "needed": the drive can
-            hold it.
         sample_rate: Hz, of the samples that are within the limits.
         tolerance: by which part a limit may be exceeded between grid points.
     """
 
-    reversal: Literal["interval", "own sign"] = "interval"
-    rest: Literal["worst", "needed"] = "worst"
     sample_rate: float = 1000.0
     tolerance: float = 1e-3
 
@@ -92,17 +88,19 @@ class Problem:
             own = ((joint_speeds(self.scene) / np.abs(grid.rate)) ** 2).min(axis=1)
         top = np.minimum(top, own)
         stick = [drive_stick_velocity(self.scene, drive) for drive in drives]
-        names = "peak_torque", "stall_torque", "no_load_speed", "effort", "acceleration"
-        columns = {name: np.array([getattr(x, name) for x in limits]) for name in names}
+
+        def least(signal: str) -> np.ndarray:
+            return np.array([x.least(signal) for x in limits])
+
         return Scan(
             step=grid.step, start=grid.start, end=grid.end, stop=grid.stop,
             effort=self.tables.effort, gram=self.tables.gram, rate=rate,
             curvature=curvature, top=np.minimum(top, 1e15), way=grid.way, mode=self.mode,
             constant=self.constant, laws=self.scene.site_tables.laws,
             gears=gear_table([drive.transmission for drive in drives], stick),
-            peak=columns["peak_torque"], stall=columns["stall_torque"],
-            no_load_speed=columns["no_load_speed"], effort_limit=columns["effort"],
-            acceleration=columns["acceleration"], work=np.empty((self.tables.gram.shape[1], 3)),
+            peak=least("motor torque"), stall=np.array([x.stall_torque for x in limits]),
+            no_load_speed=np.array([x.no_load_speed for x in limits]), effort_limit=least("effort"),
+            acceleration=least("acceleration"), work=np.empty((self.tables.gram.shape[1], 3)),
             head=np.empty(8), holes=np.zeros(1, dtype=np.int64), **self._sites,
         )  # fmt: skip
 
@@ -119,10 +117,9 @@ class Problem:
             raise RetimeError(self._why(failed))
         return replace(Profile.of(self.grid, x, u), holes=int(scan.holes[0]))
 
-    def with_limits(self, d: int, limits: DriveLimits, scene: Scene | None = None) -> Problem:
-        """Return the same problem with other limits of drive d, and a scene with another gear."""
-        every = (*self.limits[:d], limits, *self.limits[d + 1 :])
-        return replace(self, limits=every, scene=scene or self.scene)
+    def with_limits(self, d: int, limits: DriveLimits) -> Problem:
+        """Return the same problem with other limits of drive d."""
+        return replace(self, limits=(*self.limits[:d], limits, *self.limits[d + 1 :]))
 
     def states(
         self, s: np.ndarray, piece: np.ndarray, x: np.ndarray, u: np.ndarray,
@@ -152,7 +149,7 @@ class Problem:
         piece, s = int(grid.piece[row]), float(grid.s[row])
         where = self.place(piece, s)
         still = self.states(np.array([s]), np.array([piece]), np.zeros(1), np.zeros(1))
-        use = usage(still, self.limits, self.policy)[0]
+        use = usage(still, self.limits)[0]
         d, kind = divmod(int(use.argmax()), use.shape[1])
         if use[d, kind] > 1.0:
             what = "break away" if grid.stop[interval] and grid.way[interval, d] else "hold"
@@ -183,71 +180,68 @@ class Problem:
         efforts = result.effort_lower[0, d], result.effort_upper[0, d]
         x, unit = self.limits[d], effort_unit(self.scene, d)
         name = self.scene.drives[d].name
-        if KINDS[kind] == "effort":
-            need, have, of = max(map(abs, efforts)), x.effort, unit
+        if instant_limits()[kind].need == "effort":
+            need, have, of = max(map(abs, efforts)), x.least("effort"), unit
         else:
-            need, have = max(map(abs, torques)), min(x.peak_torque, x.stall_torque)
+            need, have = max(map(abs, torques)), min(x.least("motor torque"), x.stall_torque)
             of = f"{motor_unit(self.scene, d)} of its motor"
         return f"{name!r} cannot {what}: needs {need:.4g} {of}, has {have:.4g}"
 
 
-def modes(grid: Grid, policy: Policy, zones: Sequence[tuple[int, int, float, float]]) -> np.ndarray:
+def modes(grid: Grid, zones: Sequence[tuple[int, int, float, float]]) -> np.ndarray:
     """Return how each drive is judged at both ends of each interval, (n, 2, nv).
 
     Args:
         grid: the points.
-        policy: see `Policy`.
         zones: (drive, piece, from s, to s): within them it reverses, and both signs count.
     """
     way, rests_ = grid.way, grid.way == 0.0
-    mode = np.zeros((*way.shape[:1], 2, way.shape[1]), dtype=np.int64)
-    leaving = WORST if policy.reversal == "interval" else BREAKING
+    mode = np.full((*way.shape[:1], 2, way.shape[1]), MOVING)
     for j in range(len(way)):
         new = np.ones(way.shape[1], bool) if grid.stop[j] else rests_[j - 1]
-        mode[j, 0, new] = leaving
-        if policy.reversal == "own sign" and not grid.stop[j]:
-            mode[j, 0, way[j] * way[j - 1] < 0.0] = BREAKING
+        mode[j, 0, new] = WORST
     middle = 0.5 * (grid.s[grid.start] + grid.s[grid.end])
     for d, piece, first, last in zones:
         inside = (grid.piece[grid.start] == piece) & (first < middle) & (middle < last)
         mode[inside, :, d] = WORST
-    both = np.broadcast_to(rests_[:, None, :], mode.shape)
-    mode[both] = WORST if policy.rest == "worst" else NEEDED
+    mode[np.broadcast_to(rests_[:, None, :], mode.shape)] = WORST
     return mode
 
 
-def usage(result: InverseResult, limits: Sequence[DriveLimits], policy: Policy) -> np.ndarray:
-    """Return which part of each limit a motion uses, (T, na, number of `limits.KINDS`).
+def usage(result: InverseResult, limits: Sequence[DriveLimits], needed: bool = False) -> np.ndarray:
+    """Return which part of each limit a motion uses, (T, na, number of `instant_limits`).
 
     Args:
         result: of inverse dynamics.
         limits: (na,) of the drives.
-        policy: where a drive stands still and only what is needed counts, the least torque of its
-            interval does.
+        needed: of a drive at rest only the least torque of its interval counts: it can hold.
     """
-    scene, v = result.scene, result.actuator_velocity
-    use = np.zeros((*v.shape, len(KINDS)))
+    scene, v, rows = result.scene, result.actuator_velocity, instant_limits()
+    use = np.zeros((*v.shape, len(rows)))
     joints = np.abs(result.states.v) / joint_speeds(scene)
     for d, (drive, x) in enumerate(zip(scene.drives, limits, strict=True)):
         ends = [result.motor_torque_lower[:, d], result.motor_torque_upper[:, d]]
         efforts = [result.effort_lower[:, d], result.effort_upper[:, d]]
-        least = np.zeros(len(v), dtype=bool)
-        if policy.rest == "needed":
-            least |= rests(result, d)
-        if policy.reversal == "own sign":
-            least |= result.reversal[:, sites_on(scene, d)].any(axis=1)
-        for pair in (ends, efforts):
-            nearer = ends_by_magnitude(*pair)[1]
-            pair[0], pair[1] = (np.where(least, nearer, end) for end in pair)
+        if needed:
+            still = rests(result, d)
+            for pair in (ends, efforts):
+                nearer = ends_by_magnitude(*pair)[1]
+                pair[0], pair[1] = (np.where(still, nearer, end) for end in pair)
         omega = drive.ratio * v[:, d]
-        use[:, d, 0] = np.maximum(*map(np.abs, ends)) / x.peak_torque
-        line = (end / x.stall_torque + omega / x.no_load_speed for end in ends)
-        use[:, d, 1] = np.maximum(*map(np.abs, line))
-        use[:, d, 2] = np.abs(omega) / x.max_speed
-        use[:, d, 3] = np.maximum(*map(np.abs, efforts)) / x.effort
-        use[:, d, 4] = np.abs(omega) / x.input_speed
-        use[:, d, 5] = np.abs(v[:, d]) / x.velocity
-        if (own := drive.velocity_index) >= 0:
-            use[:, d, 5] = np.maximum(use[:, d, 5], joints[:, own])
-        use[:, d, 6] = np.abs(result.actuator_acceleration[:, d]) / x.acceleration
+        line = [end + omega * (x.stall_torque / x.no_load_speed) for end in ends]
+        if not np.isfinite(x.stall_torque):
+            line = ends
+        signals = {
+            "motor torque": np.maximum(*map(np.abs, ends)),
+            "voltage": np.maximum(*map(np.abs, line)),
+            "motor speed": np.abs(omega),
+            "input speed": np.abs(omega),
+            "effort": np.maximum(*map(np.abs, efforts)),
+            "speed": np.abs(v[:, d]),
+            "acceleration": np.abs(result.actuator_acceleration[:, d]),
+        }
+        for k, limit in enumerate(rows):
+            use[:, d, k] = signals[str(limit.need)] / x.bound(limit)
+            if limit.need == "speed" and drive.velocity_index >= 0:
+                use[:, d, k] = np.maximum(use[:, d, k], joints[:, drive.velocity_index])
     return use

@@ -7,28 +7,20 @@ every reversal among them; judge the inside of all intervals, and the samples, b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, get_args, get_type_hints
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
-from pinfric.errors import RetimeError
+from pinfric.errors import PinfricWarning, RetimeError
 from pinfric.model.brief import file_name, listed, screen
 from pinfric.model.couples import mixed
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.model.transmission import Transmission
 from pinfric.model.upward import Shown
-from pinfric.study.retime.limits import (
-    KINDS,
-    DriveLimits,
-    LimitsLike,
-    limited_scene,
-    read_limits,
-    scaled,
-)
+from pinfric.study.retime.limits import DriveLimits, LimitsLike, limited_scene, read_limits
 from pinfric.study.retime.path import Path, check_limits, load_path
 from pinfric.study.retime.problem import Policy, Problem, modes, usage
 from pinfric.study.retime.profile import Profile, Samples, columns_to_velocities, sample
@@ -41,8 +33,12 @@ from pinfric.study.retime.tables import (
     rates_of,
 )
 from pinfric.study.retime.thermal import Cycle, within_continuous
-from pinfric.study.sizing.size import geared
-from pinfric.study.summary import ends_by_magnitude, rests
+from pinfric.study.sizing.criteria import Case, Limit, check, instant_limits
+from pinfric.study.sizing.criterion import Criterion, Status
+from pinfric.study.sizing.demand import drive_cycle, gear_demand, hold_samples
+from pinfric.study.sizing.drivetrain import motor_cycle
+from pinfric.study.sizing.size import BASE_AXES, depth, load_inertias
+from pinfric.study.summary import ends_by_magnitude
 from pinfric.study.summary import rms as root_mean_square
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations, joint_columns
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -57,6 +53,8 @@ _AT_LIMIT = 0.995
 _NEAR_LIMIT = 0.98
 #: Times the points asked for, where fewer find no way along the path.
 _FINER = 1, 4, 16
+#: The row of the table that bounds the mean over the whole cycle.
+_CONTINUOUS = "continuous torque"
 #: Fewest points of a piece; a zone about a reversal, in sample periods.
 _FEWEST, _ZONE = 24, 0.65
 
@@ -69,17 +67,20 @@ class RetimeResult(Shown):
         trajectory: its samples, which every command takes.
         duration: s, holds included. moves: (pieces,) of each, s.
         before: how long the motion took that the path comes from, s; None: it had no times.
-        limiting: drive -> limit -> part of the moving time in which more than 99.5 % are used.
+        limiting: drive -> limit -> part of the moving time in which more than 99.5 % are used; all
+            of it for a continuous torque, which holds back the whole cycle.
         excess: the most by which a sample exceeds any limit, as a part of it (`inverse_dynamics`
             judges); 0.001 is 0.1 %.
-        usage: (T, na, `limits.KINDS`) which part of each limit each sample uses.
+        usage: (T, na, `criteria.instant_limits`) which part of each limit each sample uses.
         problem, profile: the grid with its limits, and the speed on it.
         rms: (na,) part of its continuous torque that each motor uses over the whole cycle; None
-            where that was not asked for.
+            where heat is not judged.
         uniform: s, how long the motion would take if it were slowed down as a whole until these
             torques are kept; None as `rms`.
         cycle: what the continuous torques count beside the moves; None as `rms`.
         smooth: s, of the moving mean; each move takes so much longer by it.
+        criteria: drive -> what `size` says of a drive of the catalogue that does this motion.
+        notes: what is exceeded or was not judged, in sentences.
     """
 
     trajectory: Trajectory
@@ -95,6 +96,8 @@ class RetimeResult(Shown):
     uniform: float | None = None
     cycle: Cycle | None = None
     smooth: float = 0.0
+    criteria: Mapping[str, tuple[Criterion, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         most = self.held_back()
@@ -104,7 +107,7 @@ class RetimeResult(Shown):
             "limits": listed([f"{d}: {k}" for d, k, _ in most],
                              [f"{100 * share:.0f} % of the time" for _, _, share in most]),
             "excess": f"{100 * self.excess:.3g} % over any limit",
-            "more": ".trajectory .limiting .sensitivity() .sweep_ratio(joint, ratios) .plot()",
+            "more": ".trajectory .limiting .sensitivity() .plot()",
         })  # fmt: skip
 
     def held_back(self) -> list[tuple[str, str, float]]:
@@ -133,27 +136,29 @@ class RetimeResult(Shown):
             change: relative change of a limit.
         """
 
-        def slope(d: int, kind: int | None) -> float:
+        rows = instant_limits()
+
+        def slope(d: int, limit: Limit | None) -> float:
             times = []
             for factor in (1.0 + change, 1.0 - change):
                 problem, cycle = p, self.cycle
-                if kind is not None:
-                    problem = p.with_limits(d, scaled(p.limits[d], kind, factor))
+                if limit is not None:
+                    problem = p.with_limits(d, p.limits[d].scaled(limit, factor))
                 elif cycle is not None:
-                    limit = cycle.limit.copy()
-                    limit[d] *= factor
-                    cycle = replace(cycle, limit=limit)
+                    torques = cycle.limit.copy()
+                    torques[d] *= factor
+                    cycle = replace(cycle, limit=torques)
                 times.append(self._moving_time(problem, cycle))
             return float(np.log(times[0] / times[1]) / np.log((1 + change) / (1 - change)))
 
         found: dict[str, dict[str, float]] = {}
         p, most = self.problem, self.usage.max(axis=0, initial=0.0)
         for d, drive in enumerate(p.scene.drives):
-            near = [k for k in range(len(KINDS)) if most[d, k] > _NEAR_LIMIT]
+            near = [limit for k, limit in enumerate(rows) if most[d, k] > _NEAR_LIMIT]
             if near:
-                found[drive.name] = {KINDS[k]: slope(d, k) for k in near}
+                found[drive.name] = {limit.name: slope(d, limit) for limit in near}
             if self.rms is not None and self.rms[d] > _NEAR_LIMIT:
-                found.setdefault(drive.name, {})["continuous torque"] = slope(d, None)
+                found.setdefault(drive.name, {})[_CONTINUOUS] = slope(d, None)
         return found
 
     def _moving_time(self, problem: Problem, cycle: Cycle | None) -> float:
@@ -162,45 +167,13 @@ class RetimeResult(Shown):
             profile, _ = within_continuous(problem, profile, cycle)
         return float(profile.duration.sum())
 
-    def sweep_ratio(self, joint: str, ratios: Sequence[float]) -> dict[float, float | str]:
-        """Return the duration (s, holds included) for other gear ratios of one drive.
-
-        The gear's other figures stay: torques and inertia at the motor's shaft. On the same grid;
-        where a ratio cannot follow the path, why.
-
-        Args:
-            joint: the drive's name. ratios: motor turns per joint turn.
-
-        Raises:
-            RetimeError: there is no such drive.
-        """
-        p = self.problem
-        names = p.scene.actuator_names
-        if joint not in names:
-            raise RetimeError(f"sweep_ratio: there is no drive {joint!r}; there are: "
-                              f"{', '.join(names)}")  # fmt: skip
-        d = names.index(joint)
-        gear = p.scene.drives[d].transmission or Transmission(ratio=1.0)
-        found: dict[float, float | str] = {}
-        for ratio in ratios:
-            other_gear = {joint: gear.model_copy(update={"ratio": ratio})}
-            try:
-                scene = p.scene.with_(actuators=geared(p.scene, other_gear))
-                other = p.with_limits(d, p.limits[d], scene)
-                found[ratio] = self._moving_time(other, self.cycle) + sum(p.path.holds)
-            except RetimeError as problem:
-                found[ratio] = str(problem)
-        return found
-
 
 def retime(
     scene: Scene,
     path: Path | Trajectory | str,
     limits: LimitsLike = None,
     *,
-    reversal: Literal["interval", "own sign"] = "interval",
-    rest: Literal["worst", "needed"] = "worst",
-    rms: bool = False,
+    heat: bool = True,
     smooth: float = 0.0,
     points: int = 300,
     tolerance: float = 1e-3,
@@ -215,8 +188,8 @@ def retime(
         scene: an open chain with one drive on each joint, its friction and payloads.
         path: a `Path`; a trajectory, whose path is taken; a file of either.
         limits: of the drives, see `limits.read_limits`; None: the URDF's effort and velocity.
-        reversal, rest: what counts where a joint stands still, see `problem.Policy`.
-        rms: keep each motor's continuous torque over the whole cycle, holds included (`thermal`).
+        heat: keep each motor's continuous torque over the whole cycle, holds included (`thermal`),
+            as the motion is repeated; False: it is done once.
         smooth: s; the place along the path becomes a moving mean over this time, so that
             accelerations ramp; each move takes so much longer.
         points: of the grid, all pieces together; refined where a limit would be exceeded.
@@ -227,6 +200,10 @@ def retime(
         RetimeError: loops, cylinders or joints without a drive; limits missing; a drive that cannot
             hold, break away or follow, with the place and what it needs.
         TrajectoryError: a path that cannot be, or does not fit the robot.
+
+    Warns:
+        PinfricWarning: smoothing exceeds a limit; a drive of the catalogue does not meet what
+            `size` asks of it for this motion.
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -244,10 +221,6 @@ def retime(
     if not (points >= 2 and sample_rate > 0.0 and tolerance > 0.0 and smooth >= 0.0):
         raise RetimeError(f"retime: points {points}, sample_rate {sample_rate:g}, tolerance "
                           f"{tolerance:g}, smooth {smooth:g}: should be positive")  # fmt: skip
-    for name, value in (("reversal", reversal), ("rest", rest)):
-        known = get_args(get_type_hints(Policy)[name])
-        if value not in known:
-            raise RetimeError(f"retime: {name} {value!r}; should be one of: {', '.join(known)}")
     given = read_limits(scene, limits)
     scene = limited_scene(scene, given)
     if path.attached is not None and path.attached.shape[1] != len(scene.payloads):
@@ -255,8 +228,11 @@ def retime(
                           f"{len(scene.payloads)} payloads")  # fmt: skip
     columns = joint_columns(scene.model, scene.source)
     check_limits(path, columns)
-    policy = Policy(reversal, rest, sample_rate, tolerance)
-    return _Retiming(scene, path, columns, given, policy).run(points, rms, smooth)
+    policy = Policy(sample_rate, tolerance)
+    found = _Retiming(scene, path, columns, given, policy).run(points, heat, smooth)
+    for text in found.notes:
+        warnings.warn(text, PinfricWarning, stacklevel=2)
+    return found
 
 
 def _check_scene(scene: Scene) -> None:
@@ -291,18 +267,43 @@ class _Retiming:
         self.constant: list[tuple[int, float, float]] = []
         self.zones: list[tuple[int, int, float, float]] = []
 
-    def run(self, points: int, rms: bool, smooth: float) -> RetimeResult:
+    def run(self, points: int, heat: bool, smooth: float) -> RetimeResult:
         """Do what `retime` does; arguments see there."""
         self.check_stops()
         problem, profile, samples = self.solve(points)
-        if not rms:
-            if smooth:
-                samples = sample(self.path, profile, self.policy.sample_rate, smooth)
-            return self.result(problem, profile, samples, smooth)
-        profile, uniform, cycle, use = self.cool(problem, profile)
-        samples = sample(self.path, profile, self.policy.sample_rate, smooth)
+        uniform, cycle, use = None, None, None
+        if heat and any(np.isfinite(x.continuous_torque) for x in self.limits):
+            profile, uniform, cycle, use = self.cool(problem, profile)
+        if smooth or use is not None:
+            samples = sample(self.path, profile, self.policy.sample_rate, smooth)
         found = self.result(problem, profile, samples, smooth)
-        return replace(found, rms=use, uniform=uniform, cycle=cycle)
+        if use is not None:
+            found = replace(found, rms=use, uniform=uniform, cycle=cycle)
+            for d in np.flatnonzero(use > _AT_LIMIT):
+                found.limiting.setdefault(self.scene.drives[d].name, {})[_CONTINUOUS] = 1.0
+        return replace(found, notes=tuple(self.notes(found, heat)))
+
+    def notes(self, found: RetimeResult, heat: bool) -> Iterator[str]:
+        """Say what is exceeded, what `size` does not accept, and whose heat is not known."""
+        names = [drive.name for drive in self.scene.drives]
+        if found.excess > self.policy.tolerance:
+            d, k = np.unravel_index(found.usage.max(axis=0).argmax(), found.usage.shape[1:])
+            why = f"smoothing over {1e3 * found.smooth:g} ms" if found.smooth else "the motion"
+            yield (
+                f"{why} exceeds the {instant_limits()[k].name} of {names[d]} by "
+                f"{100 * found.excess:.2g} %"
+            )
+        for name, criteria in found.criteria.items():
+            failed = [c.why for c in criteria if c.status == Status.FAILS]
+            if heat and failed:
+                yield f"{name}: this motion, repeated, does not pass `size`: {'; '.join(failed)}"
+        cold = [
+            n
+            for n, x in zip(names, self.limits, strict=True)
+            if x.motor and not np.isfinite(x.continuous_torque)
+        ]
+        if heat and cold:
+            yield f"heat is not judged for {', '.join(cold)}: no continuous torque is known"
 
     def solve(self, points: int) -> tuple[Problem, Profile, Samples]:
         """Solve; where no way is found, on finer grids: between far points it can be missed."""
@@ -323,7 +324,7 @@ class _Retiming:
             constant |= (piece == p) & (first < middle) & (middle < last)
         tables = make_tables(self.scene, self.path, self.columns, grid)
         return Problem(self.scene, self.path, self.columns, self.limits, self.policy, grid, tables,
-                       modes(grid, self.policy, self.zones), constant)  # fmt: skip
+                       modes(grid, self.zones), constant)  # fmt: skip
 
     def check_stops(self) -> None:
         """Refuse stops at which a drive cannot hold, with what it carries before and after."""
@@ -331,7 +332,7 @@ class _Retiming:
         for p, curve in enumerate(self.path.pieces):
             for end, s in enumerate(curve.x[[0, -1]]):
                 still = probe.states(np.array([s]), np.array([p]), np.zeros(1), np.zeros(1))
-                use = usage(still, self.limits, replace(self.policy, rest="needed"))[0]
+                use = usage(still, self.limits, needed=True)[0]
                 d, kind = divmod(int(use.argmax()), use.shape[1])
                 if use[d, kind] > 1.0:
                     where = f"{self.path.source}: stop {p + end}{probe.carrying(p)}"
@@ -349,8 +350,7 @@ class _Retiming:
 
     def refine(self, coarse: Profile, points: int) -> tuple[Problem, Profile, Samples]:
         """Solve on the final grid, cut intervals over a limit in two, up to `_ROUNDS` times."""
-        if self.policy.reversal == "interval":
-            self.zones = self._zones(coarse)
+        self.zones = self._zones(coarse)
         share = coarse.duration / coarse.duration.sum()
         grids = []
         for p, (curve, natural) in enumerate(zip(self.path.pieces, self.natural, strict=True)):
@@ -404,11 +404,11 @@ class _Retiming:
         of, x, u = profile.inside(_INSIDE)
         rows = grid.start[of]
         s = grid.s[rows] + np.tile(_INSIDE, len(grid.step)) * grid.step[of]
-        use = usage(problem.states(s, grid.piece[rows], x, u), self.limits, self.policy)
+        use = usage(problem.states(s, grid.piece[rows], x, u), self.limits)
         over = set(of[(use > most).any(axis=(1, 2))].tolist())
         motion = self.motion(samples)
         judged = inverse_dynamics(self.scene, motion)
-        wrong = (usage(judged, self.limits, self.policy) > most).any(axis=(1, 2))
+        wrong = (usage(judged, self.limits) > most).any(axis=(1, 2))
         turning = np.asarray(judged.reversal.any(axis=1))
         for i in np.flatnonzero(wrong & samples.moving):
             p, place = int(samples.piece[i]), float(samples.s[i])
@@ -444,21 +444,19 @@ class _Retiming:
     def cool(self, problem: Problem, fast: Profile) -> tuple[Profile, float, Cycle, np.ndarray]:
         """Keep continuous torques, as the samples show them; and the uniform motion's duration."""
         limit = np.array([x.continuous_torque for x in self.limits])
-        if not np.isfinite(limit).any():
-            raise RetimeError("rms: no drive has a continuous_torque; give it in the limits")
         path, n = self.path, len(self.path.pieces)
         piece = np.minimum(np.arange(n + 1), n - 1)
         ends = np.array([path.pieces[p].x[0 if i == p else -1] for i, p in enumerate(piece)])
         none = np.zeros(n + 1)
         still = problem.states(ends, piece, none, none, path.attached)
-        torque = _counted(still, self.policy)
+        torque = _worst(still)
         stay = np.array(path.holds)
         asked = limit
         for _ in range(3):
             cycle = Cycle(asked, stay @ torque**2, float(stay.sum()))
             profile, uniform = within_continuous(problem, fast, cycle)
             motion = self.motion(sample(path, profile, self.policy.sample_rate))
-            use = _mean_squares(inverse_dynamics(self.scene, motion), self.policy) / limit
+            use = _mean_squares(inverse_dynamics(self.scene, motion)) / limit
             if use.max() <= 1.0 + 0.5 * self.policy.tolerance:
                 break
             asked = asked / np.maximum(use, 1.0)
@@ -470,13 +468,14 @@ class _Retiming:
         """Judge the samples and say what holds them back."""
         trajectory = self.motion(samples)
         judged = inverse_dynamics(self.scene, trajectory)
-        use = usage(judged, self.limits, self.policy)
-        moving = use[samples.moving]
+        use = usage(judged, self.limits)
+        moving, rows = use[samples.moving], instant_limits()
         shares = (moving > _AT_LIMIT).mean(axis=0) if len(moving) else np.zeros(use.shape[1:])
         limiting = {
-            drive.name: {KINDS[k]: float(shares[d, k]) for k in np.flatnonzero(shares[d])}
-            for d, drive in enumerate(self.scene.drives) if shares[d].any()
-        }  # fmt: skip
+            drive.name: {rows[k].name: float(shares[d, k]) for k in np.flatnonzero(shares[d])}
+            for d, drive in enumerate(self.scene.drives)
+            if shares[d].any()
+        }
         return RetimeResult(
             trajectory=trajectory,
             duration=float((profile.duration + smooth).sum() + sum(self.path.holds)),
@@ -488,20 +487,41 @@ class _Retiming:
             problem=problem,
             profile=profile,
             smooth=smooth,
+            criteria=judged_drives(judged, self.limits),
         )
 
 
-def _counted(result: InverseResult, policy: Policy) -> np.ndarray:
-    """(T, na) the motors' torques that heat: the worse end of each interval, or what is needed."""
-    worst, least = ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)
-    if policy.rest == "worst":
-        return worst
-    still = [rests(result, d) for d in range(worst.shape[1])]
-    return np.where(np.stack(still, axis=1), least, worst)
+def _worst(result: InverseResult) -> np.ndarray:
+    """(T, na) the motors' torques that heat: the worse end of each interval."""
+    return ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)[0]
 
 
-def _mean_squares(result: InverseResult, policy: Policy) -> np.ndarray:
+def _mean_squares(result: InverseResult) -> np.ndarray:
     """(na,) root mean squares of the motors' torques over a motion, N m."""
     assert result.t is not None
-    counted = _counted(result, policy)
-    return np.array([root_mean_square(result.t, counted[:, d]) for d in range(counted.shape[1])])
+    worst = _worst(result)
+    return np.array([root_mean_square(result.t, worst[:, d]) for d in range(worst.shape[1])])
+
+
+def judged_drives(
+    result: InverseResult, limits: Sequence[DriveLimits]
+) -> dict[str, tuple[Criterion, ...]]:
+    """Return what `size` says of the drives of the catalogue for a motion, by drive.
+
+    Args:
+        result: of the motion, repeated. limits: of the drives.
+    """
+    holding = hold_samples(result.scene, result.states.v)
+    inertias, found = None, {}
+    for i, (drive, x) in enumerate(zip(result.scene.drives, limits, strict=True)):
+        if x.from_catalog is None:
+            continue
+        candidate, conditions = x.from_catalog
+        if inertias is None:
+            inertias = load_inertias(result)
+        cycle = drive_cycle(result, i, holding)
+        demand = gear_demand(result, i, cycle, carried=candidate.bearing is not None)
+        hand = depth(result.scene, i) > BASE_AXES
+        case = Case(demand, cycle, float(inertias[i]), hand, conditions)
+        found[drive.name] = check(candidate, motor_cycle(candidate, cycle, conditions), case)
+    return found

@@ -24,10 +24,9 @@ from pinfric.kernels.compiled import kernel, record
 from pinfric.model.drives import Gears, gear_drag, gear_line
 from pinfric.model.laws import Laws, law_at
 
-#: How a drive is judged at one end of an interval: by its own direction and friction in motion;
-#: with friction at rest against leaving it; by both ends of its interval of standstill, each of
-#: which must be within the limits; by the nearer of them.
-MOVING, BREAKING, WORST, NEEDED = range(4)
+#: How a drive is judged at one end of an interval: by its own direction and friction in motion; or
+#: by both ends of its interval of standstill, each of which must be within the limits.
+MOVING, WORST = range(2)
 _FAR = 1.0e9
 #: Levels of x that are tried where a solution is not next to the expected one, and bisections.
 _LEVELS, _HALVINGS = 48, 52
@@ -218,24 +217,24 @@ def _within(
 
 @kernel
 def _limited(
-    s: Scan, row: int, d: int, way: float, static: bool, upper: bool, lower: bool, x: float,
-    low: float, high: float,
-) -> tuple[float, float]:  # fmt: skip
-    """Part of [low, high] that a drive's torque and effort leave, in one direction."""
+    s: Scan, row: int, d: int, way: float, static: bool, x: float, low: float, high: float
+) -> tuple[float, float]:
+    """Part of [low, high] that a drive's torque and effort leave, in one direction.
+
+    At rest (`static`) only what drives that way is bounded: the other direction bounds the rest.
+    """
     r, speed = abs(s.gears.ratio[d]), abs(s.rate[row, d]) * np.sqrt(x)
     line = r * speed / s.no_load_speed[d]
-    most, least = np.inf, -np.inf
-    if upper:
-        most = r * min(s.peak[d], s.stall[d] * (1.0 - line))
-    if lower:
+    most, least = r * min(s.peak[d], s.stall[d] * (1.0 - line)), -np.inf
+    if not static:
         least = -r * min(s.peak[d], s.stall[d] * (1.0 + line))
     count = _prepare(s, row, d, way, static, x)
     if most < np.inf or least > -np.inf:
         low, high = _within(s, count, True, least, most, low, high)
     limit = s.effort_limit[d]
     if limit < np.inf and low <= high:
-        least, most = -limit if lower else -np.inf, limit if upper else np.inf
-        low, high = _within(s, count, False, least, most, low, high)
+        least = -np.inf if static else -limit
+        low, high = _within(s, count, False, least, limit, low, high)
     return low, high
 
 
@@ -262,16 +261,11 @@ def bounds(s: Scan, j: int, side: int, x: float) -> tuple[float, float]:
                 return _FAR, -_FAR
         mode, way = s.mode[j, side, d], s.way[j, d]
         if mode == MOVING and low <= high:
-            low, high = _limited(s, row, d, way, False, True, True, x, low, high)
-        elif mode == BREAKING and low <= high:
-            low, high = _limited(s, row, d, way, True, True, False, x, low, high)
-            if low <= high:
-                low, high = _limited(s, row, d, way, False, False, True, x, low, high)
+            low, high = _limited(s, row, d, way, False, x, low, high)
         elif low <= high:
-            upper = mode == WORST
-            low, high = _limited(s, row, d, 1.0, True, upper, not upper, x, low, high)
+            low, high = _limited(s, row, d, 1.0, True, x, low, high)
             if low <= high:
-                low, high = _limited(s, row, d, -1.0, True, upper, not upper, x, low, high)
+                low, high = _limited(s, row, d, -1.0, True, x, low, high)
         if not low <= high:
             return _FAR, -_FAR
     return low, high

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from pinfric.model.described import described, quantity
-from pinfric.study.retime.limits import KINDS
 from pinfric.study.retime.retime import RetimeResult
+from pinfric.study.sizing.criteria import instant_limits
+from pinfric.study.sizing.criterion import Criterion
 
 
 @described
@@ -27,8 +28,11 @@ class DriveUse:
         heading="holds the motion back,\nof the time moving",
     )
     rms: float | None = quantity(
-        "part of its continuous torque over the cycle; none: not asked for",
+        "part of its continuous torque over the cycle; none: not known, or not asked for",
         heading="continuous\ntorque used",
+    )
+    criteria: tuple[Criterion, ...] = quantity(
+        "what `size` says of a drive of the catalogue for this motion, repeated"
     )
     sensitivity: dict[str, float] | None = quantity(
         "limit -> d ln T/d ln limit of the moving time T; none: not asked for"
@@ -66,13 +70,14 @@ class RetimeSummary:
     moves: np.ndarray = quantity("of each move", "s")
     holds: list[float] = quantity("at each stop", "s")
     uniform: float | None = quantity(
-        "if it were slowed down as a whole to keep the continuous torques; none: not asked for", "s"
+        "if it were slowed down as a whole to keep the continuous torques; none: not judged", "s"
     )
     smooth: float = quantity("of the moving mean", "s")
     excess: float = quantity("the most by which a sample exceeds any limit, as a part of it")
     sample_rate: float = quantity("of the trajectory", "Hz")
     grid_points: int = quantity("of the speed along the path")
     drives: tuple[DriveUse, ...] = quantity("in the order of the scene")
+    notes: tuple[str, ...] = quantity("what is exceeded or was not judged")
 
 
 def retime_summary(
@@ -85,14 +90,16 @@ def retime_summary(
         sensitivity: drive -> limit -> d ln T/d ln limit, where that was asked for.
     """
     problem, most = result.problem, result.usage.max(axis=0, initial=0.0)
+    names = [limit.name for limit in instant_limits()]
     drives = [
         DriveUse(
             name=drive.name,
             motor=limits.motor or None,
             limits=limits.model_dump(exclude={"transmission", "motor"}),
-            use=dict(zip(KINDS, most[d].tolist(), strict=True)),
+            use=dict(zip(names, most[d].tolist(), strict=True)),
             limiting=result.limiting.get(drive.name, {}),
             rms=None if result.rms is None else float(result.rms[d]),
+            criteria=result.criteria.get(drive.name, ()),
             sensitivity=None if sensitivity is None else dict(sensitivity.get(drive.name, {})),
         )
         for d, (drive, limits) in enumerate(zip(problem.scene.drives, problem.limits, strict=True))
@@ -109,4 +116,5 @@ def retime_summary(
         sample_rate=problem.policy.sample_rate,
         grid_points=len(result.profile.x),
         drives=tuple(drives),
+        notes=result.notes,
     )

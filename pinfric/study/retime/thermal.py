@@ -143,8 +143,10 @@ class _Barrier:
                 return float(brentq(left, slower, faster, xtol=1e-10)) * (1.0 - 1e-9)
         worst = int(np.argmin(self.slack(fast.x * 1e-4)))
         name = [n for n, judged in zip(self.names, self.judged, strict=True) if judged][worst]
-        raise RetimeError(f"drive {name!r} exceeds its continuous torque however slow the motion "
-                          "is: it holds too much; a larger motor, or shorter holds")  # fmt: skip
+        raise RetimeError(
+            f"drive {name!r} exceeds its continuous torque however slow the motion is: it holds "
+            "too much; a larger motor, shorter holds, or heat=False (--no-heat) if it is done once"
+        )
 
     def constraints(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n, 2 sides, 2): u - low and high - u at both ends; and u (n,)."""

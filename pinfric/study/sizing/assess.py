@@ -9,11 +9,9 @@ from functools import cached_property
 from pinfric.errors import CatalogError, choose_from
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions
-from pinfric.study.sizing.criteria import Case, Criterion, Status, check
+from pinfric.study.sizing.criteria import Case, check, missing_figures
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.drivetrain import Candidate, MotorFigures, motor_cycle
-
-#: A candidate whose continuous torque cannot be checked is not offered: nothing speaks for it.
-_INDISPENSABLE = "continuous torque"
 
 
 @dataclass(frozen=True)
@@ -42,15 +40,15 @@ class Assessment:
         return tuple(c for c in self.criteria if c.status == Status.NOT_CHECKED)
 
     @cached_property
-    def lacking(self) -> tuple[str, ...]:
-        """Why it could not be chosen even though it fails nothing."""
-        reasons = [c.why for c in self.not_checked if c.name == _INDISPENSABLE]
-        return tuple(reasons + ["mass: not known"] * (self.candidate.mass is None))
+    def missing_figures(self) -> tuple[str, ...]:
+        """Why it cannot be judged, even though it fails nothing."""
+        unknown = ("mass: not known",) if self.candidate.mass is None else ()
+        return missing_figures(self.criteria) + unknown
 
     @property
     def fits(self) -> bool:
         """It fails nothing, and what is indispensable was checked."""
-        return not self.failed and not self.lacking
+        return not self.failed and not self.missing_figures
 
     @cached_property
     def margin(self) -> float:
@@ -61,7 +59,7 @@ class Assessment:
     @property
     def why(self) -> str:
         """Why it is rejected; empty where it fits."""
-        return "; ".join([c.why for c in self.failed] or list(self.lacking))
+        return "; ".join([c.why for c in self.failed] or list(self.missing_figures))
 
 
 def assess(offers: Sequence[Candidate], case: Case) -> tuple[Assessment, ...]:
@@ -114,7 +112,7 @@ def own_bearing(
 def nearest_miss(assessments: Sequence[Assessment]) -> Assessment | None:
     """Return the rejected candidate whose worst criterion is short by least, or None."""
     failing = [a for a in assessments if a.failed]
-    judged = [a for a in failing if not a.lacking] or failing
+    judged = [a for a in failing if not a.missing_figures] or failing
     return max(judged, key=lambda a: a.margin, default=None)
 
 

@@ -19,7 +19,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricError
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.study.sizing.catalog import Brake, Conditions
-from pinfric.study.sizing.criteria import Criterion, Status, compare
+from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import largest
 from pinfric.study.summary import effort_unit, ends_by_magnitude
 

@@ -599,7 +599,8 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
         CatalogError: it cannot be read, has unknown keys or figures that cannot be.
 
     Warns:
-        PinfricWarning: a figure is so unusual that a wrong unit is likelier.
+        PinfricWarning: a figure is so unusual that a wrong unit is likelier; an entry replaces a
+            bundled one of its name.
     """
     if str(name) == DEFAULT and not os.path.isfile(name):
         catalog = _merged(DEFAULT, _bundled())
@@ -610,7 +611,10 @@ def load_catalog(name: str | Path = DEFAULT) -> Catalog:
                 f"{name}: no motors, gears, gearmotors, bearings or brakes in it; "
                 "`extends: default` takes the bundled ones"
             )
-        catalog = _merged(str(name), [*(_bundled() if file.extends else ()), file])
+        bundled = _bundled() if file.extends else ()
+        catalog = _merged(str(name), [*bundled, file])
+        for text in _replaced(bundled, file):
+            warnings.warn(f"{name}: {text}", PinfricWarning, stacklevel=2)
     for where, text in _doubts(catalog):
         warnings.warn(f"{catalog.source}: {where}: {text}", PinfricWarning, stacklevel=2)
     return catalog
@@ -643,6 +647,15 @@ def _merged(source: str, files: Sequence[CatalogFile]) -> Catalog:
         for section in _SECTIONS
     }
     return Catalog(source, **entries, conditions=files[-1].conditions or Conditions())
+
+
+def _replaced(bundled: Sequence[CatalogFile], file: CatalogFile) -> Iterator[str]:
+    """Say which bundled entries a file's own take the place of."""
+    for section in _SECTIONS:
+        there = {name for other in bundled for name in getattr(other, section)}
+        for name in getattr(file, section):
+            if name in there:
+                yield f"{section}.{name} replaces the bundled entry of that name"
 
 
 def _read(path: Path) -> CatalogFile:

@@ -1,143 +1,47 @@
-"""The criteria a drive must meet, each with its margin, formula and source.
+"""The one table of what limits a drive: `size`, `sweep` and `retime` read it.
 
-A criterion compares something required with something available; its margin is the part of the
-limit that is left,
+A row says what a cycle needs, what the maker gives (in order of preference: a lower limit that is
+printed stands in for one that is not), the formula and its source. What a missing figure means is
+in the row, too: a row is *not checked* without it, and a drive of which nothing settles one of the
+`SETTLES` *cannot be judged*.
 
-    margin = 1 - required/available,
-
-0.25: a quarter is left; negative: it fails. A criterion whose figure is missing is *not checked*
-and says which figure it lacks.
+`size` takes the needs of a whole cycle, `sweep` those of every sample of its own, `retime` bounds
+each instant of a motion by the rows whose need is one of `SIGNALS`.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from enum import StrEnum
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from pinfric.model.described import described, quantity
 from pinfric.model.springs import softest
 from pinfric.model.transmission import driven_efficiency
 from pinfric.study.sizing.bearing import (
     BALL,
     KINDS,
-    BearingLoad,
     BearingRatings,
     bearing_life,
     equivalent_load,
     static_load,
 )
 from pinfric.study.sizing.catalog import Conditions, Gear
+from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import DriveCycle, GearDemand, largest
-from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, Ratings, too_hot
+from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, MotorFigures, Ratings, too_hot
 from pinfric.study.sizing.overload import overload_window
-from pinfric.study.summary import rms
+from pinfric.study.sizing.rules import gear_life, momentary_peaks, resonance
 
 #: Harmonic Drive's selection procedure, as read: "Torque based dimensioning" and life.
-HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
-HARMONIC_LIFE = "Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3"
-#: Run-away heat, or nothing available: out of every bound, and yet a number.
-_LEAST_MARGIN = -1e9
+_HARMONIC = "Harmonic Drive engineering data 1021387 12/2018, p. 30"
+_PRACTICE = "common practice of servo drives"
+_STATED = "motor file, or the URDF: retiming alone knows it"
 #: Why a load inertia is not known.
 _LOOPS = "inertia about a joint of a closed loop"
-_PRACTICE = "common practice of servo drives"
 #: A bus above this many times the nominal voltage is likelier a slip than a choice.
 _MOST_OVERVOLTAGE = 1.5
-
-
-class Status(StrEnum):
-    """How a criterion ended."""
-
-    PASSES = "passes"
-    FAILS = "fails"
-    NOT_CHECKED = "not checked"
-    NOT_REQUIRED = "not required"
-
-
-@described
-class Criterion:
-    """One check of one candidate."""
-
-    name: str = quantity("what is checked", heading="criterion")
-    status: Status = quantity("how it ended", heading="status")
-    required: float | None = quantity("in `unit`; none where not known", heading="needs")
-    available: float | None = quantity("in `unit`; none where not known", heading="has")
-    unit: str = quantity("of both")
-    margin: float | None = quantity(
-        "1 - required/available, none where not checked", heading="margin", cell="{margin:%}"
-    )
-    formula: str = quantity("what was computed")
-    source: str = quantity("of the rule")
-    note: str = quantity("of this case; what is missing", default="")
-
-    @property
-    def scaled(self) -> bool:
-        """Whether the margin says how tight the drive is.
-
-        Back-driving has no scale; a bus voltage that passes is no tighter the nearer it is.
-        """
-        if self.margin is None or self.name == "back-driving":
-            return False
-        return self.name != "bus voltage" or self.status == Status.FAILS
-
-    @property
-    def _boundless(self) -> bool:
-        """Whether it fails by more than any number: too much is asked for, or nothing is there."""
-        beyond = self.margin is not None and self.margin <= _LEAST_MARGIN
-        return beyond and (self.required == np.inf or (self.available or 0.0) <= 0.0)
-
-    @property
-    def shortfall(self) -> str:
-        """By how much it fails or passes, of the limit; what it says where no number does."""
-        if self.margin is None or (self._boundless and self.note):
-            return self.note
-        if self.margin <= _LEAST_MARGIN:
-            return f"a factor above {-_LEAST_MARGIN:.0e}"
-        share = abs(self.margin) * 100
-        return f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
-
-    @property
-    def why(self) -> str:
-        """Say in words by how much it fails or passes, or what is missing."""
-        if self._boundless and self.note:
-            return f"{self.name}: {self.note}"  # no number says more
-        if self.margin is None or self.required is None or self.available is None:
-            return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
-        tail = f"short by {self.shortfall}" if self.margin < 0 else f"{self.shortfall} in reserve"
-        unit = f" {self.unit}" if self.unit else ""
-        return (
-            f"{self.name}: needs {self.required:.4g}{unit}, has {self.available:.4g}{unit} ({tail})"
-        )
-
-
-def compare(
-    name: str,
-    required: float | None,
-    available: float | None,
-    unit: str,
-    formula: str,
-    source: str,
-    missing: str = "",
-    note: str = "",
-) -> Criterion:
-    """Return the criterion required <= available, or "not checked: no figure" where one is None.
-
-    Args:
-        name, unit, formula, source, note: of the criterion.
-        required, available: numbers >= 0; infinite `required` fails.
-        missing: the figure that is missing if one is None.
-    """
-    if required is None or available is None:
-        text = f"no figure ({missing})" if missing else "no figure"
-        return Criterion(name, Status.NOT_CHECKED, required, available, unit, None, formula, source,
-                         f"{text}; {note}" if note else text)  # fmt: skip
-    nothing = 0.0 if required <= 0 else -np.inf
-    margin = 1 - required / available if available > 0 else nothing
-    margin = max(margin, _LEAST_MARGIN)
-    status = Status.PASSES if margin >= 0 else Status.FAILS
-    return Criterion(name, status, required, available, unit, float(margin), formula, source, note)
 
 
 class Case(NamedTuple):
@@ -159,67 +63,270 @@ class Case(NamedTuple):
     beyond: float = 0.0
 
 
+def idle(conditions: Conditions, hand: bool = False) -> Case:
+    """Return the case of a joint that does nothing: what its drive must have is seen without."""
+    nothing, still = np.zeros(2), np.ones(2, dtype=bool)
+    cycle = DriveCycle(
+        np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
+    )
+    demand = GearDemand("", "", 0.0, 0.0, 0.0, 0.0, bearing=None, travel=0.0)
+    return Case(demand, cycle, None, hand, conditions)
+
+
+class Judged(NamedTuple):
+    """A candidate and what it is judged by.
+
+    Attributes:
+        candidate: motor and gear.
+        motor: what the cycle asks of its motor; None where figures for its torque are missing.
+        case: its joint.
+    """
+
+    candidate: Candidate
+    motor: MotorCycle | None
+    case: Case
+
+    @property
+    def ratings(self) -> Ratings:
+        """Of the rated shaft."""
+        return self.candidate.ratings
+
+    @property
+    def conditions(self) -> Conditions:
+        """What is demanded."""
+        return self.case.conditions
+
+    @property
+    def demand(self) -> GearDemand:
+        """Of the joint."""
+        return self.case.demand
+
+    @property
+    def gear(self) -> Gear:
+        """The gear's entry; rows of gears are for candidates that have one."""
+        assert self.candidate.gear is not None
+        return self.candidate.gear
+
+    @property
+    def bearing(self) -> BearingRatings:
+        """What carries the joint; rows of bearings are for candidates whose ratings are known."""
+        assert self.candidate.bearing is not None
+        return self.candidate.bearing
+
+    @property
+    def figures(self) -> MotorFigures | None:
+        """What the cycle asks of the motor, or None."""
+        return None if self.motor is None else self.motor.figures
+
+    @property
+    def mean_speed(self) -> float:
+        """Of the rated shaft, rad/s; infinite where not known: a curve's last point counts."""
+        return np.inf if self.figures is None else self.figures.mean_speed
+
+    @property
+    def missing(self) -> str:
+        """The figures that the motor's torque lacks, in words."""
+        return ", ".join(self.candidate.missing)
+
+    @property
+    def output(self) -> str:
+        """Where the motor is rated, in words."""
+        return " at its output" if self.candidate.at_output else " at its shaft"
+
+
+def _asked(figure: str) -> Callable[[Judged], float | None]:
+    """A figure of what the cycle asks of the motor."""
+    return lambda d: None if d.figures is None else getattr(d.figures, figure)
+
+
+def _line_voltage(d: Judged) -> float | None:
+    if d.motor is None or not d.ratings.has_line:
+        return None
+    hot = d.motor.figures.hot
+    torques = d.motor.torque_lower, d.motor.torque_upper
+    return max(largest(d.ratings.voltage(torque, d.motor.speed, hot)) for torque in torques)
+
+
+#: What a sample of a motion asks, by name: the same need over a cycle, of `Judged`. The motor's are
+#: at the rated shaft.
+SIGNALS: dict[str, Callable[[Judged], float | None]] = {
+    "motor torque": _asked("peak"),
+    "motor RMS torque": _asked("rms"),
+    "motor speed": _asked("max_speed"),
+    "voltage": _line_voltage,
+    "effort": lambda d: d.demand.peak,
+    "input speed": lambda d: d.candidate.ratio * d.demand.speed,
+    "speed": lambda d: d.demand.speed,
+    "acceleration": lambda d: largest(d.case.cycle.acceleration),
+}
+#: What must be settled of a drive before it is offered: of the rows that settle the same thing at
+#: least one must have been checked, or the drive cannot be judged.
+SETTLES = ("heat", "motor's peak", "motor's speed", "gear's load", "gear's speed")
+#: Of a screw the nut's ratings settle the load, too.
+_LOAD_OF_A_SCREW = ("gear's load",)
+
+Figure = Callable[[Judged], float | None]
+Text = str | Callable[[Judged], str]
+
+
+def _always(_: Judged) -> bool:
+    return True
+
+
+def _never(_: Judged) -> bool:
+    return False
+
+
+def _nothing(_: Judged) -> float | None:
+    return None
+
+
+def _one(_: Conditions) -> float:
+    return 1.0
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One limit of drives.
+
+    Attributes:
+        name: as reports, sweeps and retiming print it.
+        need: what the cycle asks: one of `SIGNALS`, which `retime` bounds at every instant, or a
+            function of the whole cycle; None where it is not known.
+        gives: figures of the candidate, `ratings.`, `gear.` or `bearing.` before an entry's key, in
+            order of preference; or a function; None where it is not known.
+        formula, source: of the comparison. unit: of both sides; `torque` and `speed` are the rated
+            shaft's, `effort` the joint's.
+        missing: the figure that is missing if one is. note: of this case.
+        reserve: factor on the need.
+        applies: to which candidates; to others it says nothing.
+        endless: what is said where an infinite figure is available; it passes without a number.
+        settles: what of the drive it settles, of `SETTLES`.
+        key: the key of a motor file that gives it by number; empty: none does.
+        verdict: in place of the comparison, where there are no two numbers.
+    """
+
+    name: str
+    need: str | Figure
+    gives: tuple[str, ...] | Figure
+    unit: str
+    formula: Text
+    source: Text
+    missing: Text = ""
+    note: Text = ""
+    reserve: Callable[[Conditions], float] = _one
+    applies: Callable[[Judged], bool] = _always
+    endless: str = ""
+    settles: tuple[str, ...] = ()
+    key: str = ""
+    verdict: Callable[[Judged], Criterion] | None = None
+
+    def required(self, d: Judged) -> float | None:
+        """Return what the cycle asks, its reserve included; None where it is not known."""
+        need = (SIGNALS[self.need] if isinstance(self.need, str) else self.need)(d)
+        return None if need is None else self.reserve(d.conditions) * need
+
+    def available(self, d: Judged) -> tuple[float | None, str]:
+        """Return what the maker gives, or None, and which figure stands in for the first one."""
+        if not isinstance(self.gives, tuple):
+            return self.gives(d), ""
+        for place, path in enumerate(self.gives):
+            part, _, figure = path.partition(".")
+            value = getattr(getattr(d, part), figure)
+            if value is not None:
+                words = figure.replace("_", " ")
+                return value, f"the {words}: no higher limit is known" if place else ""
+        return None, ""
+
+    def bound(self, d: Judged) -> float:
+        """Return the greatest need that is within the limit; infinite where there is none."""
+        available = self.available(d)[0] if self.applies(d) else None
+        return np.inf if available is None else available / self.reserve(d.conditions)
+
+    def judge(self, d: Judged) -> Criterion:
+        """Return how a candidate does."""
+        if self.verdict is not None:
+            return self.verdict(d)
+        found, stand_in = self.available(d)
+        texts = (self.formula, self.source, self.missing, self.note)
+        formula, source, missing, note = (x if isinstance(x, str) else x(d) for x in texts)
+        torque, speed = d.candidate.units
+        unit = {"torque": torque, "speed": speed, "effort": d.demand.unit}.get(self.unit, self.unit)
+        required = self.required(d)
+        if self.endless and found is not None and np.isinf(found):
+            passes = Status.PASSES
+            return Criterion(
+                self.name, passes, required, None, unit, 1.0, formula, source, self.endless
+            )
+        note = "; ".join(text for text in (note, stand_in) if text)
+        return compare(self.name, required, found, unit, formula, source, missing, note)
+
+
 def check(candidate: Candidate, motor: MotorCycle | None, case: Case) -> tuple[Criterion, ...]:
-    """Return every criterion of a candidate, in the order of the report.
+    """Return every criterion of a candidate, in the order of the table.
 
     Args:
         candidate: motor and gear.
         motor: of `motor_cycle`; None where figures for the motor's torque are missing.
         case: its joint.
     """
-    demand, _, load_inertia, _, conditions, _ = case
-    units = dict(zip(("N m", "rad/s"), candidate.units, strict=True))  # N, m/s of a linear motor
-    of_motor = _motor_criteria(candidate, motor, conditions)
-    return (
-        *(
-            c if units.get(c.unit, c.unit) == c.unit else replace(c, unit=units[c.unit])
-            for c in of_motor
-        ),
-        *_gear_criteria(candidate.gear, candidate.ratio, demand, conditions),
-        *_bearing_criteria(candidate, demand.bearing, conditions),
-        _inertia_ratio(candidate, load_inertia, conditions),
-        _resonance(candidate.gear, case),
-        _back_driving(candidate, conditions),
+    judged = Judged(candidate, motor, case)
+    return tuple(limit.judge(judged) for limit in LIMITS if limit.applies(judged))
+
+
+def missing_figures(criteria: Sequence[Criterion]) -> tuple[str, ...]:
+    """Return why a drive cannot be judged: what of `SETTLES` no figure settles, and what lacks.
+
+    Args:
+        criteria: of `check`.
+    """
+    unchecked = {c.name: c for c in criteria if c.status == Status.NOT_CHECKED}
+    names, reasons = {c.name for c in criteria}, []
+    for thing in SETTLES:
+        rows = [limit.name for limit in LIMITS if thing in limit.settles and limit.name in names]
+        if rows and all(name in unchecked for name in rows):
+            lacks = " or ".join(f"{name}: {unchecked[name].note}" for name in rows)
+            reasons.append(f"cannot be judged by its {thing.replace(chr(39) + 's', '')}: {lacks}")
+    return tuple(reasons)
+
+
+def instant_limits() -> tuple[Limit, ...]:
+    """Return the rows that bound every instant of a motion, in the order of the table."""
+    over_time = ("motor RMS torque",)
+    return tuple(
+        limit for limit in LIMITS if isinstance(limit.need, str) and limit.need not in over_time
     )
 
 
-def _motor_criteria(
-    candidate: Candidate, motor: MotorCycle | None, conditions: Conditions
-) -> list[Criterion]:
-    ratings = candidate.ratings
-    lacking = ", ".join(candidate.missing)
-    output = " at its output" if candidate.at_output else " at its shaft"
-    speed = None if motor is None else motor.figures.max_speed
-    factor = conditions.peak_factor
-    continuous, _ = ratings.continuous_at(conditions, _mean_speed(motor))
-    return [
-        compare(
-            "continuous torque", None if motor is None else motor.figures.rms, continuous, "N m",
-            "sqrt(1/T int T_m^2 dt) <= continuous torque" + output, _PRACTICE,
-            lacking or "continuous torque", _continuous_note(ratings, motor, conditions),
-        ),
-        *_overload(ratings, motor, conditions, lacking, output),
-        compare(
-            "peak torque", None if motor is None else factor * motor.figures.peak,
-            ratings.peak_torque,
-            "N m", f"{factor:g} max |T_m| <= peak torque" + output, _PRACTICE + ": 20 to 30 %",
-            lacking or "peak torque",
-        ),
-        _bus_voltage(ratings, conditions),
-        _line(ratings, motor, conditions, lacking),
-        _speed(ratings, speed, conditions, lacking),
-        _temperature(ratings, motor, conditions, lacking),
-    ]  # fmt: skip
+def add_limit(limit: Limit) -> None:
+    """Add a row to the table: `size`, `sweep` and `retime` judge it from then on.
+
+    Raises:
+        ValueError: there is one of its name.
+    """
+    if any(limit.name == other.name for other in LIMITS):
+        raise ValueError(f"there is a limit {limit.name!r} already; give another name")
+    LIMITS.append(limit)
 
 
-def _continuous_note(ratings: Ratings, motor: MotorCycle | None, conditions: Conditions) -> str:
+def _of_motor(words: str) -> Text:
+    """What is missing: of the motor's torque, else the figure itself."""
+    return lambda d: d.missing or words
+
+
+def _continuous(d: Judged) -> float | None:
+    return d.ratings.continuous_at(d.conditions, d.mean_speed)[0]
+
+
+def _continuous_note(d: Judged) -> str:
     """Say how the rating was found, and when a stop exceeds it: it assumes that the rotor turns."""
-    limit, derated = ratings.continuous_at(conditions, _mean_speed(motor))
+    ratings, figures = d.ratings, d.figures
+    limit, derated = ratings.continuous_at(d.conditions, d.mean_speed)
     notes = [derated] if derated else []
-    if ratings.continuous_curve is not None:
-        notes.append(f"of the maker's curve at the mean speed, {_mean_speed(motor):.4g} rad/s")
+    if ratings.continuous_curve is not None and figures is not None:
+        notes.append(f"of the maker's curve at the mean speed, {d.mean_speed:.4g} rad/s")
     notes += [text for text in ratings.derived if text.startswith("continuous")]
-    standing = None if motor is None else motor.figures.standing
+    standing = None if figures is None else figures.standing
     if standing is not None and limit and standing > (ratings.continuous_stall_torque or limit):
         notes.append(
             f"standing still it takes up to {standing:.3g} N m, above the continuous torque: a "
@@ -228,300 +335,237 @@ def _continuous_note(ratings: Ratings, motor: MotorCycle | None, conditions: Con
     return "; ".join(notes)
 
 
-def _mean_speed(motor: MotorCycle | None) -> float:
-    return 0.0 if motor is None else motor.figures.mean_speed
+def _window(d: Judged) -> tuple[float, str]:
+    return overload_window(d.ratings.thermal, d.conditions)
 
 
-def _overload(
-    ratings: Ratings, motor: MotorCycle | None, conditions: Conditions, lacking: str, output: str
-) -> list[Criterion]:
-    """What the mean over the cycle hides: overload for a while, and at a standstill."""
-    continuous, derated = ratings.continuous_at(conditions, _mean_speed(motor))
-    of = "continuous" if ratings.continuous_stall_torque is None else "continuous stall"
-    window, source = overload_window(ratings.thermal, conditions)
-    figures = None if motor is None else motor.figures
-    missing = lacking or "continuous torque"
-    still = None if figures is None else figures.overloaded_standstill
-    return [
-        compare(
-            "short-term torque", None if figures is None else figures.short_term, continuous, "N m",
-            f"max of sqrt(1/w int T_m^2 dt) over any w = {window:.3g} s <= continuous torque"
-            + output, source, missing, derated,
-        ),
-        compare(
-            "overloaded standstill", still, window, "s",
-            f"longest standstill with |T_m| > {of} torque <= {window:.3g} s", source, missing,
-            "it never ends" if still == np.inf else "",
-        ),
-    ]  # fmt: skip
+def _standing_formula(d: Judged) -> str:
+    of = "continuous" if d.ratings.continuous_stall_torque is None else "continuous stall"
+    return f"longest standstill with |T_m| > {of} torque <= {_window(d)[0]:.3g} s"
 
 
-def _bus_voltage(ratings: Ratings, conditions: Conditions) -> Criterion:
-    """A motor far below the bus voltage is likelier a wrong entry, and its insulation unproven."""
-    nominal = ratings.nominal_voltage
-    most = None if nominal is None else _MOST_OVERVOLTAGE * nominal
-    return compare("bus voltage", conditions.bus_voltage, most, "V",
-                   f"bus voltage <= {_MOST_OVERVOLTAGE:g} nominal voltage",
-                   "pinfric: question of a motor on a bus it was not made for", "nominal voltage",
-                   "" if nominal is None else f"made for {nominal:g} V")  # fmt: skip
+def _standing_note(d: Judged) -> str:
+    still = d.figures and d.figures.overloaded_standstill
+    return "it never ends" if still == np.inf else ""
 
 
-def _line(
-    ratings: Ratings, motor: MotorCycle | None, conditions: Conditions, lacking: str
-) -> Criterion:
-    needed, formula = None, "max |R(T_w) T_m/k + k omega| <= bus voltage"
-    if ratings.torque_constant is None or ratings.resistance is None:
-        formula = "U_n max |T_m/T_stall + omega/omega_no-load| <= bus voltage"
-    if motor is not None and ratings.has_line:
-        ends = (ratings.voltage(end, motor.speed, motor.figures.hot)
-                for end in (motor.torque_lower, motor.torque_upper))  # fmt: skip
-        needed = max(largest(end) for end in ends)
-    return compare(
-        "speed-torque line", needed, conditions.bus_voltage, "V", formula,
-        "equivalent circuit of a DC or field-oriented motor",
-        lacking or "torque constant and resistance, or no-load speed and stall torque",
-        "; ".join(text for text in ratings.derived if not text.startswith("continuous")),
-    )  # fmt: skip
+def _most_voltage(d: Judged) -> float | None:
+    nominal = d.ratings.nominal_voltage
+    return None if nominal is None else _MOST_OVERVOLTAGE * nominal
 
 
-def _speed(
-    ratings: Ratings, speed: float | None, conditions: Conditions, lacking: str
-) -> Criterion:
-    limit, note = ratings.speed_limit(conditions.bus_voltage)
-    return compare("motor speed", speed, limit, "rad/s", "max |omega| <= maximum speed",
-                   "maker's figures", lacking or "maximum speed", note)  # fmt: skip
+def _made_for(d: Judged) -> str:
+    nominal = d.ratings.nominal_voltage
+    return "" if nominal is None else f"made for {nominal:g} V"
 
 
-def _temperature(
-    ratings: Ratings, motor: MotorCycle | None, conditions: Conditions, lacking: str
-) -> Criterion:
-    name, formula = "winding temperature", "settled cycle of the two-node model: max T_w - T_a"
-    source = "maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K"
-    limit = None if ratings.thermal is None else ratings.max_winding(conditions)
-    rise = None if limit is None else limit - conditions.ambient
-    if limit is not None and rise is not None and rise <= 0:
-        return Criterion(name, Status.FAILS, 0.0, rise, "K", _LEAST_MARGIN, formula, source,
-                         too_hot(conditions.ambient, limit))  # fmt: skip
-    figures = None if motor is None else motor.figures
-    if figures is None or figures.mean_temperature is None:
-        missing = lacking or "thermal resistances, torque constant and resistance"
-        return compare(name, None, rise, "K", formula, source, missing)
-    # whatever the limit, and without one
-    if np.isinf(max(figures.mean_temperature, figures.peak_temperature or 0.0)):
-        text = "runs away: the heat grows faster with temperature than it is led off"
-        return Criterion(name, Status.FAILS, np.inf, rise, "K", _LEAST_MARGIN, formula, source,
-                         text)  # fmt: skip
-    peak = figures.peak_temperature
-    if peak is not None:
-        note = f"reaches {peak:.4g} C" if np.isfinite(peak) else "runs away"
-        return compare(name, peak - conditions.ambient, rise, "K", formula, source,
-                       "permissible winding temperature", note)  # fmt: skip
-    at_mean = figures.mean_temperature - conditions.ambient
-    if rise is not None and at_mean > rise:  # the peak is at least the temperature of the mean heat
-        return compare(name, at_mean, rise, "K", "temperature at the mean heat: T_w - T_a", source)
-    return compare(name, None, rise, "K", formula, source, "thermal time constants",
-                   f"at the mean heat it would be {figures.mean_temperature:.4g} C")  # fmt: skip
+def _line_formula(d: Judged) -> str:
+    if d.ratings.torque_constant is None or d.ratings.resistance is None:
+        return "U_n max |T_m/T_stall + omega/omega_no-load| <= bus voltage"
+    return "max |R(T_w) T_m/k + k omega| <= bus voltage"
 
 
-def _gear_criteria(
-    gear: Gear | None, ratio: float, demand: GearDemand, conditions: Conditions
-) -> list[Criterion]:
-    if gear is None:
-        return []
-    unit = demand.unit
-    collision = conditions.collision_effort.get(demand.name)
-    no_collision = (
-        "momentary peak" if gear.momentary_peak_torque is None else "conditions.collision_effort"
-    )
-    return [
-        compare("gear average torque", demand.mean_cubic, gear.average_torque, unit,
-                "T_av = cbrt(int |v T^3| dt/int |v| dt) <= limit for average torque",
-                HARMONIC, "limit for average torque"),
-        compare("gear repeated peak torque", demand.peak, gear.repeated_peak_torque, unit,
-                "max |T| <= limit for repeated peak torque", HARMONIC,
-                "limit for repeated peak torque"),
-        compare("gear momentary peak torque", collision, gear.momentary_peak_torque, unit,
-                "collision or emergency stop <= limit for momentary peak torque",
-                HARMONIC, no_collision),
-        *_collisions(gear, ratio * demand.speed, conditions),
-        compare("gear maximum input speed", ratio * demand.speed, gear.max_input_speed, "rad/s",
-                "ratio max |v| <= maximum input speed", HARMONIC,
-                "maximum input speed"),
-        compare("gear average input speed", ratio * demand.mean_speed, gear.average_input_speed,
-                "rad/s", "ratio 1/T int |v| dt <= limit for average input speed",
-                HARMONIC, "limit for average input speed"),
-        _life(gear, ratio, demand, conditions),
-        *([compare("stroke", demand.travel, gear.stroke, "m", "max q - min q <= stroke",
-                   "maker's figures", "stroke")] if gear.output == "linear" else []),
-    ]  # fmt: skip
+def _line_note(d: Judged) -> str:
+    return "; ".join(text for text in d.ratings.derived if not text.startswith("continuous"))
 
 
-def _collisions(gear: Gear, speed: float, conditions: Conditions) -> list[Criterion]:
-    """How often the momentary peak torque is borne; nothing where no number is demanded."""
-    wanted = conditions.collisions
-    if wanted is None:
-        return []
-    formula, source = "collisions <= N", "maker's number"
-    borne = gear.momentary_peaks
-    if borne is None and gear.kind == "strain wave":
-        formula = "collisions <= N = 10^4/(2 (n/60) t), n the greatest input speed in rpm"
-        source = "Harmonic Drive CSF/CSG catalogue, momentary peak torque"
-        borne = momentary_peaks(speed, wanted.duration)
-    return [_lasting("gear momentary peaks", wanted.count, borne, "", formula, source,
-                     "momentary_peaks", "the joint never moves")]  # fmt: skip
+def _winding_room(d: Judged) -> float | None:
+    limit = None if d.ratings.thermal is None else d.ratings.max_winding(d.conditions)
+    return None if limit is None else limit - d.conditions.ambient
 
 
-def momentary_peaks(speed: float, duration: float) -> float:
-    """Return how often a strain wave gear bears its momentary peak torque, N = 1e4/(2 n t).
+def _winding_rise(d: Judged) -> float | None:
+    """max T_w - T_a; infinite where it runs away; at the mean heat where that is too hot already.
 
-    Args:
-        speed: of its input before, rad/s (n turns per second). duration: t of each, s.
-
-    Source: Harmonic Drive CSF/CSG catalogue, rating of the momentary peak torque.
+    The peak is at least the temperature at the mean heat.
     """
-    return 1e4 / (2 * speed / (2 * np.pi) * duration) if speed > 0 else np.inf
+    room, figures = _winding_room(d), d.figures
+    if room is not None and room <= 0:
+        return np.inf
+    if figures is None or figures.mean_temperature is None:
+        return None
+    peak, ambient = figures.peak_temperature, d.conditions.ambient
+    at_mean = figures.mean_temperature - ambient
+    if peak is not None:
+        return np.inf if np.isinf(at_mean) else peak - ambient
+    return at_mean if np.isinf(at_mean) or (room is not None and at_mean > room) else None
 
 
-def _life(gear: Gear, ratio: float, demand: GearDemand, conditions: Conditions) -> Criterion:
-    figures = gear.nominal_life, gear.rated_speed, gear.rated_torque
-    available = None
-    if None not in figures:
-        available = gear_life(*figures, ratio * demand.mean_speed, demand.mean_cubic)[0]  # type: ignore[arg-type]
-    formula = "L10 = L50/5, L50 = L_n (n_N/n_in,av)(T_N/T_av)^3"
-    return _lasting("gear life L10", conditions.life, available, "h", formula, HARMONIC_LIFE,
-                    "nominal life, rated speed or rated torque",
-                    "the joint never moves")  # fmt: skip
+def _winding_formula(d: Judged) -> str:
+    figures = d.figures
+    if figures is not None and figures.peak_temperature is None and _winding_rise(d) is not None:
+        return "temperature at the mean heat: T_w - T_a"
+    return "settled cycle of the two-node model: max T_w - T_a"
 
 
-def _bearing_criteria(
-    candidate: Candidate, load: BearingLoad | None, conditions: Conditions
-) -> list[Criterion]:
-    """Loads and life of what carries the joint, against its maker's ratings."""
-    ratings, what = candidate.bearing, "screw" if candidate.linear else "bearing"
-    if candidate.linear and (candidate.gear is None or "screw" not in candidate.gear.kind):
-        return []  # belts and linear motors have none
-    if ratings is None:
-        return [compare(f"{what} loads", None, None, "", "loads and life by its ratings",
-                        KINDS["ball screw" if candidate.linear else "crossed roller"].source,
-                        f"ratings of the {what}")]  # fmt: skip
-    source = _rule(ratings)
-    unknown = "" if load else "the joint's wrench"
-    axial = compare(
-        f"{what} axial force", load and load.axial, ratings.max_axial, "N",
-        "max |F_a| <= permissible axial force", source, unknown or "permissible axial force",
-    )  # fmt: skip
-    safety = _static_safety(what, ratings, load, source)
-    life = _bearing_life(what, candidate, ratings, load, conditions)
-    if ratings.screw:
-        return [axial, safety, life]
-    return [
-        compare(f"{what} tilting moment", load and load.moment + ratings.offset * load.radial,
-                ratings.max_moment, "N m", "max M + R max F_r <= permissible tilting moment",
-                source, unknown or "permissible tilting moment"),
-        compare(f"{what} radial force", load and load.radial, ratings.max_radial, "N",
-                "max |F_r| <= permissible radial force", source,
-                unknown or "permissible radial force"),
-        axial, safety, life,
-    ]  # fmt: skip
+def _winding_missing(d: Judged) -> str:
+    figures = d.figures
+    if figures is None or figures.mean_temperature is None:
+        return d.missing or "thermal resistances, torque constant and resistance"
+    if figures.peak_temperature is None:
+        return "thermal time constants"
+    return "permissible winding temperature"
 
 
-def _rule(ratings: BearingRatings) -> str:
+def _winding_note(d: Judged) -> str:
+    room, figures = _winding_room(d), d.figures
+    if room is not None and room <= 0:
+        return too_hot(d.conditions.ambient, d.conditions.ambient + room)
+    if figures is None or figures.mean_temperature is None:
+        return ""
+    rise = _winding_rise(d)
+    if rise is None:
+        return f"at the mean heat it would be {figures.mean_temperature:.4g} C"
+    if np.isinf(rise):
+        return "runs away: the heat grows faster with temperature than it is led off"
+    return "" if figures.peak_temperature is None else f"reaches {figures.peak_temperature:.4g} C"
+
+
+def _has_gear(d: Judged) -> bool:
+    return d.candidate.gear is not None
+
+
+def _collision(d: Judged) -> float | None:
+    return d.conditions.collision_effort.get(d.demand.name)
+
+
+def _no_collision(d: Judged) -> str:
+    unknown = d.gear.momentary_peak_torque is None
+    return "momentary peak" if unknown else "conditions.collision_effort"
+
+
+def _collisions(d: Judged) -> float | None:
+    return None if d.conditions.collisions is None else d.conditions.collisions.count
+
+
+def _by_rule(d: Judged) -> bool:
+    """Whether the number of momentary peaks follows from the maker's rule, not from a figure."""
+    return d.gear.momentary_peaks is None and d.gear.kind == "strain wave"
+
+
+def _momentary_peaks(d: Judged) -> float | None:
+    wanted = d.conditions.collisions
+    if wanted is None or not _by_rule(d):
+        return d.gear.momentary_peaks
+    return momentary_peaks(d.candidate.ratio * d.demand.speed, wanted.duration)
+
+
+def _gear_life(d: Judged) -> float | None:
+    life, speed, torque = d.gear.nominal_life, d.gear.rated_speed, d.gear.rated_torque
+    if life is None or speed is None or torque is None:
+        return None
+    mean_speed = d.candidate.ratio * d.demand.mean_speed
+    return gear_life(life, speed, torque, mean_speed, d.demand.mean_cubic)[0]
+
+
+def _turning(d: Judged) -> bool:
+    """Whether a bearing carries the joint."""
+    return not d.candidate.linear
+
+
+def _nut(d: Judged) -> bool:
+    """Whether a screw's nut carries the joint; belts and linear motors have none."""
+    candidate = d.candidate
+    return candidate.linear and candidate.gear is not None and "screw" in candidate.gear.kind
+
+
+def _rule(d: Judged) -> str:
     """Where the rule is from, and the ratings, where they are from elsewhere."""
-    rule = KINDS[ratings.kind].source
-    return f"{rule}; ratings: {ratings.source}" if ratings.source else rule
+    rule = KINDS[d.bearing.kind].source
+    return f"{rule}; ratings: {d.bearing.source}" if d.bearing.source else rule
 
 
-def _static_safety(
-    what: str, ratings: BearingRatings, load: BearingLoad | None, source: str
-) -> Criterion:  # fmt: skip
-    carried, available = load and static_load(ratings, load), None
-    if carried is not None and ratings.static_rating is not None:
-        available = ratings.static_rating / carried if carried > 0 else np.inf
-    formula = "f_s = C_0/P_0"
-    if ratings.rule is not None and not ratings.screw:
-        x, y = ratings.rule.static
-        formula += f", P_0 = {x:g} P_r + {y:g} F_a"
-    return _lasting(f"{what} static safety", ratings.static_safety, available, "", formula, source,
-                    "static load rating C_0 or pitch diameter", "nothing loads it")  # fmt: skip
+def _of_bearing(words: str) -> Text:
+    return lambda d: words if d.demand.bearing else "the joint's wrench"
 
 
-def _bearing_life(
-    what: str, candidate: Candidate, ratings: BearingRatings, load: BearingLoad | None,
-    conditions: Conditions,
-) -> Criterion:  # fmt: skip
-    kind, available = KINDS[ratings.kind], None
-    exponent = "3" if kind.exponent == BALL else "10/3"
-    equivalent = load and equivalent_load(ratings, load)
-    if load is not None and equivalent is not None and ratings.dynamic_rating is not None:
-        speed = load.speed * (candidate.ratio if ratings.screw else 1.0)
-        available = bearing_life(ratings.dynamic_rating, conditions.shock * equivalent, speed,
-                                 kind.exponent)  # fmt: skip
-    note = "" if equivalent is None else f"P = {equivalent:.4g} N"
-    return _lasting(f"{what} life L10", conditions.life, available, "h",
-                    f"L10 = 10^6 revolutions (C/({conditions.shock:g} P))^({exponent})",
-                    _rule(ratings), "dynamic load rating C or pitch diameter",
-                    "it never turns under load", note)  # fmt: skip
+def _tilting(d: Judged) -> float | None:
+    load = d.demand.bearing
+    return load and load.moment + d.bearing.offset * load.radial
 
 
-def _lasting(
-    name: str, required: float, available: float | None, unit: str, formula: str, source: str,
-    missing: str, endless: str, note: str = "",
-) -> Criterion:  # fmt: skip
-    """`compare` for what may be endless: then it passes without a number, and says why."""
-    if available is not None and np.isinf(available):
-        return Criterion(name, Status.PASSES, required, None, unit, 1.0, formula, source, endless)
-    return compare(name, required, available, unit, formula, source, missing, note)
+def _static_safety(d: Judged) -> float | None:
+    carried = d.demand.bearing and static_load(d.bearing, d.demand.bearing)
+    if carried is None or d.bearing.static_rating is None:
+        return None
+    return d.bearing.static_rating / carried if carried > 0 else np.inf
 
 
-def _inertia_ratio(
-    candidate: Candidate, load_inertia: float | None, conditions: Conditions
-) -> Criterion:
+def _safety_formula(d: Judged) -> str:
+    if d.bearing.rule is None or d.bearing.screw:
+        return "f_s = C_0/P_0"
+    x, y = d.bearing.rule.static
+    return f"f_s = C_0/P_0, P_0 = {x:g} P_r + {y:g} F_a"
+
+
+def _equivalent(d: Judged) -> float | None:
+    return d.demand.bearing and equivalent_load(d.bearing, d.demand.bearing)
+
+
+def _bearing_life(d: Judged) -> float | None:
+    load, equivalent, rating = d.demand.bearing, _equivalent(d), d.bearing.dynamic_rating
+    if load is None or equivalent is None or rating is None:
+        return None
+    speed = load.speed * (d.candidate.ratio if d.bearing.screw else 1.0)
+    exponent = KINDS[d.bearing.kind].exponent
+    return bearing_life(rating, d.conditions.shock * equivalent, speed, exponent)
+
+
+def _life_formula(d: Judged) -> str:
+    exponent = "3" if KINDS[d.bearing.kind].exponent == BALL else "10/3"
+    return f"L10 = 10^6 revolutions (C/({d.conditions.shock:g} P))^({exponent})"
+
+
+def _life_note(d: Judged) -> str:
+    equivalent = _equivalent(d)
+    return "" if equivalent is None else f"P = {equivalent:.4g} N"
+
+
+def _inertia_ratio(d: Judged) -> float | None:
     """Load to motor side, max J_load/(ratio^2 (J_motor + J_gear input)).
 
     The gear's input (a wave generator) counts with the rotor: it sits on the motor's side of the
     compliance, across which load and motor swing; the rule bounds how unlike they may be.
     """
-    inertia, ratio = candidate.rotor_inertia, None
-    missing = ", ".join(candidate.missing) or "rotor inertia"
-    if load_inertia is None:
-        missing = _LOOPS
-    elif inertia is not None:
-        ratio = load_inertia / (candidate.ratio**2 * inertia)
-    return compare("inertia ratio", ratio, conditions.inertia_ratio, "",
-                   "max J_load / (ratio^2 (J_motor + J_gear input))",
-                   _PRACTICE + "; the gear's input is on the motor's side of the compliance",
-                   missing)  # fmt: skip
+    inertia, load = d.candidate.rotor_inertia, d.case.load_inertia
+    return None if inertia is None or load is None else load / (d.candidate.ratio**2 * inertia)
 
 
-def _resonance(gear: Gear | None, case: Case) -> Criterion:
+def _no_inertia(d: Judged) -> str:
+    return _LOOPS if d.case.load_inertia is None else d.missing or "rotor inertia"
+
+
+def _least_resonance(d: Judged) -> float:
+    return d.conditions.resonance_hand if d.case.hand else d.conditions.resonance_base
+
+
+def _stiffness(d: Judged) -> float | None:
+    gear = d.candidate.gear
+    return None if gear is None or gear.stiffness is None else softest(gear.stiffness)
+
+
+def _resonance(d: Judged) -> float | None:
     """The joint and those beyond it swing, those nearer the base stand: Dunkerley's lower bound.
 
     The maker's rule takes the other joints as rigid, which is an upper bound.
     """
-    conditions, inertia = case.conditions, case.load_inertia
-    required = conditions.resonance_hand if case.hand else conditions.resonance_base
-    available, note = None, ""
-    if gear is not None and gear.stiffness is not None and inertia is not None:
-        stiffness = softest(gear.stiffness)
-        swing = inertia / stiffness + case.beyond
-        available = resonance(1.0, swing) if swing > 0 else np.inf
-        if case.beyond > 0 and inertia > 0:
-            alone = resonance(stiffness, inertia)
-            note = f"lower bound (Dunkerley); with all other joints rigid {alone:.3g} Hz"
-    return compare(
-        "gear resonance",
-        required,
-        available,
-        "Hz",
-        "f = 1/(2 pi sqrt(sum of max J_load/K_1 over this joint and those beyond))",
-        "rule of a maker of strain wave gears: 8 Hz base axes, 15 Hz hand axes (retyped)",
-        _LOOPS if inertia is None else "stiffness",
-        note,
-    )
+    stiffness, inertia = _stiffness(d), d.case.load_inertia
+    if stiffness is None or inertia is None:
+        return None
+    swing = inertia / stiffness + d.case.beyond
+    return resonance(1.0, swing) if swing > 0 else np.inf
 
 
-def _back_driving(candidate: Candidate, conditions: Conditions) -> Criterion:
-    wanted = conditions.back_driving
+def _resonance_note(d: Judged) -> str:
+    stiffness, inertia = _stiffness(d), d.case.load_inertia
+    if stiffness is None or not inertia or not d.case.beyond > 0:
+        return ""
+    alone = resonance(stiffness, inertia)
+    return f"lower bound (Dunkerley); with all other joints rigid {alone:.3g} Hz"
+
+
+def _back_driving(d: Judged) -> Criterion:
+    candidate, wanted = d.candidate, d.conditions.back_driving
     name, formula = "back-driving", "eta_b > 0: the load moves the motor from some effort on"
     source = "Harmonic Drive: back-driving torque must not be counted on to hold a load"
     effort = candidate.back_driving_torque
@@ -544,63 +588,330 @@ def _back_driving(candidate: Candidate, conditions: Conditions) -> Criterion:
     return Criterion(name, status, None, None, "", -back, "eta_b <= 0: self-locking", source, text)
 
 
-def gear_life(
-    nominal_life: float,
-    rated_speed: float,
-    rated_torque: float,
-    average_input_speed: float,
-    average_torque: float,
-) -> tuple[float, float]:
-    """Return (L10, L50) of a strain wave gear's wave generator bearing, in hours.
+def _carrying(what: str, carried: Callable[[Judged], bool]) -> list[Limit]:
+    """The rows of what carries a joint: its bearing, or a screw's nut."""
 
-    L50 = L_n (n_N/n_in,av)(T_N/T_av)^3, L10 = L50/5; infinite where nothing turns or loads.
+    def rated(d: Judged) -> bool:
+        return carried(d) and d.candidate.bearing is not None
 
-    Args:
-        nominal_life: L_n, h (L50 at rated torque and speed).
-        rated_speed, average_input_speed: n_N and n_in,av, rad/s; pauses count in the average.
-        rated_torque, average_torque: T_N and T_av, N m at the output.
+    turning = [
+        Limit(
+            "bearing tilting moment",
+            need=_tilting,
+            gives=("bearing.max_moment",),
+            unit="N m",
+            formula="max M + R max F_r <= permissible tilting moment",
+            source=_rule,
+            missing=_of_bearing("permissible tilting moment"),
+            applies=rated,
+        ),
+        Limit(
+            "bearing radial force",
+            need=lambda d: d.demand.bearing and d.demand.bearing.radial,
+            gives=("bearing.max_radial",),
+            unit="N",
+            formula="max |F_r| <= permissible radial force",
+            source=_rule,
+            missing=_of_bearing("permissible radial force"),
+            applies=rated,
+        ),
+    ]
+    return [
+        Limit(
+            f"{what} loads",
+            need=_nothing,
+            gives=_nothing,
+            unit="",
+            formula="loads and life by its ratings",
+            source=KINDS["ball screw" if what == "screw" else "crossed roller"].source,
+            missing=f"ratings of the {what}",
+            applies=lambda d: carried(d) and d.candidate.bearing is None,
+        ),
+        *(turning if what == "bearing" else ()),
+        Limit(
+            f"{what} axial force",
+            need=lambda d: d.demand.bearing and d.demand.bearing.axial,
+            gives=("bearing.max_axial",),
+            unit="N",
+            formula="max |F_a| <= permissible axial force",
+            source=_rule,
+            missing=_of_bearing("permissible axial force"),
+            applies=rated,
+            settles=_LOAD_OF_A_SCREW if what == "screw" else (),
+        ),
+        Limit(
+            f"{what} static safety",
+            need=lambda d: d.bearing.static_safety,
+            gives=_static_safety,
+            unit="",
+            formula=_safety_formula,
+            source=_rule,
+            missing="static load rating C_0 or pitch diameter",
+            applies=rated,
+            endless="nothing loads it",
+            settles=_LOAD_OF_A_SCREW if what == "screw" else (),
+        ),
+        Limit(
+            f"{what} life L10",
+            need=lambda d: d.conditions.life,
+            gives=_bearing_life,
+            unit="h",
+            formula=_life_formula,
+            source=_rule,
+            missing="dynamic load rating C or pitch diameter",
+            note=_life_note,
+            applies=rated,
+            endless="it never turns under load",
+        ),
+    ]
 
-    Source: Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3.
-    """
-    if not (average_input_speed > 0 and average_torque > 0):
-        return np.inf, np.inf
-    l50 = nominal_life * rated_speed / average_input_speed * (rated_torque / average_torque) ** 3
-    return l50 / 5, l50
 
-
-def resonance(stiffness: float, inertia: float) -> float:
-    """Return f = sqrt(K/J)/(2 pi), Hz, of a load J (kg m^2) behind a gear K (N m/rad)."""
-    return float(np.sqrt(stiffness / inertia) / (2 * np.pi))
-
-
-def optimum_ratio(cycle: DriveCycle, effort: np.ndarray, rotor_inertia: float) -> float:
-    """Return the ratio of least RMS motor torque: r^2 = rms(T*)/(J_rotor rms(a)).
-
-    From T_m,rms^2 = rms(T*)^2/r^2 + 2 J mean(T* a) + r^2 J^2 rms(a)^2, gear losses left out;
-    infinite where the joint never accelerates.
-
-    Args:
-        cycle: the joint's samples.
-        effort: (T,) T*, N m. rotor_inertia: J at the motor's shaft, kg m^2.
-
-    Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
-    """
-    moving = rms(cycle.stretched, cycle.acceleration)
-    inertial = rotor_inertia * moving  # a product of two positive numbers may still be 0
-    return float(np.sqrt(rms(cycle.stretched, effort) / inertial)) if inertial > 0 else np.inf
-
-
-def load_factor(cycle: DriveCycle, effort: np.ndarray) -> float:
-    """Return beta = 2 (rms(a) rms(T*) + mean(a T*)), W/s: what the load asks of T_N^2/J_rotor.
-
-    A motor can do it with some ratio if its accelerating factor T_N^2/J_rotor >= beta/eta.
-
-    Args:
-        cycle: the joint's samples.
-        effort: (T,) T*, N m.
-
-    Source: Giberti, Cinquemani, Legnani: choice of motor and ratio by accelerating factor.
-    """
-    a, t = cycle.acceleration, cycle.stretched
-    mixed = float(np.trapezoid(a * effort, t) / (t[-1] - t[0]))
-    return 2 * (rms(t, a) * rms(t, effort) + mixed)
+#: The table.
+LIMITS: list[Limit] = [
+    Limit(
+        "continuous torque",
+        need="motor RMS torque",
+        gives=_continuous,
+        unit="torque",
+        formula=lambda d: "sqrt(1/T int T_m^2 dt) <= continuous torque" + d.output,
+        source=_PRACTICE,
+        missing=_of_motor("continuous torque"),
+        note=_continuous_note,
+        settles=("heat",),
+        key="continuous_torque",
+    ),
+    Limit(
+        "short-term torque",
+        need=_asked("short_term"),
+        gives=_continuous,
+        unit="torque",
+        formula=lambda d: (
+            f"max of sqrt(1/w int T_m^2 dt) over any w = {_window(d)[0]:.3g} s <= continuous torque"
+            + d.output
+        ),
+        source=lambda d: _window(d)[1],
+        missing=_of_motor("continuous torque"),
+        note=lambda d: d.ratings.continuous_at(d.conditions, d.mean_speed)[1],
+    ),
+    Limit(
+        "overloaded standstill",
+        need=_asked("overloaded_standstill"),
+        gives=lambda d: _window(d)[0],
+        unit="s",
+        formula=_standing_formula,
+        source=lambda d: _window(d)[1],
+        missing=_of_motor("continuous torque"),
+        note=_standing_note,
+    ),
+    Limit(
+        "peak torque",
+        need="motor torque",
+        gives=("ratings.peak_torque",),
+        unit="torque",
+        formula=lambda d: f"{d.conditions.peak_factor:g} max |T_m| <= peak torque" + d.output,
+        source=_PRACTICE + ": 20 to 30 %",
+        missing=_of_motor("peak torque"),
+        reserve=lambda conditions: conditions.peak_factor,
+        settles=("motor's peak",),
+        key="peak_torque",
+    ),
+    Limit(
+        "bus voltage",
+        need=lambda d: d.conditions.bus_voltage,
+        gives=_most_voltage,
+        unit="V",
+        formula=f"bus voltage <= {_MOST_OVERVOLTAGE:g} nominal voltage",
+        source="pinfric: question of a motor on a bus it was not made for",
+        missing="nominal voltage",
+        note=_made_for,
+    ),
+    Limit(
+        "speed-torque line",
+        need="voltage",
+        gives=lambda d: d.conditions.bus_voltage,
+        unit="V",
+        formula=_line_formula,
+        source="equivalent circuit of a DC or field-oriented motor",
+        missing=_of_motor("torque constant and resistance, or no-load speed and stall torque"),
+        note=_line_note,
+        settles=("motor's peak", "motor's speed"),
+        key="stall_torque",
+    ),
+    Limit(
+        "motor speed",
+        need="motor speed",
+        gives=lambda d: d.ratings.speed_limit(d.conditions.bus_voltage)[0],
+        unit="speed",
+        formula="max |omega| <= maximum speed",
+        source="maker's figures",
+        missing=_of_motor("maximum speed"),
+        note=lambda d: d.ratings.speed_limit(d.conditions.bus_voltage)[1],
+        settles=("motor's speed",),
+        key="max_speed",
+    ),
+    Limit(
+        "winding temperature",
+        need=_winding_rise,
+        gives=_winding_room,
+        unit="K",
+        formula=_winding_formula,
+        source="maxon, Key information: thermal behaviour (two nodes), copper +0.39 %/K",
+        missing=_winding_missing,
+        note=_winding_note,
+    ),
+    Limit(
+        "gear average torque",
+        need=lambda d: d.demand.mean_cubic,
+        gives=("gear.average_torque",),
+        unit="effort",
+        formula="T_av = cbrt(int |v T^3| dt/int |v| dt) <= limit for average torque",
+        source=_HARMONIC,
+        missing="limit for average torque",
+        applies=_has_gear,
+    ),
+    Limit(
+        "gear repeated peak torque",
+        need="effort",
+        gives=("gear.repeated_peak_torque", "gear.average_torque", "gear.rated_torque"),
+        unit="effort",
+        formula="max |T| <= limit for repeated peak torque",
+        source=_HARMONIC,
+        missing="limit for repeated peak torque",
+        applies=_has_gear,
+        settles=("gear's load",),
+    ),
+    Limit(
+        "effort",
+        need="effort",
+        gives=_nothing,
+        unit="effort",
+        formula="max |effort| <= effort",
+        source=_STATED,
+        applies=_never,
+        settles=("gear's load",),
+        key="effort",
+    ),
+    Limit(
+        "gear momentary peak torque",
+        need=_collision,
+        gives=("gear.momentary_peak_torque",),
+        unit="effort",
+        formula="collision or emergency stop <= limit for momentary peak torque",
+        source=_HARMONIC,
+        missing=_no_collision,
+        applies=_has_gear,
+    ),
+    Limit(
+        "gear momentary peaks",
+        need=_collisions,
+        gives=_momentary_peaks,
+        unit="",
+        formula=lambda d: (
+            "collisions <= N = 10^4/(2 (n/60) t), n the greatest input speed in rpm"
+            if _by_rule(d)
+            else "collisions <= N"
+        ),
+        source=lambda d: (
+            "Harmonic Drive CSF/CSG catalogue, momentary peak torque"
+            if _by_rule(d)
+            else "maker's number"
+        ),
+        missing="momentary_peaks",
+        applies=lambda d: _has_gear(d) and d.conditions.collisions is not None,
+        endless="the joint never moves",
+    ),
+    Limit(
+        "gear maximum input speed",
+        need="input speed",
+        gives=("gear.max_input_speed", "gear.average_input_speed"),
+        unit="rad/s",
+        formula="ratio max |v| <= maximum input speed",
+        source=_HARMONIC,
+        missing="maximum input speed",
+        applies=_has_gear,
+        settles=("gear's speed",),
+        key="input_speed",
+    ),
+    Limit(
+        "joint speed",
+        need="speed",
+        gives=_nothing,
+        unit="rad/s or m/s",
+        formula="max |v| <= velocity",
+        source=_STATED,
+        applies=_never,
+        settles=("motor's speed", "gear's speed"),
+        key="velocity",
+    ),
+    Limit(
+        "acceleration",
+        need="acceleration",
+        gives=_nothing,
+        unit="rad/s^2 or m/s^2",
+        formula="max |a| <= acceleration",
+        source=_STATED,
+        applies=_never,
+        key="acceleration",
+    ),
+    Limit(
+        "gear average input speed",
+        need=lambda d: d.candidate.ratio * d.demand.mean_speed,
+        gives=("gear.average_input_speed",),
+        unit="rad/s",
+        formula="ratio 1/T int |v| dt <= limit for average input speed",
+        source=_HARMONIC,
+        missing="limit for average input speed",
+        applies=_has_gear,
+    ),
+    Limit(
+        "gear life L10",
+        need=lambda d: d.conditions.life,
+        gives=_gear_life,
+        unit="h",
+        formula="L10 = L50/5, L50 = L_n (n_N/n_in,av)(T_N/T_av)^3",
+        source="Harmonic Drive engineering data 1021387 12/2018, p. 32, equations 32.2, 32.3",
+        missing="nominal life, rated speed or rated torque",
+        applies=_has_gear,
+        endless="the joint never moves",
+    ),
+    Limit(
+        "stroke",
+        need=lambda d: d.demand.travel,
+        gives=("gear.stroke",),
+        unit="m",
+        formula="max q - min q <= stroke",
+        source="maker's figures",
+        missing="stroke",
+        applies=lambda d: _has_gear(d) and d.gear.output == "linear",
+    ),
+    *_carrying("bearing", _turning),
+    *_carrying("screw", _nut),
+    Limit(
+        "inertia ratio",
+        need=_inertia_ratio,
+        gives=lambda d: d.conditions.inertia_ratio,
+        unit="",
+        formula="max J_load / (ratio^2 (J_motor + J_gear input))",
+        source=_PRACTICE + "; the gear's input is on the motor's side of the compliance",
+        missing=_no_inertia,
+    ),
+    Limit(
+        "gear resonance",
+        need=_least_resonance,
+        gives=_resonance,
+        unit="Hz",
+        formula="f = 1/(2 pi sqrt(sum of max J_load/K_1 over this joint and those beyond))",
+        source="rule of a maker of strain wave gears: 8 Hz base axes, 15 Hz hand axes (retyped)",
+        missing=lambda d: _LOOPS if d.case.load_inertia is None else "stiffness",
+        note=_resonance_note,
+    ),
+    Limit(
+        "back-driving",
+        need=_nothing,
+        gives=_nothing,
+        unit="",
+        formula="",
+        source="",
+        verdict=_back_driving,
+    ),
+]

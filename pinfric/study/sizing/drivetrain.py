@@ -117,6 +117,11 @@ class Ratings:
             return self.thermal.max_winding
         return conditions.max_winding
 
+    def hottest(self, conditions: Conditions) -> float:
+        """Return resistance at the permissible winding temperature over that at 25 C, else 1."""
+        limit = self.max_winding(conditions)
+        return 1.0 if limit is None else 1 + COPPER * (limit - REFERENCE_TEMPERATURE)
+
     def speed_limit(self, bus_voltage: float) -> tuple[float | None, str]:
         """Return the largest permitted speed (rad/s, or None) and what it is, in words.
 
@@ -335,7 +340,7 @@ def motor_with_gear(
     return Candidate(
         name=f"{motor_name} + {gear_name}{several}", motor=motor_name, gear_name=gear_name,
         ratio=ratio,
-        ratings=_ratings(motor),
+        ratings=ratings_of(motor),
         at_output=False,
         linear=gear.output == "linear",
         gear=gear,
@@ -352,6 +357,42 @@ def motor_with_gear(
         sources=(f"{motor_name}: {motor.source} ({motor.grade})",
                  f"{gear_name}: {gear.source} ({gear.grade})"),
     )  # fmt: skip
+
+
+def motor_alone(name: str, ratings: Ratings, **figures: Any) -> Candidate:
+    """Return a motor without a gear, for the limits that are its own.
+
+    Args:
+        name: for reports. ratings: of its shaft. figures: other fields of the candidate.
+    """
+    nothing: dict[str, Any] = dict.fromkeys(
+        (
+            "gear_name",
+            "gear",
+            "transmission",
+            "mass",
+            "price",
+            "rotor_inertia",
+            "back_driving_torque",
+            "bearing",
+        )
+    )
+    return Candidate(
+        **nothing
+        | {
+            "name": name,
+            "motor": name,
+            "ratio": 1.0,
+            "ratings": ratings,
+            "missing": (),
+            "at_output": False,
+            "linear": False,
+            "stand_ins": (),
+            "losses": "",
+            "sources": (),
+        }
+        | figures
+    )
 
 
 def gear_transmission(gear: Gear, ratio: float, rotor_inertia: float) -> tuple[Transmission, str]:
@@ -479,8 +520,8 @@ def _electrical(
     return power + resistance * current**2, True
 
 
-def _ratings(entry: Motor | GearMotor) -> Ratings:
-    """A maker's figures, completed by what follows from others."""
+def ratings_of(entry: Motor | GearMotor) -> Ratings:
+    """Return a maker's figures, completed by what follows from others."""
     given: dict[str, Any] = {f.name: getattr(entry, f.name, None) for f in fields(Ratings)}
     continuous, k, stall = (given[x] for x in ("continuous_torque", "torque_constant",
                                                "stall_torque"))  # fmt: skip
@@ -519,7 +560,7 @@ def _gearmotor(name: str, entry: GearMotor) -> Candidate:
         losses = "identified friction at the output: base, load-dependent, viscous"
     return Candidate(
         name=name, motor=name, gear_name=None, ratio=entry.ratio,
-        ratings=_ratings(entry),
+        ratings=ratings_of(entry),
         at_output=True,
         linear=entry.output == "linear",
         gear=None,

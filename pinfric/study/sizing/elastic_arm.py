@@ -8,7 +8,7 @@ from pinfric.errors import CatalogError
 from pinfric.model.scene import Scene
 from pinfric.study.elastic.motion import Elasticity, ToolPlace
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criteria import Criterion, compare
+from pinfric.study.sizing.criterion import Criterion, compare
 
 _SOURCE = "pinfric: wind-up of the gears at rest, first order"
 #: Condition -> what is compared, how far the tool is off, the formula.

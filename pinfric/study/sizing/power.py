@@ -15,7 +15,7 @@ import numpy as np
 from pinfric.dynamics.inverse.result import runs
 from pinfric.model.described import derived, described, quantity
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criteria import Criterion, compare
+from pinfric.study.sizing.criterion import Criterion, compare
 from pinfric.study.sizing.demand import power_figures
 from pinfric.study.sizing.drivetrain import MotorCycle
 from pinfric.study.sizing.duty import Schedule
@@ -31,6 +31,7 @@ class BusPower:
     """
 
     power: np.ndarray
+    known: int = quantity("drives with a motor")
     left_out: tuple[str, ...] = quantity("drives without motor")
     mechanical: tuple[str, ...] = quantity("drives whose copper loss is not known")
     peak: float = quantity("greatest power into the drives", "W")
@@ -63,6 +64,8 @@ class BusPower:
     @derived()
     def remedy(self) -> str:
         """What takes the energy that flows back, in words."""
+        if not self.known:
+            return "not known: no drive has a motor that could be assessed"
         if self.resistor is None or self.resistor_power is None:
             return "nothing flows back: neither resistor nor regeneration is needed"
         resistor = (f"a resistor of at most {self.resistor:.3g} ohm, {self.resistor_power:.3g} W "
@@ -104,6 +107,7 @@ def bus_power(
     mechanical = tuple(name for name, motor in known.items() if not motor.copper)
     return BusPower(
         power=power,
+        known=len(known),
         left_out=left_out, mechanical=mechanical,
         peak=flow.driving, braking=flow.braking, drawn=flow.delivered, returned=flow.returned,
         mean=(flow.delivered - flow.returned) / period, burst=burst,

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -36,7 +36,6 @@ from pinfric.study.elastic.motion import Elasticity, elasticity
 from pinfric.study.sizing.assess import (
     Assessment,
     assess,
-    judged,
     lightest,
     nearest_miss,
     own_bearing,
@@ -44,7 +43,8 @@ from pinfric.study.sizing.assess import (
 from pinfric.study.sizing.brake import Standstill, standstills
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog, parse_conditions
 from pinfric.study.sizing.caveats import apart, caveats, unclosed
-from pinfric.study.sizing.criteria import Case, Criterion, Status
+from pinfric.study.sizing.criteria import Case
+from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.demand import (
     DriveCycle,
     GearDemand,
@@ -52,7 +52,6 @@ from pinfric.study.sizing.demand import (
     average_output_effort,
     drive_cycle,
     driven_joint,
-    gear_demand,
     hold_samples,
     joint_demand,
     screw_load,
@@ -60,7 +59,6 @@ from pinfric.study.sizing.demand import (
 from pinfric.study.sizing.drivetrain import Candidate, MotorCycle, candidates, motor_cycle
 from pinfric.study.sizing.duty import Duty, Schedule, once
 from pinfric.study.sizing.elastic_arm import arm_criteria, check_tool
-from pinfric.study.sizing.front import DriveSet, Judge, trade_offs
 from pinfric.study.sizing.power import BusPower, bus_power
 from pinfric.study.summary import effort_unit
 from pinfric.study.trajectory.trajectory import Trajectory
@@ -88,7 +86,7 @@ class JointSizing:
         nearest: where none fits, the candidate that comes nearest.
         choice_without_masses: what would have been chosen without the drives' mass.
         choice_frictionless: what would have been chosen without friction in the joints.
-        lacking: why there are no candidates, where a catalogue was given; else empty.
+        nothing_because: why there are no candidates, where a catalogue was given; else empty.
     """
 
     demand: JointDemand
@@ -101,7 +99,7 @@ class JointSizing:
     nearest: Assessment | None = None
     choice_without_masses: Assessment | None = None
     choice_frictionless: Assessment | None = None
-    lacking: str = ""
+    nothing_because: str = ""
 
     @property
     def name(self) -> str:
@@ -124,14 +122,13 @@ class JointSizing:
     @property
     def miss(self) -> str:
         """Say that nothing fits, and by how much the nearest candidate misses; else empty."""
-        if self.choice is not None or (not self.assessments and not self.lacking):
+        if self.choice is not None or (not self.assessments and not self.nothing_because):
             return ""
         if not self.assessments:
-            return f"{self.name}: nothing to choose from: {self.lacking}"
+            return f"{self.name}: nothing to choose from: {self.nothing_because}"
         if self.nearest is None:
-            lacking = self.assessments[0]
-            return (f"{self.name}: no candidate could be judged; {lacking.candidate.name}: "
-                    f"{lacking.why}")  # fmt: skip
+            first = self.assessments[0]
+            return f"{self.name}: no candidate can be judged; {first.candidate.name}: {first.why}"
         return (f"{self.name}: none of {len(self.assessments)} candidates fits; the nearest miss "
                 f"is {self.nearest.candidate.name}: {self.nearest.why}")  # fmt: skip
 
@@ -146,7 +143,6 @@ class SizingReport(Shown):
         trajectory: where the motion came from.
         catalog, conditions: what was chosen from and what was demanded; catalog None: demand only.
         joints: in the order of the scene's drives.
-        judge: sizes a set of drives, joint by joint, with their masses in the model.
         result, result_without_masses: inverse dynamics of `scene` and of `given`.
         duty: which samples are which cycle of the period, and how often it is run.
         passes: over all joints, until no choice changed. settled: no choice changed in the last.
@@ -163,7 +159,6 @@ class SizingReport(Shown):
     result: InverseResult
     result_without_masses: InverseResult
     duty: Schedule
-    judge: Judge = field(repr=False, compare=False)
     passes: int
     settled: bool
     notes: tuple[str, ...] = ()
@@ -180,7 +175,8 @@ class SizingReport(Shown):
                 "catalog": file_name(self.catalog.source),
                 "drives": listed([n for n, _ in chosen], [f"-> {d}" for _, d in chosen]) or "none",
                 "misses": listed([joint.name for joint in self.joints if joint.miss]),
-                "mass": f"{self.drive_mass:.3g} kg of drives; {settled} after "
+                "mass": (f"{self.chosen_mass:.3g} kg of drives" if chosen else "no drive fits")
+                        + f"; {settled} after "
                         + counted(self.passes, "pass", "passes"),
             }  # fmt: skip
         title = (
@@ -200,6 +196,12 @@ class SizingReport(Shown):
         """Mass of all drives in the model, kg."""
         taken = (joint.taken for joint in self.joints)
         return sum(a.candidate.mass or 0.0 for a in taken if a is not None)
+
+    @property
+    def chosen_mass(self) -> float:
+        """Mass of the drives that fit, kg."""
+        chosen = (joint.choice for joint in self.joints)
+        return sum(a.candidate.mass or 0.0 for a in chosen if a is not None)
 
     @cached_property
     def standstills(self) -> tuple[Standstill, ...]:
@@ -224,16 +226,6 @@ class SizingReport(Shown):
         t = self.result.t
         assert t is not None  # size refuses a motion without times
         return bus_power(drives, t, self.duty, self.conditions)
-
-    @cached_property
-    def sets(self) -> tuple[DriveSet, ...]:
-        """Sets of drives that none betters in mass, energy, peak power and price (`front`)."""
-        if any(joint.choice is None for joint in self.joints):
-            return ()
-        fitting = [[a for a in joint.assessments if a.fits] for joint in self.joints]
-        return trade_offs([joint.name for joint in self.joints], fitting,
-                          [joint.cycle for joint in self.joints], self.conditions,
-                          self.judge)  # fmt: skip
 
     @property
     def misses(self) -> tuple[str, ...]:
@@ -384,7 +376,7 @@ class _Sizing:
             scene=equipped, given=self.scene, catalog=self.catalog, conditions=self.conditions,
             trajectory=str(getattr(self.trajectory, "source", "motion")), joints=joints,
             result=inverse_dynamics(equipped, self.trajectory) if chosen else without,
-            result_without_masses=without, duty=duty, judge=self.judge,
+            result_without_masses=without, duty=duty,
             passes=passes, settled=settled,
             notes=caveats(self.scene, self.catalog, self.conditions, gaps, apart(without, duty)),
             unclosed=gaps,
@@ -400,17 +392,6 @@ class _Sizing:
         if key not in self.judged:
             self.judged[key] = self._judge(i, *solved)
         return self.judged[key]
-
-    def judge(self, taken: Mapping[int, Assessment]) -> list[tuple[Assessment, DriveCycle]]:
-        """Judge one drive for every joint, all of their masses in the model."""
-        load = tuple(sorted((k, a.candidate.mass) for k, a in taken.items()))
-        (result, inertias), found = self._solve(load, taken), []
-        for i, assessment in taken.items():
-            cycle, inertia = self._cycle(i, result, inertias)
-            self.beyond[i] = yielding(self.scene, i, _softest(taken), inertias)
-            case = self._case(i, gear_demand(result, i, cycle), cycle, inertia)
-            found.append((judged(assessment.candidate, case), cycle))
-        return found
 
     def _case(self, i: int, demand: GearDemand, cycle: DriveCycle, inertia: float | None) -> Case:
         """What a joint's candidates are judged by."""
@@ -454,9 +435,18 @@ class _Sizing:
         demand = joint_demand(result, i, cycle)
         ranked = assess(self._offers(i, demand), self._case(i, demand, cycle, inertia))
         choice = ranked[0] if ranked and ranked[0].fits else None
-        lacking = "" if ranked else self._no_candidates(i, demand.unit)
-        return JointSizing(demand, cycle, demand, inertia, None, ranked, choice,
-                           None if choice else nearest_miss(ranked), lacking=lacking)  # fmt: skip
+        because = "" if ranked else self._no_candidates(i, demand.unit)
+        nearest = None if choice else nearest_miss(ranked)
+        return JointSizing(
+            demand,
+            cycle,
+            demand,
+            inertia,
+            assessments=ranked,
+            choice=choice,
+            nearest=nearest,
+            nothing_because=because,
+        )
 
     def _no_candidates(self, i: int, unit: str) -> str:
         """Why there is nothing to choose from; empty without a catalogue."""

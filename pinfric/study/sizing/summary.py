@@ -11,11 +11,11 @@ from pinfric.study.elastic.summary import ElasticSummary, elastic_summary
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.criteria import Criterion, load_factor, optimum_ratio
+from pinfric.study.sizing.criterion import Criterion
 from pinfric.study.sizing.demand import JointDemand
 from pinfric.study.sizing.drivetrain import MotorFigures
-from pinfric.study.sizing.front import DriveSet
 from pinfric.study.sizing.power import BusPower
+from pinfric.study.sizing.rules import load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import ends_by_magnitude
 
@@ -112,9 +112,6 @@ class SizingSummary:
     drive_mass: float = quantity("of all drives in the model", "kg")
     joints: tuple[SizedJoint, ...] = quantity("in the order of the scene's drives")
     bus: BusPower = quantity("of all drives together")
-    sets: tuple[DriveSet, ...] = quantity(
-        "that no other one tried betters in mass, energy, peak power and price"
-    )
     misses: tuple[str, ...] = quantity("joints for which no drive fits")
     short: tuple[str, ...] = quantity("conditions that brakes, bus or robot do not meet")
     robot_criteria: tuple[Criterion, ...] = quantity("asked of the whole robot")
@@ -152,7 +149,6 @@ def sizing_summary(
             for joint, still in zip(report.joints, report.standstills, strict=True)
         ),
         bus=report.bus,
-        sets=report.sets,
         misses=report.misses,
         short=report.short,
         robot_criteria=report.arm_criteria,

@@ -22,7 +22,8 @@ from pinfric.model.schema import Transmission
 from pinfric.study.elastic.motion import elasticity
 from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.catalog import Conditions
-from pinfric.study.sizing.criteria import Case, Status, check
+from pinfric.study.sizing.criteria import Case, check
+from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.demand import drive_cycle, gear_demand
 from pinfric.study.sizing.drivetrain import Candidate, motor_cycle
 from pinfric.study.sizing.size import holds, load_inertias, yielding

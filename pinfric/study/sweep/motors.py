@@ -1,14 +1,16 @@
 """The motors a sweep puts on trial: ratings from the sweep's file or from a catalogue, by name.
 
 A catalogue's drive, motor and gear, is held against the criteria of `size`, each sample where it is
-computed (`cycle.Judge`). Of a motor alone, or of ratings given, only these are compared.
+computed (`cycle.Judge`). A motor alone, or ratings given, are held against those rows of the same
+table whose need is a figure of the motor.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,9 +21,15 @@ from pinfric.model.schema import Transmission
 from pinfric.study.sizing.assess import Assessment, own_bearing
 from pinfric.study.sizing.bearing import BearingRatings
 from pinfric.study.sizing.catalog import Catalog, Conditions, load_catalog
-from pinfric.study.sizing.criteria import Case, Status, check
-from pinfric.study.sizing.demand import DriveCycle, GearDemand
-from pinfric.study.sizing.drivetrain import Candidate, Ratings, candidates
+from pinfric.study.sizing.criteria import LIMITS, Judged, check, idle
+from pinfric.study.sizing.criterion import Status
+from pinfric.study.sizing.drivetrain import (
+    Candidate,
+    Ratings,
+    candidates,
+    motor_alone,
+    ratings_of,
+)
 from pinfric.study.sizing.size import (
     BASE_AXES,
     check_names,
@@ -33,6 +41,22 @@ from pinfric.study.sizing.size import (
 from pinfric.study.summary import effort_unit
 from pinfric.study.sweep.cycle import FIGURES, Judge, JudgedTransmission
 from pinfric.study.sweep.file import MotorOnTrial, SweepFile
+
+#: Signal of the table (`criteria.SIGNALS`) -> the figure of a sweep that is its need.
+_NEEDS = {"motor torque": "motor_peak", "motor RMS torque": "motor_rms", "motor speed": "speed"}
+
+
+class Bound(NamedTuple):
+    """A row of the table for a motor by itself.
+
+    Attributes:
+        signal: one of `_NEEDS`. available: at the motor's shaft; None: not known.
+        reserve: factor on the need.
+    """
+
+    signal: str
+    available: float | None
+    reserve: float
 
 
 @dataclass(frozen=True)
@@ -48,6 +72,7 @@ class Trial:
         peak_factor: reserve on the peak torque.
         checks: the criteria of `size` it is held against; empty where only ratings are compared.
         mass: kg of a catalogue's drive, in the model; None where not known.
+        bounds: name -> the rows that a motor by itself is held against.
     """
 
     drive: str
@@ -60,16 +85,17 @@ class Trial:
     peak_factor: float = 1.0
     checks: tuple[str, ...] = ()
     mass: float | None = None
+    bounds: Mapping[str, Bound] = field(default_factory=dict)
 
     def passes(self, figures: np.ndarray) -> dict[str, np.ndarray]:
-        """Return for each rating which samples stay within it, (n,), no reserve; NaN does not.
+        """Return for each row of `bounds` which samples are within it, (n,); NaN is not.
 
-        max |T_m| <= peak_torque, RMS(T_m) <= continuous_torque, |ratio| max |v| <= max_speed.
+        need <= available, without the reserve.
 
         Args:
             figures: (n, na, number of `FIGURES`).
         """
-        return self._within(figures, 1.0)
+        return self._within(figures, reserve=False)
 
     def met(self, figures: np.ndarray) -> dict[str, np.ndarray]:
         """Return for each criterion that could be checked which samples meet it, (n,).
@@ -81,7 +107,7 @@ class Trial:
             figures: (n, na, number of `FIGURES`).
         """
         if not self.checks:
-            return self._within(figures, self.peak_factor)
+            return self._within(figures, reserve=True)
         failed, unchecked = self._bits(figures, "failed"), self._bits(figures, "not_checked")
         solved = np.isfinite(self._of(figures, "failed"))
         return {
@@ -99,9 +125,7 @@ class Trial:
         if self.checks:
             unchecked = self._bits(figures, "not_checked")
             return tuple(name for k, name in enumerate(self.checks) if unchecked[:, k].any())
-        ratings = {"continuous": self.continuous_torque, "peak": self.peak_torque,
-                   "speed": self.max_speed}  # fmt: skip
-        return tuple(name for name, rating in ratings.items() if rating is None)
+        return tuple(name for name, bound in self.bounds.items() if bound.available is None)
 
     def _of(self, figures: np.ndarray, name: str) -> np.ndarray:
         return np.asarray(figures[:, self.actuator, FIGURES.index(name)])
@@ -111,14 +135,13 @@ class Trial:
         sums = np.nan_to_num(self._of(figures, name)).astype(np.int64)
         return (sums[:, None] >> np.arange(len(self.checks))) & 1 == 1
 
-    def _within(self, figures: np.ndarray, peak_factor: float) -> dict[str, np.ndarray]:
+    def _within(self, figures: np.ndarray, reserve: bool) -> dict[str, np.ndarray]:
         met = {}
-        if self.continuous_torque is not None:
-            met["continuous"] = self._of(figures, "motor_rms") <= self.continuous_torque
-        if self.peak_torque is not None:
-            met["peak"] = peak_factor * self._of(figures, "motor_peak") <= self.peak_torque
-        if self.max_speed is not None:
-            met["speed"] = abs(self.ratio) * self._of(figures, "speed") <= self.max_speed
+        for name, bound in self.bounds.items():
+            if bound.available is not None:
+                need = self._of(figures, _NEEDS[bound.signal])
+                need = need * (abs(self.ratio) if bound.signal == "motor speed" else 1.0)
+                met[name] = (bound.reserve if reserve else 1.0) * need <= bound.available
         return met
 
 
@@ -188,62 +211,91 @@ def _trial(
     if name not in scene.actuator_names:
         raise SweepError(f"there is no such drive; {choose_from(name, scene.actuator_names)}")
     actuator = scene.actuator_names.index(name)
+    hand = depth(scene, actuator) > BASE_AXES
+    candidate = _rated(scene, catalog, conditions, actuator, entry)
+    # a gearmotor is rated at its output; the sweep compares at the motor's shaft
+    scale = candidate.ratio if candidate.at_output else 1.0
+    per_shaft = {"continuous_torque": 1 / scale, "peak_torque": 1 / scale, "max_speed": scale}
+    given = {k: getattr(entry, k) for k in per_shaft if getattr(entry, k) is not None}
+    own = {k: x / per_shaft[k] for k, x in given.items()}
+    if "continuous_torque" in own:
+        own["continuous_curve"] = None
+    ratings = dataclasses.replace(candidate.ratings, **own)
+    judged = Judged(dataclasses.replace(candidate, ratings=ratings), None, idle(conditions, hand))
+    bounds = _bounds(judged, scale)
+    checks: tuple[str, ...] = ()
+    transmission = candidate.transmission or getattr(scene.drives[actuator], "transmission", None)
+    if entry.drive is not None:
+        checks = _required(judged)
+        judges[actuator] = Judge(judged.candidate, conditions, hand, checks)
+    elif all(bound.available is None for bound in bounds.values()):
+        raise SweepError(f"{entry.motor}: the catalogue has no figure to check")
+    return Trial(
+        name,
+        actuator,
+        entry.drive or entry.motor or "",
+        **{k: _times(getattr(ratings, k), factor) for k, factor in per_shaft.items()},
+        ratio=1.0 if transmission is None else transmission.ratio,
+        peak_factor=conditions.peak_factor,
+        checks=checks,
+        mass=candidate.mass if entry.drive is not None else None,
+        bounds=bounds,
+    )
+
+
+def _rated(
+    scene: Scene,
+    catalog: Catalog | None,
+    conditions: Conditions,
+    actuator: int,
+    entry: MotorOnTrial,
+) -> Candidate:
+    """What the sweep's file names: a drive of the catalogue, a motor of it, or nothing rated."""
     drive = scene.drives[actuator]
-    transmission = drive.transmission if isinstance(drive, Drive) else None
-    ratings, scale, candidate = Ratings(), 1.0, None
     if entry.drive is not None:
         assert catalog is not None
         if not isinstance(drive, Drive) or not depth(scene, actuator):
             raise SweepError("takes no motor with a gear; give the ratings, or `motor`")
         linear = effort_unit(scene, actuator) == "N"
-        bearing = own_bearing(catalog, conditions, name, linear)
+        bearing = own_bearing(catalog, conditions, drive.name, linear)
         candidate = _candidate(catalog, entry.drive, linear, bearing)
         if candidate.transmission is None:
             raise SweepError(f"{entry.drive}: not known: {', '.join(candidate.missing)}")
-        transmission = candidate.transmission
-        # a gearmotor is rated at its output; the sweep compares at the motor's shaft
-        ratings, scale = candidate.ratings, candidate.ratio if candidate.at_output else 1.0
-    elif entry.motor is not None:
-        assert catalog is not None
-        if entry.motor not in catalog.motors:
-            raise SweepError(f"the catalogue has no motor {entry.motor!r}; "
-                             f"{choose_from(entry.motor, catalog.motors)}")  # fmt: skip
-        ratings = _bare_ratings(catalog, entry.motor)
-    figures = {
-        "continuous_torque": _over(ratings.continuous_torque, scale),
-        "peak_torque": _over(ratings.peak_torque, scale),
-        "max_speed": _over(ratings.max_speed, 1 / scale),
-    }
-    given = {k: getattr(entry, k) for k in figures if getattr(entry, k) is not None}
-    figures.update(given)
-    checks: tuple[str, ...] = ()
-    if candidate is not None:
-        own = {k: x / scale if k == "max_speed" else x * scale for k, x in given.items()}
-        candidate = dataclasses.replace(candidate, ratings=dataclasses.replace(ratings, **own))
-        hand = depth(scene, actuator) > BASE_AXES
-        checks = _required(candidate, conditions, hand)
-        judges[actuator] = Judge(candidate, conditions, hand, checks)
-    elif not any(figures.values()):
-        raise SweepError(f"{entry.motor}: the catalogue has no figure to check")
-    return Trial(name, actuator, entry.drive or entry.motor or "", **figures,
-                 ratio=1.0 if transmission is None else transmission.ratio,
-                 peak_factor=conditions.peak_factor, checks=checks,
-                 mass=None if candidate is None else candidate.mass)  # fmt: skip
+        return candidate
+    if entry.motor is None:
+        return motor_alone(drive.name, Ratings())
+    assert catalog is not None
+    if entry.motor not in catalog.motors:
+        raise SweepError(
+            f"the catalogue has no motor {entry.motor!r}; "
+            f"{choose_from(entry.motor, catalog.motors)}"
+        )
+    return motor_alone(entry.motor, ratings_of(catalog.motors[entry.motor]))
 
 
-def _required(candidate: Candidate, conditions: Conditions, hand: bool) -> tuple[str, ...]:
+def _bounds(judged: Judged, scale: float) -> dict[str, Bound]:
+    """The rows of the table that a motor by itself is held against, at the motor's shaft.
+
+    Args:
+        judged: the motor. scale: its turns per turn of the shaft where it is rated.
+    """
+    bounds = {}
+    for limit in LIMITS:
+        if isinstance(limit.need, str) and limit.need in _NEEDS and limit.applies(judged):
+            factor = scale if limit.need == "motor speed" else 1 / scale
+            available = _times(limit.available(judged)[0], factor)
+            bounds[limit.name] = Bound(limit.need, available, limit.reserve(judged.conditions))
+    return bounds
+
+
+def _times(figure: float | None, factor: float) -> float | None:
+    return None if figure is None else factor * figure
+
+
+def _required(judged: Judged) -> tuple[str, ...]:
     """The names of the criteria that are required of a drive, found on one that does nothing."""
-    nothing, still = np.zeros(2), np.ones(2, dtype=bool)
-    cycle = DriveCycle(
-        np.arange(2.0), nothing, nothing, nothing, nothing, nothing, still, still, 0.0
-    )
-    demand = GearDemand("", "", 0.0, 0.0, 0.0, 0.0, bearing=None, travel=0.0)
-    found = check(candidate, None, Case(demand, cycle, None, hand, conditions))
+    found = check(judged.candidate, None, judged.case)
     return tuple(c.name for c in found if c.status != Status.NOT_REQUIRED)
-
-
-def _over(figure: float | None, scale: float) -> float | None:
-    return None if figure is None else figure / scale
 
 
 def _candidate(
@@ -253,13 +305,3 @@ def _candidate(
     if name not in there:
         raise SweepError(f"the catalogue has no drive {name!r}; {choose_from(name, there)}")
     return there[name]
-
-
-def _bare_ratings(catalog: Catalog, name: str) -> Ratings:
-    """Ratings of a motor alone: the continuous torque may follow from current and constant."""
-    motor = catalog.motors[name]
-    continuous = motor.continuous_torque
-    if continuous is None and motor.continuous_current and motor.torque_constant:
-        continuous = motor.torque_constant * motor.continuous_current
-    return Ratings(continuous_torque=continuous, peak_torque=motor.peak_torque,
-                   max_speed=motor.max_speed)  # fmt: skip

@@ -160,6 +160,7 @@ def _spreads(result: SweepResult, figure: str) -> list[Spread]:
 
 def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
     own = asdict(trial)
+    own.pop("bounds")
     return MotorOnTrial(
         criteria_of_size=bool(own.pop("checks")),
         suffices=result.probability(result.sufficing(trial)),

@@ -61,9 +61,9 @@ class Frames:
             effort other than 0, and the motor's torque may be 0. Drives without any are left out.
         off: drive -> spans in which its logged effort is off the computed one by more than 10 %,
             and more than 30 %, of its RMS; at rest the nearest value of the interval counts.
-        limiting: drive -> limit of `limits.KINDS` -> spans in which the robot moves and more than
-            99.5 % of that limit, and more than 100.2 %, are used; of each drive's limits the one
-            most used counts. Drives and limits without any are left out.
+        limiting: drive -> limit of `criteria.instant_limits` -> spans in which the robot moves and
+            more than 99.5 % of that limit, and more than 100.2 %, are used; of each drive's limits
+            the one most used counts. Drives and limits without any are left out.
         simulated: True for a simulated motion.
         ended: why a simulation ended before its time, or "".
     """

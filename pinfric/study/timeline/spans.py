@@ -14,8 +14,9 @@ from pinfric.dynamics.samples.outcome import Status
 from pinfric.dynamics.samples.states import States
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.scene import Scene
-from pinfric.study.retime.limits import KINDS, DriveLimits
-from pinfric.study.retime.problem import Policy, usage
+from pinfric.study.retime.limits import DriveLimits
+from pinfric.study.retime.problem import usage
+from pinfric.study.sizing.criteria import instant_limits
 from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
 #: A simulated site this near its stick limit is about to break away.
@@ -138,17 +139,17 @@ def limiting_drives(
     result: InverseResult, limits: Sequence[DriveLimits]
 ) -> dict[str, dict[str, tuple[Spans, Spans]]]:
     """Return which limits of which drives hold the motion back, and when: see `Frames.limiting`."""
-    t, use = result.t, usage(result, limits, Policy())
+    t, use = result.t, usage(result, limits)
     assert t is not None  # _states refuses a motion without
     moving = (result.actuator_velocity != 0.0).any(axis=1)
     nearest = use.argmax(axis=2)
     found: dict[str, dict[str, tuple[Spans, Spans]]] = {}
     for d, name in enumerate(result.actuator_names):
-        for k, kind in enumerate(KINDS):
+        for k, limit in enumerate(instant_limits()):
             mine = moving & (nearest[:, d] == k)
             near, over = (_spans(t, mine & (use[:, d, k] > part), half=True) for part in AT_LIMIT)
             if near:
-                found.setdefault(name, {})[kind] = near, over
+                found.setdefault(name, {})[limit.name] = near, over
     return found
 
 

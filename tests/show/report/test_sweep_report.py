@@ -43,7 +43,7 @@ def test_tables_fit_in_80_columns_and_name_every_joint(panda, capsys, monkeypatc
     assert tables[2].split()[1:3] == ["box.mass", "+1.00"]  # it alone moves joint 2
     share = panda.probability(panda.sufficing()).value
     assert f"{100 * share:.1f} %" in next(line for line in lines if "all motors suffice" in line)
-    assert any("joint2: speed not checked" in line for line in lines)
+    assert any("joint2: motor speed not checked" in line for line in lines)
 
 
 def test_json_holds_percentiles_correlations_and_odds(panda):
@@ -52,8 +52,8 @@ def test_json_holds_percentiles_correlations_and_odds(panda):
     joint = content["joints"][1]
     assert joint["motor_rms"]["percentiles"]["50"] == panda.quantiles("motor_rms")[1, 1]
     assert joint["rms"]["rank_correlation"]["payload.box.mass"] > 0.9
-    assert content["motors"][0]["criteria"]["peak"]["value"] == 1.0
-    assert content["motors"][0]["not_checked"] == ["speed"]
+    assert content["motors"][0]["criteria"]["peak torque"]["value"] == 1.0
+    assert content["motors"][0]["not_checked"] == ["motor speed"]
 
 
 def test_figure_shows_what_lies_beyond_the_rating(panda):

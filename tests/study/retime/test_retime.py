@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,15 +11,17 @@ from builders import chain
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PPoly
 from scipy.optimize import brentq, minimize
+from sizing_cases import GEAR, MOTOR, one_drive, turntable
 
 import pinfric as pf
-from pinfric.study.retime.limits import read_limits
+from pinfric.study.retime.limits import candidate_limits, read_limits
 from pinfric.study.retime.path import Path
 from pinfric.study.retime.problem import Policy
 from pinfric.study.retime.profile import Profile
 from pinfric.study.retime.retime import _Retiming, retime
 from pinfric.study.retime.tables import natural_points
-from pinfric.study.sizing.catalog import load_catalog
+from pinfric.study.sizing.catalog import Conditions, load_catalog
+from pinfric.study.sizing.drivetrain import candidates
 from pinfric.study.trajectory.joint_columns import joint_columns
 
 
@@ -182,9 +186,11 @@ def test_no_other_profile_is_faster():
     scene, natural = planar(), natural_points(WAVE.pieces[0], np.eye(2))
     s = np.union1d(np.linspace(0.0, 3.0, 10), natural)
     run = _Retiming(scene, WAVE, joint_columns(scene.model),
-                    read_limits(scene, MOTORS), Policy("own sign"))  # fmt: skip
+                    read_limits(scene, MOTORS), Policy())  # fmt: skip
     run.constant = [(0, 0.0, 3.0)]
     problem = run.problem([s])
+    # this search knows friction against the motion only: nor at the start both signs
+    problem = replace(problem, mode=np.zeros_like(problem.mode))
     best = problem.solve()
     step, curve = np.diff(s), WAVE.pieces[0]
     sliding = scene.with_(stick_velocity=1e-12)
@@ -240,19 +246,9 @@ def test_samples_are_of_one_motion():
     assert found.trajectory.duration == pytest.approx(found.duration)
 
 
-def test_reversal_and_rest_policies():
-    """What friction at rest may ask counts at reversals; a joint that only rests is held."""
-    scene = planar()
-    strict = retime(scene, WAVE, MOTORS, points=100)
-    loose = retime(scene, WAVE, MOTORS, points=100, reversal="own sign")
-    assert loose.duration < strict.duration < 1.02 * loose.duration
+def test_a_joint_that_only_rests_is_within_its_limits():
     alone = Path.from_waypoints([[0.0, 0.3], [1.0, 0.3]])
-    worst = retime(scene, alone, MOTORS, points=100)
-    needed = retime(scene, alone, MOTORS, points=100, rest="needed")
-    assert needed.duration <= worst.duration
-    assert worst.excess < 1e-3
-    with pytest.raises(pf.RetimeError, match="rest 'never'; should be one of: worst, needed"):
-        retime(scene, alone, MOTORS, rest="never")
+    assert retime(planar(), alone, MOTORS, points=100).excess < 1e-3
 
 
 def test_holds_payloads_and_moves():
@@ -346,24 +342,17 @@ def test_gears_as_makers_give_them():
                                            rel=3e-3)  # fmt: skip
 
 
-def test_sensitivity_and_ratio():
-    """T = sqrt(2 D/a) twice: T ~ torque^-1/2; the best ratio of an inertia is sqrt(J/J_rotor)."""
-    gear = {"ratio": 50.0, "rotor_inertia": 5e-4}
-    scene = one_joint(inertia=2.0, transmission=gear)
+def test_sensitivity():
+    """T = sqrt(2 D/a) twice: T ~ torque^-1/2."""
+    scene = one_joint(inertia=2.0, transmission={"ratio": 50.0, "rotor_inertia": 5e-4})
     found = retime(scene, straight(3.0), {"j": {"peak_torque": 0.1}})
     assert found.sensitivity() == {"j": {"peak torque": pytest.approx(-0.5, abs=1e-3)}}
-    best = float(np.sqrt(2.0 / 5e-4))
-    times = found.sweep_ratio("j", [0.8 * best, best, 1.25 * best])
-    assert min(times, key=times.get) == best
-    assert times[best] == pytest.approx(np.sqrt(4 * 3.0 * 2 * 2.0 / (best * 0.1)), rel=1e-4)
-    with pytest.raises(pf.RetimeError, match="there is no drive 'k'"):
-        found.sweep_ratio("k", [1.0])
 
 
 def test_sensitivity_to_a_continuous_torque():
     """T ~ c^-1/2 of a pure inertia that only its continuous torque limits."""
     limits = {"j": {"peak_torque": 50.0, "continuous_torque": 1.0}}
-    found = retime(one_joint(inertia=2.0), straight(3.0), limits, rms=True, points=60)
+    found = retime(one_joint(inertia=2.0), straight(3.0), limits, points=60)
     slopes = found.sensitivity(0.05)
     assert slopes == {"j": {"continuous torque": pytest.approx(-0.5, abs=0.01)}}
 
@@ -439,24 +428,78 @@ def test_continuous_torque_of_a_pure_inertia():
     """The optimum sqrt(2 sqrt(3) D J/c) is 7 % faster than the whole motion slowed down."""
     D, c, J = 3.0, 1.0, 2.0
     limits = {"j": {"peak_torque": 50.0, "continuous_torque": c}}
-    found = retime(one_joint(inertia=J), straight(D), limits, rms=True, points=150)
+    found = retime(one_joint(inertia=J), straight(D), limits, points=150)
     assert found.duration == pytest.approx(np.sqrt(2 * np.sqrt(3) * D * J / c), rel=1e-3)
     assert found.uniform == pytest.approx(2 * np.sqrt(D * J / c), rel=3e-3)
     assert found.rms == pytest.approx([1.0], abs=1e-3)
-    with pytest.raises(pf.RetimeError, match="no drive has a continuous_torque"):
-        retime(one_joint(), straight(D), {"j": {"peak_torque": 50.0}}, rms=True)
+    assert found.limiting["j"]["continuous torque"] == 1.0
+    once = retime(one_joint(inertia=J), straight(D), limits, heat=False, points=150)
+    assert once.duration == pytest.approx(2 * np.sqrt(D * J / 50.0), rel=1e-3)
+    assert once.rms is None
+    unknown = retime(one_joint(), straight(D), {"j": {"peak_torque": 50.0}})
+    assert unknown.rms is None
 
 
 def test_continuous_torques_over_a_cycle_with_holds():
     found = retime(planar(), STOPS, {name: entry | {"continuous_torque": 0.6 * entry["peak_torque"]}
-                                     for name, entry in MOTORS.items()}, rms=True)  # fmt: skip
+                                     for name, entry in MOTORS.items()})  # fmt: skip
     fast = retime(planar(), STOPS, MOTORS)
     assert fast.duration < found.duration <= found.uniform
     assert found.rms.max() == pytest.approx(1.0, abs=2e-3)
     assert found.excess < 1e-3
     with pytest.raises(pf.RetimeError, match="'a' exceeds its continuous torque however slow"):
         retime(planar(), STOPS, {"a": MOTORS["a"] | {"continuous_torque": 0.02},
-                                 "b": MOTORS["b"]}, rms=True)  # fmt: skip
+                                 "b": MOTORS["b"]})  # fmt: skip
+
+
+def table_drive(tmp_path, gear=None, motor=None, **conditions):
+    """A turntable, the drive of `sizing_cases` with figures changed, and its limits."""
+    catalog = one_drive(tmp_path, motor, gear)
+    (candidate,) = candidates(catalog, False)
+    return turntable(), candidate_limits(candidate, Conditions(**conditions)), candidate
+
+
+def test_a_drive_of_the_catalogue_is_limited_as_size_judges_it(tmp_path):
+    """The retimed motion uses all of a limit that `size` finds used up, and heat is one."""
+    scene, limits, candidate = table_drive(tmp_path)
+    assert limits.peak_torque == MOTOR["peak_torque"] / Conditions().peak_factor
+    hot = 1 + 0.0039 * (MOTOR["thermal"]["max_winding"] - 25)
+    stall = 48.0 * MOTOR["torque_constant"] / (MOTOR["resistance"] * hot)
+    assert limits.stall_torque == pytest.approx(stall)
+    path = Path.from_waypoints([[0.0], [2.0], [0.0]])
+    once = retime(scene, path, {"table": candidate}, heat=False)
+    with pytest.warns(pf.PinfricWarning, match="table: this motion, repeated, does not pass"):
+        found = retime(scene, path, {"table": candidate})
+    assert once.duration < found.duration
+    assert found.limiting["table"]["continuous torque"] == 1.0
+    assert found.rms == pytest.approx([1.0], abs=2e-3)
+    by_name = {c.name: c for c in found.criteria["table"]}
+    assert by_name["continuous torque"].margin == pytest.approx(0.0, abs=2e-3)
+    report = pf.size(scene, found.trajectory, one_drive(tmp_path), on_miss="ignore")
+    for mine, theirs in zip(
+        found.criteria["table"], report.joints[0].assessments[0].criteria, strict=True
+    ):
+        assert mine.name == theirs.name
+        if theirs.margin is not None:
+            assert mine.margin == pytest.approx(theirs.margin, rel=1e-9)
+
+
+def test_the_momentary_peak_of_a_gear_is_no_limit_of_a_cycle(tmp_path):
+    gear = {"repeated_peak_torque": None}
+    _, limits, _ = table_drive(tmp_path, gear)
+    assert limits.least("effort") == GEAR["average_torque"]
+    gear |= {"average_torque": None, "rated_torque": None}
+    scene, _, candidate = table_drive(tmp_path, gear)
+    path = Path.from_waypoints([[0.0], [2.0]])
+    with pytest.raises(pf.RetimeError, match=r"M \+ G cannot be judged: .* gear repeated peak"):
+        retime(scene, path, {"table": candidate})
+
+
+def test_smoothing_beyond_a_limit_is_a_warning():
+    with pytest.warns(pf.PinfricWarning, match=r"smoothing over 200 ms exceeds the .* of [ab] by"):
+        found = retime(planar(), WAVE, MOTORS, smooth=0.2)
+    assert found.excess > 1e-3
+    assert found.notes
 
 
 def test_smoothing_costs_its_width_and_stays_on_the_path():

@@ -13,7 +13,7 @@ import pinfric as pf
 from pinfric.errors import SizingError
 from pinfric.study.sizing.brake import standstills
 from pinfric.study.sizing.catalog import Brake, Conditions
-from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.criterion import Status
 
 MASS, LENGTH, G = 2.0, 0.6, 9.81
 MU, RADIUS = 0.3, (0.05, 0.7)  # of the pins' friction circles: the second joint's is large

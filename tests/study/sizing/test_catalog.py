@@ -197,7 +197,9 @@ def test_a_catalogue_that_extends_the_bundled_one(tmp_path):
     assert bundled.conditions == Conditions()
     # of the same name the file's entry is taken, whole
     name = "maxon RE 40 148867"
-    own = pf.load_catalog(write_catalog(path, {name: MOTOR, "mine": MOTOR}, {}, extends="default"))
+    write_catalog(path, {name: MOTOR, "mine": MOTOR}, {}, extends="default")
+    with pytest.warns(pf.PinfricWarning, match=rf"motors\.{name} replaces the bundled entry"):
+        own = pf.load_catalog(path)
     assert own.motors[name].source == "invented"
     assert own.motors[name].nominal_voltage is None
     assert own.motors.keys() == {*bundled.motors, "mine"}

@@ -22,22 +22,16 @@ from sizing_cases import (
     trapezoid,
     turntable,
 )
+from sweep_cases import sweep_of
 
 import pinfric as pf
 from pinfric.errors import CatalogError
 from pinfric.model.drives import motor_torque_bounds
-from pinfric.study.sizing.criteria import (
-    Case,
-    Status,
-    check,
-    compare,
-    gear_life,
-    load_factor,
-    optimum_ratio,
-    resonance,
-)
+from pinfric.study.sizing.criteria import LIMITS, Case, Limit, add_limit, check
+from pinfric.study.sizing.criterion import Status, compare
 from pinfric.study.sizing.demand import DriveCycle
 from pinfric.study.sizing.drivetrain import gear_transmission, motor_cycle, motor_with_gear
+from pinfric.study.sizing.rules import gear_life, load_factor, optimum_ratio, resonance
 
 # efforts at the joint: speeding up, running, slowing down; at rest anything in +-COULOMB
 UP, RUN, DOWN = (INERTIA * ACCELERATION + COULOMB, COULOMB, -INERTIA * ACCELERATION + COULOMB)
@@ -235,9 +229,7 @@ def test_a_makers_curve_over_speed_drives_the_candidates_motor(tmp_path):
 def test_missing_figure_is_never_a_pass(tmp_path):
     for figure, name in (
         ("average_torque", "gear average torque"), ("stiffness", "gear resonance"),
-        ("nominal_life", "gear life L10"), ("max_input_speed", "gear maximum input speed"),
-        ("average_input_speed", "gear average input speed"),
-        ("repeated_peak_torque", "gear repeated peak torque"),
+        ("nominal_life", "gear life L10"), ("average_input_speed", "gear average input speed"),
     ):  # fmt: skip
         found = criterion(sized(tmp_path, gear={figure: None}), name)
         assert (found.status, found.margin) == (Status.NOT_CHECKED, None)
@@ -251,14 +243,30 @@ def test_missing_figure_is_never_a_pass(tmp_path):
     assert momentary.status == Status.NOT_CHECKED  # no collision was stated
 
 
+def test_a_lower_limit_that_is_printed_stands_in_for_one_that_is_not(tmp_path):
+    name = "gear repeated peak torque"
+    for missing, figure in (
+        ({}, "repeated_peak_torque"),
+        ({"repeated_peak_torque": None}, "average_torque"),
+        ({"repeated_peak_torque": None, "average_torque": None}, "rated_torque"),
+    ):
+        found = criterion(sized(tmp_path, gear=missing), name)
+        assert found.available == GEAR[figure]
+        assert found.note == (
+            "" if not missing else f"the {figure.replace('_', ' ')}: no higher limit is known"
+        )
+    found = criterion(sized(tmp_path, gear={"max_input_speed": None}), "gear maximum input speed")
+    assert found.available == GEAR["average_input_speed"]
+
+
 def test_without_a_figure_for_the_motor_torque_nothing_is_chosen(tmp_path):
     for part in ({"gear": {"efficiency": None, "back_efficiency": None}},
                  {"gear": {"input_inertia": None}}, {"motor": {"rotor_inertia": None}},
                  {"motor": {"continuous_torque": None}}, {"motor": {"mass": None}}):  # fmt: skip
-        with pytest.warns(pf.PinfricWarning, match="no candidate could be judged"):
+        with pytest.warns(pf.PinfricWarning, match="no candidate can be judged"):
             joint = sized(tmp_path, **part)
         assert joint.choice is None
-        assert joint.assessments[0].lacking
+        assert joint.assessments[0].missing_figures
         assert not joint.assessments[0].failed
 
 
@@ -343,6 +351,53 @@ def test_joint_that_stands_while_others_move_is_called_stalled(tmp_path):
     # one sample at v = 0 is a reversal, not a stop
     turning = DriveCycle(t, effort, effort, effort, t - 0.5, zero, nobody, nobody, 0.0)
     assert not turning.standing.any()
+
+
+@pytest.fixture
+def coupling():
+    """A row that no module knows: what the coupling on the motor's shaft bears."""
+    row = Limit(
+        "coupling torque",
+        need="motor torque",
+        gives=lambda _: 0.3,
+        unit="torque",
+        formula="1.1 max |T_m| <= torque of the coupling",
+        source="data sheet of the coupling",
+        reserve=lambda _: 1.1,
+    )
+    add_limit(row)
+    yield row
+    LIMITS.remove(row)
+
+
+def test_a_limit_added_in_one_row_is_in_size_sweep_and_retime(tmp_path, coupling):
+    scene, motion = turntable(), trapezoid(turntable())
+    joint = sized(tmp_path)
+    found = criterion(joint, "coupling torque")
+    assert found.required == pytest.approx(1.1 * MOTOR_UP, rel=1e-9)
+    assert (found.available, found.unit) == (0.3, "N m")
+    assert "1.1 max |T_m|" in found.formula
+    sweep = sweep_of(
+        motors={"table": {"drive": "M + G"}},
+        sampling="grid",
+        speed={"choice": {"values": [0.9, 1.0, 1.1, 1.3]}},
+    )
+    swept = pf.sweep(
+        scene, motion, sweep | {"catalog": str(tmp_path / "catalog.yaml")}, processes=1
+    )
+    (trial,) = swept.trials
+    met = 1.1 * swept.figure("motor_peak")[:, 0] <= 0.3
+    assert met.any()
+    assert not met.all()
+    np.testing.assert_array_equal(trial.met(swept.figures)["coupling torque"], met)
+    limits = {"table": joint.assessments[0].candidate}
+    path = pf.Path.from_waypoints([[0.0], [2.0]])
+    slow = pf.retime(scene, path, limits, heat=False, points=60)
+    assert slow.limiting["table"]["coupling torque"] > 0.5
+    torque = pf.inverse_dynamics(slow.problem.scene, slow.trajectory).motor_torque_upper
+    assert np.abs(torque).max() == pytest.approx(0.3 / 1.1, rel=1e-3)
+    with pytest.raises(ValueError, match="there is a limit 'coupling torque' already"):
+        add_limit(coupling)
 
 
 def test_back_driving_demanded_and_forbidden(tmp_path):

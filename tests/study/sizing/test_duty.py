@@ -26,7 +26,7 @@ from sizing_cases import (
 
 import pinfric as pf
 from pinfric.errors import CatalogError, SizingError
-from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.criterion import Status
 
 
 def mean_square(speed):

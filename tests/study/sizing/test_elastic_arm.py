@@ -14,7 +14,7 @@ from pinfric.errors import CatalogError, SizingError
 from pinfric.model.springs import StiffnessLines
 from pinfric.show.sizing_page.page import sizing_page
 from pinfric.study.sizing.catalog import load_catalog
-from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.size import joint_inertias
 
 TAU = 2 * np.pi

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sizing_cases import hour_with_a_stall, one_drive
 
 import pinfric as pf
-from pinfric.study.sizing.criteria import Status
+from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.duty import Schedule
 from pinfric.study.sizing.overload import longest_above, moving_rms
 

@@ -202,7 +202,8 @@ def test_sliding_joint_takes_linear_gears_only(tmp_path):
     model.appendBodyToJoint(1, body, pin.SE3.Identity())
     scene = pf.Scene(model=model)
     screw = {"source": "invented", "grade": "R", "ratio": 628.3, "output": "linear", "mass": 0.5,
-             "input_inertia": 1e-6, "efficiency": 0.9, "back_driving_torque": 12.0}  # fmt: skip
+             "input_inertia": 1e-6, "efficiency": 0.9, "back_driving_torque": 12.0,
+             "average_torque": 500.0, "max_input_speed": 400.0}  # fmt: skip
     gears = {"G": GEAR, "screw": screw}
     catalog = load_catalog(write_catalog(tmp_path / "c.yaml", gears=gears))
     (joint,) = pf.size(scene, still(scene), catalog).joints
@@ -479,3 +480,19 @@ def test_full_turns_of_a_continuous_joint_close():
     q, v = np.column_stack([np.cos(angle), np.sin(angle)]), np.ones((200, 1))
     motion = pf.Trajectory.from_arrays(scene, angle, q, v, 0 * v)
     assert pf.size(scene, motion).unclosed == ()
+
+
+def test_the_next_smaller_says_what_it_lacks(tmp_path):
+    motors = {
+        "small": {**MOTOR, "mass": 0.3, "continuous_torque": 0.06, "thermal": None},
+        "tiny": {**MOTOR, "mass": 0.1, "continuous_torque": 0.02, "thermal": None},
+        "large": {**MOTOR, "mass": 1.0, "thermal": None},
+    }
+    catalog = load_catalog(write_catalog(tmp_path / "c.yaml", motors))
+    scene = turntable()
+    (joint,) = pf.size(scene, trapezoid(scene), catalog).joints
+    assert joint.choice.candidate.motor == "large"
+    assert joint.next_smaller.candidate.motor == "small"
+    short = joint.next_smaller.failed[0]
+    assert short.name in ("continuous torque", "short-term torque")
+    assert short.shortfall == f"{100 * (joint.motor.figures.rms / 0.06 - 1):.3g} %"

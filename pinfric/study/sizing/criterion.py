@@ -1,0 +1,114 @@
+"""One check of a drive: what is required, what is available, and how it ended.
+
+    margin = 1 - required/available,
+
+0.25: a quarter of the limit is left; negative: it fails. A criterion whose figure is missing is
+*not checked* and says which figure it lacks.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import numpy as np
+
+from pinfric.model.described import described, quantity
+
+#: Margin that stands for minus infinity: nothing is available, or more than any number is needed.
+LEAST_MARGIN = -1e9
+
+
+class Status(StrEnum):
+    """How a criterion ended."""
+
+    PASSES = "passes"
+    FAILS = "fails"
+    NOT_CHECKED = "not checked"
+    NOT_REQUIRED = "not required"
+
+
+@described
+class Criterion:
+    """One check of one candidate."""
+
+    name: str = quantity("what is checked", heading="criterion")
+    status: Status = quantity("how it ended", heading="status")
+    required: float | None = quantity("in `unit`; none where not known", heading="needs")
+    available: float | None = quantity("in `unit`; none where not known", heading="has")
+    unit: str = quantity("of both")
+    margin: float | None = quantity(
+        "1 - required/available, none where not checked", heading="margin", cell="{margin:%}"
+    )
+    formula: str = quantity("what was computed")
+    source: str = quantity("of the rule")
+    note: str = quantity("of this case; what is missing", default="")
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the margin says how tight the drive is.
+
+        Back-driving has no scale; a bus voltage that passes is no tighter the nearer it is.
+        """
+        if self.margin is None or self.name == "back-driving":
+            return False
+        return self.name != "bus voltage" or self.status == Status.FAILS
+
+    @property
+    def _boundless(self) -> bool:
+        """Whether it fails by more than any number: too much is asked for, or nothing is there."""
+        beyond = self.margin is not None and self.margin <= LEAST_MARGIN
+        return beyond and (self.required == np.inf or (self.available or 0.0) <= 0.0)
+
+    @property
+    def shortfall(self) -> str:
+        """By how much it fails or passes, of the limit; what it says where no number does."""
+        if self.margin is None or (self._boundless and self.note):
+            return self.note
+        if self.margin <= LEAST_MARGIN:
+            return f"a factor above {-LEAST_MARGIN:.0e}"
+        share = abs(self.margin) * 100
+        return f"{share:.3g} %" if share < 1000 else f"a factor of {1 - self.margin:.3g}"
+
+    @property
+    def why(self) -> str:
+        """Say in words by how much it fails or passes, or what is missing."""
+        if self._boundless and self.note:
+            return f"{self.name}: {self.note}"  # no number says more
+        if self.margin is None or self.required is None or self.available is None:
+            return f"{self.name}: {self.status}" + (f": {self.note}" if self.note else "")
+        tail = f"short by {self.shortfall}" if self.margin < 0 else f"{self.shortfall} in reserve"
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{self.name}: needs {self.required:.4g}{unit}, has {self.available:.4g}{unit} ({tail})"
+        )
+
+
+def compare(
+    name: str,
+    required: float | None,
+    available: float | None,
+    unit: str,
+    formula: str,
+    source: str,
+    missing: str = "",
+    note: str = "",
+) -> Criterion:
+    """Return the criterion required <= available, or "not checked: no figure" where one is None.
+
+    Args:
+        name, unit, formula, source, note: of the criterion.
+        required, available: numbers >= 0; infinite `required` fails, whatever is available.
+        missing: the figure that is missing if one is None.
+    """
+    if required is None or (available is None and required < np.inf):
+        text = f"no figure ({missing})" if missing else "no figure"
+        text = f"{text}; {note}" if note else text
+        return Criterion(
+            name, Status.NOT_CHECKED, required, available, unit, None, formula, source, text
+        )
+    margin = 0.0 if required <= 0 else -np.inf  # where nothing is available
+    if available is not None and available > 0:
+        margin = 1 - required / available
+    margin = max(margin, LEAST_MARGIN)
+    status = Status.PASSES if margin >= 0 else Status.FAILS
+    return Criterion(name, status, required, available, unit, float(margin), formula, source, note)

@@ -1,0 +1,90 @@
+"""The bus of all drives, by sums of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from sizing_cases import MOTOR, one_drive, trapezoid, turntable
+
+import pinfric as pf
+from pinfric.errors import CatalogError
+from pinfric.study.sizing.criterion import Status
+from pinfric.study.summary import ends_by_magnitude
+
+
+def tables(second=1.0):
+    """Two turntables on one ground; the second's inertia is a multiple of the first's."""
+    model = pin.Model()
+    for k, scale in enumerate((1.0, second)):
+        model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"table_{k}")
+        body = pin.Inertia(1.0, np.zeros(3), scale * np.diag([1.0, 1.0, 2.0]))
+        model.appendBodyToJoint(k + 1, body, pin.SE3.Identity())
+    return pf.Scene(model=model, stick_velocity=0.0)
+
+
+def turning(scene, delay=0, samples=60):
+    """Both turn as `trapezoid`, the second some samples later."""
+    one = trapezoid(turntable(), samples)
+    part = [np.roll(x[:, 0], k * delay) for x in (one.v, one.a) for k in range(2)]
+    v, a = np.column_stack(part[:2]), np.column_stack(part[2:])
+    return pf.Trajectory.from_arrays(scene, one.t, 0 * v, v, a)
+
+
+@pytest.mark.parametrize("delay", [0, 60, 100])
+def test_the_bus_carries_the_sum_of_all_drives(tmp_path, delay):
+    """What one drive feeds back while the other draws never reaches the supply."""
+    scene = tables()
+    conditions = {"inertia_ratio": 100, "bus_limit": 60.0, "bus_capacitance": 1e-3,
+                  "supply_power": 40.0}  # fmt: skip
+    catalog = one_drive(tmp_path)
+    report = pf.size(scene, turning(scene, delay), catalog, conditions=conditions, on_miss="ignore")
+    t, power = report.result.t, 0.0
+    for joint in report.joints:
+        torque = ends_by_magnitude(joint.motor.torque_lower, joint.motor.torque_upper)[0]
+        hot = 1 + 0.0039 * (joint.motor.winding.winding - 25)
+        current = torque / MOTOR["torque_constant"]
+        power += torque * joint.motor.speed + MOTOR["resistance"] * hot * current**2
+    fine = np.linspace(t[0], t[-1], 400_001)
+    at = np.interp(fine, t, power)
+    back, bursts, run = np.maximum(-at, 0) * (fine[1] - fine[0]), [0.0], 0.0
+    for x in np.concatenate([back, back]):  # a cycle into the next
+        run = run + x if x > 0 else 0.0
+        bursts.append(run)
+    bus = report.bus
+    assert (bus.peak, bus.braking) == pytest.approx((power.max(), -power.min()))
+    assert (bus.returned, bus.burst) == pytest.approx((back.sum(), max(bursts)), rel=1e-3)
+    assert bus.drawn - bus.returned == pytest.approx(np.trapezoid(power, t))
+    assert bus.current == pytest.approx(power.max() / 48)
+    assert bus.resistor == pytest.approx(60**2 / -power.min())
+    assert bus.resistor_power == pytest.approx(bus.returned / (t[-1] - t[0]))
+    assert bus.capacitance == pytest.approx(bus.burst / ((60**2 - 48**2) / 2))
+    supply, capacitors = bus.criteria
+    assert supply.status == (Status.PASSES if power.max() <= 40 else Status.FAILS)
+    assert capacitors.available == pytest.approx(1e-3 / 2 * (60**2 - 48**2))
+    assert ("bus: supply power: needs" in " ".join(report.short)) == (power.max() > 40)
+
+
+@pytest.mark.parametrize(("supply", "status"), [(1.0, Status.FAILS), (1e3, Status.NOT_CHECKED)])
+def test_power_known_in_part_passes_no_supply(tmp_path, supply, status):
+    scene, catalog = turntable(), one_drive(tmp_path, {"resistance": None, "thermal": None})
+    conditions = {"supply_power": supply}
+    bus = pf.size(scene, trapezoid(scene), catalog, conditions=conditions, on_miss="ignore").bus
+    assert bus.at_least
+    assert bus.criteria[0].status == status
+
+
+def test_a_bus_may_rise_to_its_limit_only():
+    scene = turntable()
+    with pytest.raises(CatalogError, match="bus_limit 40 V is not above bus_voltage 48 V"):
+        pf.size(scene, trapezoid(scene), conditions={"bus_limit": 40.0})
+
+
+def test_a_bus_into_which_nothing_flows_needs_nothing(tmp_path):
+    scene = turntable(friction={"table": {"coulomb": {"static": 40.0, "kinetic": 40.0}}})
+    bus = pf.size(scene, trapezoid(scene), one_drive(tmp_path), on_miss="ignore").bus
+    assert (bus.returned, bus.resistor, bus.capacitance) == (0.0, None, None)
+    assert bus.remedy.startswith("nothing flows back")
+    unknown = one_drive(tmp_path, motor={"rotor_inertia": None})
+    bus = pf.size(scene, trapezoid(scene), unknown, on_miss="ignore").bus
+    assert bus.remedy == "not known: no drive has a motor that could be assessed"
