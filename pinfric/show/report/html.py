@@ -22,7 +22,7 @@ def html_of(table: Table) -> str:
         "".join(_cell("td", *of) for of in zip(row, left, names, strict=True)) for row in table.rows
     ]
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
-    first = table.title.split(" ")[0]
+    first = table.title.split(" ")[0].rstrip(",:")
     named = table.title.capitalize()[0] + table.title[1:] if first.isalpha() else table.title
     title = f"<h3>{escape(named)}</h3>\n" if table.title else ""
     return (

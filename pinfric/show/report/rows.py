@@ -17,6 +17,8 @@ from pinfric.show.report.values import digits, power_of_ten, signed
 DISPLAYS = {"mm": 1e3, "arcmin": 60 * 180 / math.pi, "ms": 1e3, "us": 1e6}
 #: Words up to this length are not wrapped.
 _LABEL = 20
+#: Values that are shown in words.
+_WORDY = (str, bool, list, Mapping, Enum)
 #: What stands in place of no figure.
 NONE = "-"
 #: So small beside the largest of its column a figure is rounding's square: 3e-29 W beside 50 W.
@@ -65,8 +67,8 @@ def table_of(
         unit = shown_unit(found, rows)
         found_columns.append((found.heading, unit, kind(found, values, column)))
         texts.append(column)
-    units = {unit for _, unit, behaves in found_columns if behaves is Kind.NUMBER}
-    if title and len(found_columns) > 2 and len(units) == 1 and (of_all := units.pop()):
+    units = [unit for _, unit, behaves in found_columns if behaves is Kind.NUMBER]
+    if title and len(units) > 1 and len(set(units)) == 1 and (of_all := units[0]):
         title, found_columns = (
             f"{title}, {of_all}",
             [(head, "" if unit == of_all else unit, k) for head, unit, k in found_columns],
@@ -140,7 +142,8 @@ def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
     if found.name:
         return Kind.NAME
     known = [value for value in values if value is not None]
-    if not any(isinstance(x, str | bool | list | Mapping | Enum) or _words(x) for x in known):
+    said = all(text[:1].isalpha() for text in texts)  # "moves" of a number
+    if not said and not any(isinstance(x, _WORDY) or _words(x) for x in known):
         return Kind.NUMBER
     lines = [line for text in texts for line in text.split("\n")]
     return Kind.LABEL if all(len(line) <= _LABEL for line in lines) else Kind.WORDS
