@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import typer
 
 from pinfric import __version__
-from pinfric.errors import PinfricError, PinfricWarning
+from pinfric.errors import PinfricError, PinfricWarning, plain
 from pinfric.terminal import (
     answer,
     load,
@@ -612,7 +612,7 @@ def check(
 
     with working("reading the robot and its meshes"):
         report = judge(source)
-    read.append(report.source)
+    read.extend(report.files)
     scene_name = "" if report.source.endswith((".urdf", ".xacro")) else report.source
     answer("check", report, partial(check_report, report), as_json, scene=scene_name)
     report.check(strict)  # errors are the last line, and the exit code (2)
@@ -811,7 +811,9 @@ def _run(arguments: list[str] | None) -> int:
         message, code = str(problem), BAD_INPUT
     except usage_error as problem:
         command = problem.ctx.command_path if problem.ctx else "pinfric"
-        message, code = f"{problem.format_message()} (see {command} --help)", BAD_INPUT
+        before, said, rest = problem.format_message().partition("Input ")
+        said = plain(rest) if said else ""  # typer says of numbers what pydantic says
+        message, code = f"{before}{said} (see {command} --help)", BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # typer before 0.20 has Abort, later an exit code
         message, code = "interrupted", INTERRUPTED
     except Exception as problem:

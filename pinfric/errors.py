@@ -7,7 +7,15 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 #: Longer lists are cut: a message should be read.
-_MOST_NAMES, _MOST_PROBLEMS = 40, 5
+_MOST_NAMES, _NEAREST, _MOST_PROBLEMS = 40, 3, 5
+#: Words of pydantic, and ours.
+_WORDS = {
+    "a valid string": "text",
+    "a valid integer": "a whole number",
+    "a valid number": "a number",
+    "greater than or equal to": "at least",
+    "less than or equal to": "at most",
+}
 #: Letters of a whole message: more than any path, less than what scrolls away.
 _MOST_LETTERS = 6000
 
@@ -257,7 +265,7 @@ def problems_line(where: str, problems: Sequence[str]) -> str:
 
 
 def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = ()) -> str:
-    """Say which names there are, the nearest one first, for the end of an error message.
+    """Say which names there are, for the end of an error message; of many the nearest three.
 
     Args:
         name: what was found.
@@ -269,7 +277,19 @@ def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = 
         return "there are none"
     free = [other for other in names if other not in list(taken)]
     near = difflib.get_close_matches(str(name), free, n=1, cutoff=0.6)
+    if len(names) > _MOST_NAMES:
+        word = str(name).lower()
+        alike = [other for other in free if word in other.lower()]
+        alike += difflib.get_close_matches(str(name), free, n=_NEAREST, cutoff=0.0)
+        nearest = list(dict.fromkeys(alike))[:_NEAREST]
+        return f"the nearest of {len(names)}: {', '.join(map(repr, nearest))}"
     guess = f"did you mean {near[0]!r}? " if near else ""
-    shown, rest = names[:_MOST_NAMES], len(names) - _MOST_NAMES
-    more = f" and {rest} more" if rest > 0 else ""
-    return f"{guess}there are: {', '.join(shown)}{more}"
+    return f"{guess}there are: {', '.join(names)}"
+
+
+def plain(message: str) -> str:
+    """Return what pydantic says of a value as we say it: "should be greater than 0"."""
+    text = message.removeprefix("Input ").partition(", unable to parse")[0]
+    for theirs, ours in _WORDS.items():
+        text = text.replace(theirs, ours)
+    return f"{text[0].lower()}{text[1:]}"

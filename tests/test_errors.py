@@ -27,10 +27,12 @@ def test_problems_are_counted_and_cut():
     assert many == "m.csv: 1000 problems: no 0; no 1; no 2; no 3; no 4; and 995 more"
 
 
-def test_long_lists_of_names_end_in_a_count():
-    text = choose_from("jiont7", [f"joint{i}" for i in range(1000)])
-    assert text.startswith("did you mean 'joint7'? there are: joint0, joint1, ")
-    assert text.endswith(" and 960 more")
+def test_of_long_lists_the_nearest_three_names_are_said():
+    names = [f"joint{i}" for i in range(1000)]
+    text = choose_from("jiont7", names)
+    assert text.startswith("the nearest of 1000: 'joint7', ")
+    assert text.count("'") == 6
+    assert choose_from("INT99", names) == "the nearest of 1000: 'joint99', 'joint990', 'joint991'"
 
 
 @pytest.mark.parametrize("command", ["explain", "inverse", "replay", "new", "simulate"])

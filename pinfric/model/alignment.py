@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric.model.closure import CLOSED, action_maps, approach, guesses, loop_state
-from pinfric.model.loops import Linkage, carriers, loop_axis, loop_frame, turn_between
+from pinfric.model.loops import Linkage, carriers, loop_axis, loop_frame, loop_place, turn_between
 from pinfric.model.robot import link_frame
 from pinfric.model.schema import LinkFrame, Loop, LoopTolerance
 from pinfric.model.twin import Twin, twist
@@ -65,7 +65,7 @@ def align_axes(
     Raises:
         SceneError: a loop on a link that is not there, or with an axis of length zero.
     """
-    where = [f"{source}: loops.{loop.name}" for loop in loops]
+    where = [f"{source}: {loop_place(loops, loop.name)}" for loop in loops]
     ends = [
         [loop_frame(model, loop, side, place) for side in ("a", "b")]
         for loop, place in zip(loops, where, strict=True)

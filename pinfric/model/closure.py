@@ -22,7 +22,7 @@ from pinfric.model.kinematics import (
     place_links,
     relate_pairs,
 )
-from pinfric.model.loops import Linkage
+from pinfric.model.loops import Linkage, loop_place
 from pinfric.model.twin import Twin, embed
 
 #: A gap below this many times the mechanism's size is closed: what Newton must reach, and what a
@@ -279,9 +279,9 @@ def closed_configurations(
     turning = linkage.turning
     way, angle = np.linalg.norm(least[~turning]), np.linalg.norm(least[turning]) / linkage.size
     raise SceneError(
-        f"{source}: loops.{loop}: cannot close: from 30 configurations the frames came no nearer "
-        f"than {way:.3g} m{f' and {angle:.3g} rad' if turning.any() else ''}; check `xyz` and "
-        "`rpy` of its sides, or loop_tolerance if they are rounded"
+        f"{source}: {loop_place(linkage.loops, loop)}: cannot close: from 30 configurations the "
+        f"frames came no nearer than {way:.3g} m{f' and {angle:.3g} rad' if turning.any() else ''}"
+        "; check `xyz` and `rpy` of its sides, or loop_tolerance if they are rounded"
         + (f"; {doubts[loop]}" if loop in doubts else "")
     )
 

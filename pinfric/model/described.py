@@ -28,6 +28,8 @@ import numpy as np
 #: Units of figures at a joint: turning or sliding.
 EFFORT, SPEED, PLACE = "N m or N", "rad/s or m/s", "rad or m"
 INERTIA = "kg m^2 or kg"
+#: Of efforts at the motor's shaft: the field that says it.
+MOTOR = "in motor_unit"
 
 _Class = TypeVar("_Class", bound=type)
 _Method = TypeVar("_Method", bound=Callable[..., Any])
@@ -38,8 +40,11 @@ class Quantity(NamedTuple):
 
     Attributes:
         meaning: for docstring, schema and reference.
-        unit: SI; "N m or N" is that of the row's joint, see `unit_at`. Empty: none.
-        heading: of its column; empty: it is in no table.
+        unit: SI; "N m or N" is that of the row's joint, "in motor_unit" that which the row's field
+            of this name says: see `unit_of`. Empty: none.
+        heading: of its column; empty: it is in no table. "*": a part whose fields stand in its
+            place, "peak *" with this line above their headings. "{} %": of a mapping, a column a
+            key.
         cell: what its column shows where that is more than the number: "{least} to {most}" of the
             row's fields, each with a display unit: "{share:%}", "{sag:mm}".
         name: it is a name, which tables may shorten.
@@ -132,6 +137,23 @@ def unit_at(unit: str, effort: str) -> str:
     if not sliding or not effort:
         return unit
     return sliding if effort == "N" else turning
+
+
+def effort_where(slides: bool) -> str:
+    """Return the unit of an effort: along a sliding joint N, about a turning one N m."""
+    return unit_at(EFFORT, "N" if slides else "N m")
+
+
+def unit_of(row: Any, unit: str) -> str:
+    """Return a figure's unit in one row of results: at the row's joint, or as another field says.
+
+    Args:
+        row: described; its field `unit` says what its joint's efforts are in.
+        unit: of the figure.
+    """
+    if unit.startswith("in "):
+        return str(getattr(row, unit.removeprefix("in ")))
+    return unit_at(unit, getattr(row, "unit", ""))
 
 
 def in_json(value: Any) -> Any:

@@ -15,6 +15,7 @@ from typing import Any
 
 from pinfric.errors import SceneError, choose_from
 from pinfric.model.friction_terms import TERMS, FrictionTerm
+from pinfric.model.loops import loop_place
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Actuator, Friction, Transmission
 from pinfric.model.transmission import driven_loss, driving_loss
@@ -102,19 +103,21 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
     for kind in _kinds():
         where = [name for name, friction in scene.friction.items() if kind.present(friction)]
         found.append(_effect(kind.name, f"friction.{{}}.{kind.key}", where))
-    geared = [a.drive_name for a in scene.actuators or () if _lossless(a) != a]
-    ideal = not geared and any(a.transmission is not None for a in scene.actuators or ())
+    actuators = dict(enumerate(scene.actuators or ()))
+    geared = [i for i, actuator in actuators.items() if _lossless(actuator) != actuator]
+    ideal = not geared and any(a.transmission is not None for a in actuators.values())
     found.append(
-        Effect("transmission", False, "actuators.<name>.transmission have ratios only, no losses")
+        Effect("transmission", False, "actuators[].transmission have ratios only, no losses")
         if ideal
-        else _effect("transmission", "actuators.{}.transmission", geared)
+        else _listed("transmission", "actuators[{}].transmission", scene, geared)
     )
-    lossy = [a.joint or "?" for a in scene.actuators or () if _unloaded(a) != a]
-    found.append(_effect("gear", "actuators.{}.transmission.efficiency", lossy))
+    lossy = [i for i, actuator in actuators.items() if _unloaded(actuator) != actuator]
+    found.append(_listed("gear", "actuators[{}].transmission.efficiency", scene, lossy))
     found.append(_effect("payload", "robot.payloads.{}", list(scene.payloads)))
-    found.append(_effect("loops", "loops.{}", [loop.name for loop in scene.loops]))
-    coupled = [drive.name for drive in scene.drives if drive.couples]
-    found.append(_effect("couples", "actuators.{}.couples", coupled))
+    loops = [loop_place(scene.loops, loop.name).removeprefix("loops") for loop in scene.loops]
+    found.append(_effect("loops", "loops{}", loops, "loops"))
+    coupled = [i for i, actuator in actuators.items() if actuator.couples]
+    found.append(_listed("couples", "actuators[{}].couples", scene, coupled))
     found.append(_coupling(scene))
     return tuple(found)
 
@@ -123,13 +126,19 @@ def _coupling(scene: Scene) -> Effect:
     """Loads that depend on friction: where loops or drives off the joints carry it on."""
     loaded = [name for name, friction in scene.friction.items() if _has_load(friction)]
     if scene.linkage is None:
-        return Effect("coupling", False, "no loops.<name>, no actuators.<name>.cylinder or force")
+        return Effect("coupling", False, "no loops, no actuators[].cylinder or force")
     return _effect("coupling", "friction.{}.bearing", loaded)
 
 
-def _effect(name: str, key: str, where: list[str]) -> Effect:
+def _listed(name: str, key: str, scene: Scene, where: list[int]) -> Effect:
+    """An effect of entries in the list of actuators: the first one's place and its drive."""
+    drives = [f"{key.format(i)} ({(scene.actuators or ())[i].drive_name})" for i in where]
+    return _effect(name, "{}", drives, key.format(""))
+
+
+def _effect(name: str, key: str, where: list[str], absent: str = "") -> Effect:
     if not where:
-        return Effect(name, False, f"no {key.format('<name>')}")
+        return Effect(name, False, f"no {absent or key.format('<name>')}")
     first, *others = where
     more = f" and {len(others)} more" if others else ""
     return Effect(name, True, key.format(first) + more)

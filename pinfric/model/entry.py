@@ -9,6 +9,7 @@ JSON schemas and the reference show them, for pydantic keeps them with the field
 
 from __future__ import annotations
 
+import difflib
 import math
 import warnings
 from collections.abc import Iterable, Iterator
@@ -29,7 +30,14 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from pinfric.errors import PinfricError, PinfricWarning, SceneError, choose_from, problems_line
+from pinfric.errors import (
+    PinfricError,
+    PinfricWarning,
+    SceneError,
+    choose_from,
+    plain,
+    problems_line,
+)
 from pinfric.model.magnitudes import LARGEST, SMALLEST
 from pinfric.model.yamlfile import brief
 
@@ -195,7 +203,8 @@ def _problem(problem: Any, content: Any, at: tuple[int | str, ...]) -> str:
     if kind == "missing":
         return f"`{key}` is missing"
     if kind == "union_tag_not_found":
-        return f"`{key}.kind` is missing"
+        meant = difflib.get_close_matches("kind", map(str, problem["input"]), n=1)
+        return f"`{key}.kind` is missing" + (f"; did you mean it by `{meant[0]}`?" if meant else "")
     if kind == "union_tag_invalid":
         kinds = problem["ctx"]["expected_tags"].replace("'", "").split(", ")
         tag = problem["ctx"]["tag"]
@@ -209,7 +218,7 @@ def _problem(problem: Any, content: Any, at: tuple[int | str, ...]) -> str:
     elif kind == "value_error":
         text = str(problem["ctx"]["error"])
     else:
-        text = f"{problem['msg'][0].lower()}{problem['msg'][1:]}, found {found}"
+        text = f"{plain(problem['msg'])}, found {found}"
     return f"`{key}`: {text}" if key else text
 
 

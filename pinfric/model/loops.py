@@ -164,7 +164,7 @@ def make_linkage(
             two sides on one body, friction that does not fit its loop.
     """
     _check_names(model, loops, source)
-    pairs = [_loop_pair(model, loop, f"{source}: loops.{loop.name}") for loop in loops]
+    pairs = [_loop_pair(model, loop, f"{source}: {loop_place(loops, loop.name)}") for loop in loops]
     drives, columns = _drives(model, loops, actuators, pairs, source)
     off_joint = len(columns)
     for row, loop in enumerate(loops):
@@ -269,6 +269,17 @@ def stand_still(
         rest_gap=gap,
         standing=columns,
     )
+
+
+def loop_place(loops: Sequence[Loop], name: str) -> str:
+    """Return how messages name a loop's place in a scene: loops[1] (rocker_pin).
+
+    Args:
+        loops: of the scene.
+        name: of one of them, or of a drive off the joints.
+    """
+    index = next((i for i, loop in enumerate(loops) if loop.name == name), None)
+    return f"actuator {name!r}" if index is None else f"loops[{index}] ({name})"
 
 
 def _drives(

@@ -21,7 +21,7 @@ from pinfric.model.closure import (
     loop_state,
 )
 from pinfric.model.drives import Drive
-from pinfric.model.loops import Linkage
+from pinfric.model.loops import Linkage, loop_place
 from pinfric.model.twin import Twin
 
 
@@ -86,8 +86,8 @@ def mobility_of_linkage(
                 and (state.tilt[0, row] > NEARLY_CLOSED)
             ):
                 raise SceneError(
-                    f"{source}: loops.{loop.name}: the axes of its sides differ by "
-                    f"{state.tilt[0, row]:.3g} rad; {doubts[loop.name]}"
+                    f"{source}: {loop_place(linkage.loops, loop.name)}: the axes of its sides "
+                    f"differ by {state.tilt[0, row]:.3g} rad; {doubts[loop.name]}"
                 )
         J = action_maps(twin, linkage, state.p, state.R)[1][0]
         S = [

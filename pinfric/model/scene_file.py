@@ -30,6 +30,11 @@ def load_scene(path: str | Path) -> Scene:
 
     Warns:
         PinfricWarning: a joint's friction contradicts the hysteresis of its gear, and the like.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> scene.actuator_names
+    ('joint_1',)
     """
     file = find_file(path, (".yaml", ".yml"), SceneError)
     entries: SceneFile = parse(SceneFile, _content(file), str(file))

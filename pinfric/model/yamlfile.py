@@ -29,6 +29,8 @@ def read_yaml(path: Path, error: type[PinfricError]) -> dict[str, Any]:
 
     try:
         content = _load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise error(f"there is no file {brief_path(path)}") from None
     except OSError as problem:
         reason = problem.strerror or str(problem)
         raise error(f"{brief_path(path)}: cannot be read: {reason}") from None

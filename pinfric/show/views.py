@@ -16,6 +16,8 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import StateError
 from pinfric.model.described import quantities
+from pinfric.show.accuracy.figure import accuracy_figure
+from pinfric.show.accuracy.report import accuracy_frame, accuracy_report
 from pinfric.show.figure.efforts import effort_figure
 from pinfric.show.figure.elastic import tool_figure
 from pinfric.show.figure.measured import measured_figure
@@ -24,8 +26,12 @@ from pinfric.show.figure.retime import retime_figure
 from pinfric.show.figure.sweep import sweep_figure
 from pinfric.show.report.html import html_of
 from pinfric.show.report.rows import flat, table_of
+from pinfric.show.report.tables import Table
+from pinfric.study.accuracy.study import Accuracy
+from pinfric.study.check.findings import CheckReport
 from pinfric.study.elastic.motion import Elasticity
 from pinfric.study.elastic.summary import WindUp, elastic_summary
+from pinfric.study.explain import Explanation
 from pinfric.study.export.export import Exported
 from pinfric.study.identify.identify import Identified, beside_measured
 from pinfric.study.motion_summary import drive_work
@@ -80,7 +86,8 @@ def summary(result: Any) -> pd.DataFrame:
         result: of `inverse_dynamics` (`peak`, `rms`, ... as `--json` names them), `simulate`
             (efforts, their work, and at its joint heat and time at rest), `size` (demand and
             choice), `retime` (largest part of each limit used), `sweep` (percentiles, `peak_95`
-            and so on), `elasticity` (wind-up at the worst rest), `export` (a row a joint)
+            and so on), `elasticity` (wind-up at the worst rest), `export` (a row a joint),
+            `check` (a row a finding), `explain` (a row an effect), `accuracy` (a row a run)
             or `identify` (a row a coefficient).
 
     Raises:
@@ -107,6 +114,11 @@ def _(result: Elasticity, **options: Any) -> Figure:
 @plot.register(SizingReport)
 def _(result: SizingReport, **options: Any) -> Figure:
     return _displayed(effort_figure(result.result, **options))
+
+
+@plot.register(Accuracy)
+def _(result: Accuracy) -> Figure:
+    return _displayed(accuracy_figure(result))
 
 
 @plot.register(RetimeResult)
@@ -176,6 +188,24 @@ def _(result: Motion) -> pd.DataFrame:
 @summary.register(Exported)
 def _(result: Exported) -> pd.DataFrame:
     return _frame(result.joints, "joint")  # none of coupled drives
+
+
+@summary.register(CheckReport)
+def _(result: CheckReport) -> pd.DataFrame:
+    return _frame(result.findings, "place")
+
+
+@summary.register(Explanation)
+def _(result: Explanation) -> pd.DataFrame:
+    return _frame(result.effects, "name", "effect")
+
+
+@summary.register(Accuracy)
+def _(result: Accuracy) -> pd.DataFrame:
+    table = accuracy_frame(result).set_index("study")
+    shown = (part for part in accuracy_report(result) if isinstance(part, Table))
+    table.attrs["html"] = "".join(map(html_of, shown))
+    return table
 
 
 @summary.register(RetimeResult)

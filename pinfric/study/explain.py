@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-
 import numpy as np
 
-from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
+from pinfric.model.brief import screen
 from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.effects import MOTOR_SIDE, Effect, effects, uncoupled, with_effects
 from pinfric.model.scene import Scene
+from pinfric.model.upward import Shown
 from pinfric.study.elastic.matters import ElasticEffect, elastic_effect
 from pinfric.study.random_states import random_states
 from pinfric.study.summary import ends_by_magnitude, known_rms
-from pinfric.study.timing import interleaved, repeated_times, timed_repeats
+from pinfric.study.timing import TimedMotion, saved
 from pinfric.study.trajectory.trajectory import Trajectory
 from pinfric.study.variants import (
     Efforts,
@@ -27,9 +25,10 @@ from pinfric.study.variants import (
 )
 
 _ROUNDS = 9
-#: Samples a timing takes at least; a short motion is repeated to that length, unless that takes
-#: longer than so many seconds. A motion that takes longer by itself is timed once.
-_TIMED, _PATIENCE = 4000, 0.2
+#: Samples a timing takes at least; a short motion is repeated to that length.
+_TIMED = 4000
+#: What is timed beside the scene without one effect: the scene, and it without any.
+_ALL, _PLAIN = "", "plain"
 _NAN = float("nan")
 
 
@@ -38,13 +37,17 @@ class Explained:
     """One effect of a scene, with what it costs and changes on one motion."""
 
     name: str = quantity("the effect", heading="effect")
-    on: bool = quantity("whether the scene calls for it")
-    why: str = quantity("the keys that call for it")
+    on: bool = quantity("whether the scene calls for it", heading="on")
+    why: str = quantity("the keys that call for it", heading="why")
     cost_us: float = quantity(
         "what leaving the effect out saves per sample, microseconds; of coupling, the passes after "
         "the first; NaN where it is off, and of loops, which cannot be left out",
-        heading="cost\nus",
-        cell="{cost_us:.2f}",
+        "us",
+        "cost",
+        "{cost}",
+    )
+    resolution_us: float = quantity(
+        "costs below it are not told from the timings' own spread, microseconds", "us"
     )
     peak_change: float = quantity(
         "change of the largest effort magnitude of any drive through the effect, of the drive "
@@ -60,6 +63,14 @@ class Explained:
         heading="motor\nside",
     )
 
+    @property
+    def cost(self) -> str:
+        """The cost as tables show it; below what the clock resolves it is said as that."""
+        if self.cost_us != self.cost_us:
+            return ""
+        least = max(self.resolution_us, 0.01)
+        return f"<{least:.2f}" if self.cost_us < least else f"{self.cost_us:.2f}"
+
 
 @described
 class GearLoss:
@@ -74,8 +85,13 @@ class GearLoss:
 
 
 @described
-class Explanation:
+class Explanation(Shown):
     """All effects of a scene, and what the whole costs."""
+
+    def __repr__(self) -> str:
+        on = [effect.name for effect in self.effects if effect.on]
+        cost = f"{self.total_us:.2f} us per sample, {self.plain_us:.2f} us without any effect"
+        return screen("Explanation", cost, {"on": ", ".join(on), "more": ".effects .summary()"})
 
     effects: tuple[Explained, ...] = quantity("one row each")
     gears: tuple[GearLoss, ...] = quantity("each gear whose loss grows with its load")
@@ -94,20 +110,17 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
         scene: the robot.
         trajectory: the motion; None is a seeded random one inside the limits.
     """
-    motion = _Motion.of(scene, trajectory)
+    motion = _motion(scene, trajectory)
     whole = motion.solve(scene)
     found = effects(scene)
     variants = {e.name: _without(scene, e) for e in found if e.on and e.name != "loops"}
-    timed = {name: motion.timed(variant) for name, variant in variants.items()}
-    timed |= {"": motion.timed(scene), "plain": motion.timed(with_effects(scene, only=[]))}
-    for run in timed.values() if motion.repeats else ():
-        run()
-    seconds = interleaved(timed, _ROUNDS if motion.repeats else 1)
-    each = 1e6 / motion.timed_samples
+    timed = {**variants, _ALL: scene, _PLAIN: with_effects(scene, only=[])}
+    times = motion.times(timed, _ROUNDS)
     rows = []
     for effect in found:
         if effect.name not in variants:
-            rows.append(Explained(effect.name, effect.on, effect.why, _NAN, _NAN, _NAN, "", False))
+            figures = (_NAN, _NAN, _NAN, _NAN, "", False)
+            rows.append(Explained(effect.name, effect.on, effect.why, *figures))
             continue
         motor_side = effect.name in MOTOR_SIDE
         if effect.name == "coupling":
@@ -116,16 +129,20 @@ def explain(scene: Scene, trajectory: Trajectory | None = None) -> Explanation:
         else:
             without = Efforts.of(motion.solve(variants[effect.name]))
             change = effort_change(scene, Efforts.of(whole), without, motor_side)
-        cost = each * (seconds[""] - seconds[effect.name])
-        rows.append(Explained(effect.name, True, effect.why, cost, *change, motor_side))
+        cost, resolved = saved(times[_ALL], times[effect.name])
+        row = Explained(effect.name, True, effect.why, cost, resolved, *change, motor_side)
+        rows.append(row)
     return Explanation(
-        tuple(rows), _gear_losses(scene, motion, whole),
-        seconds[""] * each, seconds["plain"] * each, len(motion.trajectory[0]),
-        elastic_effect(whole),
-    )  # fmt: skip
+        effects=tuple(rows),
+        gears=_gear_losses(scene, motion, whole),
+        total_us=float(np.median(times[_ALL])),
+        plain_us=float(np.median(times[_PLAIN])),
+        samples=len(motion.states[0]),
+        elastic=elastic_effect(whole),
+    )
 
 
-def _gear_losses(scene: Scene, motion: _Motion, whole: InverseResult) -> tuple[GearLoss, ...]:
+def _gear_losses(scene: Scene, motion: TimedMotion, whole: InverseResult) -> tuple[GearLoss, ...]:
     """By drive, for gears do not act on each other: one scene without all their losses."""
     unloaded = with_effects(scene, without=["gear"])
     here, below = Efforts.of(whole), Efforts.of(motion.solve(unloaded))
@@ -156,44 +173,11 @@ def _coupling_change(scene: Scene, trajectory: Trajectory) -> tuple[float, float
     return effort_change(scene, coupled, one_pass(loads, trajectory), motor=False)
 
 
-@dataclass(frozen=True)
-class _Motion:
-    """Arrays to solve and to time; payload columns go with the scenes that have the payloads.
-
-    `t` is None where they are states without order; `repeats` is 0 where the motion takes so long
-    that it is timed once.
-    """
-
-    trajectory: tuple[np.ndarray, np.ndarray, np.ndarray]
-    t: np.ndarray | None
-    attached: np.ndarray | None
-    payloads: tuple[str, ...]
-    repeats: int
-
-    @classmethod
-    def of(cls, scene: Scene, trajectory: Trajectory | None) -> _Motion:
-        if trajectory is None:
-            qva: tuple[np.ndarray, np.ndarray, np.ndarray] = random_states(scene)
-            t, attached = None, None
-        else:
-            qva = trajectory.q, trajectory.v, trajectory.a
-            t, attached = trajectory.t, trajectory.attached
-        first = cls(qva, t, attached, tuple(scene.payloads), 0)
-        repeats = timed_repeats(lambda: first.solve(scene), len(qva[0]), _TIMED, _PATIENCE)
-        return replace(first, repeats=repeats)
-
-    @property
-    def timed_samples(self) -> int:
-        return max(self.repeats, 1) * len(self.trajectory[0])
-
-    def solve(self, scene: Scene) -> InverseResult:
-        attached = self.attached if tuple(scene.payloads) == self.payloads else None
-        return inverse_dynamics(scene, *self.trajectory, t=self.t, attached=attached, threads=1)
-
-    def timed(self, scene: Scene) -> Callable[[], object]:
-        attached = self.attached if tuple(scene.payloads) == self.payloads else None
-        n = max(self.repeats, 1)
-        q, v, a = (np.tile(x, (n, 1)) for x in self.trajectory)
-        t = None if self.t is None else repeated_times(self.t, n)
-        phases = None if attached is None else np.tile(attached, (n, 1))
-        return lambda: inverse_dynamics(scene, q, v, a, t=t, attached=phases, threads=1)
+def _motion(scene: Scene, trajectory: Trajectory | None) -> TimedMotion:
+    payloads = tuple(scene.payloads)
+    if trajectory is None:
+        motion = TimedMotion(random_states(scene), None, None, payloads)
+    else:
+        states = trajectory.q, trajectory.v, trajectory.a
+        motion = TimedMotion(states, trajectory.t, trajectory.attached, payloads)
+    return motion.repeated(scene, _TIMED)

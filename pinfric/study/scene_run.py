@@ -27,12 +27,16 @@ def run_scene(scene: Scene, *, t_end: float | None = None, **options: Any) -> Mo
     Raises:
         SceneError: there is no such section, or it names a joint that is not there.
         And what `simulate` raises.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> pf.run_scene(scene, t_end=0.5).status
+    'finished'
     """
     expect_scene(scene, "run_scene")
     if scene.simulation is None:
         raise SceneError(
-            f"{scene.source}: has no `simulation` section; give it start, effort and t_end, or "
-            "call pf.simulate with them"
+            f"{scene.source}: has no `simulation` section; add one with start, effort and t_end"
         )
     q0, v0 = start_state(scene)
     return simulate(scene, q0, v0, None, t_end or scene.simulation.t_end, **options)

@@ -7,7 +7,7 @@ import numpy as np
 from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.model.couples import reaches
-from pinfric.model.described import EFFORT, SPEED, between, described, quantity
+from pinfric.model.described import EFFORT, MOTOR, SPEED, between, described, quantity
 from pinfric.model.loops import OffJointDrive
 from pinfric.model.scene import Scene
 from pinfric.model.twin import PRISMATIC
@@ -57,17 +57,17 @@ class ActuatorSummary:
     sticks: int = quantity("number of stick intervals")
     reversals: int = quantity("number of reversals between samples")
     max_interval: float = quantity("max (upper - lower)", EFFORT, "widest\ninterval")
-    motor_unit: str = quantity("of the figures at the motor's shaft; of an ideal drive, `unit`")
+    motor_unit: str = quantity("at the motor's shaft; of an ideal drive, `unit`", heading="unit")
     motor_peak: float = quantity(
-        "peak at the motor's shaft, in `motor_unit`; of an ideal drive, `peak`",
-        heading="motor\npeak",
+        "peak at the motor's shaft; of an ideal drive, `peak`", MOTOR, "motor\npeak"
     )
     motor_rms: float = quantity(
-        "RMS there, in `motor_unit`",
-        heading="motor RMS\nleast\N{EN DASH}worst",
-        cell=between("motor_rms_least", "motor_rms"),
+        "RMS there",
+        MOTOR,
+        "motor RMS\nleast\N{EN DASH}worst",
+        between("motor_rms_least", "motor_rms"),
     )
-    motor_rms_least: float = quantity("least RMS there, in `motor_unit`")
+    motor_rms_least: float = quantity("least RMS there", MOTOR)
 
 
 def summarize(result: InverseResult) -> tuple[ActuatorSummary, ...]:
@@ -110,7 +110,7 @@ def _summarize(result: InverseResult, t: np.ndarray, i: int) -> ActuatorSummary:
         sticks=len(sticks),
         reversals=int(np.count_nonzero(result.reversal[:, sites].any(axis=1))),
         max_interval=float((result.effort_upper[:, i] - result.effort_lower[:, i]).max()),
-        motor_unit=unit if drive.transmission is None else "N m",
+        motor_unit=motor_unit(result.scene, i),
         motor_peak=float(np.abs(motor_worst).max()),
         motor_rms=rms(t, motor_worst),
         motor_rms_least=rms(t, motor_least),
@@ -246,3 +246,9 @@ def effort_unit(scene: Scene, actuator: int) -> str:
                 return "N" if twin.kind[row] == PRISMATIC else "N m"
             return "N" if twin.components[row, column - joint.idx_v] < 3 else "N m"
     raise AssertionError(f"no joint moves column {column}")
+
+
+def motor_unit(scene: Scene, actuator: int) -> str:
+    """Return what a drive's motor delivers at its shaft: N m behind a gear, else `effort_unit`."""
+    geared = scene.drives[actuator].transmission is not None
+    return "N m" if geared else effort_unit(scene, actuator)

@@ -144,7 +144,7 @@ def test_an_effort_function_may_ask_for_forward_dynamics_itself():
     ({"dt": -1e-3}, "dt"),
     ({"rtol": 0.0}, "rtol"),
     ({"sample_step": 0.0}, "sample_step"),
-    ({"method": "euler"}, "method 'euler': there are event, timestepping, regularized"),
+    ({"method": "euler"}, "method 'euler': there are: event, timestepping, regularized"),
     ({"breakpoints": [np.nan]}, "breakpoints"),
 ])  # fmt: skip
 def test_bad_input(change, message):

@@ -86,7 +86,7 @@ def test_scaled_lines_wind_up_in_proportion(given):
 @pytest.mark.parametrize(
     ("stiffness", "message"),
     [
-        (0.0, r"transmission\.stiffness`: input should be greater than 0, found 0"),
+        (0.0, r"transmission\.stiffness`: should be greater than 0, found 0"),
         (-1e4, "greater than 0"),
         ("stiff", "should be a number"),
         ({"k1": 5e4, "k2": 3e4, "t1": 14}, "stiffness falls with torque: k2 30000 is below k1"),

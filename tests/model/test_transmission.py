@@ -228,7 +228,7 @@ STARTING = {"starting_torque": 0.03, "back_driving_torque": 3.06}
 @pytest.mark.parametrize(
     ("entry", "says"),
     [
-        ({"efficiency": 1.2}, r"`efficiency`: .*less than or equal to 1, found 1\.2"),
+        ({"efficiency": 1.2}, r"`efficiency`: .*at most 1, found 1\.2"),
         ({"efficiency": {"rated": 0.8}}, "`rated` needs `load`"),
         ({"efficiency": {"load": 3.0}}, "needs `rated`, `over_load` or `over_speed`"),
         ({"efficiency": {"rated": 0.7, "over_load": CURVE, "load": 9.0}}, "leave one out"),
@@ -242,7 +242,7 @@ STARTING = {"starting_torque": 0.03, "back_driving_torque": 3.06}
          "from 39 on the loss falls while the load grows"),
         ({"efficiency": {"rated": 0.7, "load": 9.0, "exponent": 0.5}}, "needs `over_speed`"),
         ({"efficiency": over_speed(20, temperature={"factor": 2.7})}, "temperature.source` is mis"),
-        ({"efficiency": 0.8, "back_efficiency": 1.1}, "`back_efficiency`: .*equal to 1"),
+        ({"efficiency": 0.8, "back_efficiency": 1.1}, "`back_efficiency`: .*at most 1"),
         ({"efficiency": 0.8, "back_efficiency": "same"}, "should be 'same_loss', found 'same'"),
         ({"efficiency": 0.8, "back_efficiency": None}, "needs `back_efficiency`.*0.75"),
         ({"efficiency": {"over_load": CURVE}, "back_efficiency": None}, "take `same_loss`"),
@@ -250,7 +250,7 @@ STARTING = {"starting_torque": 0.03, "back_driving_torque": 3.06}
         ({"back_efficiency": STARTING, "no_load_torque": {"static": 0.05, "kinetic": 0.02}},
          r"no_load_torque.static` 0.05 and `back_efficiency.starting_torque` 0.03"),
         ({"no_load_torque": {"static": 0.01, "kinetic": 0.02}}, "no_load_torque`: static 0.01 is"),
-        ({"no_load_torque": -1.0}, "no_load_torque`: .*greater than or equal to 0"),
+        ({"no_load_torque": -1.0}, "no_load_torque`: .*at least 0"),
         ({"motor_viscous": {"coefficient": 1.0, "exponent": 0.0}}, "motor_viscous.exponent`"),
     ],
 )  # fmt: skip

@@ -63,9 +63,9 @@ def test_a_body_runs_out_in_finite_time_and_stays(method, tolerance):
 @pytest.mark.parametrize(
     ("viscous", "says"),
     [
-        ({"coefficient": -1.0}, r"viscous\.coefficient`: .*greater than or equal to 0, found -1"),
+        ({"coefficient": -1.0}, r"viscous\.coefficient`: .*at least 0, found -1"),
         ({"coefficient": 1.0, "exponent": 0.0}, r"viscous\.exponent`: .*greater than 0"),
-        ({"coefficient": 1.0, "exponent": 40.0}, r"viscous\.exponent`: .*less than or equal to 4"),
+        ({"coefficient": 1.0, "exponent": 40.0}, r"viscous\.exponent`: .*at most 4"),
         ({"exponent": 0.5}, r"viscous\.coefficient` is missing"),
         ({"coeficient": 1.0}, r"did you mean 'coefficient'"),
     ],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import doctest
 import pickle
-from importlib import import_module
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +17,8 @@ import pinfric as pf
 from pinfric.errors import StateError
 from pinfric.model.brief import screen
 from pinfric.model.described import in_json
+from pinfric.study.accuracy.study import accuracy
+from pinfric.study.explain import explain
 from pinfric.study.inverse_summary import inverse_summary
 from pinfric.study.sweep.summary import sweep_summary
 
@@ -210,6 +211,39 @@ def test_a_notebook_shows_a_result_as_its_table_and_its_figure_as_a_picture(pand
         assert figure._repr_png_().startswith(b"\x89PNG")
 
 
-def test_examples_in_docstrings_run():
-    found = doctest.testmod(import_module("pinfric.model.upward"))
-    assert (found.failed, found.attempted > 0) == (0, True)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "check",
+        "forward_dynamics",
+        "holds",
+        "inverse_dynamics",
+        "load_scene",
+        "load_trajectory",
+        "retime",
+        "run_scene",
+        "simulate",
+        "size",
+        "sweep",
+    ],
+)
+def test_examples_in_docstrings_run(name):
+    found = [
+        part for part in doctest.DocTestFinder().find(getattr(pf, name), name) if part.examples
+    ]
+    assert found
+    for part in found:
+        assert doctest.DocTestRunner().run(part).failed == 0
+
+
+def test_checks_explanations_and_accuracy_show_themselves_in_a_notebook():
+    shown = pf.check("panda_pick_and_place")._repr_html_()
+    assert '<th class="l">what</th>' in shown
+    assert "warning" in shown
+    scene = pf.load_scene("pendulum")
+    effects = explain(scene)._repr_html_()
+    assert "<th>cost<br>us</th>" in effects
+    assert "friction.<wbr>" not in effects  # keys are words, not names
+    measured = accuracy(scene, pf.load_trajectory("pendulum", scene), rounds=1)
+    assert measured._repr_html_().count("<table") == 3
+    assert measured.plot()._repr_png_().startswith(b"\x89PNG")

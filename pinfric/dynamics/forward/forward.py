@@ -114,6 +114,12 @@ def forward_dynamics(
         NoConsistentAcceleration, AmbiguousAcceleration: no acceleration, or several, obey the laws.
         UndecidedAcceleration: the search reached its bound (`friction/search.py`).
         RollMomentError: a guide without width is loaded by a moment about its axis.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> instant = pf.forward_dynamics(scene, [0.0], [1.0], [0.0])
+    >>> instant.a.round(4), instant.friction.round(4)
+    (array([-0.6526]), array([-0.3018]))
     """
     expect_scene(scene, "forward_dynamics")
     given = one_of("forward_dynamics", effort, motor_torque)

@@ -86,6 +86,11 @@ def holds(
         SceneError: a motor's torque of a drive without transmission.
         StateError: neither or both of effort and motor_torque; a wrong shape, a value not finite,
             an open loop.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> pf.holds(scene, [0.0], [0.0]).held, pf.holds(scene, [1.57], [0.0]).held
+    (True, False)
     """
     expect_scene(scene, "holds")
     given = one_of("holds", effort, motor_torque)

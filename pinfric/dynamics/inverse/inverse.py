@@ -90,6 +90,13 @@ def inverse_dynamics(
         LoopMotionError: a loop is open, or the motion violates it.
         SceneError: drives share the work, and nothing says how.
         UndrivenMotionError: a joint without drive would need one.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> result = pf.inverse_dynamics(scene, motion)
+    >>> [(round(stick.start, 2), round(stick.end, 2)) for stick in result.stick_intervals()]
+    [(0.0, 0.2), (1.2, 1.7), (2.5, 2.8)]
     """
     states = _states(scene, q, v, a, t, attached)
     applied = applied_wrenches(scene, external, len(states.q))

@@ -22,7 +22,7 @@ from pinfric.dynamics.simulation.recorder import Recorder
 from pinfric.dynamics.simulation.regularized import RegularizedIntegration
 from pinfric.dynamics.simulation.system import Settings, System
 from pinfric.dynamics.simulation.timestepping import step_through
-from pinfric.errors import AccelerationError, SimulationError, StateError
+from pinfric.errors import AccelerationError, SimulationError, StateError, choose_from
 from pinfric.model.magnitudes import LARGEST_OF_A_MOTION, LONGEST_TIME, SMALLEST, impossible
 from pinfric.model.scene import Scene, expect_scene
 
@@ -113,6 +113,12 @@ def simulate(
         AccelerationError: none, several, undecided or a jam, with time and state. Until then there
             is the error's `motion`; after Ctrl-C it is returned, status `interrupted`
             (before the first sample the interrupt goes on).
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.simulate(scene, [0.0], [1.0], [0.0], 1.0)
+    >>> motion.q[-1].round(4)
+    array([0.237])
     """
     settings, (q, v) = _read(scene, method, t_end, numbers), _start(scene, q0, v0)
     made = make_effort(scene, effort, breakpoints, motor_torque)
@@ -202,7 +208,7 @@ def _settings(
 ) -> Settings:
     """Check the numbers, and fill in what depends on the others."""
     if method not in METHODS:
-        raise SimulationError(f"method {method!r}: there are {', '.join(METHODS)}")
+        raise SimulationError(f"method {method!r}: {choose_from(method, METHODS)}")
     steps = {"dt": dt, "sample_step": sample_step, "max_step": max_step}
     others = {"rtol": rtol, "atol": atol, "max_events": max_events}
     others["regularization_velocity"] = regularization_velocity

@@ -17,7 +17,7 @@ from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError, choose_from
 from pinfric.show.figure.style import INK, QUIET, style
 from pinfric.show.report.inverse import log_lines
-from pinfric.show.report.names import affixes, left_out, shortened, without
+from pinfric.show.report.names import picture_names, shortened
 from pinfric.show.report.values import digits, span
 from pinfric.study.summary import (
     ActuatorSummary,
@@ -113,7 +113,8 @@ def effort_figure(
     with style():
         figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         grid = _Grid(figure, columns, height, total, strips)
-        names, note = _labels(result.actuator_names, grid.width)
+        room = int((grid.width - 1.0) / _BOLD_LETTER)
+        names, note = picture_names(result.actuator_names, room)
         for place, (i, summary) in enumerate(chosen.items()):
             row, column = place % rows, place // rows
             axes = grid.panel(row, column)
@@ -136,16 +137,6 @@ def _subject(drawn: Iterable[ActuatorSummary], always: Sequence[str]) -> str:
     units = " and ".join(dict.fromkeys(summary.unit for summary in drawn))
     carried = f"; carries {', '.join(always)} all the way" if always else ""
     return f"effort of each drive at its joint, in {units}{carried}"
-
-
-def _labels(names: Sequence[str], width: float) -> tuple[list[str], str]:
-    """Names as a panel of `width` inches has room for, and what to say of how they were cut."""
-    room = int((width - 1.0) / _BOLD_LETTER)
-    if max(map(len, names)) <= room:
-        return list(names), ""
-    front, back = affixes(names)
-    note = left_out(front, back)
-    return shortened(without(names, front, back), room), f"; {note}" if note else ""
 
 
 def _chosen(

@@ -10,6 +10,7 @@ from pinfric.dynamics.inverse.result import InverseResult, runs
 from pinfric.errors import StateError
 from pinfric.show.figure.efforts import brief_ticks, thinned
 from pinfric.show.figure.style import QUIET, style
+from pinfric.show.report.names import picture_names
 from pinfric.study.summary import effort_unit, rests
 from pinfric.study.trajectory.log.judged import JudgedLog, measured_interval
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COMPUTED, _BAND, _MEASURED, _STICKING = "#0072B2", "#A9CFE8", "#F2B38B", "#E69F00"
+#: Letters of a drive's name.
+_LETTERS = 60
 #: Inches: the width, a panel, what is above and below all of them.
 _WIDTH, _PANEL, _HEADER, _FOOT = 11.0, 1.5, 0.75, 0.5
 
@@ -41,10 +44,11 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
     with style():
         figure = Figure(figsize=(_WIDTH, total), dpi=150, facecolor="white")
         panels = figure.subplots(len(log.measured), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, (name, found) in zip(panels, log.measured.items(), strict=True):
+        names, note = picture_names(list(log.measured), _LETTERS)
+        for axes, short, (name, found) in zip(panels, names, log.measured.items(), strict=True):
             draw_measured(axes, result, log, name)
             i = result.actuator_names.index(name)
-            title = f"{name}, {effort_unit(result.scene, i)}: off by {found.relative_error:.0%}"
+            title = f"{short}, {effort_unit(result.scene, i)}: off by {found.relative_error:.0%}"
             axes.set_title(title.replace("%", " %"), loc="left", fontsize=9)
             axes.yaxis.set_major_formatter(brief_ticks)
             axes.tick_params(colors=QUIET)
@@ -58,7 +62,7 @@ def measured_figure(result: InverseResult, log: JudgedLog, trajectory: str = "")
             frameon=False,
         )
         figure.suptitle(
-            f"{trajectory}: efforts at the {log.at}",
+            f"{trajectory}: efforts at the {log.at}{note}",
             x=0.06,
             ha="left",
             fontweight="bold",

@@ -13,9 +13,10 @@ from pinfric.dynamics.inverse.result import runs
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.model.brief import counted
 from pinfric.model.coordinates import one_number
+from pinfric.model.described import PLACE, SPEED, effort_where, unit_at
 from pinfric.show.figure.efforts import brief_ticks, thinned
 from pinfric.show.figure.style import INK, QUIET, style
-from pinfric.show.report.names import shortened
+from pinfric.show.report.names import picture_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,13 +63,14 @@ def motion_figure(motion: Motion) -> Figure:
     drawn, left = _chosen(rows)
     height = _TALL if len(drawn) <= 4 else _LOW
     total = _HEAD + height * max(len(drawn), 1) + 0.35
+    names = [row.name for row in rows]
+    labels, note = picture_names(names, _LETTERS)
     with style():
         figure = Figure(figsize=(11.0, total), dpi=150, facecolor="white")
         figure.set_layout_engine("constrained", rect=(0, 0, 1, 1 - 0.8 / total))
         if drawn:
             panels = figure.subplots(len(drawn), 3, sharex=True, squeeze=False)
-            names = [row.name for row in rows]
-            short = dict(zip(names, shortened(names, _LETTERS), strict=True))
+            short = dict(zip(names, labels, strict=True))
             for row, axes in zip(drawn, panels, strict=True):
                 _draw(axes, motion, row, short[row.name])
             still = 0.5 if len(motion.t) == 1 else 0.0  # an instant has no width
@@ -78,7 +80,7 @@ def motion_figure(motion: Motion) -> Figure:
                 for axes in lowest:
                     axes.set_xlabel("time (s)", color=QUIET)
                     axes.tick_params(labelbottom=True)
-        _head(figure, total, motion, drawn, left)
+        _head(figure, total, motion, drawn, _what(motion, drawn, left) + note)
     return figure
 
 
@@ -126,9 +128,10 @@ def _kind(motion: Motion, site: int, velocity: np.ndarray | None) -> int:
 
 
 def _draw(panels: Sequence[Axes], motion: Motion, row: _Row, name: str) -> None:
-    length = "m" if row.sliding else "rad"
+    effort = effort_where(row.sliding)
+    place, speed = unit_at(PLACE, effort), unit_at(SPEED, effort)
     for axes, values, unit in zip(
-        panels, (row.position, row.velocity), (length, f"{length}/s"), strict=False
+        panels, (row.position, row.velocity), (place, speed), strict=False
     ):
         if values is None:
             axes.axis("off")
@@ -141,7 +144,7 @@ def _draw(panels: Sequence[Axes], motion: Motion, row: _Row, name: str) -> None:
         _say(panels[2], "no friction")
     else:
         _friction(panels[2], motion, row.site)
-        _dress(panels[2], motion, row.site, "N" if row.sliding else "N m")
+        _dress(panels[2], motion, row.site, effort)
     if row.position is None:
         _say(panels[0], "closes a loop" if row.velocity is None else "follows another joint")
     panels[0].annotate(
@@ -190,18 +193,14 @@ def _friction(axes: Axes, motion: Motion, s: int) -> None:
     axes.plot(motion.t[kept], motion.friction[kept, s], color=_FRICTION, linewidth=1.5)
 
 
-def _head(
-    figure: Figure, total: float, motion: Motion, drawn: Sequence[_Row], left: Sequence[_Row]
-) -> None:
-    """Title, what is not drawn, and the key."""
+def _head(figure: Figure, total: float, motion: Motion, drawn: Sequence[_Row], text: str) -> None:
+    """Title, a line below it, and the key."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     title = f"{Path(motion.scene.source).stem} · {motion.method}"
     figure.text(0.01, 1 - 0.12 / total, title, fontsize=13, fontweight="bold", color=INK, va="top")
-    figure.text(
-        0.01, 1 - 0.38 / total, _what(motion, drawn, left), fontsize=9, color=QUIET, va="top"
-    )
+    figure.text(0.01, 1 - 0.38 / total, text, fontsize=9, color=QUIET, va="top")
     handles: list[Any] = [Line2D([], [], color=INK, linewidth=1.2, label="position, velocity")]
     if any(row.site >= 0 for row in drawn):
         handles += [

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinfric.show.figure.style import INK, QUIET, style
+from pinfric.show.report.names import picture_names
 from pinfric.show.report.values import digits
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.retime.retime import RetimeResult
@@ -27,6 +28,8 @@ _WIDTH, _TOP, _STRIP, _HEAD, _GAP, _FOOT = 11.0, 3.0, 0.34, 0.85, 0.45, 0.95
 #: Pieces of time that strips are drawn in.
 _PIECES = 1400
 _AT_LIMIT = 0.995
+#: Letters of a drive's name.
+_LETTERS = 20
 
 
 def retime_figure(result: RetimeResult) -> Figure:
@@ -57,6 +60,7 @@ def retime_figure(result: RetimeResult) -> Figure:
         text = (
             f"{digits(result.duration)} s{before}; no limit exceeded by more than "
             f"{100 * result.excess:.2g} %"
+            f"{picture_names([drive.name for drive in scene.drives], _LETTERS)[1]}"
         )
         figure.text(0.02, 1 - 0.55 / total, text, color=QUIET)
         _legend(figure, used)
@@ -169,7 +173,7 @@ def _draw_use(axes: Axes, result: RetimeResult) -> list[int]:
         interpolation="nearest",
         extent=(t[0], t[-1], len(names) - 0.5, -0.5),
     )
-    axes.set_yticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), picture_names(names, _LETTERS)[0])
     axes.set_yticks(np.arange(0.5, len(names) - 1), minor=True)
     axes.grid(which="minor", axis="y", color="white", linewidth=2.0)
     axes.tick_params(which="both", length=0)

@@ -9,14 +9,8 @@ import numpy as np
 
 from pinfric.show.figure.efforts import largest
 from pinfric.show.figure.style import INK, QUIET, style
-from pinfric.show.report.names import least_room, shortened
-from pinfric.show.report.sweep import (
-    own,
-    percent,
-    shaft_figures,
-    shaft_units,
-    strengths,
-)
+from pinfric.show.report.names import least_room, picture_names, shortened
+from pinfric.show.report.sweep import measure, own, percent, shaft
 from pinfric.show.report.values import digits
 from pinfric.study.sweep.motors import Trial
 from pinfric.study.sweep.result import SweepResult
@@ -53,12 +47,12 @@ def sweep_figure(result: SweepResult) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    names, where = shaft_figures(result)
-    units = shaft_units(result)
+    names, where = result.rated, shaft(result)
+    units = result.units if names == ("peak", "rms") else result.motor_units
     same = f", {units[0]}" if len(set(units)) == 1 else ""
     peaks = np.median(result.figure(names[0])[result.solved], axis=0)
     drawn, left = largest(peaks.tolist(), units, _MOST)
-    labels = shortened(result.actuator_names, _LETTERS)
+    labels, note = picture_names(result.actuator_names, _LETTERS)
     count = len(drawn)
     with style():
         figure = Figure(
@@ -67,9 +61,9 @@ def sweep_figure(result: SweepResult) -> Figure:
             facecolor="white",
             layout=ConstrainedLayoutEngine(h_pad=0.06, wspace=0.03),
         )
-        figure.suptitle(_title(result) + left, x=0.01, ha="left", fontsize=12, color=INK)
+        figure.suptitle(_title(result) + left + note, x=0.01, ha="left", fontsize=12, color=INK)
         panels = figure.subplots(count, 3, squeeze=False, width_ratios=(1, 1, 0.8))
-        measure, strength = strengths(result, names[1])
+        strength = result.influences(names[1])
         for i, row in zip(drawn, panels, strict=True):
             for axes, name in zip(row[:2], names, strict=True):
                 _spread(axes, result, i, name)
@@ -78,7 +72,7 @@ def sweep_figure(result: SweepResult) -> Figure:
             row[0].set_ylabel(
                 text, rotation=0, ha="right", va="center", fontweight="bold", color=INK, labelpad=8
             )
-        titles = f"peak{where}{same}", f"RMS{where}{same}", f"RMS: {measure}"
+        titles = f"peak{where}{same}", f"RMS{where}{same}", f"RMS: {measure(result)}"
         for axes, text in zip(panels[0], titles, strict=True):
             axes.set_title(text, loc="left", fontsize=10, color=INK, pad=12)
     return figure

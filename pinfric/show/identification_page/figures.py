@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pinfric.model.described import SPEED, unit_at
 from pinfric.show.figure.measured import draw_measured
 from pinfric.show.figure.panel import BLUE, RED, panel
 from pinfric.study.identify.identify import Identified, beside_measured, left_over, running_mean
@@ -48,12 +49,11 @@ def residual_clouds(found: Identified, joint: int) -> dict[str, Figure]:
         joint: its number.
     """
     unit = effort_unit(found.scene, joint)
-    speed = "m/s" if unit == "N" else "rad/s"
     velocity, load, off = left_over(found, joint)
     few = np.unique(np.linspace(0, off.size - 1, min(_DOTS, off.size)).astype(int))
     result = {}
     for name, x, title in (
-        ("velocity", velocity, f"velocity, {speed}"),
+        ("velocity", velocity, f"velocity, {unit_at(SPEED, unit)}"),
         ("load", load, f"effort without friction, {unit}"),
     ):
         result[name], axes = panel(title, f"measured - fitted, {unit}")

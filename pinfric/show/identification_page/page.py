@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from functools import partial
+from html import escape
 from pathlib import Path
 from typing import Any
 
-from pinfric import __version__
 from pinfric.show.figure.panel import svg
 from pinfric.show.identification_page.figures import over_time, residual_clouds
+from pinfric.show.report.html import Marked, mark
 from pinfric.show.report.rows import table_of
+from pinfric.show.report.tables import Table
+from pinfric.show.report.values import digits
 from pinfric.show.sizing_page.page import page_parts
 from pinfric.study.identify.identify import Identified
-from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter
-from pinfric.study.identify.summary import identify_summary, predicted
-from pinfric.study.summary import effort_unit
+from pinfric.study.identify.summary import (
+    Considered,
+    IdentifySummary,
+    MoreKnown,
+    considered,
+    identify_summary,
+    log_noise,
+    more_known,
+    predicted,
+)
 
 #: Coefficients whose standard errors are listed for each advised recording.
 _WORST = 12
@@ -29,7 +40,7 @@ def identification_page(found: Identified) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2) is not installed.
     """
-    environment = page_parts(Path(__file__).parent)
+    environment = page_parts(found.scene.joint_names, Path(__file__).parent)
     summary = identify_summary(found)
     time = over_time(found)
     joints: list[dict[str, Any]] = []
@@ -44,41 +55,53 @@ def identification_page(found: Identified) -> str:
     page: str = environment.get_template("identification.html.j2").render(
         found=found,
         laws=table_of("", summary.joints),
+        coefficients=_coefficients(summary),
         unseen=table_of("", predicted(summary)),
         delay=found.estimate.delay,
         scene=Path(found.scene.source).stem,
-        logs=found.recordings,
-        duration=sum(one.trajectory.duration for one in found.recordings),
+        logs=summary.logs,
+        read=table_of("", summary.logs),
+        noise=table_of("", log_noise(found), keys=2),
+        duration=sum(one.duration for one in summary.logs),
         determined=sum(p.determined for p in found.parameters),
         joints=joints,
-        vague=[
-            p.key
-            for p in sorted(found.parameters, key=_vagueness)
-            if p.key in found.advice[0].factors
-        ][:_WORST],
-        version=__version__,
+        more=_more(found),
     )
     return page
 
 
-def _vagueness(parameter: Parameter) -> float:
-    """Least where a coefficient is known worst."""
-    return -parameter.standard_error / max(abs(parameter.value), 1e-300)
+def _coefficients(summary: IdentifySummary) -> Table | None:
+    def said(p: Parameter) -> Marked:
+        known = mark("ok", "determined") if p.determined else mark("bad", "not determined")
+        return Marked(f"{known} {escape(p.why)}")
+
+    shown = ("section", "joint", "name", "unit", "value", "low", "high", "determined")
+    return table_of("", summary.parameters, only=shown, cells={"determined": said})
+
+
+def _more(found: Identified) -> Table | None:
+    """What further recordings would tell of what is known worst, marked by how much."""
+    rows = more_known(found, _WORST)
+
+    def told(recording: str, row: MoreKnown) -> Marked:
+        factor = row.factors[recording]
+        kind = "ok" if factor <= 0.6 else "tight" if factor <= 0.8 else "none"
+        return mark(kind, digits(factor))
+
+    cells = {f"factors[{one.name}]": partial(told, one.name) for one in found.advice}
+    return table_of("", rows, cells=cells)
 
 
 def _joint_view(found: Identified, joint: int, name: str) -> dict[str, Any]:
     """What the template shows of one joint."""
-    errors = found.estimate.choice.errors[joint]
-    plain = errors.get(PLAIN, float("nan"))
-    laws = [
-        (law, errors[law], errors[law] / plain) for law in sorted(errors, key=errors.__getitem__)
-    ]
+    taken, laws = found.law_of(name), considered(found, joint)
+
+    def said(row: Considered) -> Marked:
+        return Marked(f"<b>{escape(row.law)}</b>" if row.law == taken else escape(row.law))
+
     return {
         "name": name,
-        "law": found.law_of(name),
-        "error": found.errors[name],
-        "rest": found.rest[name],
-        "spread": found.spread[name],
-        "laws": laws,
-        "unit": effort_unit(found.scene, joint),
+        "law": taken,
+        "laws": table_of("", laws, cells={"law": said}),
+        "considered": len(laws),
     }

@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinfric import __version__
+from pinfric.model.described import effort_where
 from pinfric.model.scene import Scene
 from pinfric.show.replay import markers, stage
 from pinfric.show.replay.stage import Stage
@@ -105,7 +106,7 @@ def _sites(scene: Scene, frames: Frames, staged: Stage, labels: list[str]) -> li
             "name": site.name,
             "label": labels[s],
             "path": staged.site_paths[s],
-            "unit": "N" if site.sliding else "N m",
+            "unit": effort_where(site.sliding),
             "sliding": site.sliding,
             "ball": site.ball,
             "turn": pin.Quaternion(staged.markers[s].turn).coeffs(),

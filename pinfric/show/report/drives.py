@@ -1,73 +1,73 @@
-"""What stands beside the choice of drives: next smaller ones, brakes, the bus."""
+"""The drives of a sizing and what stands beside them: next smaller ones, brakes, the bus."""
 
 from __future__ import annotations
 
-from pinfric.show.report.tables import Column, Kind, Table
-from pinfric.show.report.values import digits, span
-from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.brake import Standstill
-from pinfric.study.sizing.size import SizingReport
+from collections.abc import Callable, Mapping
 
-#: Criteria that a table names of a drive that misses several.
-_MOST_MISSES = 3
+from pinfric.show.report.rows import NONE, table_of
+from pinfric.show.report.tables import Table
+from pinfric.show.report.values import digits
+from pinfric.study.sizing.power import BusPower
+from pinfric.study.sizing.size import SizingReport
+from pinfric.study.sizing.summary import SizedJoint, SizingSummary
+
 #: N m; torques of brakes below print as 0.
 _ROUNDING = 1e-9
+#: Fields of a joint that say which drive was chosen.
+_TAKEN = tuple(f"taken.{name}" for name in ("mass", "margin", "tightest", "not_checked"))
+_CHOICE = ("name", "choice", *_TAKEN, "fit")
+_SMALLER = ("name", "next_smaller.name", "next_smaller.mass", "next_smaller.short_by")
+_STILL = tuple(f"standstill.{name}" for name in ("effort", "shaft", "use", "brake", "margin"))
 
 
-def smaller_table(report: SizingReport) -> Table | None:
-    """Say what the next smaller drive of each joint lacks; None where no joint has one."""
-    rows = [
-        (joint.name, small.candidate.name, digits(small.candidate.mass or 0.0), shortfall(small))
-        for joint in report.joints
-        if (small := joint.next_smaller) is not None
-    ]
-    columns = (
-        Column("joint", Kind.NAME),
-        Column("next smaller", Kind.WORDS),
-        Column("mass\nkg"),
-        Column("would fit,\nbut is short by", Kind.WORDS),
-    )
-    return Table("the next smaller drives", columns, rows) if rows else None
+def choice_table(
+    found: SizingSummary, cells: Mapping[str, Callable[[SizedJoint], str]] | None = None
+) -> Table | None:
+    """Return the drives that were chosen, of a sizing with a catalogue.
+
+    Args:
+        found: the sizing.
+        cells: fields to show beside the usual ones or in another way, and how.
+    """
+    title = f"drives from {found.catalog}, {digits(found.conditions['bus_voltage'])} V"
+    own = {"choice": _chosen, **(cells or {})}
+    return table_of(title, found.joints, only={*_CHOICE, *own}, cells=own)
 
 
-def shortfall(assessment: Assessment) -> str:
-    """Return the criteria that a drive fails and by how much, the worst first."""
-    failed = assessment.failed
-    parts = [f"{c.name}: {c.shortfall}" for c in failed[:_MOST_MISSES]]
-    return "; ".join(parts + [f"{len(failed) - _MOST_MISSES} more"] * (len(failed) > _MOST_MISSES))
+def _chosen(joint: SizedJoint) -> str:
+    nearest = "" if joint.taken is None else f"; nearest {joint.taken.judged}"
+    return joint.choice or f"none{nearest}"
 
 
-def brake_table(report: SizingReport) -> Table:
-    """Say which joints hold without power, what their brakes must bear, and which ones do."""
-    rows = []
-    for joint, still in zip(report.joints, report.standstills, strict=True):
-        brake = still.criteria[1]
-        rows.append(
-            (
-                joint.name,
-                span(*still.effort, zero=_ROUNDING),
-                "-" if still.shaft is None else span(*still.shaft, zero=_ROUNDING),
-                holds_alone(still),
-                still.brake or ("none bears it" if brake.available else "-"),
-                "-" if brake.margin is None else f"{100 * brake.margin:.0f} %",
-            )
-        )
-    units = {joint.demand.unit for joint in report.joints}
-    unit = units.pop() if len(units) == 1 else "N m, N"
-    columns = (
-        Column("joint", Kind.NAME),
-        Column(f"at the\njoint\n{unit}"),
-        Column("at the\nmotor\nN m"),
-        Column("without\nbrake", Kind.LABEL),
-        Column("smallest brake", Kind.WORDS),
-        Column("\nmargin"),
-    )
+def mass_table(found: SizingSummary) -> Table | None:
+    """Return what the drives' own mass adds, where it is more than a twentieth."""
+    rows = [joint for joint in found.joints if joint.rms > 1.05 * joint.rms_without_masses]
+    only = ("name", "unit", "rms", "rms_without_masses")
+    return table_of("RMS with the drives' own mass and without", rows, only=only)
+
+
+def smaller_table(found: SizingSummary) -> Table | None:
+    """Return what the next smaller drive of each joint lacks; None where no joint has one."""
+    rows = [joint for joint in found.joints if joint.next_smaller is not None]
+    return table_of("the next smaller drives", rows, only=_SMALLER)
+
+
+def brake_table(found: SizingSummary) -> Table | None:
+    """Return which joints hold without power, what their brakes must bear, and which ones do."""
     title = "without power, anywhere along the cycle: friction helping most\N{EN DASH}not at all"
-    return Table(title, columns, rows)
+    cells = {"standstill.use": holds_alone, "standstill.brake": _brake}
+    only = ("name", "unit", *_STILL)  # the unit is of the effort beside it alone: no second key
+    return table_of(title, found.joints, only=only, cells=cells, zero=_ROUNDING, keys=1)
 
 
-def holds_alone(still: Standstill) -> str:
+def _brake(joint: SizedJoint) -> str:
+    still = joint.standstill
+    return still.brake or ("none bears it" if still.torque.available else NONE)
+
+
+def holds_alone(joint: SizedJoint) -> str:
     """Return whether friction alone holds a joint, and which part of it that takes."""
+    still = joint.standstill
     if still.held is None:
         return "not known"
     return "moves" if still.use is None else f"holds, {100 * (1 - still.use):.0f} % left"
@@ -78,25 +78,28 @@ def turn(report: SizingReport) -> str:
     return "period" if len(report.duty.repeats) > 1 else "cycle"
 
 
+def bus_table(report: SizingReport) -> Table | None:
+    """Return what all drives take from the bus and give back; None where no drive has a motor."""
+    least = "\N{GREATER-THAN OR EQUAL TO}" if report.bus.at_least else ""
+
+    def at_least(name: str) -> Callable[[BusPower], str]:
+        return lambda bus: f"{least}{digits(getattr(bus, name))}"
+
+    drawn = ("peak", "drawn", "mean", "current", "rms_current")
+    cells = {name: at_least(name) for name in drawn}
+    rows = [report.bus] if report.bus.known else []
+    return table_of(f"the bus, a {turn(report)}", rows, cells=cells, keys=0)
+
+
 def bus_lines(report: SizingReport) -> list[str]:
-    """Return what all drives take from the bus, in words."""
-    bus, each = report.bus, turn(report)
-    if not bus.known:
-        return [f"bus and braking: {bus.remedy}"]
-    lines = [
-        f"bus: peak {'of at least ' if bus.at_least else ''}{digits(bus.peak)} W "
-        f"({digits(bus.current)} A), {digits(bus.mean)} W on average "
-        f"({digits(bus.rms_current)} A RMS); {digits(bus.drawn)} J a {each}",
-        f"braking: {digits(bus.braking)} W at most, {digits(bus.returned)} J a {each}, "
-        f"{digits(bus.burst)} J in one go: {bus.remedy}"
-        if bus.resistor is not None
-        else f"braking: {bus.remedy}",
-    ]
+    """Return what takes the energy that flows back, and what the bus's figures leave out."""
+    bus = report.bus
+    lines = [f"braking: {bus.remedy}"]
     if bus.mechanical:
         lines.append(
             f"{len(bus.mechanical)} of the drives without copper loss: no torque constant "
             "or resistance"
         )
-    if bus.left_out:
+    if bus.left_out and bus.known:
         lines.append(f"the bus without {', '.join(bus.left_out)}: no motor")
     return lines

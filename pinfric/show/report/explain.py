@@ -6,31 +6,34 @@ import math
 from pathlib import Path
 
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Report, paragraphs
 from pinfric.show.report.values import digits
 from pinfric.study.elastic.matters import ElasticEffect
 from pinfric.study.explain import Explanation
+
+#: Fields that say which effects a scene calls for.
+_CALLED = ("name", "on", "why")
 
 
 def explain_report(explanation: Explanation, scene: str) -> Report:
     """Return the tables and lines that `pinfric explain` prints, for a rich console."""
     name = Path(scene).stem
-    called = Table(
-        f"{name}: the effects it calls for",
-        (Column("effect", Kind.LABEL), Column("", Kind.LABEL), Column("why", Kind.WORDS)),
-        [(row.name, "on" if row.on else "off", row.why) for row in explanation.effects],
-        faint=frozenset(i for i, row in enumerate(explanation.effects) if not row.on),
+    faint = frozenset(i for i, row in enumerate(explanation.effects) if not row.on)
+    called = table_of(
+        f"{name}: the effects it calls for", explanation.effects, only=_CALLED, faint=faint
     )
     timed = [row for row in explanation.effects if math.isfinite(row.cost_us)]
     side = {"motor_side": lambda row: "(motor)" if row.motor_side else ""}
-    measured = table_of(f"{name}: what they cost and change", timed, cells=side)
+    measured = table_of(
+        f"{name}: what they cost and change", timed, cells=side, without=_CALLED[1:]
+    )
     title = "gear by joint: motor torque, and what the loss with the load adds"
     gears = table_of(title, explanation.gears)
     lines = [
         f"all of it {explanation.total_us:.2f} us per sample, nothing of it "
         f"{explanation.plain_us:.2f} us; one thread, {explanation.samples} samples",
-        "cost: what leaving it out saves; change: what it adds to the worst effort of the drive "
-        "where the RMS changes most",
+        "cost: what leaving it out saves, < where the timings' spread hides it; change: what it "
+        "adds to the worst effort of the drive where the RMS changes most",
     ]
     if any(row.name == "coupling" and row.on for row in explanation.effects):
         lines.append("coupling: against one pass with the loads that there are without friction")

@@ -1,4 +1,4 @@
-"""Tables as HTML: on pages the same as on the terminal, with names as they are."""
+"""Tables as HTML: on pages the same as on the terminal."""
 
 from __future__ import annotations
 
@@ -22,15 +22,36 @@ def html_of(table: Table) -> str:
         "".join(_cell("td", *of) for of in zip(row, left, names, strict=True)) for row in table.rows
     ]
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
-    title = f"<h3>{escape(table.title)}</h3>\n" if table.title else ""
+    first = table.title.split(" ")[0].rstrip(",:")
+    named = table.title.capitalize()[0] + table.title[1:] if first.isalpha() else table.title
+    title = f"<h3>{escape(named)}</h3>\n" if table.title else ""
     return (
         f'{title}<div class="scroll"><table class="wide figures">\n'
         f"<thead><tr>{heads}</tr></thead>\n<tbody>\n{body}\n</tbody></table></div>"
     )
 
 
+class Marked(str):
+    """A cell that is HTML already."""
+
+    def __html__(self) -> str:
+        return self
+
+
+def mark(kind: str, text: str, title: str = "") -> Marked:
+    """Return text on a coloured ground: "ok", "tight", "bad", "none" or "free" of the pages' style.
+
+    Args:
+        kind: which.
+        text: what stands there.
+        title: what is shown where a reader points at it.
+    """
+    more = f' title="{escape(title)}"' if title else ""
+    return Marked(f'<span class="m {kind}"{more}>{escape(text)}</span>')
+
+
 def _cell(tag: str, text: str, left: bool, name: bool = False) -> str:
-    content = escape(text).replace("\n", "<br>")
+    content = text if isinstance(text, Marked) else escape(text).replace("\n", "<br>")
     for letter in _BREAKS if name else "":
         content = content.replace(letter, f"{letter}<wbr>")
     kind = ' class="l"' if left else ""

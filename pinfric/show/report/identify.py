@@ -31,6 +31,7 @@ def identify_report(found: Identified, summary: IdentifySummary) -> Report:
         "coefficients, with 95 % intervals; (in brackets): not determined",
         summary.parameters,
         cells={"value": _value},
+        without=["section"],
         keys=2,
     )
     best = found.advice[0]

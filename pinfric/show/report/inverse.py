@@ -19,7 +19,7 @@ from pinfric.study.summary import ROUNDING, ActuatorSummary, rounding
 from pinfric.study.trajectory.log.judged import JudgedLog
 
 #: Fields of the table of motors.
-_SHAFT = ("name", "motor_peak", "motor_rms")
+_SHAFT = ("name", "motor_unit", "motor_peak", "motor_rms")
 
 
 def inverse_report(
@@ -86,7 +86,7 @@ def _effort_table(result: InverseResult, found: InverseSummary) -> Table | None:
 
 def _motor_table(geared: Sequence[ActuatorSummary]) -> Table | None:
     zero = ROUNDING * max((s.motor_peak for s in geared), default=0.0)
-    return table_of("at the motors' shafts, N m", geared, only=_SHAFT, zero=zero)
+    return table_of("at the motors' shafts", geared, only=_SHAFT, zero=zero)
 
 
 def _footer(result: InverseResult, found: InverseSummary) -> list[str]:

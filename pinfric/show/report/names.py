@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 #: Common beginnings and ends shorter than this are not worth a line of their own.
 _WORTH = 3
@@ -14,7 +14,8 @@ _WORTH = 3
 def affixes(names: Sequence[str]) -> tuple[str, str]:
     """Return the beginning and the end that all names share, up to a separator: _ . / - or blank.
 
-    Empty where there is none worth naming, or where nothing would be left of a name.
+    Empty where there is none worth naming, or where nothing would be left of a name; a beginning
+    stays where it would leave a number alone.
     """
     unique = list(dict.fromkeys(names))
     if len(unique) < 2:
@@ -26,7 +27,8 @@ def affixes(names: Sequence[str]) -> tuple[str, str]:
     back = back if len(back) >= _WORTH else ""
     if min(map(len, unique)) <= len(front) + len(back):
         return "", ""
-    return front, back
+    kept = without(unique, front, back)
+    return "" if any(name.isdigit() for name in kept) else front, back
 
 
 def without(names: Sequence[str], front: str, back: str) -> list[str]:
@@ -38,6 +40,33 @@ def short_names(names: Sequence[str]) -> dict[str, str]:
     """Return name -> name without what all of them begin and end with: as every table says it."""
     front, back = affixes(names)
     return dict(zip(names, without(names, front, back), strict=True))
+
+
+def said_short(text: str, short: Mapping[str, str]) -> str:
+    """Return a text with its names as tables say them; whole in quotes and in keys: mu.elbow_joint.
+
+    Args:
+        text: sentences.
+        short: of `short_names`.
+    """
+    longest = sorted((name for name in short if short[name] != name), key=len, reverse=True)
+    if not longest:
+        return text
+    names = "|".join(map(re.escape, longest))
+    found = rf"(?<![\w./'\"-])({names})(?![\w/'\"-]|\.\w)"
+    return re.sub(found, lambda match: short[match[1]], text)
+
+
+def picture_names(names: Sequence[str], room: int) -> tuple[list[str], str]:
+    """Return names as a picture shows them, and "; left out of each name: …" for its title.
+
+    Args:
+        names: of its rows or panels.
+        room: letters that each has.
+    """
+    front, back = affixes(names)
+    note = left_out(front, back)
+    return shortened(without(names, front, back), room), f"; {note}" if note else ""
 
 
 def left_out(front: str, back: str) -> str:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from enum import Enum
-from operator import attrgetter
+from enum import Enum, IntEnum
 from string import Formatter
 from typing import Any
 
-from pinfric.model.described import EFFORT, Quantity, quantities, unit_at
+from pinfric.model.described import EFFORT, Quantity, quantities, unit_of
 from pinfric.show.report.tables import Column, Kind, Table
 from pinfric.show.report.values import digits, power_of_ten, signed
 
@@ -18,6 +17,8 @@ from pinfric.show.report.values import digits, power_of_ten, signed
 DISPLAYS = {"mm": 1e3, "arcmin": 60 * 180 / math.pi, "ms": 1e3, "us": 1e6}
 #: Words up to this length are not wrapped.
 _LABEL = 20
+#: Values that are shown in words.
+_WORDY = (str, bool, list, Mapping, Enum)
 #: What stands in place of no figure.
 NONE = "-"
 #: So small beside the largest of its column a figure is rounding's square: 3e-29 W beside 50 W.
@@ -51,53 +52,83 @@ def table_of(
     """
     if not rows:
         return None
-    units = [getattr(row, "unit", "") for row in rows]
-    shared = units[0] if len(set(units)) == 1 else ""
-    given, columns, texts = cells or {}, [], []
-    for name, found in shown_fields(type(rows[0]), rows[0]):
+    has_unit, given, found_columns, texts = hasattr(rows[0], "unit"), cells or {}, [], []
+    for name, found in shown_fields(rows):
         if name in without or (only and name not in only) or not (found.heading or name in only):
             continue
-        if name == "unit" and (shared or not units[0]):
+        values = [value_at(row, name) for row in rows]
+        if found.heading.endswith("unit") and len(set(values)) == 1:
             continue
-        write, is_effort = given.get(name), found.unit in ("", EFFORT) or not units[0]
-        small = zero if is_effort else _ROUNDING * _largest(rows, name)
+        write, is_effort = given.get(name), found.unit in ("", EFFORT) or not has_unit
+        small = zero if is_effort or found.unit.startswith("in ") else _ROUNDING * _largest(values)
         column = [write(row) if write else cell(row, name, found, _of(small, row)) for row in rows]
         if set(column) <= {NONE, "", "n/a"} and name not in given:
             continue
-        values = [attrgetter(name)(row) for row in rows]
-        columns.append(Column(heading(found, shared, units[0] != ""), kind(found, values, column)))
+        unit = shown_unit(found, rows)
+        found_columns.append((found.heading, unit, kind(found, values, column)))
         texts.append(column)
-    keys = layout.pop("keys", 2 if len(columns) > 1 and columns[1].heading == "unit" else 1)
+    units = [unit for _, unit, behaves in found_columns if behaves is Kind.NUMBER]
+    if title and len(units) > 1 and len(set(units)) == 1 and (of_all := units[0]):
+        title, found_columns = (
+            f"{title}, {of_all}",
+            [(head, "" if unit == of_all else unit, k) for head, unit, k in found_columns],
+        )
+    columns = [Column(heading(head, unit), behaves) for head, unit, behaves in found_columns]
+    by_unit = len(columns) > 1 and columns[1].heading.endswith("unit")
+    keys = layout.pop("keys", 2 if by_unit else 1)
     return Table(title, columns, list(zip(*texts, strict=True)), keys=keys, **layout)
 
 
-def shown_fields(kind: type, row: Any) -> Iterator[tuple[str, Quantity]]:
-    """Yield the fields of a described class; those of a part whose heading is "*" in its place."""
-    for name, found in quantities(kind).items():
-        if found.heading != "*":
-            yield name, found
-        elif (part := getattr(row, name)) is not None:
-            for inner, one in shown_fields(type(part), part):
-                text = (one.cell or f"{{{inner}}}").replace("{", f"{{{name}.")
-                yield f"{name}.{inner}", one._replace(cell=text)
+def shown_fields(rows: Sequence[Any]) -> Iterator[tuple[str, Quantity]]:
+    """Yield the columns of described rows: names as `value_at` takes them, and what they are.
 
-
-def heading(found: Quantity, effort: str, by_row: bool = False) -> str:
-    """Return a column's heading, its unit in the last line.
-
-    Args:
-        found: the field.
-        effort: unit of all rows' efforts, "" where they differ.
-        by_row: the rows say their unit themselves.
+    A part whose heading ends with "*" gives its fields, a mapping a column for each of its keys.
     """
+    for name, found in quantities(type(rows[0])).items():
+        above = found.heading.removesuffix("*").rstrip()
+        if found.heading.endswith("*"):
+            parts = [part for row in rows if (part := getattr(row, name)) is not None]
+            for inner, one in shown_fields(parts) if parts else ():
+                text = (one.cell or f"{{{inner}}}").replace("{", f"{{{name}.")
+                head = f"{above}\n{one.heading}" if above and one.heading else one.heading
+                unit = one.unit or found.unit
+                yield f"{name}.{inner}", one._replace(cell=text, heading=head, unit=unit)
+        elif "{}" in found.heading:
+            for key in dict.fromkeys(key for row in rows for key in getattr(row, name)):
+                path = f"{name}[{key}]"
+                text = f"{{{path}{found.cell}}}"
+                yield path, found._replace(heading=found.heading.format(key), cell=text)
+        else:
+            yield name, found
+
+
+def value_at(row: Any, path: str) -> Any:
+    """Return a field of a row: `peak`, of a part `error.rms`, of a mapping `shares[elbow]`.
+
+    None where the part is none, or the mapping has no such key.
+    """
+    name, _, key = path.partition("[")
+    found = row
+    for part in name.split("."):
+        found = None if found is None else getattr(found, part)
+    return found if not key or found is None else found.get(key.removesuffix("]"))
+
+
+def shown_unit(found: Quantity, rows: Sequence[Any]) -> str:
+    """Return the unit of a column's cells; empty where the rows' own differ, or none is shown."""
     spec = next((s for _, n, s, _ in Formatter().parse(found.cell) if n and s), "")
-    unit = spec if spec in DISPLAYS else "" if spec == "%" else unit_at(found.unit, effort)
-    if unit == EFFORT and by_row:
-        unit = ""
-    last = found.heading.rpartition("\n")[2]
-    if last.endswith("±") and unit:
-        return f"{found.heading[:-1].rstrip()}\n± {unit}"
-    return f"{found.heading}\n{unit}" if unit else found.heading
+    if spec in DISPLAYS or spec in ("%", "percent"):
+        return spec if spec in DISPLAYS else ""
+    units = {unit_of(row, found.unit) for row in rows}
+    by_row = found.unit == EFFORT or found.unit.startswith("in ")
+    return units.pop() if len(units) == 1 else "" if by_row else found.unit
+
+
+def heading(text: str, unit: str) -> str:
+    """Return a column's heading, its unit in the last line."""
+    if text.endswith("±") and unit:
+        return f"{text[:-1].rstrip()}\n± {unit}"
+    return f"{text}\n{unit}" if unit else text
 
 
 def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
@@ -111,15 +142,15 @@ def kind(found: Quantity, values: Sequence[Any], texts: Sequence[str]) -> Kind:
     if found.name:
         return Kind.NAME
     known = [value for value in values if value is not None]
-    if not any(isinstance(x, str | bool | list | Mapping) or _words(x) for x in known):
+    said = all(text[:1].isalpha() for text in texts)  # "moves" of a number
+    if not said and not any(isinstance(x, _WORDY) or _words(x) for x in known):
         return Kind.NUMBER
     lines = [line for text in texts for line in text.split("\n")]
     return Kind.LABEL if all(len(line) <= _LABEL for line in lines) else Kind.WORDS
 
 
-def _largest(rows: Sequence[Any], name: str) -> float:
+def _largest(values: Sequence[Any]) -> float:
     """The largest number in a column, 0 without any."""
-    values = (attrgetter(name)(row) for row in rows)
     sizes = (abs(x) for x in values if isinstance(x, int | float))
     return max((size for size in sizes if math.isfinite(size)), default=0.0)
 
@@ -131,7 +162,7 @@ def _words(value: Any) -> bool:
 def cell(row: Any, name: str, found: Quantity, zero: float = 0.0) -> str:
     """Return what a field's column shows of one row."""
     parts = list(Formatter().parse(found.cell or f"{{{name}}}"))
-    values = [attrgetter(field)(row) for _, field, _, _ in parts if field]
+    values = [value_at(row, field) for _, field, _, _ in parts if field]
     if values[0] is None:
         return NONE
     specs = [spec or "" for _, field, spec, _ in parts if field]
@@ -156,6 +187,8 @@ def text_of(value: Any, display: str = "", zero: float = 0.0) -> str:
         return NONE
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, IntEnum):
+        return value.name.lower()
     if isinstance(value, str | Enum):
         return str(value)
     if isinstance(value, tuple) and len(value) == 2 and not _words(value):
@@ -194,6 +227,8 @@ def flat(row: Any) -> dict[str, Any]:
             found |= {f"{name}_least": value[0], f"{name}_worst": value[1]}
         elif dataclasses.is_dataclass(value):
             found |= {f"{name}_{key}": entry for key, entry in flat(value).items()}
+        elif isinstance(value, IntEnum):
+            found[name] = value.name.lower()
         elif value is None or isinstance(value, str | bool | int | float):
             found[name] = value
     return found

@@ -8,19 +8,23 @@ from pathlib import Path
 from pinfric.show.report.drives import (
     brake_table,
     bus_lines,
+    bus_table,
+    choice_table,
+    mass_table,
     smaller_table,
     turn,
 )
 from pinfric.show.report.elastic import frequency_lines
 from pinfric.show.report.retime import fastest_table
 from pinfric.show.report.rows import table_of
-from pinfric.show.report.tables import Column, Kind, Report, Table, paragraphs
+from pinfric.show.report.tables import Report, Table, paragraphs
 from pinfric.show.report.values import digits
 from pinfric.study.elastic.summary import elastic_summary
 from pinfric.study.retime.fastest import TimedSet
 from pinfric.study.sizing.assess import Assessment
-from pinfric.study.sizing.criterion import Criterion, Status
+from pinfric.study.sizing.criterion import Status
 from pinfric.study.sizing.size import SizingReport
+from pinfric.study.sizing.summary import sizing_summary
 
 #: Efforts below (N m, N) are rounding.
 ROUNDING = 1e-9
@@ -42,14 +46,16 @@ def sizing_report(report: SizingReport, fastest: Sequence[TimedSet] | None = Non
     if report.catalog is None:
         failing = [Text(f"! {line}", style="bold red") for line in report.short]
         return paragraphs(demand_table(report), elastic_lines(report), failing, notes)
+    found = sizing_summary(report)
     failing = [Text(f"! {line}", style="bold red") for line in (*report.misses, *report.short)]
     return paragraphs(
         demand_table(report),
-        _choice_table(report),
+        choice_table(found),
         [verdict(report)],
-        _heavier(report),
-        smaller_table(report),
-        brake_table(report),
+        mass_table(found),
+        smaller_table(found),
+        brake_table(found),
+        bus_table(report),
         bus_lines(report),
         _changes(report),
         elastic_lines(report),
@@ -114,47 +120,6 @@ def _demands(
     )
 
 
-def _choice_table(report: SizingReport) -> Table:
-    source = report.catalog.source if report.catalog is not None else ""
-    columns = (
-        Column("joint", Kind.NAME),
-        Column("lightest that fits", Kind.WORDS),
-        Column("mass\nkg"),
-        Column("least\nmargin"),
-        Column("tightest\ncriterion", Kind.WORDS),
-        Column("not\nchecked"),
-        Column("fit"),
-    )
-    rows = []
-    for joint in report.joints:
-        fits = sum(a.fits for a in joint.assessments)
-        count = f"{fits} of {len(joint.assessments)}"
-        if joint.choice is None:
-            name = "none" if joint.nearest is None else f"none; nearest {_name(joint.nearest)}"
-            rows.append((joint.name, name, "", "", "", "", count))
-            continue
-        tight = tightest(joint.choice)
-        rows.append(
-            (
-                joint.name,
-                joint.choice.candidate.name,
-                digits(joint.choice.candidate.mass or 0.0),
-                f"{100 * joint.choice.margin:.0f} %",
-                tight.name if tight else "",
-                str(len(joint.choice.not_checked)),
-                count,
-            )
-        )
-    title = f"drives from {source}, {digits(report.conditions.bus_voltage)} V"
-    return Table(title, columns, rows)
-
-
-def tightest(assessment: Assessment) -> Criterion | None:
-    """Return the criterion with the least margin, or None where none was compared."""
-    compared = [c for c in assessment.criteria if c.scaled]
-    return min(compared, key=lambda c: c.margin or 0.0, default=None)
-
-
 def verdict(report: SizingReport) -> str:
     """Return in a line how the sizing ended: which joints have a drive, its mass, what is open."""
     chosen = [joint.choice for joint in report.joints if joint.choice is not None]
@@ -182,22 +147,6 @@ def passes(report: SizingReport) -> str:
     )
 
 
-def _heavier(report: SizingReport) -> Table | None:
-    """What the drives' own mass changed, where it is more than a twentieth."""
-    rows = [
-        (j.name, digits(j.demand_without_masses.rms), digits(j.demand.rms), j.demand.unit)
-        for j in report.joints
-        if j.demand.rms > 1.05 * j.demand_without_masses.rms
-    ]
-    columns = (
-        Column("joint", Kind.NAME),
-        Column("RMS\nwithout"),
-        Column("with"),
-        Column("", Kind.LABEL),
-    )
-    return Table("what the drives' own mass adds", columns, rows) if rows else None
-
-
 def _changes(report: SizingReport) -> list[str]:
     """What neglecting the drives' own mass, or friction, would have bought."""
     lines = []
@@ -212,11 +161,6 @@ def _changes(report: SizingReport) -> list[str]:
     if open_:
         lines.append(f"not checked, for a figure is missing: {', '.join(sorted(open_))}")
     return lines
-
-
-def beside(x: float, scale: float) -> str:
-    """Return x as `digits` does; what vanishes beside `scale`, of the same unit, is 0."""
-    return digits(x, zero=max(ROUNDING, _VISIBLE * scale))
 
 
 def _name(assessment: Assessment | None) -> str | None:

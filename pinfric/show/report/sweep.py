@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,9 @@ from pinfric.study.sweep.summary import MotorOnTrial, SweepSummary
 
 #: So small a share of the samples is rounding.
 _NONE = 1e-9
-#: Parameters named per drive and figure, and the least share of the variance that is.
-_NAMED, _LEAST_SHARE = 2, 0.01
-_AT_JOINT, _AT_MOTOR = ("peak", "rms"), ("motor_peak", "motor_rms")
-_HEADINGS = {"peak": "peak", "rms": "RMS", "motor_peak": "peak", "motor_rms": "RMS"}
+#: Parameters named per drive and figure, and what stands where there is none.
+_NAMED, _NOTHING = 2, "nothing found"
+_AT_JOINT = ("peak", "rms")
 _DESIGNS = {
     "random": "random samples",
     "sobol": "samples of a Sobol design",
@@ -39,11 +38,13 @@ def sweep_report(result: SweepResult, found: SweepSummary) -> Report:
     title += f"{result.samples} {_DESIGNS[result.sampling]}"
     tables: list[Table | None] = []
     if result.solved.any():
-        tables = [_percentile_table(result, _AT_JOINT, result.units, "at the joints")]
-        names, where = shaft_figures(result)
-        if names == _AT_MOTOR:
-            tables.append(_percentile_table(result, names, shaft_units(result), where[1:]))
-        tables.append(_driver_table(result, names, where))
+        where = shaft(result)
+        for names in dict.fromkeys((_AT_JOINT, result.rated)):
+            at = " at the joints" if names == _AT_JOINT else where
+            keys = ["name", "unit" if names == _AT_JOINT else "motor_unit"]
+            figures = [f"{name}.percentiles[{p:g}]" for name in names for p in result.percentiles]
+            tables.append(table_of(at[1:], found.joints, only=[*keys, *figures]))
+        tables.append(_driver_table(result, where))
     if elastic := result.elastic_quantiles():
         tables.append(_elastic_table(result, elastic))
     if found.motors:
@@ -68,69 +69,30 @@ def _elastic_table(result: SweepResult, found: dict[str, np.ndarray]) -> Table:
     return Table("elastic gears: the worst of each cycle", columns, rows, keys=2)
 
 
-def _percentile_table(
-    result: SweepResult, names: Sequence[str], units: Sequence[str], title: str
-) -> Table:
-    unit = units[0] if len(set(units)) == 1 else ""
-    key = [Column("joint", Kind.NAME)] + ([] if unit else [Column("unit", Kind.LABEL)])
-    figures = [Column(f"{_HEADINGS[name]}\n{p:g} %") for name in names for p in result.percentiles]
-    quantiles = np.concatenate([result.quantiles(name) for name in names])
-    rows = [
-        (drive, *([] if unit else [units[i]]), *(digits(x) for x in quantiles[:, i]))
-        for i, drive in enumerate(result.actuator_names)
-    ]
-    title = f"{title}, {unit}" if unit else title
-    return Table(title, [*key, *figures], rows, keys=len(key))
-
-
-def _driver_table(result: SweepResult, names: Sequence[str], where: str) -> Table:
+def _driver_table(result: SweepResult, where: str) -> Table:
     """Which parameters decide a drive's peak and RMS."""
-    measure, _ = strengths(result, names[0])
+    signed = not result.has_shares
     columns = [Column("joint", Kind.NAME)]
     rows = [[drive] for drive in result.actuator_names]
-    for name in names:
-        parameters = [brief(parameter) for parameter in result.parameter_names]
-        columns += [Column(_HEADINGS[name], Kind.NAME, parameters), Column("")]
-        strength = strengths(result, name)[1]
-        for i, row in enumerate(rows):
-            row += _strongest(result, row[0], strength[:, i])
-    return Table(f"what drives it{where}: {measure}", columns, rows)
+    names = [brief(parameter) for parameter in result.parameter_names]
+    for title, figure in zip(("peak", "RMS"), result.rated, strict=True):
+        columns += [Column(title, Kind.NAME, names), Column("")]
+        for row, found in zip(rows, result.influences(figure).T, strict=True):
+            most = result.strongest(found, _NAMED)
+            row.append("\n".join(own(result.parameter_names[j], row[0]) for j in most) or _NOTHING)
+            row.append("\n".join(f"{found[j]:{'+' if signed else ''}.2f}" for j in most))
+    return Table(f"what drives it{where}: {measure(result)}", columns, rows)
 
 
-def shaft_figures(result: SweepResult) -> tuple[tuple[str, str], str]:
-    """Return the names of peak and RMS at the motors' shafts (of ideal drives: at the joints)."""
-    at_joint, at_motor = result.figure("peak"), result.figure("motor_peak")
-    if (at_joint != at_motor)[result.solved].any():
-        return _AT_MOTOR, " at the motors' shafts"
-    return _AT_JOINT, " at the joints"
+def shaft(result: SweepResult) -> str:
+    """Return where motors are rated: at their shafts, of ideal drives at the joints."""
+    return " at the joints" if result.rated == _AT_JOINT else " at the motors' shafts"
 
 
-def shaft_units(result: SweepResult) -> tuple[str, ...]:
-    """Return (na,) units of these figures: N m behind a gear."""
-    motor = result.figure("motor_peak")
-    geared = (result.figure("peak") != motor)[result.solved].any(axis=0)
-    return tuple("N m" if g else u for g, u in zip(geared, result.units, strict=True))
-
-
-def strengths(result: SweepResult, name: str) -> tuple[str, np.ndarray]:
-    """Return how each parameter moves a figure, (np, na), and what that is called."""
-    shares = result.sobol(name) if result.has_shares else None
-    if shares is None:
-        return "rank correlation", result.rank_correlation(name)
-    total = np.column_stack([drive.total for drive in shares])
-    return "share of the variance, interactions included", total
-
-
-def _strongest(result: SweepResult, drive: str, strength: np.ndarray) -> tuple[str, str]:
-    """The parameters that matter most, and how much; those within the noise are left out."""
-    signed = not result.has_shares
-    least = result.correlation_noise if signed else _LEAST_SHARE
-    order = np.argsort(-np.nan_to_num(np.abs(strength), nan=-1.0), kind="stable")
-    found = [j for j in order[:_NAMED] if abs(strength[j]) > least]
-    if not found:
-        return "nothing found", ""
-    names = [own(result.parameter_names[j], drive) for j in found]
-    return "\n".join(names), "\n".join(f"{strength[j]:{'+' if signed else ''}.2f}" for j in found)
+def measure(result: SweepResult) -> str:
+    """Return what says how a parameter moves a figure."""
+    shares = "share of the variance, interactions included"
+    return shares if result.has_shares else "rank correlation"
 
 
 def own(parameter: str, drive: str) -> str:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
-from pinfric.show.report.names import affixes, least_room, left_out, shortened, without
+from pinfric.show.report.names import affixes, least_room, left_out, said_short, shortened, without
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -119,7 +119,8 @@ class Table:
 def paragraphs(*parts: Table | str | Sequence[str | Text] | None) -> Report:
     """Return a report: its parts with a blank line between them.
 
-    What all names of its tables begin and end with is left out of them, and said once.
+    What all names of its tables begin and end with is left out of them, and of the names in its
+    lines, and said once.
 
     Args:
         parts: tables, titles (one text), lines; what is None or empty is left out.
@@ -127,7 +128,9 @@ def paragraphs(*parts: Table | str | Sequence[str | Text] | None) -> Report:
     from rich.text import Text
 
     tables = [part for part in parts if isinstance(part, Table)]
-    front, back = affixes([name for table in tables for name in table.names()])
+    names = [name for table in tables for name in table.names()]
+    front, back = affixes(names)
+    short = dict(zip(names, without(names, front, back), strict=True))
     note = left_out(front, back)
     found: Report = [Text(note, style="dim")] if note else []
     for part in parts:
@@ -137,7 +140,10 @@ def paragraphs(*parts: Table | str | Sequence[str | Text] | None) -> Report:
         elif isinstance(part, str):
             found.append(Text(part, style="bold"))
         else:
-            found += [Text(line) if isinstance(line, str) else line for line in part or ()]
+            found += [
+                Text(said_short(line, short)) if isinstance(line, str) else line
+                for line in part or ()
+            ]
     return found
 
 

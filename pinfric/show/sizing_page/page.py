@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from html import escape
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,8 +15,10 @@ import numpy as np
 from pinfric import __version__
 from pinfric.errors import PinfricError
 from pinfric.show.figure.panel import svg
-from pinfric.show.report.drives import brake_table, bus_lines, shortfall, turn
-from pinfric.show.report.html import html_of
+from pinfric.show.report.drives import brake_table, bus_lines, bus_table, choice_table, turn
+from pinfric.show.report.html import Marked, html_of, mark
+from pinfric.show.report.names import affixes, left_out, said_short, short_names, without
+from pinfric.show.report.rows import table_of
 from pinfric.show.report.sizing import (
     ROUNDING,
     demand_table,
@@ -21,7 +26,6 @@ from pinfric.show.report.sizing import (
     passes,
     power_table,
     repetition,
-    tightest,
 )
 from pinfric.show.report.tables import Table
 from pinfric.show.report.values import digits, json_for_script
@@ -32,15 +36,22 @@ from pinfric.show.sizing_page.figures import (
     temperature,
     torque_speed,
 )
-from pinfric.study.sizing.assess import Assessment
 from pinfric.study.sizing.criterion import Criterion, Status
 from pinfric.study.sizing.size import JointSizing, SizingReport
-from pinfric.study.sizing.summary import ratio_figures
+from pinfric.study.sizing.summary import (
+    Margins,
+    SizedJoint,
+    SizingSummary,
+    margins,
+    sizing_summary,
+)
 
 #: What stands where there is no figure.
 _NONE = "\N{EN DASH}"
 #: Rejected candidates are listed nearest first; beyond this many only counted.
 _MOST_REJECTED = 100
+#: Margins below are called tight.
+_TIGHT = 0.1
 #: Margins below are of something infinite, or of a limit of nothing.
 _BEYOND = -1e6
 
@@ -54,10 +65,17 @@ def sizing_page(report: SizingReport) -> str:
     Raises:
         PinfricError: the extra `report` (jinja2, plotly) is not installed.
     """
-    environment, plotly = page_parts(), _needed("plotly.offline").get_plotlyjs()
+    environment, plotly = (
+        page_parts(report.scene.actuator_names),
+        _needed("plotly.offline").get_plotlyjs(),
+    )
     environment.filters.update(formula=_formula)
     figures: dict[str, Any] = {}
-    joints = [_joint_view(joint, report, figures, k) for k, joint in enumerate(report.joints)]
+    found = sizing_summary(report)
+    joints = [
+        _joint_view(joint, report, found.joints[k], figures, k)
+        for k, joint in enumerate(report.joints)
+    ]
     title = "Power from the bus"
     bus_picture = "" if report.catalog is None else svg(power_over_time(report), title)
     t = report.result.t
@@ -69,20 +87,22 @@ def sizing_page(report: SizingReport) -> str:
         cycle=report.period,
         samples=len(t),
         joints=joints,
-        matrix=_matrix(report),
+        found=found,
+        choices=None if report.catalog is None else _choices(found),
+        matrix=_matrix(found, short_names(report.scene.actuator_names)),
+        bus_figures=bus_table(report),
         bus=bus_lines(report),
         bus_picture=bus_picture,
         turn=turn(report),
         elastic=elastic_lines(report),
         demand=demand_table(report),
         power=power_table(report),
-        brakes=brake_table(report),
+        brakes=brake_table(found),
         passes=passes(report),
         repetition=repetition(report),
         sources=_sources(report),
         plotly=plotly,
         figures=json_for_script(figures),
-        version=__version__,
         Status=Status,
     )
     return page
@@ -98,10 +118,10 @@ def _needed(module: str) -> Any:
 
 
 def _joint_view(
-    joint: JointSizing, report: SizingReport, figures: dict[str, Any], k: int
+    joint: JointSizing, report: SizingReport, found: SizedJoint, figures: dict[str, Any], k: int
 ) -> dict[str, Any]:
     """What the template shows of one joint; its map of candidates is added to `figures`."""
-    taken, d = joint.taken, joint.demand
+    taken, name = found.taken, found.name
     drawn = [("effort", "Effort at the joint over the cycle", effort_over_time(joint))]
     missing = []
     if joint.motor is not None:
@@ -114,45 +134,96 @@ def _joint_view(
             heat = next(c for c in taken.criteria if c.name == "winding temperature")
             missing.append(("Winding temperature", f"{heat.status}: {heat.note}"))
     pictures = [
-        (f"{kind}-{k}", title, svg(figure, f"{title} of {d.name}")) for kind, title, figure in drawn
+        (f"{kind}-{k}", title, svg(figure, f"{title} of {name}")) for kind, title, figure in drawn
     ]
     if joint.assessments:
         figures[f"trade-{k}"] = mass_against_margin(joint)
         pictures.append((f"trade-{k}", "Candidates: mass against margin", ""))
-    fitting = [a for a in joint.assessments if a.fits and a is not joint.choice]
-    rejected = [a for a in joint.assessments if not a.fits]
     return {
-        "sizing": joint,
-        "demand": d,
-        "taken": taken,
+        "found": found,
         "figures": pictures,
         "missing": missing,
-        "criteria": _criteria(report, k),
-        "smaller": joint.next_smaller,
-        "shortfall": "" if joint.next_smaller is None else shortfall(joint.next_smaller),
-        "tightest": None if taken is None else tightest(taken),
-        "fitting": fitting,
-        "rejected": rejected[:_MOST_REJECTED],
-        "more_rejected": max(len(rejected) - _MOST_REJECTED, 0),
-        "without_masses": _name(joint.choice_without_masses),
-        "frictionless": _name(joint.choice_frictionless),
-        "ratios": None if taken is None else ratio_figures(joint, taken),
+        "criteria": None if taken is None else _criteria(taken.criteria),
+        "units": joint.taken.candidate.units if joint.taken is not None else (),
+        "at_output": joint.taken is not None and joint.taken.candidate.at_output,
+        "fitting": table_of("", found.alternatives),
+        "rejected": table_of("", found.rejected[:_MOST_REJECTED]),
+        "more_rejected": max(len(found.rejected) - _MOST_REJECTED, 0),
     }
 
 
-def _matrix(report: SizingReport) -> list[tuple[str, list[Criterion | None]]]:
-    """(criterion, one entry per joint): the margins of all drives at a glance."""
-    columns = [{c.name: c for c in _criteria(report, k)} for k in range(len(report.joints))]
-    names = dict.fromkeys(name for column in columns for name in column)
-    last = ("inertia", "gear res", "back", "holding")
-    order = sorted(names, key=lambda name: name.startswith(last))
-    return [(name, [column.get(name) for column in columns]) for name in order]
+def _choices(found: SizingSummary) -> Table | None:
+    """The drives, and what they would be without the drives' mass and without friction."""
+
+    def other(choice: str | None, joint: SizedJoint, rms: float) -> str:
+        same = choice is not None and choice == joint.choice
+        return f"{'the same' if same else choice or 'none'}; RMS {_digits(rms)} {joint.unit}"
+
+    cells = {
+        "taken.margin": lambda joint: _margin(joint.taken and joint.taken.margin),
+        "choice_without_masses": lambda joint: other(
+            joint.choice_without_masses, joint, joint.rms_without_masses
+        ),
+        "choice_frictionless": lambda joint: other(
+            joint.choice_frictionless, joint, joint.rms_frictionless
+        ),
+    }
+    return choice_table(found, cells)
 
 
-def _criteria(report: SizingReport, k: int) -> tuple[Criterion, ...]:
-    """All criteria of the drive taken for one joint, and of what holds it without power."""
-    taken = report.joints[k].taken
-    return () if taken is None else (*taken.criteria, *report.standstills[k].criteria)
+def _margin(margin: float | None) -> Marked:
+    """A margin on the ground that says how it ended."""
+    if margin is None:
+        return Marked(_NONE)
+    return mark("bad" if margin < 0 else "tight" if margin < _TIGHT else "ok", _percent(margin))
+
+
+def _ended(c: Criterion) -> Marked:
+    """How a criterion ended, with its margin."""
+    if c.status == Status.NOT_CHECKED:
+        return mark("none", "not checked", c.note)
+    if c.status == Status.NOT_REQUIRED:
+        return mark("free", "free", c.note)
+    return Marked(f'<span title="{escape(c.why)}">{_margin(c.margin)}</span>')
+
+
+def _criteria(criteria: Sequence[Criterion]) -> Table | None:
+    """All criteria of a drive, each with a bar of the used part of its limit."""
+
+    def margin(c: Criterion) -> Marked:
+        if c.status in (Status.NOT_CHECKED, Status.NOT_REQUIRED) or c.margin is None:
+            return _ended(c)
+        used = min(max(100.0 * (1.0 - c.margin), 0.0), 100.0)
+        colour = "red" if c.status == Status.FAILS else "blue"
+        bar = f'<i style="width:{used:.1f}%;background:var(--{colour})"></i>'
+        return Marked(f'{_ended(c)} <span class="bar" title="used part of the limit">{bar}</span>')
+
+    def remarks(c: Criterion) -> Marked:
+        note = f"<br>{escape(c.note)}" if c.note else ""
+        return Marked(f'<span class="quiet">{escape(c.source)}</span>{note}')
+
+    cells: dict[str, Callable[[Criterion], str]] = {
+        "required": lambda c: _digits(c.required),
+        "available": lambda c: _digits(c.available),
+        "margin": margin,
+        "formula": lambda c: Marked(_formula(c.formula)),
+        "source": remarks,
+    }
+    return table_of("Criteria", criteria, cells=cells, without=("status",))
+
+
+def _matrix(found: SizingSummary, short: Mapping[str, str]) -> Table | None:
+    """The margins of all drives at a glance: a row a criterion, a column a joint."""
+
+    def ended(joint: str, row: Margins) -> Marked:
+        return _ended(row.joints[joint]) if joint in row.joints else Marked("·")
+
+    rows = [
+        Margins(row.criterion, {short[name]: c for name, c in row.joints.items()})
+        for row in margins(found)
+    ]
+    cells = {f"joints[{name}]": partial(ended, name) for name in short.values()}
+    return table_of("Margins: the part of each limit that is left", rows, cells=cells)
 
 
 def _sources(report: SizingReport) -> list[str]:
@@ -165,10 +236,11 @@ def _sources(report: SizingReport) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def page_parts(*folders: Path) -> Any:
-    """Return jinja2's environment for a page.
+def page_parts(names: Sequence[str], *folders: Path) -> Any:
+    """Return jinja2's environment for a page, with filters that show values and names.
 
     Args:
+        names: of joints and drives; what all begin and end with is left out, and said once.
         folders: of templates, beside this one with the style.
 
     Raises:
@@ -182,12 +254,28 @@ def page_parts(*folders: Path) -> Any:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters.update(digits=_digits, percent=_percent, table=_table)
+    ends = affixes(names)
+    short = dict(zip(names, without(names, *ends), strict=True))
+    environment.filters.update(
+        digits=_digits,
+        percent=_percent,
+        table=lambda table: _table(table, *ends),
+        short=lambda text: _said(said_short(text, short)),
+    )
+    environment.globals.update(left_out=left_out(*ends), version=__version__)
     return environment
 
 
-def _table(table: Table | None) -> Any:
-    return "" if table is None else import_module("markupsafe").Markup(html_of(table))
+def _table(table: Table | None, front: str, back: str) -> Any:
+    if table is None:
+        return ""
+    return import_module("markupsafe").Markup(html_of(table.without(front, back)))
+
+
+def _said(text: str) -> Any:
+    """Text as HTML, with what stands in `backticks` as code."""
+    markup = import_module("markupsafe")
+    return markup.Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(markup.escape(text))))
 
 
 def _digits(x: float | None) -> str:
@@ -225,7 +313,3 @@ def _formula(text: str) -> Any:
     ):
         html = re.sub(pattern, sign, html)
     return markup.Markup(re.sub(r"(?<=\w)_([A-Za-z0-9,\-]*[A-Za-z0-9])", r"<sub>\1</sub>", html))
-
-
-def _name(assessment: Assessment | None) -> str:
-    return "none" if assessment is None else assessment.candidate.name

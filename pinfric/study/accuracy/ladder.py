@@ -6,12 +6,10 @@ frictionless -> a constant fitted to the same motion -> radial load -> + bending
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import MotionLike, attached_columns
 from pinfric.errors import PinfricError
@@ -19,7 +17,7 @@ from pinfric.model.described import EFFORT, described, quantity
 from pinfric.model.effects import MOTOR_SIDE, effects, switchable, with_effects
 from pinfric.model.scene import Scene
 from pinfric.study.summary import known_rms
-from pinfric.study.timing import interleaved, repeated_times, timed_repeats
+from pinfric.study.timing import TimedMotion
 from pinfric.study.variants import (
     Efforts,
     effort_change,
@@ -29,9 +27,8 @@ from pinfric.study.variants import (
     with_constant_friction,
 )
 
-#: Samples a timing takes at least; a short motion is repeated to that length, unless that takes
-#: longer than so many seconds.
-_TIMED, _PATIENCE = 2000, 0.2
+#: Samples a timing takes at least; a short motion is repeated to that length.
+_TIMED = 2000
 _NAN = float("nan")
 
 
@@ -96,14 +93,15 @@ def ladder(scene: Scene, motion: MotionLike, rounds: int = 5) -> tuple[Rung, ...
         PinfricError: the whole scene has no solution for this motion.
     """
     result = solve(scene, motion)
-    repeats = timed_repeats(lambda: solve(scene, motion), len(motion.t), _TIMED, _PATIENCE)
     steps = _steps(scene, motion, result)
-    timed = {i: _timed(step.scene, motion, repeats) for i, step in enumerate(steps)
-             if step.scene is not None and step.efforts is not None}  # fmt: skip
-    for run in timed.values():
-        run()
-    seconds = interleaved(timed, rounds if repeats else 1)
-    each = 1e6 / (max(repeats, 1) * len(motion.t))
+    states, attached = (motion.q, motion.v, motion.a), attached_columns(scene, motion)
+    timed = TimedMotion(states, motion.t, attached, tuple(scene.payloads)).repeated(scene, _TIMED)
+    scenes = {
+        i: step.scene
+        for i, step in enumerate(steps)
+        if step.scene is not None and step.efforts is not None
+    }
+    times = timed.times(scenes, rounds)
     rungs: list[Rung] = []
     below: Efforts | None = None
     for i, step in enumerate(steps):
@@ -115,7 +113,7 @@ def ladder(scene: Scene, motion: MotionLike, rounds: int = 5) -> tuple[Rung, ...
             (_NAN, _NAN, "") if below is None else effort_change(scene, step.efforts, below, motor)
         )
         distance = _distance(Efforts.of(result), step.efforts)
-        us = seconds[i] * each if i in seconds else _NAN
+        us = float(np.median(times[i])) if i in times else _NAN
         rungs.append(Rung(step.name, True, step.why, us, *change, motor, distance))
         below = step.efforts
     return tuple(rungs)
@@ -154,16 +152,6 @@ def _step(name: str, why: str, scene: Scene, motion: MotionLike) -> _Step:
         return _Step(name, why, scene, Efforts.of(solve(scene, motion)))
     except PinfricError as problem:
         return _Step(name, why, None, None, " ".join(str(problem).split()))
-
-
-def _timed(scene: Scene | None, motion: MotionLike, repeats: int) -> Callable[[], object]:
-    assert scene is not None
-    n = max(repeats, 1)
-    q, v, a = (np.tile(x, (n, 1)) for x in (motion.q, motion.v, motion.a))
-    t = repeated_times(motion.t, n)
-    attached = attached_columns(scene, motion)
-    carried = None if attached is None else np.tile(attached, (n, 1))
-    return lambda: inverse_dynamics(scene, q, v, a, t=t, attached=carried, threads=1)
 
 
 def _distance(whole: Efforts, here: Efforts) -> float:

@@ -14,8 +14,10 @@ import numpy as np
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.dynamics.simulation.motion import Motion
 from pinfric.errors import PinfricError, SceneError
+from pinfric.model.brief import file_name, screen
 from pinfric.model.described import PLACE, described, quantity
 from pinfric.model.scene import Scene
+from pinfric.model.upward import Shown
 from pinfric.study.accuracy.coupled import CoupledRun, coupled
 from pinfric.study.accuracy.ladder import Rung, ladder
 from pinfric.study.accuracy.precision import (
@@ -35,8 +37,19 @@ _SAMPLES = 2001
 
 
 @described
-class Accuracy:
+class Accuracy(Shown):
     """What accuracy costs, of one scene."""
+
+    def __repr__(self) -> str:
+        methods = dict.fromkeys(run.method for run in self.runs)
+        return screen(
+            "Accuracy",
+            f"{file_name(self.scene.source)}: {self.trajectory}",
+            {
+                "simulations": f"{len(self.runs)}, by {', '.join(methods)}" if methods else "",
+                "more": ".runs .sampling .ladder .summary() .plot()",
+            },
+        )
 
     scene: Scene
     trajectory: str = quantity(

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from pathlib import Path
 
 from pinfric.errors import PinfricError
+from pinfric.model.brief import file_name, screen
 from pinfric.model.described import derived, described, quantity
+from pinfric.model.upward import Shown
 
 
 class Severity(IntEnum):
@@ -25,9 +28,11 @@ class Severity(IntEnum):
 class Finding:
     """One thing that a check found."""
 
-    severity: Severity = quantity("how much it matters")
+    severity: Severity = quantity("how much it matters", heading="severity")
     kind: str = quantity("the same word for the same finding at other places, for programs")
-    place: str = quantity('where: "link NAME", "joint NAME", "robot", or a key of the scene')
+    place: str = quantity(
+        'where: "link NAME", "joint NAME", "robot", or a key of the scene', heading="where"
+    )
     found: str = quantity("what stands there")
     why: str = quantity("why that is implausible, or what follows; empty where that is plain")
     if_unit: str = quantity(
@@ -36,7 +41,7 @@ class Finding:
     excess: float = quantity("by what factor it passes what is plausible", default=1.0)
 
     @property
-    @derived()
+    @derived(heading="what")
     def text(self) -> str:
         """The finding as one line, without its place."""
         said = f"{self.found}: {self.why}" if self.why else self.found
@@ -44,7 +49,7 @@ class Finding:
 
 
 @described
-class CheckReport:
+class CheckReport(Shown):
     """All findings on a robot or a scene, what matters most first."""
 
     source: str = quantity("the file")
@@ -53,6 +58,20 @@ class CheckReport:
         "the robot as a whole: links, joints, moving_mass and fixed_mass (kg), reach (m)",
         default_factory=dict,
     )
+    files: tuple[str, ...] = quantity("that were read: the scene, its URDF", default=())
+
+    def __repr__(self) -> str:
+        counts = f"{self.errors} errors, {self.warnings} warnings, {self.notes} notes"
+        return screen(
+            "CheckReport",
+            f"{file_name(self.source)}: {counts}",
+            {
+                "first": f"{self.findings[0].place}: {self.findings[0].text}"
+                if self.findings
+                else "",
+                "more": ".findings .summary() .check()",
+            },
+        )
 
     @property
     @derived()
@@ -73,9 +92,16 @@ class CheckReport:
         return self.count(Severity.NOTE)
 
     @classmethod
-    def of(cls, source: str, findings: Iterable[Finding], figures: dict[str, float]) -> CheckReport:
+    def of(
+        cls,
+        source: str,
+        findings: Iterable[Finding],
+        figures: dict[str, float],
+        files: Iterable[str | Path],
+    ) -> CheckReport:
         """Return the report with its findings sorted."""
-        return cls(source, tuple(sorted(findings, key=lambda f: (-f.severity, -f.excess))), figures)
+        order = tuple(sorted(findings, key=lambda f: (-f.severity, -f.excess)))
+        return cls(source, order, figures, tuple(map(str, files)))
 
     def count(self, severity: Severity) -> int:
         """Return how many findings there are of one severity."""

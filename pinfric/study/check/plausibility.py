@@ -29,6 +29,10 @@ def check(source: str | Path) -> CheckReport:
 
     Raises:
         RobotError, SceneError: it cannot be read at all.
+
+    >>> import pinfric as pf
+    >>> pf.check("pendulum").errors
+    0
     """
     if is_urdf(source):
         path = urdf_file(source)
@@ -51,7 +55,7 @@ def check_urdf(urdf: Path, source: str = "") -> CheckReport:
         RobotError: it cannot be read at all.
     """
     facts = RobotFacts.of(urdf)
-    return CheckReport.of(source or str(urdf), _urdf_findings(facts), _figures(facts))
+    return CheckReport.of(source or str(urdf), _urdf_findings(facts), _figures(facts), [urdf])
 
 
 def is_urdf(source: str | Path) -> bool:
@@ -68,12 +72,13 @@ def is_urdf(source: str | Path) -> bool:
 def _check_scene(scene: Scene, said: list[str]) -> CheckReport:
     """The robot's findings, then the scene's; loading's own questions are not asked twice."""
     findings: list[Finding] = []
-    facts = None
+    facts, files = None, [scene.source]
     if scene.robot is not None:
+        files.append(str(scene.robot.urdf))
         facts = RobotFacts.of(scene.robot.urdf)
         findings += _urdf_findings(facts)
     findings += scene_findings(scene, facts, said)
-    return CheckReport.of(scene.source, findings, {} if facts is None else _figures(facts))
+    return CheckReport.of(scene.source, findings, {} if facts is None else _figures(facts), files)
 
 
 def _urdf_findings(facts: RobotFacts) -> Iterator[Finding]:

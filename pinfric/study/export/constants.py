@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.motor_torques import drive_stick_velocity
 from pinfric.errors import PinfricError
-from pinfric.model.described import EFFORT, INERTIA, SPEED, described, quantity
+from pinfric.model.described import EFFORT, INERTIA, SPEED, described, effort_where, quantity
 from pinfric.study.trajectory.joint_columns import JointColumn
 from pinfric.study.trajectory.log.judged import measured_interval
 
@@ -109,7 +109,7 @@ def _constants(
     missed = (lower - load)[moving] - regressors @ constants
     worst = np.flatnonzero(moving)[np.abs(missed).argmax()] if moving.any() else None
     return JointConstants(
-        joint=column.name, unit="N" if column.unit == "m" else "N m", ratio=drive.ratio,
+        joint=column.name, unit=effort_where(column.unit == "m"), ratio=drive.ratio,
         **dict(zip(TERMS, constants.tolist(), strict=True)),
         moving=int(moving.sum()), apart=apart,
         **_figures(missed, lower[moving]),

@@ -14,7 +14,7 @@ from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.dynamics.samples.states import MotionLike
 from pinfric.errors import PinfricError, choose_from
 from pinfric.model.brief import counted, file_name, listed, screen
-from pinfric.model.described import described, quantity
+from pinfric.model.described import INERTIA, SPEED, described, quantity, unit_at
 from pinfric.model.effects import effects
 from pinfric.model.files import write_file, write_folder
 from pinfric.model.scene import Scene, expect_scene
@@ -290,9 +290,11 @@ def joint_line(joint: JointConstants, form: Format) -> str:
         rest = f"; standing still {joint.rest_lower:.3g} to {joint.rest_upper:.3g} {unit}"
     if not joint.moving:
         return f"{name}: never moves in this motion and has no constants{rest}"
-    turning = unit == "N m"
-    units = {"frictionloss": unit, "damping": "N m s/rad" if turning else "N s/m",
-             "armature": "kg m^2" if turning else "kg"}  # fmt: skip
+    units = {
+        "frictionloss": unit,
+        "damping": unit_at("N m s/rad or N s/m", unit),
+        "armature": unit_at(INERTIA, unit),
+    }
     constants = ", ".join(
         f"{label} {getattr(joint, term):.4g} {units[term]}" for term, label in form.terms.items()
     )
@@ -302,7 +304,7 @@ def joint_line(joint: JointConstants, form: Format) -> str:
     return (
         f"{name}: {constants}; error rms {joint.error_rms:.5g}, peak {joint.error_peak:.5g} {unit} "
         f"(at {at}load {load:.3g} {unit}, {joint.worst_speed:.3g} "
-        f"{'rad/s' if turning else 'm/s'}) of a torque of rms {joint.torque_rms:.4g}, peak "
+        f"{unit_at(SPEED, unit)}) of a torque of rms {joint.torque_rms:.4g}, peak "
         f"{joint.torque_peak:.4g} {unit}, {counted(joint.moving, 'moving sample')}{rest}{doubt}"
     )
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pinfric.model.described import described, quantity
+from pinfric.model.described import SPEED, described, quantity, unit_at
 from pinfric.model.drives import Drive
 from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import Rows
@@ -60,7 +60,7 @@ RESTING = {FALL_FORWARD: FORWARD, FALL_BACKWARD: BACKWARD}
 class Parameter:
     """One coefficient as the scene says it."""
 
-    section: str = quantity("where a scene says it: friction")
+    section: str = quantity("where a scene says it: friction, transmission", heading="section")
     joint: str = quantity("and of which joint: elbow_joint", heading="joint", name=True)
     name: str = quantity("and by which key: coulomb.positive", heading="coefficient")
     unit: str = quantity("of all figures here", heading="unit")
@@ -101,7 +101,7 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
         way = "positive" if name == FALL_FORWARD else "negative"
         return section, f"coulomb.{way}.static", effort
     if name in SPEEDS:
-        speed = "rad/s" if motor or effort == "N m" else "m/s"
+        speed = unit_at(SPEED, "N m" if motor else effort)
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
         unit = f"{'N m' if motor else effort}/({speed}){power}"
         return section, "motor_viscous" if motor else "viscous", unit
@@ -187,7 +187,7 @@ def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
     low, high = (fall.velocity * float(np.exp(np.clip(side * reach, -700.0, 700.0)))
                  for side in (-1, 1))  # fmt: skip
     return Parameter("friction", found.scene.joint_names[joint], "stribeck.velocity",
-                     "rad/s" if effort == "N m" else "m/s", fall.velocity, low, high,
+                     unit_at(SPEED, effort), fall.velocity, low, high,
                      error * fall.velocity, not why, why)  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pinfric.model.described import EFFORT, PLACE, described, quantity
 from pinfric.study.identify.advice import Advice
 from pinfric.study.identify.findings import Findings, HeldOut
+from pinfric.study.identify.laws import PLAIN
 from pinfric.study.identify.parameters import Parameter
 from pinfric.study.identify.rest import RestBound
 from pinfric.study.summary import effort_unit
@@ -49,6 +50,42 @@ class Predicted:
     joint: str = quantity("its name", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
     error: HeldOut = quantity("of that log", heading="*")
+
+
+@described
+class Considered:
+    """A law of friction that was considered for a joint."""
+
+    law: str = quantity("in words", heading="law")
+    coefficients: int = quantity("how many it has", heading="coefficients")
+    unit: str = quantity('of the joint\'s efforts, "N m" or "N"', heading="unit")
+    error: float = quantity("RMS of measured less predicted", EFFORT, "held-out\nerror")
+    of_plain: float = quantity(
+        "the error over that with Coulomb and viscous friction",
+        heading="of Coulomb\n+ viscous",
+        cell="{of_plain:.2f}",
+    )
+
+
+@described
+class LogNoise:
+    """How one joint's positions in a log were read."""
+
+    log: str = quantity("its name", heading="log")
+    rate: float = quantity("of its samples", "Hz", "rate")
+    joint: str = quantity("its name", heading="joint", name=True)
+    noise: float = quantity("of its positions", PLACE, "noise", "{noise:decade}")
+    cutoff: float | None = quantity("low pass; none: not filtered", "Hz", "cutoff")
+
+
+@described
+class MoreKnown:
+    """What further recordings would tell of one coefficient."""
+
+    key: str = quantity("of the coefficient", heading="coefficient")
+    factors: Mapping[str, float] = quantity(
+        "recording -> standard error with it over that of now", heading="{}", cell=":.2f"
+    )
 
 
 @described
@@ -115,3 +152,39 @@ def predicted(found: IdentifySummary) -> list[Predicted]:
         for log, joints in found.unseen.items()
         for name, error in joints.items()
     ]
+
+
+def considered(found: Findings, joint: int) -> list[Considered]:
+    """Return the laws that were considered for a joint, the best first."""
+    errors, unit = found.estimate.choice.errors[joint], effort_unit(found.scene, joint)
+    plain = errors.get(PLAIN, float("nan"))
+    return [
+        Considered(str(law), len(law.slots), unit, error, error / plain)
+        for law, error in sorted(errors.items(), key=lambda entry: entry[1])
+    ]
+
+
+def log_noise(found: Findings) -> list[LogNoise]:
+    """Return how each joint's positions were read, log by log."""
+    return [
+        LogNoise(log.name, 1.0 / log.step, joint, noise, log.reading.cutoff[joint])
+        for log in found.recordings
+        for joint, noise in log.reading.noise.items()
+    ]
+
+
+def more_known(found: Findings, most: int) -> list[MoreKnown]:
+    """Return what further recordings would tell of the coefficients that are known worst.
+
+    Args:
+        found: of `identify`.
+        most: so many coefficients at most.
+    """
+
+    def vagueness(parameter: Parameter) -> float:
+        return -parameter.standard_error / max(abs(parameter.value), 1e-300)
+
+    keys = [
+        p.key for p in sorted(found.parameters, key=vagueness) if p.key in found.advice[0].factors
+    ]
+    return [MoreKnown(k, {one.name: one.factors[k] for one in found.advice}) for k in keys[:most]]

@@ -21,7 +21,7 @@ from pinfric.study.retime.profile import Profile, columns_to_velocities
 from pinfric.study.retime.scan import MOVING, WORST, Scan, box_scan, fastest
 from pinfric.study.retime.tables import Grid, Tables, carried_names
 from pinfric.study.sizing.criteria import instant_limits
-from pinfric.study.summary import effort_unit, ends_by_magnitude, rests
+from pinfric.study.summary import effort_unit, ends_by_magnitude, motor_unit, rests
 from pinfric.study.trajectory.joint_columns import JointColumn, configurations
 
 
@@ -204,7 +204,7 @@ class Problem:
             need, have, of = max(map(abs, efforts)), x.least("effort"), unit
         else:
             need, have = max(map(abs, torques)), min(x.least("motor torque"), x.stall_torque)
-            of = f"{'N m' if self.scene.drives[d].transmission else unit} of its motor"
+            of = f"{motor_unit(self.scene, d)} of its motor"
         return f"{name!r} cannot {what}: needs {need:.4g} {of}, has {have:.4g}"
 
 

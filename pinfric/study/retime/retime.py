@@ -211,6 +211,13 @@ def retime(
     Warns:
         PinfricWarning: smoothing exceeds a limit; a drive of the catalogue does not meet what
             `size` asks of it for this motion.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> found = pf.retime(scene, motion, {"joint_1": {"effort": 20.0, "velocity": 2.0}})
+    >>> round(found.duration, 2)
+    2.29
     """
     expect_scene(scene, "retime")
     _check_scene(scene)

@@ -25,7 +25,7 @@ from pinfric.dynamics.forward.holds import holds
 from pinfric.dynamics.inverse.inverse import inverse_dynamics
 from pinfric.dynamics.inverse.result import InverseResult
 from pinfric.errors import PinfricError
-from pinfric.model.described import EFFORT, described, quantity
+from pinfric.model.described import EFFORT, derived, described, quantity
 from pinfric.study.sizing.catalog import Brake, Conditions
 from pinfric.study.sizing.criterion import Criterion, Status, compare
 from pinfric.study.sizing.demand import largest
@@ -67,8 +67,21 @@ class Standstill:
     )
     held: bool | None = quantity("friction alone holds it there; none: not known")
     time: float = quantity("when the cycle is there", "s")
-    brake: str | None = quantity("smallest of the catalogue that bears `shaft`, if any")
+    brake: str | None = quantity(
+        "smallest of the catalogue that bears `shaft`, if any", heading="smallest brake"
+    )
     criteria: tuple[Criterion, ...]
+
+    @property
+    def torque(self) -> Criterion:
+        """The brake's torque against the load."""
+        return self.criteria[1]
+
+    @property
+    @derived(heading="margin", cell="{margin:%}")
+    def margin(self) -> float | None:
+        """What the brake has left of its torque; none: not known, or none is needed."""
+        return self.torque.margin
 
 
 def standstills(

@@ -33,14 +33,14 @@ class Criterion:
 
     name: str = quantity("what is checked", heading="criterion")
     status: Status = quantity("how it ended", heading="status")
-    required: float | None = quantity("in `unit`; none where not known", heading="needs")
-    available: float | None = quantity("in `unit`; none where not known", heading="has")
-    unit: str = quantity("of both")
+    required: float | None = quantity("none where not known", "in unit", "needs")
+    available: float | None = quantity("none where not known", "in unit", "has")
+    unit: str = quantity("of both", heading="unit")
     margin: float | None = quantity(
         "1 - required/available, none where not checked", heading="margin", cell="{margin:%}"
     )
-    formula: str = quantity("what was computed")
-    source: str = quantity("of the rule")
+    formula: str = quantity("what was computed", heading="formula")
+    source: str = quantity("of the rule", heading="source and remarks")
     note: str = quantity("of this case; what is missing", default="")
 
     @property

@@ -34,14 +34,14 @@ class BusPower:
     known: int = quantity("drives with a motor")
     left_out: tuple[str, ...] = quantity("drives without motor")
     mechanical: tuple[str, ...] = quantity("drives whose copper loss is not known")
-    peak: float = quantity("greatest power into the drives", "W")
-    braking: float = quantity("greatest power out of them", "W")
-    drawn: float = quantity("energy into them over a period", "J")
-    returned: float = quantity("energy out of them over a period", "J")
-    mean: float = quantity("power over the period", "W")
-    burst: float = quantity("the most that flows back without a break", "J")
-    current: float = quantity("greatest P/U", "A")
-    rms_current: float = quantity("root mean square of P/U", "A")
+    peak: float = quantity("greatest power into the drives", "W", "peak")
+    braking: float = quantity("greatest power out of them", "W", "braking")
+    drawn: float = quantity("energy into them over a period", "J", "drawn")
+    returned: float = quantity("energy out of them over a period", "J", "fed back")
+    mean: float = quantity("power over the period", "W", "mean")
+    burst: float = quantity("the most that flows back without a break", "J", "in one\ngo")
+    current: float = quantity("greatest P/U", "A", "peak\ncurrent")
+    rms_current: float = quantity("root mean square of P/U", "A", "RMS\ncurrent")
     resistor: float | None = quantity(
         "at most, to take the greatest braking power at the highest voltage; none where nothing "
         "flows back",

@@ -300,6 +300,12 @@ def size(
 
     Warns:
         PinfricWarning: no candidate fits a joint, and by how much the nearest misses.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> round(pf.size(scene, motion).joints[0].demand.peak, 2)
+    5.36
     """
     expect_scene(scene, "size")
     if isinstance(catalog, str | Path):

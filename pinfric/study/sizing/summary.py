@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ from pinfric.study.sizing.power import BusPower
 from pinfric.study.sizing.rules import load_factor, optimum_ratio
 from pinfric.study.sizing.size import JointSizing, SizingReport
 from pinfric.study.summary import ends_by_magnitude
+
+#: Criteria that are named of a drive that misses several.
+_MOST_MISSES = 3
 
 
 @described
@@ -41,6 +45,27 @@ class Rejection:
 
 
 @described
+class NextSmaller(Rejection):
+    """Of the drives lighter than the chosen one the one that misses by least."""
+
+    name: str = quantity("motor and gear", heading="next smaller")
+    why: str = quantity("what it misses, and by how much")
+    mass: float | None = quantity("none: not known", "kg", "mass")
+    short_by: str = quantity(
+        "the criteria that it misses worst, each with what is short",
+        heading="would fit,\nbut is short by",
+    )
+
+
+@described
+class Margins:
+    """One criterion of all joints."""
+
+    criterion: str = quantity("its name", heading="criterion")
+    joints: Mapping[str, Criterion] = quantity("joint -> how it ended", heading="{}")
+
+
+@described
 class RatioFigures:
     """How good a drive's ratio is."""
 
@@ -56,10 +81,15 @@ class Taken(RatioFigures):
     """The drive whose mass is in the model: the choice; where nothing fits, the nearest miss."""
 
     judged: str = quantity("its name")
-    mass: float | None = quantity("none: not known", "kg")
+    mass: float | None = quantity("none: not known", "kg", "mass")
     ratio: float = quantity("motor turns per joint turn", "1 or rad/m")
-    not_checked: int = quantity("criteria without a figure")
-    margin: float = quantity("the least of all criteria")
+    margin: float = quantity(
+        "the least of all criteria", heading="least\nmargin", cell="{margin:%}"
+    )
+    tightest: str | None = quantity(
+        "the criterion that says how tight it is; none was compared", heading="tightest\ncriterion"
+    )
+    not_checked: int = quantity("criteria without a figure", heading="not\nchecked")
     margins: dict[str, float | None] = quantity("criterion -> part of the limit that is left")
     criteria: tuple[Criterion, ...] = quantity("of the drive, and of what holds it without power")
     motor: MotorFigures | None = quantity("what the cycle asks of the motor")
@@ -73,19 +103,32 @@ class SizedJoint(JointDemand):
     """What one joint demands, and its drive."""
 
     peak_without_masses: float = quantity("`peak` without the drives' own masses", EFFORT)
-    rms_without_masses: float = quantity("`rms` without the drives' own masses", EFFORT)
+    rms_without_masses: float = quantity(
+        "`rms` without the drives' own masses", EFFORT, "worst\nwithout\nthat mass"
+    )
     load_inertia: float | None = quantity(
         "largest about the joint over the cycle; none where closed loops couple the joints", INERTIA
     )
-    choice: str | None = quantity("the lightest drive that fits; none: none does")
-    choice_without_masses: str | None = quantity("what it would be if drives had no mass")
-    choice_frictionless: str | None = quantity("what it would be if joints had no friction")
-    taken: Taken | None = quantity("the drive in the model; none: nothing to choose from")
-    standstill: Standstill = quantity("what keeps it in place without power")
+    choice: str | None = quantity(
+        "the lightest drive that fits; none: none does", heading="lightest that fits"
+    )
+    taken: Taken | None = quantity(
+        "the drive in the model; none: nothing to choose from", heading="*"
+    )
+    fit: str = quantity("how many drives fit, of all", heading="fit")
+    choice_without_masses: str | None = quantity(
+        "what it would be if drives had no mass", heading="without the\ndrives' mass"
+    )
+    choice_frictionless: str | None = quantity(
+        "what it would be if joints had no friction", heading="without\nfriction"
+    )
+    standstill: Standstill = quantity("what keeps it in place without power", heading="*")
     alternatives: tuple[Candidacy, ...] = quantity("other drives that fit")
     rejected: tuple[Rejection, ...] = quantity("drives that do not")
     nearest_miss: str | None = quantity("where none fits: by how much the nearest misses")
-    next_smaller: Rejection | None = quantity("of the lighter drives the one that misses by least")
+    next_smaller: NextSmaller | None = quantity(
+        "of the lighter drives the one that misses by least", heading="*"
+    )
 
 
 @described
@@ -167,6 +210,7 @@ def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
         rms_without_masses=joint.demand_without_masses.rms,
         load_inertia=joint.load_inertia,
         choice=_name(joint.choice),
+        fit=f"{sum(a.fits for a in joint.assessments)} of {len(joint.assessments)}",
         choice_without_masses=_name(joint.choice_without_masses),
         choice_frictionless=_name(joint.choice_frictionless),
         taken=None if joint.taken is None else _taken(joint, joint.taken, still),
@@ -178,12 +222,34 @@ def sized_joint(joint: JointSizing, still: Standstill) -> SizedJoint:
         ),
         rejected=tuple(Rejection(a.candidate.name, a.why) for a in joint.assessments if not a.fits),
         nearest_miss=joint.miss or None,
-        next_smaller=None if smaller is None else Rejection(smaller.candidate.name, smaller.why),
+        next_smaller=None if smaller is None else _next_smaller(smaller),
     )
+
+
+def _next_smaller(smaller: Assessment) -> NextSmaller:
+    failed, candidate = smaller.failed, smaller.candidate
+    parts = [f"{c.name}: {c.shortfall}" for c in failed[:_MOST_MISSES]]
+    parts += [f"{len(failed) - _MOST_MISSES} more"] * (len(failed) > _MOST_MISSES)
+    return NextSmaller(candidate.name, smaller.why, candidate.mass, "; ".join(parts))
+
+
+def margins(found: SizingSummary) -> list[Margins]:
+    """Return the criteria of all joints' drives, a row each: what moves first, what holds last."""
+    columns = {
+        joint.name: {} if joint.taken is None else {c.name: c for c in joint.taken.criteria}
+        for joint in found.joints
+    }
+    names = dict.fromkeys(name for column in columns.values() for name in column)
+    last = ("inertia", "gear res", "back", "holding")
+    return [
+        Margins(name, {joint: own[name] for joint, own in columns.items() if name in own})
+        for name in sorted(names, key=lambda name: name.startswith(last))
+    ]
 
 
 def _taken(joint: JointSizing, taken: Assessment, still: Standstill) -> Taken:
     candidate, criteria = taken.candidate, (*taken.criteria, *still.criteria)
+    compared = sorted((c for c in taken.criteria if c.scaled), key=lambda c: c.margin or 0.0)
     return Taken(
         **vars(ratio_figures(joint, taken)),
         judged=candidate.name,
@@ -191,6 +257,7 @@ def _taken(joint: JointSizing, taken: Assessment, still: Standstill) -> Taken:
         ratio=candidate.ratio,
         not_checked=len(taken.not_checked),
         margin=taken.margin,
+        tightest=next((c.name for c in compared), None),
         margins={c.name: c.margin for c in criteria},
         criteria=criteria,
         motor=taken.motor,

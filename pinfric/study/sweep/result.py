@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: 95 % of a normal distribution lies within so many standard deviations.
 _Z95 = 1.959963984540054
+#: Shares of the variance below it are not worth a name.
+_LEAST_SHARE = 0.01
 #: Of the bootstrap behind the intervals of Sobol's shares.
 _RESAMPLES = 200
 
@@ -67,7 +69,8 @@ class SweepResult(Shown):
         scene, trajectory, sweep: their names.
         sampling: random, sobol or grid. seed: of the samples.
         parameter_names: (np,) the columns of `values`.
-        actuator_names, units: (na,) the drives, and of their efforts N m or N.
+        actuator_names, units, motor_units: (na,) the drives, and what their efforts are in, at the
+            joint and at the motor's shaft: N m or N.
         values: (n, np) what each sample's parameters were.
         figures: (n, na, number of figures); NaN where a sample has no solution.
         unsolved: (n,) at how many instants of the cycle there was none.
@@ -88,6 +91,7 @@ class SweepResult(Shown):
     parameter_names: tuple[str, ...]
     actuator_names: tuple[str, ...]
     units: tuple[str, ...]
+    motor_units: tuple[str, ...]
     values: np.ndarray
     figures: np.ndarray
     unsolved: np.ndarray
@@ -145,6 +149,34 @@ class SweepResult(Shown):
         """
         there = self.figure(name)[self.solved]
         return np.asarray(np.percentile(there, self.percentiles, axis=0))
+
+    @property
+    def rated(self) -> tuple[str, str]:
+        """Names of the peak and the RMS that motors are rated by: at their shafts, if gears are."""
+        there = (self.figure("peak") != self.figure("motor_peak"))[self.solved]
+        return ("motor_peak", "motor_rms") if there.any() else ("peak", "rms")
+
+    def influences(self, name: str) -> np.ndarray:
+        """Return how each parameter moves a figure, (np, na).
+
+        Its share of the variance, interactions included, where there are shares (`has_shares`),
+        else its rank correlation.
+        """
+        shares = self.sobol(name) if self.has_shares else None
+        if shares is None:
+            return self.rank_correlation(name)
+        return np.column_stack([drive.total for drive in shares])
+
+    def strongest(self, influences: np.ndarray, most: int) -> list[int]:
+        """Return the parameters that move one drive's figure most, the noise left out.
+
+        Args:
+            influences: (np,) on that drive.
+            most: how many at most.
+        """
+        least = _LEAST_SHARE if self.has_shares else self.correlation_noise
+        order = np.argsort(-np.nan_to_num(np.abs(influences), nan=-1.0), kind="stable")
+        return [int(j) for j in order[:most] if abs(influences[j]) > least]
 
     def elastic_quantiles(self) -> dict[str, np.ndarray]:
         """Return the percentiles of the elastic figures that are known, by name."""

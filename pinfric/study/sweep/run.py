@@ -20,7 +20,7 @@ import numpy as np
 from pinfric import __version__
 from pinfric.errors import PinfricWarning, SweepError
 from pinfric.model.scene import Scene, expect_scene
-from pinfric.study.summary import effort_unit
+from pinfric.study.summary import effort_unit, motor_unit
 from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, Block, Study, compute
 from pinfric.study.sweep.file import SweepFile, load_sweep
 from pinfric.study.sweep.motors import motors_on_trial
@@ -77,6 +77,15 @@ def sweep(
 
     Warns:
         PinfricWarning: samples without a solution; speeds beyond the robot's limits.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> speed = {"uniform": {"low": 0.9, "high": 1.1}}
+    >>> varied = {"pinfric_sweep": 1, "samples": 100, "parameters": {"speed": speed}}
+    >>> found = pf.sweep(scene, motion, varied, processes=1)
+    >>> found.quantiles("peak").round(1).ravel().tolist()
+    [4.5, 5.5, 6.3, 6.4]
     """
     _check_given(scene, processes, scheduler)
     entries, source = load_sweep(sweep)
@@ -95,6 +104,7 @@ def sweep(
         sampling=entries.sampling, seed=entries.seed,
         parameter_names=tuple(t.name for t in targets), actuator_names=scene.actuator_names,
         units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
+        motor_units=tuple(motor_unit(equipped, i) for i in range(len(scene.drives))),
         values=values, figures=run.figures, unsolved=run.unsolved, problems=tuple(run.problems),
         trials=trials, percentiles=entries.percentiles, processes=used, resumed=run.resumed,
         notes=_notes(equipped, trajectory, targets, values, run), elastic=run.elastic,

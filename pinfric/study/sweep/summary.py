@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from pinfric.model.described import EFFORT, SPEED, described, quantity
+from pinfric.model.described import EFFORT, MOTOR, SPEED, described, quantity
 from pinfric.study.sweep.cycle import DEMANDS
 from pinfric.study.sweep.motors import Trial
 from pinfric.study.sweep.result import Probability, SweepResult
@@ -39,7 +39,9 @@ class SobolShare:
 class Spread:
     """How one figure of a drive spreads over the samples."""
 
-    percentiles: Mapping[str, float] = quantity("percentile -> value, in the figure's unit")
+    percentiles: Mapping[str, float] = quantity(
+        "percentile -> value, in the figure's unit", heading="{} %"
+    )
     rank_correlation: Mapping[str, float] = quantity("parameter -> Spearman's, with the figure")
     sobol: Mapping[str, SobolShare] | None = quantity("parameter -> share; none: other designs")
 
@@ -50,10 +52,11 @@ class DriveSpread:
 
     name: str = quantity("the drive's", heading="joint", name=True)
     unit: str = quantity('of its efforts, "N m" or "N"', heading="unit")
-    peak: Spread = quantity("largest effort", EFFORT)
-    rms: Spread = quantity("RMS of the worst effort", EFFORT)
-    motor_peak: Spread = quantity("largest torque at the motor's shaft")
-    motor_rms: Spread = quantity("RMS at the motor's shaft")
+    peak: Spread = quantity("largest effort", EFFORT, "peak *")
+    rms: Spread = quantity("RMS of the worst effort", EFFORT, "RMS *")
+    motor_unit: str = quantity("at the motor's shaft; of an ideal drive, `unit`", heading="unit")
+    motor_peak: Spread = quantity("largest torque at the motor's shaft", MOTOR, "peak *")
+    motor_rms: Spread = quantity("RMS at the motor's shaft", MOTOR, "RMS *")
     speed: Spread = quantity("largest |v|", SPEED)
 
 
@@ -114,8 +117,13 @@ def sweep_summary(result: SweepResult) -> SweepSummary:
             for name, column in zip(result.parameter_names, result.values.T, strict=True)
         ),
         joints=tuple(
-            DriveSpread(name, unit, *(spreads[figure][i] for figure in DEMANDS))
-            for i, (name, unit) in enumerate(zip(result.actuator_names, result.units, strict=True))
+            DriveSpread(
+                name=result.actuator_names[i],
+                unit=result.units[i],
+                motor_unit=result.motor_units[i],
+                **{figure: spreads[figure][i] for figure in DEMANDS},
+            )
+            for i in range(len(result.actuator_names))
         ),
         correlation_noise=result.correlation_noise,
         motors=tuple(_on_trial(result, trial) for trial in trials),

@@ -282,6 +282,12 @@ def load_trajectory(
     Raises:
         TrajectoryError: everything wrong with the file, in one message. Velocities beyond the
             model's limits are not an error: they stand in `warnings`.
+
+    >>> import pinfric as pf
+    >>> scene = pf.load_scene("pendulum")
+    >>> motion = pf.load_trajectory("pendulum", scene)
+    >>> len(motion.t), motion.duration
+    (2801, 2.8)
     """
     if not (hasattr(scene, "model") and hasattr(scene, "payloads")):
         expect_scene(scene, "load_trajectory")

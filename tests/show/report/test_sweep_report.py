@@ -43,7 +43,7 @@ def test_tables_fit_in_80_columns_and_name_every_joint(panda, capsys, monkeypatc
     assert tables[2].split()[1:3] == ["box.mass", "+1.00"]  # it alone moves joint 2
     share = panda.probability(panda.sufficing()).value
     assert f"{100 * share:.1f} %" in next(line for line in lines if "all motors suffice" in line)
-    assert any("panda_joint2: motor speed not checked" in line for line in lines)
+    assert any("joint2: motor speed not checked" in line for line in lines)
 
 
 def test_json_holds_percentiles_correlations_and_odds(panda):
@@ -118,9 +118,9 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     met = result.trials[0].met(result.figures)["gear repeated peak torque"]
     assert 0 < met.sum() < 20
     assert f"{100 * (1 - met.mean()):.1f} %" in text.split("motors on trial")[1]
-    assert "panda_joint2: speed-torque line, winding temperature" in text
-    assert "panda_joint4: ratings alone, the peak times 1.2" in text
-    assert "masses of drives, on their joints' parent links: panda_joint2 1.23 kg" in text
+    assert "joint2: speed-torque line, winding temperature" in text
+    assert "joint4: ratings alone, the peak times 1.2" in text
+    assert "masses of drives, on their joints' parent links: joint2 1.23 kg" in text
     sweep_figure(result).draw_without_rendering()
     content = json.loads(as_text(in_json(sweep_summary(result))))["motors"]
     assert content[0]["criteria"]["gear repeated peak torque"]["value"] == met.mean()

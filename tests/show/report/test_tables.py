@@ -14,9 +14,9 @@ from rich.console import Console
 import pinfric as pf
 from pinfric.model.described import in_json
 from pinfric.show.report.inverse import inverse_report
-from pinfric.show.report.names import affixes, least_room, shortened
-from pinfric.show.report.sizing import beside, sizing_report
-from pinfric.show.report.tables import Column, Kind, Table
+from pinfric.show.report.names import affixes, least_room, said_short, short_names, shortened
+from pinfric.show.report.sizing import ROUNDING, sizing_report
+from pinfric.show.report.tables import Column, Kind, Table, paragraphs
 from pinfric.show.report.values import digits, span
 from pinfric.study.inverse_summary import inverse_summary
 from pinfric.study.sizing.summary import sizing_summary
@@ -152,6 +152,11 @@ def test_sizing_clips_no_number_at_any_width(sized, width):
         ]  # fmt: skip
 
 
+def beside(x, scale):
+    """A figure as the table of demands shows it: what vanishes beside the joint's peak is 0."""
+    return digits(x, zero=max(ROUNDING, 1e-4 * scale))
+
+
 def between(least, worst, scale):
     """Two ends as a table shows them, once where they print alike."""
     ends = dict.fromkeys([beside(least, scale), beside(worst, scale)])
@@ -198,6 +203,7 @@ def test_affixes_end_at_separators_and_leave_something():
     assert affixes(["panda_joint1", "panda_joint2"]) == ("panda_", "")
     assert affixes(["arm_1_joint", "head_joint"]) == ("", "_joint")
     assert affixes(["ns/arm/q.pos", "ns/leg/q.pos"]) == ("ns/", "/q.pos")
+    assert affixes(["arm_1_joint", "arm_2_joint"]) == ("", "_joint")  # "1" says too little
     assert affixes(["a_joint", "a_joint"]) == ("", "")
     assert affixes(["left", "lever"]) == ("", "")
     assert affixes(["abc_", "abc_d"]) == ("", "")
@@ -230,3 +236,19 @@ def test_width_is_the_terminals_of_a_pipe_eighty_and_columns_beats_both(monkeypa
     monkeypatch.setenv("COLUMNS", "60")
     show([wide])
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 60
+
+
+def test_sentences_name_joints_as_tables_do_but_not_in_keys_files_and_quotes():
+    short = short_names(["panda_joint1", "panda_joint10"])
+    line = "panda_joint10, panda_joint1: mu.panda_joint1 of 'panda_joint1' in panda_joint1.csv."
+    said = "joint10, joint1: mu.panda_joint1 of 'panda_joint1' in panda_joint1.csv."
+    assert said_short(line, short) == said
+    assert said_short(line, {}) == line
+    assert said_short("at (panda_joint1).", short) == "at (joint1)."
+
+
+def test_a_report_says_names_in_lines_as_in_its_tables():
+    table = Table("", (Column("joint", Kind.NAME),), [("panda_a",), ("panda_b",)])
+    console = Console(file=io.StringIO(), width=80)
+    console.print(*paragraphs(table, ["panda_a sticks"]), sep="\n")
+    assert console.file.getvalue().splitlines()[-1] == "a sticks"

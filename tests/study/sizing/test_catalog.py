@@ -88,7 +88,7 @@ def test_bearing_gives_a_scene_its_levers():
         ({"motors": {"M": {**MOTOR, "mass": "0.6 kg"}}}, ["should be a number", "0.6 kg"]),
         ({"motors": {"M": {**MOTOR, "peak_torque": 0.2}}}, ["motors.M", "swapped"]),
         ({"motors": {"M": {**MOTOR, "stall_torque": 3.0}}}, ["need `nominal_voltage`"]),
-        ({"gears": {"G": {**GEAR, "efficiency": 80}}}, ["gears.G.efficiency", "less than or"]),
+        ({"gears": {"G": {**GEAR, "efficiency": 80}}}, ["gears.G.efficiency", "at most 1"]),
         ({"gears": {"G": {**GEAR, "ratio": 0}}}, ["gears.G.ratio"]),
         ({"gears": {"G": {**GEAR, "no_load_running_torque": 5.0}}}, ["more than the whole loss"]),
         ({"gears": {"G": {**GEAR, "stand_ins": {"colour": "H"}}}}, ["stand_ins", "colour"]),
@@ -110,7 +110,7 @@ def test_format_version_and_file_are_needed(tmp_path):
     (tmp_path / "a.yaml").write_text("motors: {}\n")
     with pytest.raises(CatalogError, match="`pinfric_catalog` is missing"):
         pf.load_catalog(tmp_path / "a.yaml")
-    with pytest.raises(CatalogError, match="cannot be read"):
+    with pytest.raises(CatalogError, match=r"there is no file .*none\.yaml"):
         pf.load_catalog(tmp_path / "none.yaml")
     with pytest.raises(CatalogError, match="did you mean 'default'"):
         pf.load_catalog("defualt")

@@ -18,7 +18,7 @@ from pydantic import Field
 from pinfric.dynamics.inverse.result import ACTUATOR_QUANTITIES, SITE_QUANTITIES
 from pinfric.dynamics.simulation.motion import SITE_ARRAYS
 from pinfric.errors import TrajectoryError, choose_from
-from pinfric.model.entry import Entry, Number, key, parse
+from pinfric.model.entry import Entry, Forms, Number, key, parse
 from pinfric.model.yamlfile import brief, cut, read_yaml
 from pinfric.study.trajectory.joint_columns import JointColumn, listing
 
@@ -98,11 +98,12 @@ class ColumnsFile(Entry):
     """A mapping file: time, and per joint a column's name or more."""
 
     time: Annotated[
-        str | TimeMapping | None, key("its column", {"column": "stamp", "unit": "us"})
+        Annotated[str | TimeMapping, Forms(str, TimeMapping)] | None,
+        key("its column", {"column": "stamp", "unit": "us"}),
     ] = None
     unit: Annotated[Literal["rad", "deg"] | None, key("of all logged angles", "deg")] = None
     joints: Annotated[
-        dict[str, str | JointMapping],
+        dict[str, Annotated[str | JointMapping, Forms(str, JointMapping)]],
         key(
             "by joint, its position's column or more",
             {"elbow": {"position": "J3", "unit": "deg", "sign": -1}, "wrist": "J4"},
