@@ -134,8 +134,9 @@ class Estimate:
     @cached_property
     def known(self) -> tuple[int, ...]:
         """The joints of which the logs say something: they slid, and the model explains them."""
-        return tuple(j for j, own in enumerate(self.rows)
-                     if own.effort.size and j not in self.unexplained)  # fmt: skip
+        return tuple(
+            j for j, own in enumerate(self.rows) if own.effort.size and j not in self.unexplained
+        )
 
 
 def estimate(question: Question, progress: Callable[[int, int], object]) -> Estimate:
@@ -156,6 +157,7 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         progress(len(prepared), steps)
     _check_slides(question, prepared)
     found = _first_pass(question, prepared)
+    del prepared  # which fill much of the memory
     for number in (2, 1):
         progress(steps - number, steps)
         found = _next_pass(found)
@@ -173,8 +175,10 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
 
 def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
     """Refuse logs in which next to nothing slides: blocks are the samples of all that follows."""
-    held = [np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
-            for one in prepared]  # fmt: skip
+    held = [
+        np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
+        for one in prepared
+    ]
     if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
         names = ", ".join(one.name for one in question.recordings)
         raise IdentificationError(
@@ -193,8 +197,12 @@ def _trusted(found: Estimate) -> Estimate:
     laws = [(found.question.laws.get(name, PLAIN),) for name in found.scene.joint_names]
     simple = replace(found, choice=Choice(tuple(law for (law,) in laws), found.choice.errors))
     simple = _fitted(found.question, found.prepared, found.delay, laws, simple)
-    return replace(simple, errors=nested_errors(simple.problem, simple.rows), distrusted=True,
-                   choice=replace(simple.choice, errors=found.choice.errors))  # fmt: skip
+    return replace(
+        simple,
+        errors=nested_errors(simple.problem, simple.rows),
+        distrusted=True,
+        choice=replace(simple.choice, errors=found.choice.errors),
+    )
 
 
 def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
@@ -222,8 +230,9 @@ def _fall(found: Estimate, joint: int) -> Fall | None:
     if mine is not None and not mine.stribeck:
         return None
     beside = {SLOT[INERTIA], *law.slots} - {SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]}
-    return find_fall(found.prepared, joint, found.rows[joint], found.row_weights[joint],
-                     sorted(beside))  # fmt: skip
+    return find_fall(
+        found.prepared, joint, found.rows[joint], found.row_weights[joint], sorted(beside)
+    )
 
 
 def _fitted(
@@ -259,8 +268,13 @@ def _fitted(
     slots = problem.slots(choice.laws)
     fit = consistent_fit(normal, prior, Reduced(normal, prior).fit(slots), slots)
     if not _scale_is_known(question, prepared) and (ends := _at_an_end(problem, choice, fit)):
-        choice = replace(choice, laws=tuple(replace(law, both_ways=True) if j in ends else law
-                                            for j, law in enumerate(choice.laws)))  # fmt: skip
+        choice = replace(
+            choice,
+            laws=tuple(
+                replace(law, both_ways=True) if j in ends else law
+                for j, law in enumerate(choice.laws)
+            ),
+        )
         slots = problem.slots(choice.laws)
         fit = consistent_fit(normal, prior, Reduced(normal, prior).fit(slots), slots)
     for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
@@ -278,8 +292,7 @@ def _delay(found: Estimate) -> Delay:
     slots = found.problem.slots(found.choice.laws)
     # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
     prior = urdf_prior(found.question.scene.model, kept=False)
-    return common_delay([log_delay(one, slots, prior, found.delay.value)
-                         for one in found.prepared])  # fmt: skip
+    return common_delay([log_delay(one, slots, prior, found.delay.value) for one in found.prepared])
 
 
 def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
@@ -297,8 +310,11 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     falls = found.falls[joint] is not None if found.falls else False
     laws = candidates(bearing, found.question.motor and _shows_gear(found, joint), both, falls)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
-        laws = tuple(law for law in laws if not law.stribeck
-                     and (not law.load or law.side == "motor" != law.load))  # fmt: skip
+        laws = tuple(
+            law
+            for law in laws
+            if not law.stribeck and (not law.load or law.side == "motor" != law.load)
+        )
     return laws
 
 
@@ -328,7 +344,8 @@ def scale_is_known(found: Estimate) -> bool:
 
 def _scale_is_known(question: Question, prepared: Sequence[Prepared]) -> bool:
     return question.keep_inertias or any(
-        one.recording.trajectory.attached.any() for one in prepared)  # fmt: skip
+        one.recording.trajectory.attached.any() for one in prepared
+    )
 
 
 def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
@@ -337,11 +354,15 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
     With all masses free the two follow the masses' scale (`scale_is_known`). One that is zero is
     the end of that scale, not a finding: the joint's other coefficients would follow it.
     """
-    return [j for j, law in enumerate(choice.laws)
-            if law.load == "gear" and replace(law, both_ways=True) in problem.laws[j]
-            and not law.both_ways
-            and min(fit.slots[j, SLOT[f"gear {way}, {law.side} side"]]
-                    for way in ("driving", "driven")) <= 0.0]  # fmt: skip
+    return [
+        j
+        for j, law in enumerate(choice.laws)
+        if law.load == "gear"
+        and replace(law, both_ways=True) in problem.laws[j]
+        and not law.both_ways
+        and min(fit.slots[j, SLOT[f"gear {way}, {law.side} side"]] for way in ("driving", "driven"))
+        <= 0.0
+    ]
 
 
 def reloaded(found: Estimate, one: Prepared) -> Prepared:
@@ -350,12 +371,12 @@ def reloaded(found: Estimate, one: Prepared) -> Prepared:
     inner = np.zeros_like(v)
     for j, values in enumerate(found.fit.slots):
         sign = np.sign(v[:, j])
-        inner[:, j] = (values[SLOT[FORWARD]] * (sign > 0.0)
-                       - values[SLOT[BACKWARD]] * (sign < 0.0))  # fmt: skip
+        inner[:, j] = values[SLOT[FORWARD]] * (sign > 0.0) - values[SLOT[BACKWARD]] * (sign < 0.0)
         for name, p in SPEEDS.items():
             inner[:, j] += values[SLOT[name]] * sign * np.abs(v[:, j]) ** p
         if found.falls and (fall := found.falls[j]) is not None:
             inner[:, j] += falling(v[:, j], fall.velocity) * (
                 values[SLOT[FALL_FORWARD]] * (sign > 0.0)
-                - values[SLOT[FALL_BACKWARD]] * (sign < 0.0))  # fmt: skip
+                - values[SLOT[FALL_BACKWARD]] * (sign < 0.0)
+            )
     return with_falls(with_loads(one, found.scene, inner), found.falls)

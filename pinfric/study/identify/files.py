@@ -138,7 +138,7 @@ def _heading(found: Findings) -> Iterator[str]:
     yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
     yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
     yield "#"
-    yield from (f"#   {line}" for line in found.said)
+    yield from (f"#   {line}" for line in found.notes)
 
 
 def _dump(entry: Entry) -> dict[str, Any]:

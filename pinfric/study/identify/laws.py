@@ -28,10 +28,16 @@ FALL_FORWARD, FALL_BACKWARD, FALL_SPEED = "fall forward", "fall backward", "fall
 SPEEDS = {f"speed^{p:g}": p for p in EXPONENTS}
 #: The columns of one joint beside the rigid ones: what each coefficient multiplies.
 SLOTS = (
-    INERTIA, FORWARD, BACKWARD, *SPEEDS, BEARING,
+    INERTIA,
+    FORWARD,
+    BACKWARD,
+    *SPEEDS,
+    BEARING,
     *(f"gear {way}, {side} side" for side in SIDES for way in _WAYS),
-    FALL_FORWARD, FALL_BACKWARD, FALL_SPEED,
-)  # fmt: skip
+    FALL_FORWARD,
+    FALL_BACKWARD,
+    FALL_SPEED,
+)
 SLOT = {name: i for i, name in enumerate(SLOTS)}
 
 
@@ -84,8 +90,10 @@ class Law:
         if self.speed:
             parts.append("viscous" if self.exponent == 1.0 else self.speed)
         if self.load == "gear":
-            parts.append(f"gear {'(one loss)' if self.both_ways else '(two losses)'}, friction on "
-                         f"the {self.side}'s side")  # fmt: skip
+            parts.append(
+                f"gear {'(one loss)' if self.both_ways else '(two losses)'}, friction on "
+                f"the {self.side}'s side"
+            )
         elif self.load:
             parts.append(self.load)
         return " + ".join(parts) or "none"
@@ -115,6 +123,10 @@ def candidates(
         if both_directions:
             loads.append(Law(load="gear", side=side, both_ways=False))
     smooth = [replace(law, exponent=p) for law in loads for p in (None, *EXPONENTS)]
-    falls = [replace(law, exponent=p, stribeck=True) for law in loads for p in (None, 1.0)
-             if stribeck and law.side == "joint"]  # fmt: skip
+    falls = [
+        replace(law, exponent=p, stribeck=True)
+        for law in loads
+        for p in (None, 1.0)
+        if stribeck and law.side == "joint"
+    ]
     return (*smooth, *falls)

@@ -124,9 +124,14 @@ class Normal:
         """Sum the blocks' products, joint j with weight `weights[j]`."""
         K, nj = len(SLOTS), len(grams)
         p = grams[0].products.shape[1] - K - 1
-        found = cls(np.zeros((p, p)), np.zeros((p, nj * K)), np.zeros((nj * K, nj * K)),
-                    np.zeros(p), np.zeros(nj * K),
-                    sum(float(own.count[blocks].sum()) for own in grams))  # fmt: skip
+        found = cls(
+            np.zeros((p, p)),
+            np.zeros((p, nj * K)),
+            np.zeros((nj * K, nj * K)),
+            np.zeros(p),
+            np.zeros(nj * K),
+            sum(float(own.count[blocks].sum()) for own in grams),
+        )
         for j, (own, weight) in enumerate(zip(grams, weights, strict=True)):
             s = weight * own.products[blocks].sum(axis=0)
             place = slice(j * K, (j + 1) * K)
@@ -152,8 +157,9 @@ class Reduced:
         if not prior.kept:
             strength = normal.rows * prior.weight
             right = normal.right_rigid + strength * prior.center
-            solved = np.linalg.solve(normal.rigid + np.diag(strength),
-                                     np.column_stack((normal.cross, right)))  # fmt: skip
+            solved = np.linalg.solve(
+                normal.rigid + np.diag(strength), np.column_stack((normal.cross, right))
+            )
             self.by_slots = np.asarray(solved[:, :-1], dtype=np.float64)
             self.start = np.asarray(solved[:, -1], dtype=np.float64)
         self.left = normal.slots.copy()
@@ -306,8 +312,10 @@ def orthonormal(columns: FloatArray) -> FloatArray:
 
 def places(chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
     """Return where the chosen slots of all joints stand among (nj K,)."""
-    return np.array([j * len(SLOTS) + slot for j, slots in enumerate(chosen)
-                     for slot in sorted(slots)], dtype=np.int64)  # fmt: skip
+    return np.array(
+        [j * len(SLOTS) + slot for j, slots in enumerate(chosen) for slot in sorted(slots)],
+        dtype=np.int64,
+    )
 
 
 def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:

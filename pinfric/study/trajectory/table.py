@@ -91,8 +91,10 @@ def complete_derivatives(
                 continue
             fitted_v, fitted_a = position_derivatives(table.t, q, holds)
         except ValueError as problem:  # SciPy: numbers too far apart for a spline
-            problems.append(f"joint {columns[i].name}: no spline goes through its samples "
-                            f"({problem}); give .v and .a")  # fmt: skip
+            problems.append(
+                f"joint {columns[i].name}: no spline goes through its samples "
+                f"({problem}); give .v and .a"
+            )
             continue
         v[:, i] = fitted_v
         if np.isnan(a[0, i]):
@@ -132,8 +134,10 @@ def _moved_across(
     if not moved:
         return []
     where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in moved)
-    return [f"joint {column.name}: moves across gaps in time ({where}), where its derivatives "
-            "would be invented; give .v and .a, or the missing samples"]  # fmt: skip
+    return [
+        f"joint {column.name}: moves across gaps in time ({where}), where its derivatives "
+        "would be invented; give .v and .a, or the missing samples"
+    ]
 
 
 def mismatch_warning(

@@ -59,7 +59,7 @@ def hits(one: Identified, stribeck: bool = False) -> dict[str, bool]:
 
 
 def lacks(one: Identified) -> list[str]:
-    return [line for line in one.said if line.startswith("lack of fit")]
+    return [line for line in one.notes if line.startswith("lack of fit")]
 
 
 def test_the_true_model_lacks_nothing():
@@ -80,7 +80,7 @@ def test_the_true_model_lacks_nothing():
 )
 def test_a_wrong_model_is_named_and_widens_the_intervals(case, named):
     one = found(case)
-    assert sum(named in line for line in lacks(one)) >= 3, one.said
+    assert sum(named in line for line in lacks(one)) >= 3, one.notes
     assert np.mean(list(hits(one).values())) >= 0.7
     if one.misfits:  # blocks alone do not show it
         alone, wide = (uncertainty(one.estimate, shapes) for shapes in ((), one.misfits))
@@ -137,7 +137,7 @@ def test_an_unknown_payload_is_no_factor_on_efforts():
 @pytest.mark.slow
 def test_an_unknown_payload_leaves_friction_in_its_intervals():
     assert np.mean(list(hits(found("payload")).values())) >= 0.85
-    assert any("scene lacks a payload" in line for line in found("payload").said)
+    assert any("scene lacks a payload" in line for line in found("payload").notes)
 
 
 def test_a_bearing_that_the_scene_lacks_is_named():

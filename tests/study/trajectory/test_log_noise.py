@@ -10,6 +10,7 @@ from builders import chain
 import pinfric as pf
 from pinfric.study.trajectory.log.judged import judge_log
 from pinfric.study.trajectory.log.noise import (
+    Spectra,
     acceleration_jumps,
     low_pass,
     noise_floor,
@@ -236,7 +237,7 @@ def test_motion_above_a_gap_in_the_spectrum_stays_or_is_said(rate, tone, noise, 
 def test_noise_that_is_not_white_is_not_taken_for_motion(smooth, jerky, kind):
     for truth in (smooth, jerky):
         q = truth.log(1000, kind)[1][:, LOADED]
-        found = [signal_cutoff(x, 1e-3, noise_floor(x)) for x in q.T]
+        found = [signal_cutoff(Spectra.of(x, 1e-3, noise_floor(x))) for x in q.T]
         assert max(found) < 60.0
 
 
@@ -262,7 +263,7 @@ def test_bundled_files_pass_through_bit_for_bit(name, tmp_path):
 
     scene = pf.load_scene(ROBOTS / f"{name}.yaml")
     plan = pf.load_trajectory(ROBOTS / f"{name}.csv", scene)
-    assert not plan.reading.said
+    assert not plan.reading.notes
     cells = np.loadtxt(ROBOTS / f"{name}.csv", delimiter=",", skiprows=1)
     header = (ROBOTS / f"{name}.csv").read_text().splitlines()[0].split(",")
     q = cells[:, [header.index(joint) for joint in plan.joint_names]]
@@ -340,9 +341,8 @@ def test_only_profiles_whose_acceleration_jumps_are_filtered_gently(smooth, jerk
     for kind in ("1e-5", "2e-5", "16 bit", "samples jitter"):
         for truth in (smooth, jerky):
             q = truth.log(500, kind)[1][:, LOADED]
-            levels = [noise_floor(x) for x in q.T]
-            found = [acceleration_jumps(x, 0.002, signal_cutoff(x, 0.002, n), n)
-                     for x, n in zip(q.T, levels, strict=True)]  # fmt: skip
+            seen = [Spectra.of(x, 0.002, noise_floor(x)) for x in q.T]
+            found = [acceleration_jumps(one, signal_cutoff(one)) for one in seen]
             assert found == [truth is jerky] * 4
 
 
