@@ -41,6 +41,7 @@ from pinfric.study.trajectory.log.rows import (
     repeated_rows,
 )
 from pinfric.study.trajectory.log.still import find_noisy_holds
+from pinfric.study.trajectory.log.thinning import Thinning
 from pinfric.study.trajectory.table import TrajectoryTable
 
 FloatArray = NDArray[np.float64]
@@ -389,7 +390,7 @@ def _filtered(
     parts: dict[str, NDArray[Any]] = {
         name: np.empty((kept.size, len(columns)), kind) for name, kind in kinds.items()
     }
-    joints, cut = [], []
+    cutoffs, spreads, cut = [], [], []
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
         moves = sum(last - first + 1 for first, last in holds) < q.size
@@ -403,19 +404,17 @@ def _filtered(
                 cutoff, gentle = signal_cutoff(seen, gentle=True), True
             lost = 0.0 if cutoff is None else motion_taken_away(seen, cutoff, gentle)
         cut.append(lost)
-        joint = _low_passed(t, q, holds, step, cutoff, noise[i], gentle)
-        if thinning and every > 1:
-            slow = thinning.acceleration(joint.acceleration, step)
-            joint = replace(joint, acceleration=slow)
+        joint = _low_passed(sampled, i, holds, cutoff, gentle, noise[i], thinning)
         for name, column in parts.items():
-            column[:, i] = getattr(joint, name)[::every]
-        joints.append((joint.cutoff, joint.spread))
+            column[:, i] = getattr(joint, name)
+        cutoffs.append(cutoff)
+        spreads.append(joint.spread)
     names = [column.name for column in columns]
-    spread = np.array([both for _, both in joints])
+    spread = np.array(spreads)
     reading = replace(
         even.reading,
         noise=dict(zip(names, noise, strict=True)),
-        cutoff={name: cutoff for name, (cutoff, _) in zip(names, joints, strict=True)},
+        cutoff=dict(zip(names, cutoffs, strict=True)),
         uncertain=DerivativeNoise(
             parts["moving"], spread[:, 0], spread[:, 1], parts["shift"], np.array(cut)
         ),
@@ -428,7 +427,7 @@ def _filtered(
         velocity=parts["velocity"],
         acceleration=parts["acceleration"],
     )
-    ends = [0.0 if cutoff is None else _ONE_SIDED / cutoff for cutoff, _ in joints]
+    ends = [0.0 if cutoff is None else _ONE_SIDED / cutoff for cutoff in cutoffs]
     settled = Settled(table, even.rows, reading, every)
     return _without_ends(settled, parts["moving"], np.array(ends), every * step)
 
@@ -484,41 +483,42 @@ class _Smoothed:
     acceleration: FloatArray
     shift: FloatArray
     moving: NDArray[np.bool_]
-    cutoff: float | None
-    spread: tuple[float, float]
+    spread: list[float]
 
 
 def _low_passed(
-    t: FloatArray,
-    measured: FloatArray,
+    sampled: _Sampled,
+    joint: int,
     holds: Sequence[tuple[int, int]],
-    step: float,
     cutoff: float | None,
-    noise: float,
     gentle: bool,
+    noise: float,
+    thinning: Thinning | None,
 ) -> _Smoothed:
-    q, moving = measured.copy(), np.ones(measured.size, dtype=bool)
+    """Return one joint's motion, thinned; its whole columns fill much of the memory."""
+    t, step = sampled.even.table.t, sampled.step
+    every = thinning.every(step) if thinning else 1
+    q = sampled.even.table.position[:, joint].copy()
+    moving, shift = np.ones(q.size, dtype=bool), np.zeros(1)
     for first, last in holds:
         q[first : last + 1] = q[first : last + 1].mean()
         moving[first : last + 1] = False
     if cutoff is None:
         v, a = position_derivatives(t, q, holds)
-        spread_v, spread_a = (noise * gain / step ** (k + 1) for k, gain in enumerate(SPLINE_GAINS))
-        return _Smoothed(q, v, a, np.zeros_like(q), moving, None, (spread_v, spread_a))
-    smooth = low_pass(q, step, cutoff, gentle)
-    v, a = position_derivatives(t, smooth, ())
-    lower = low_pass(q, step, (_GENTLE_LOWER if gentle else _LOWER) * cutoff, gentle)
-    shift = (position_derivatives(t, lower, ())[1] - a) * moving
-    spread_v, spread_a = (noise * noise_gain(step, cutoff, order, gentle) for order in (1, 2))
-    return _Smoothed(
-        np.where(moving, smooth, q),
-        v * moving,
-        a * moving,
-        shift,
-        moving,
-        cutoff,
-        (spread_v, spread_a),
-    )
+        spread = [noise * gain / step ** (k + 1) for k, gain in enumerate(SPLINE_GAINS)]
+    else:
+        lower = low_pass(q, step, (_GENTLE_LOWER if gentle else _LOWER) * cutoff, gentle)
+        shift = position_derivatives(t, lower, ())[1][::every].copy()
+        del lower
+        smooth = low_pass(q, step, cutoff, gentle)
+        v, a = position_derivatives(t, smooth, ())
+        shift = (shift - a[::every]) * moving[::every]
+        q[moving] = smooth[moving]
+        v[~moving] = a[~moving] = 0.0
+        spread = [noise * noise_gain(step, cutoff, order, gentle) for order in (1, 2)]
+    if thinning and every > 1:
+        a = thinning.acceleration(a, step)
+    return _Smoothed(q[::every], v[::every], a[::every], shift, moving[::every], spread)
 
 
 def _noise_line(reading: Reading, unit: str) -> str:
