@@ -156,13 +156,13 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         prepared.append(prepare(question.scene, recording, thin))
         progress(len(prepared), steps)
     _check_slides(question, prepared)
-    found = _first_pass(question, prepared)
-    del prepared  # which fill much of the memory
+    passes = [_first_pass(question, prepared)]  # popped, so that none outlives the next one
     for number in (2, 1):
         progress(steps - number, steps)
-        found = _next_pass(found)
-    if any(law.stribeck for law in found.choice.laws):  # their speeds take longer
-        found = _next_pass(_next_pass(found))
+        passes.append(_next_pass(passes.pop()))
+    if any(law.stribeck for law in passes[0].choice.laws):  # their speeds take longer
+        passes = [_next_pass(_next_pass(passes.pop()))]
+    found = passes.pop()
     found = _trusted(replace(found, errors=nested_errors(found.problem, found.rows)))
     progress(steps, steps)
     if not found.known:
@@ -208,20 +208,31 @@ def _trusted(found: Estimate) -> Estimate:
 def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
     """Plain friction on every joint, loads by the URDF's inertias."""
     scene = question.scene
-    loaded = tuple(with_loads(one, scene, np.zeros_like(one.payload)) for one in prepared)
+    loaded = []
+    while prepared:  # a long log's columns fill much of the memory
+        one = prepared.pop(0)
+        loaded.append(with_loads(one, scene, np.zeros_like(one.payload)))
     plain = [(PLAIN,)] * scene.model.nv
-    first = _fitted(question, loaded, Delay(0.0, np.inf, ()), plain)
+    first = _fitted(question, tuple(loaded), Delay(0.0, np.inf, ()), plain)
     check_efforts(scene, first.rows, question.gains)
-    return _fitted(question, loaded, _delay(first), plain, first)
+    slots, first = first.problem.slots(first.choice.laws), _without_rows(first)
+    return _fitted(question, first.prepared, _delay(first, slots), plain, first)
 
 
 def _next_pass(before: Estimate) -> Estimate:
     """Loads by the inertias found, and with them the laws."""
     before = replace(before, falls=tuple(_fall(before, j) for j in range(len(before.rows))))
     prepared = tuple(reloaded(before, one) for one in before.prepared)
-    delay = _delay(replace(before, prepared=prepared))
     laws = [offered(before, j) for j in range(before.scene.model.nv)]
+    slots = before.problem.slots(before.choice.laws)
+    before = _without_rows(replace(before, prepared=prepared))
+    delay = _delay(before, slots)
     return replace(_fitted(before.question, prepared, delay, laws, before), falls=before.falls)
+
+
+def _without_rows(found: Estimate) -> Estimate:
+    """Let go of what the next pass makes anew: it fills much of the memory."""
+    return replace(found, rows=(), row_weights=(), problem=replace(found.problem, grams=()))
 
 
 def _fall(found: Estimate, joint: int) -> Fall | None:
@@ -258,7 +269,7 @@ def _fitted(
         if fit is not None:
             row_weights, weights = weighted(rows, fit)
             problem = replace(problem, weights=weights)
-        pairs = zip(rows, row_weights, strict=True)
+        pairs, problem = zip(rows, row_weights, strict=True), replace(problem, grams=())
         problem = replace(problem, grams=tuple(Grams.of(r, w, folds.size) for r, w in pairs))
         normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
         fit = Reduced(normal, prior).fit(problem.slots(chosen))
@@ -287,9 +298,8 @@ def _fitted(
     return Estimate(question, rows, problem, row_weights, choice, fit, delay, scene, prepared)
 
 
-def _delay(found: Estimate) -> Delay:
+def _delay(found: Estimate, slots: Sequence[Sequence[int]]) -> Delay:
     """Return by how much the logged efforts lag, by the present laws and loads."""
-    slots = found.problem.slots(found.choice.laws)
     # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
     prior = urdf_prior(found.question.scene.model, kept=False)
     return common_delay([log_delay(one, slots, prior, found.delay.value) for one in found.prepared])

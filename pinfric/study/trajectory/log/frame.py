@@ -135,7 +135,7 @@ def usable_rows(
         absent[i] = not any(rows.cell(i, j) for j in range(1, numbers.shape[1]))
     absent &= not absent.all()
     bad = ~finite & ~absent
-    wrong = _bad_cells(rows, absent)
+    wrong = _bad_cells(rows, absent) if bad.any() or rows.torn else []
     count, lost = len(bad) + len(rows.torn), int(bad.sum()) + len(rows.torn)
     few = count >= FEWEST and (lost <= BAD_SHARE * count or (rows.cut and lost == 1))
     if not few:
