@@ -187,9 +187,7 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[G
     scene = found.scene
     columns = joint_columns(scene.model)
     file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)
-    motion = sample_waypoints(
-        file, [c.name for c in columns], np.array([c.velocity_limit for c in columns]), {}, ""
-    )
+    motion = sample_waypoints(file, columns, {}, "")
     q = configurations(columns, motion.position, scene.model.nq)
     loaded = scene.with_(payloads={})
     if load > 0.0:

@@ -336,13 +336,7 @@ def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn])
     given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
     named = named_columns(scene, columns, given, problems)
     refuse(str(path), problems)
-    table = sample_waypoints(
-        waypoints,
-        [column.name for column in named],
-        np.array([column.velocity_limit for column in named]),
-        _defaults(scene),
-        str(path),
-    )
+    table = sample_waypoints(waypoints, named, _defaults(scene), str(path))
     return _from_table(str(path), scene, columns, named, table)
 
 

@@ -78,6 +78,7 @@ from pinfric.study.identify.summary import identify_summary
 from pinfric.study.identify.zeros import turned_zeros
 from pinfric.study.timeline.frames import make_frames
 from pinfric.study.trajectory.log.reading import ReadingOptions
+from pinfric.study.trajectory.log.thinning import Thinning
 
 LOGS = Path(__file__).parents[4] / "shared" / "data"
 NAMES = truth().joint_names
@@ -673,7 +674,8 @@ def test_samples_beyond_what_is_fitted_are_left_out():
     exact = excitation(0, 10.0, 500.0).a[place]
     assert given[0].trajectory.a[50:-50] == pytest.approx(exact[50:-50], abs=0.05)
     # what noise leaves and what the log says are those of the samples kept
-    reading = given[0].reading
+    options = ReadingOptions(thinning=Thinning(125.0, 40.0))
+    reading = pf.load_trajectory(fast, truth(), options).reading
     assert reading.uncertain is not None
     assert len(reading.uncertain.moving) == len(reading.effort[NAMES[0]]) == place.size
 

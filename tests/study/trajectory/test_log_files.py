@@ -711,6 +711,7 @@ def test_a_long_file_is_parsed_in_parts_to_the_same_numbers(tmp_path, monkeypatc
     numbers = rng.normal(size=(rows, 2)).round(6)
     lines = [f"{t},{a:.6f},{b:.6f}" for t, (a, b) in zip(stamps, numbers, strict=True)]
     path = tmp_path / "long.csv"
+    monkeypatch.setattr(csv_file, "_SMALL", 0)
     monkeypatch.setattr(csv_file, "_PART", 300)
     monkeypatch.setattr(csv_file, "_HEAD", 40)
     path.write_text("\n".join(["# made by a test", "stamp,a,b", *lines]))
@@ -728,12 +729,13 @@ def test_both_ways_to_read_a_file_give_the_same(mark, tmp_path, monkeypatch):
     """In parts by pandas, and line by line."""
     path = tmp_path / "log.csv"
     path.write_text(table(("t", *NAMES), 1e15 + T, 1e3 * Q, mark=mark, form="%.17g"))
-    at_once = csv_file.open_csv(path).read(("t", *NAMES), [])
-    monkeypatch.setattr(csv_file, "_read_at_once", lambda *given: None)
     by_line = csv_file.open_csv(path).read(("t", *NAMES), [])
-    assert at_once.numbers.equals(by_line.numbers)
-    assert (at_once.resolution, at_once.origin) == (by_line.resolution, by_line.origin)
-    assert list(at_once.lines) == list(by_line.lines)
+    monkeypatch.setattr(csv_file, "_SMALL", 0)
+    monkeypatch.setattr(csv_file, "_read_by_line", None)
+    in_parts = csv_file.open_csv(path).read(("t", *NAMES), [])
+    assert in_parts.values.tolist() == by_line.values.tolist()
+    assert (in_parts.resolution, in_parts.origin) == (by_line.resolution, by_line.origin)
+    assert list(in_parts.lines) == list(by_line.lines)
 
 
 @pytest.mark.parametrize(
@@ -748,10 +750,11 @@ def test_both_ways_to_read_a_file_give_the_same(mark, tmp_path, monkeypatch):
     ],
 )
 def test_what_is_wrong_in_a_long_file_is_said_as_of_any_other(row, named, tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_file, "_SMALL", 0)
     monkeypatch.setattr(csv_file, "_PART", 300)
     lines = [f"{k},0,{k}" for k in range(4000)]
     lines[999] = row
     path = tmp_path / "long.csv"
     path.write_text("\n".join(["t,a,b", *lines]))
     found = csv_file.open_csv(path).read(("t", "b"), [])
-    assert (found.dropped, found.why, len(found.numbers)) == (1, named, 3999)
+    assert (found.dropped, found.why, len(found.values)) == (1, named, 3999)

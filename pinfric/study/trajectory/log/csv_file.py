@@ -1,8 +1,9 @@
 """CSV files as robots and their tools write them.
 
 Commas, semicolons, tabs or spaces separate cells; a comma is decimal where it cannot separate; the
-file may be gzipped. pandas reads it in parts. Only a file in which it finds something unusual
-(comments or empty lines between rows, torn rows, cells that are no numbers) is read line by line.
+file may be gzipped. pandas reads it in parts. A file with something unusual in it (comments or empty
+lines between rows, torn rows, cells that are no numbers) is read line by line, and so is a small
+one, for which loading pandas would take longer.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO, cast
+from typing import TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +27,14 @@ from pinfric.model.yamlfile import brief_path
 from pinfric.study.trajectory.joint_columns import listing
 from pinfric.study.trajectory.log.frame import EXACT, LogFrame, OpenedLog, RawRows, usable_rows
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 FloatArray = NDArray[np.float64]
 
 #: Rows looked at to see how many digits a file prints.
 _ROWS_FOR_DIGITS = 500
 #: Characters at a file's start that say how it is written; rows that pandas reads at a time.
 _HEAD, _PART = 2**16, 2**16
+#: Bytes of a small file.
+_SMALL = 2**20
 #: Columns that tables of joint states number: `name_0`, `position[0]`.
 _NUMBERED = re.compile(r"^(.*?)[_\[.]?(\d+)\]?$")
 
@@ -81,20 +81,19 @@ def open_csv(path: Path) -> OpenedLog:
         table = _sorted_by_names(_table(path, _numbered_lines(path)))
 
     def read(names: Sequence[str], problems: list[str]) -> LogFrame:
-        if not table.is_named and (found := _read_at_once(table, names)) is not None:
-            return usable_rows(*found, problems)
-        whole = table if table.is_named else _table(path, _numbered_lines(path))
-        return usable_rows(*_read_by_line(whole, names), problems)
+        in_parts = not table.is_named and path.stat().st_size >= _SMALL
+        found = _read_in_parts(table, names) if in_parts else None
+        if found is None:
+            whole = table if table.is_named else _table(path, _numbered_lines(path))
+            found = _read_by_line(whole, names)
+        return usable_rows(found, problems)
 
     first = _cells(table.rows[0], table.separator)
     return OpenedLog(table.header, read, first, notes=table.notes)
 
 
-_Found = tuple[RawRows, dict[str, float], dict[str, int]]
-
-
-def _read_at_once(table: _Table, names: Sequence[str]) -> _Found | None:
-    """Return rows, printed digits and origins of columns; None where something is unusual."""
+def _read_in_parts(table: _Table, names: Sequence[str]) -> RawRows | None:
+    """Return the rows of columns; None where something is unusual."""
     import pandas as pd
 
     first = _cells(table.rows[0], table.separator)
@@ -133,16 +132,13 @@ def _read_at_once(table: _Table, names: Sequence[str]) -> _Found | None:
         values[start : start + _PART] = parts.pop(0)
     if not np.isfinite(values).all() or max(values.max(), -values.min()) > EXACT:
         return None
-    index = pd.RangeIndex(table.lines[0], table.lines[0] + len(values))
-    numbers = pd.DataFrame(values, index=index, columns=list(names), copy=False)
-    readable = np.broadcast_to(False, values.shape)
-    return RawRows(numbers, readable), _resolution(numbers), origin
+    lines = range(table.lines[0], table.lines[0] + len(values))
+    frame = LogFrame(tuple(names), values, lines, _resolution(names, values), origin)
+    return RawRows(frame, np.broadcast_to(False, values.shape))
 
 
-def _read_by_line(table: _Table, names: Sequence[str]) -> _Found:
-    """Return rows, printed digits and origins of columns, whatever is wrong in the file."""
-    import pandas as pd
-
+def _read_by_line(table: _Table, names: Sequence[str]) -> RawRows:
+    """Return the rows of columns, whatever is wrong in the file."""
     places, last = [table.header.index(name) for name in names], -1
     cells, lines, torn = [], [], []
     for index, line in enumerate(table.rows):
@@ -166,22 +162,20 @@ def _read_by_line(table: _Table, names: Sequence[str]) -> _Found:
             if all(re.fullmatch(r"[-+]?\d+", text) for text in texts):
                 origin[name] = int(texts[0])
                 column[:] = [float(int(text) - origin[name]) for text in texts]
-    numbers = pd.DataFrame(values, index=lines, columns=list(names))
     cut = len(torn) == 1 and last == len(table.rows) - 1
-    rows = RawRows(numbers, unreadable, torn, len(table.header), cut, lambda i, j: cells[i][j])
-    return rows, _resolution(numbers), origin
+    frame = LogFrame(tuple(names), values, lines, _resolution(names, values), origin)
+    return RawRows(frame, unreadable, torn, len(table.header), cut, lambda i, j: cells[i][j])
 
 
-def _resolution(numbers: pd.DataFrame) -> dict[str, float]:
+def _resolution(names: Sequence[str], values: FloatArray) -> dict[str, float]:
     """Column -> its last digit: 10^(digits before the point of the largest number - digits)."""
     found = {}
-    for name in numbers:
-        column = numbers[name].to_numpy()
+    for name, column in zip(names, values.T, strict=True):
         largest = float(np.max(np.abs(column), where=np.isfinite(column), initial=0.0))
         some = column[:: max(1, column.size // _ROWS_FOR_DIGITS)].tolist()
-        digits = max(_significant_digits(repr(x)) for x in some) if some else 0
+        digits = max((_significant_digits(repr(x)) for x in some), default=0)
         whole = math.floor(math.log10(largest)) + 1 if largest else 0
-        found[str(name)] = float(10.0 ** (whole - digits)) if largest else 0.0
+        found[name] = float(10.0 ** (whole - digits)) if largest else 0.0
     return found
 
 

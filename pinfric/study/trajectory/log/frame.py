@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.model.yamlfile import brief
 from pinfric.study.trajectory.joint_columns import listing
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FloatArray = NDArray[np.float64]
 
@@ -30,28 +27,27 @@ class LogFrame:
     """Numbers of the columns that were asked for.
 
     Args:
-        numbers: a column of float64 each; the index says where each row stands in the file.
+        names: (n,) the columns.
+        values: (rows, n); of rows as they were read NaN where there was no number.
+        lines: (rows,) where each row stands in the file.
         resolution: column -> the last digit printed; left out: not rounded.
         origin: column -> whole number subtracted from it, so that the rest is exact.
         dropped, why: how many rows were left out, and which.
         absent: rows without a number in any of the columns but the first.
     """
 
-    numbers: pd.DataFrame
-    resolution: Mapping[str, float]
-    origin: Mapping[str, int]
+    names: tuple[str, ...]
+    values: FloatArray
+    lines: Sequence[int]
+    resolution: Mapping[str, float] = field(default_factory=dict)
+    origin: Mapping[str, int] = field(default_factory=dict)
     dropped: int = 0
     why: str = ""
     absent: int = 0
 
-    @property
-    def lines(self) -> Sequence[int]:
-        """Where each row stands in the file, for messages, (rows,)."""
-        return self.numbers.index  # type: ignore[return-value]
-
     def column(self, name: str) -> FloatArray:
         """Return one of the columns, (rows,)."""
-        return self.numbers[name].to_numpy(copy=True)  # a view would keep all the others
+        return self.values[:, self.names.index(name)].copy()  # a view would keep all the others
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,7 @@ class RawRows:
     """Rows as they were read.
 
     Args:
-        numbers: as in `LogFrame`; NaN where there was no number.
+        frame: all of them.
         unreadable: (rows, n) there was no number.
         torn: where rows with another number of cells stand, and how many they have.
         width: how many cells a row should have.
@@ -88,7 +84,7 @@ class RawRows:
         cell: what stood at row, column.
     """
 
-    numbers: pd.DataFrame
+    frame: LogFrame
     unreadable: NDArray[np.bool_]
     torn: Sequence[str] = ()
     width: int = 0
@@ -105,34 +101,30 @@ def arrays_log(
     """Return the log that columns of numbers are; whole numbers keep all their digits."""
 
     def read(names: Sequence[str], problems: list[str]) -> LogFrame:
-        import pandas as pd
-
-        origin, parts = {}, {}
+        origin, parts = {}, []
         for name in names:
             values = columns[name]
             if values.dtype.kind in "iu" and values.size and abs(int(values[0])) > EXACT:
                 origin[name] = int(values[0])
                 values = values - values[0]
-            parts[name] = np.asarray(values, dtype=np.float64)
-        numbers = pd.DataFrame(parts)
-        numbers.index += 1
-        return usable_rows(RawRows(numbers, np.isnan(numbers.to_numpy())), {}, origin, problems)
+            parts.append(np.asarray(values, dtype=np.float64))
+        rows = np.array(parts).reshape(len(names), -1).T
+        frame = LogFrame(tuple(names), rows, range(1, len(rows) + 1), origin=origin)
+        return usable_rows(RawRows(frame, np.isnan(rows)), problems)
 
     return OpenedLog(list(columns), read, recorded=recorded, notes=notes, units=units)
 
 
-def usable_rows(
-    rows: RawRows, resolution: Mapping[str, float], origin: Mapping[str, int], problems: list[str]
-) -> LogFrame:
+def usable_rows(rows: RawRows, problems: list[str]) -> LogFrame:
     """Leave out the rows that cannot be used: few of them are dropped, many are problems.
 
     Rows that have no number but in the first column belong to another source in the same file.
     """
-    numbers = rows.numbers
-    finite = np.isfinite(numbers.to_numpy()).all(axis=1)
+    frame = rows.frame
+    finite = np.isfinite(frame.values).all(axis=1)
     absent: NDArray[np.bool_] = np.asarray(rows.unreadable[:, 1:].all(axis=1))
     for i in np.flatnonzero(absent).tolist():
-        absent[i] = not any(rows.cell(i, j) for j in range(1, numbers.shape[1]))
+        absent[i] = not any(rows.cell(i, j) for j in range(1, len(frame.names)))
     absent &= not absent.all()
     bad = ~finite & ~absent
     wrong = _bad_cells(rows, absent) if bad.any() or rows.torn else []
@@ -142,20 +134,15 @@ def usable_rows(
         problems += wrong
     keep = ~absent & ~bad if few else ~absent
     if not keep.all():  # else no copy: a long log takes much memory
-        numbers = numbers.loc[keep]
-    return LogFrame(
-        numbers,
-        resolution,
-        origin,
-        lost if few else 0,
-        "; ".join(wrong) if few else "",
-        int(absent.sum()),
-    )
+        lines = [line for line, kept in zip(frame.lines, keep.tolist(), strict=True) if kept]
+        frame = replace(frame, values=frame.values[keep], lines=lines)
+    dropped, why = (lost, "; ".join(wrong)) if few else (0, "")
+    return replace(frame, dropped=dropped, why=why, absent=int(absent.sum()))
 
 
 def _bad_cells(rows: RawRows, absent: NDArray[np.bool_]) -> list[str]:
     """Say what is torn, what is no number, and what is not finite."""
-    found, lines, names = [], rows.numbers.index, list(rows.numbers)
+    found, lines, names = [], rows.frame.lines, rows.frame.names
     if rows.torn:
         found.append(
             f"the header has {rows.width} columns; rows with another number of cells: "
@@ -168,7 +155,7 @@ def _bad_cells(rows: RawRows, absent: NDArray[np.bool_]) -> list[str]:
         )
         found.append(f"not a number: {where}")
     for j, name in enumerate(names):
-        column = rows.numbers[name].to_numpy()
+        column = rows.frame.values[:, j]
         wrong = np.flatnonzero(~np.isfinite(column) & ~rows.unreadable[:, j]).tolist()
         if wrong:
             where = listing(f"{column[i]:g} at sample {i} (line {lines[i]})" for i in wrong)

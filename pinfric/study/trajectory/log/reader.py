@@ -100,7 +100,7 @@ def _say_dropped(cells: LogFrame, notes: list[str]) -> None:
     if cells.dropped:
         notes.append(
             f"left out {counted(cells.dropped, 'row')} of "
-            f"{len(cells.numbers) + cells.dropped}: {cells.why}"
+            f"{len(cells.values) + cells.dropped}: {cells.why}"
         )
     if cells.absent:
         notes.append(f"{counted(cells.absent, 'row')} without positions passed over")
@@ -118,7 +118,7 @@ def _read(
 ) -> Logged:
     """Turn cells into SI, put the rows in order, and settle on the motion behind them."""
     cells = log.read(found.used(), problems)
-    if len(cells.numbers) == 0:
+    if len(cells.values) == 0:
         refuse(name, problems)
     _say_dropped(cells, notes)
     uses = [found.position[column.name] for column in named]
@@ -152,7 +152,7 @@ def _read(
         nothing = np.broadcast_to(np.nan, position.shape)
         plan = replace(plan, velocity=nothing, acceleration=nothing)
     effort = _quantity(cells, found.effort, named)[taken]
-    dropped = cells.dropped + len(cells.numbers) - kept.size
+    dropped = cells.dropped + len(cells.values) - kept.size
     recorded = log.recorded or bool(found.effort)
     del cells, position, velocity, acceleration  # a long log takes much memory
     settled = settle(named, plan, options, problems, recorded)
@@ -203,8 +203,8 @@ def _quantity(
 ) -> FloatArray:
     """Return one quantity of the joints in SI, (rows, nj); NaN where there is no column."""
     if not uses:
-        return np.broadcast_to(np.nan, (len(cells.numbers), len(named)))
-    values = np.full((len(cells.numbers), len(named)), np.nan)
+        return np.broadcast_to(np.nan, (len(cells.values), len(named)))
+    values = np.full((len(cells.values), len(named)), np.nan)
     for i, column in enumerate(named):
         if (use := uses.get(column.name)) is not None:
             factor = use.factor * (1.0 if factors is None else factors[i])
