@@ -19,7 +19,7 @@ from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, reloaded, scale_is_known
 from pinfric.study.identify.laws import INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import Grams, Normal, Reduced, above_zero
+from pinfric.study.identify.normal import BlockProducts, FrictionNormalEquations, Normal, above_zero
 from pinfric.study.identify.parameters import scene_key
 from pinfric.study.identify.recordings import Recording
 from pinfric.study.trajectory.joint_columns import configurations, joint_columns
@@ -170,7 +170,9 @@ def _weighed(
     both = replace(both, rows=normal.rows)  # which weigh the prior: a recording is none of it
     place = above_zero(found.fit, found.problem.slots(found.choice.laws))
     now, then = (
-        _standard_errors(Reduced(one, found.problem.prior).left[np.ix_(place, place)])
+        _standard_errors(
+            FrictionNormalEquations(one, found.problem.prior).left[np.ix_(place, place)]
+        )
         for one in (normal, both)
     )
     factors = {}
@@ -182,7 +184,7 @@ def _weighed(
     return Advice(name, points, load, factors)
 
 
-def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[Grams]:
+def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[BlockProducts]:
     """Products of the columns of a recording that has not been made."""
     scene = found.scene
     columns = joint_columns(scene.model)
@@ -206,7 +208,8 @@ def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[G
     one = reloaded(replace(found, scene=loaded), prepare(loaded, recording))
     rows = [joint_rows([one], j, 0.0) for j in range(scene.model.nv)]
     return [
-        Grams.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1) for r in rows
+        BlockProducts.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1)
+        for r in rows
     ]
 
 

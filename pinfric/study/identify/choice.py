@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.laws import INERTIA, PLAIN, SLOT, SLOTS, Law
 from pinfric.study.identify.normal import (
-    Grams,
-    ManyReduced,
+    BlockProducts,
+    FrictionNormalEquations,
+    ManyNormalEquations,
     Normal,
     Prior,
-    Reduced,
     block_errors,
     residuals,
 )
@@ -46,7 +46,7 @@ class Problem:
         rotor: whether rotors' inertias are fitted.
     """
 
-    grams: Sequence[Grams]
+    grams: Sequence[BlockProducts]
     weights: FloatArray
     prior: Prior
     laws: Sequence[Sequence[Law]]
@@ -165,7 +165,9 @@ def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, F
         test = problem.folds == part
         rest = replace(problem, folds=np.where(test, -1, problem.folds))
         laws = choose(rest).laws
-        reduced = Reduced(Normal.of(problem.grams, ~test, problem.weights), problem.prior)
+        reduced = FrictionNormalEquations(
+            Normal.of(problem.grams, ~test, problem.weights), problem.prior
+        )
         for kind, taken in enumerate((laws, plain)):
             fit = reduced.fit(problem.slots(taken))
             for j, own in enumerate(rows):
@@ -186,7 +188,9 @@ def free_errors(problem: Problem, rows: Sequence[Rows]) -> FloatArray:
     free = replace(problem.prior, weight=_FREE * problem.prior.weight)
     for part in np.unique(problem.folds):
         test = problem.folds == part
-        fit = Reduced(Normal.of(problem.grams, ~test, problem.weights), free).fit(plain)
+        fit = FrictionNormalEquations(Normal.of(problem.grams, ~test, problem.weights), free).fit(
+            plain
+        )
         squares += [
             np.sum(residuals(own, fit, j)[test[own.block]] ** 2) for j, own in enumerate(rows)
         ]
@@ -200,9 +204,11 @@ class _Judge:
         self._problem = problem
         used = problem.folds >= 0
         tests = [problem.folds == part for part in np.unique(problem.folds[used])]
-        self._reduced = ManyReduced(
+        self._reduced = ManyNormalEquations(
             [
-                Reduced(Normal.of(problem.grams, used & ~test, problem.weights), problem.prior)
+                FrictionNormalEquations(
+                    Normal.of(problem.grams, used & ~test, problem.weights), problem.prior
+                )
                 for test in tests
             ]
         )
@@ -224,10 +230,10 @@ class _Judge:
     def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
         """Return the joint's law by the candidates' sums of squared errors in every part."""
         own = self._problem.laws[joint]
-        return smallest_good({law: errors[law] for law in own}, self.rows[joint])
+        return simplest_adequate_law({law: errors[law] for law in own}, self.rows[joint])
 
 
-def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
+def simplest_adequate_law(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
     """Return the law of fewest coefficients that is not worse than the best one.
 
     Not worse: the mean of the parts' differences in squared error is within one standard error, or

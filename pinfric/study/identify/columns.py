@@ -257,8 +257,12 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     slots[:, :, SLOT[BEARING]] = _passed(sign * load, step)[prepared.kept]
     for side, x in zip(SIDES, (rigid, rigid + inner), strict=True):
         both = sign * np.abs(x)
-        for way, part in (("driving", x * sign > 0.0), ("driven", x * sign < 0.0), ("both", True)):
-            slot = SLOT[f"gear {way}, {side} side"]
+        for direction, part in (
+            ("driving", x * sign > 0.0),
+            ("driven", x * sign < 0.0),
+            ("both", True),
+        ):
+            slot = SLOT[f"gear {direction}, {side} side"]
             slots[:, :, slot] = _passed(both * part, step)[prepared.kept]
     return replace(prepared, slots=slots, load=rigid)
 

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from pinfric.study.identify.columns import Prepared, Rows, joint_rows
 from pinfric.study.identify.normal import (
+    BlockProducts,
     Fit,
-    Grams,
+    FrictionNormalEquations,
     Normal,
     Prior,
-    Reduced,
     above_zero,
-    moves,
+    influence,
     weighted,
 )
 
@@ -203,12 +203,12 @@ def _changes(
     from scipy.special import stdtrit
 
     blocks = 1 + max(int(own.block.max(initial=0)) for own in rows)
-    grams = [Grams.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
+    grams = [BlockProducts.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
     normal = Normal.of(grams, np.ones(blocks, dtype=bool), weights)
-    fit = Reduced(normal, prior).fit(slots)
+    fit = FrictionNormalEquations(normal, prior).fit(slots)
     place = above_zero(fit, slots)
     place = place[normal.slots.diagonal()[place] > 0.0]  # of joints that slide in this log
-    moved, samples = moves(grams, weights, prior, fit, place)
+    moved, samples = influence(grams, weights, prior, fit, place)
     wider = float(stdtrit(max(samples - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
     end = fit.theta.size
     return fit, wider * np.linalg.norm(moved[:, end - count : end], axis=0)

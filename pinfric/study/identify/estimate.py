@@ -48,7 +48,13 @@ from pinfric.study.identify.laws import (
     Law,
     candidates,
 )
-from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, weighted
+from pinfric.study.identify.normal import (
+    BlockProducts,
+    Fit,
+    FrictionNormalEquations,
+    Normal,
+    weighted,
+)
 from pinfric.study.identify.recordings import STILL, Recording
 from pinfric.study.identify.stribeck import Fall, falling, find_fall, with_falls
 
@@ -270,14 +276,16 @@ def _fitted(
             row_weights, weights = weighted(rows, fit)
             problem = replace(problem, weights=weights)
         pairs, problem = zip(rows, row_weights, strict=True), replace(problem, grams=())
-        problem = replace(problem, grams=tuple(Grams.of(r, w, folds.size) for r, w in pairs))
+        problem = replace(
+            problem, grams=tuple(BlockProducts.of(r, w, folds.size) for r, w in pairs)
+        )
         normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
-        fit = Reduced(normal, prior).fit(problem.slots(chosen))
+        fit = FrictionNormalEquations(normal, prior).fit(problem.slots(chosen))
     first = all(tuple(own) == (PLAIN,) for own in laws)
     choice = Choice(chosen, ({},) * nj) if first else choose(problem)
     choice = choice.on_motors(mixed(question.scene.drives, nj))
     slots = problem.slots(choice.laws)
-    fit = consistent_fit(normal, prior, Reduced(normal, prior).fit(slots), slots)
+    fit = consistent_fit(normal, prior, FrictionNormalEquations(normal, prior).fit(slots), slots)
     if not _scale_is_known(question, prepared) and (ends := _at_an_end(problem, choice, fit)):
         choice = replace(
             choice,
@@ -287,7 +295,9 @@ def _fitted(
             ),
         )
         slots = problem.slots(choice.laws)
-        fit = consistent_fit(normal, prior, Reduced(normal, prior).fit(slots), slots)
+        fit = consistent_fit(
+            normal, prior, FrictionNormalEquations(normal, prior).fit(slots), slots
+        )
     for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
         dry = [slot for slot in (SLOT[FORWARD], SLOT[BACKWARD]) if slot in own]
         if law.coulomb and len(dry) == 1:  # it moved one way only
@@ -370,7 +380,10 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
         if law.load == "gear"
         and replace(law, both_ways=True) in problem.laws[j]
         and not law.both_ways
-        and min(fit.slots[j, SLOT[f"gear {way}, {law.side} side"]] for way in ("driving", "driven"))
+        and min(
+            fit.slots[j, SLOT[f"gear {direction}, {law.side} side"]]
+            for direction in ("driving", "driven")
+        )
         <= 0.0
     ]
 

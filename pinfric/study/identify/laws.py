@@ -20,7 +20,7 @@ from functools import cached_property
 EXPONENTS = (1.0, 0.8, 0.67, 0.5, 0.33)
 #: Where a gear's losses are proportional to: load alone, or load with the joint's friction.
 SIDES = ("motor", "joint")
-_WAYS = ("driving", "driven", "both")
+_DIRECTIONS = ("driving", "driven", "both")
 
 INERTIA, FORWARD, BACKWARD, BEARING = "inertia", "forward", "backward", "bearing"
 #: By how much friction at rest exceeds friction in motion, and the speed at which it has fallen.
@@ -33,7 +33,7 @@ SLOTS = (
     BACKWARD,
     *SPEEDS,
     BEARING,
-    *(f"gear {way}, {side} side" for side in SIDES for way in _WAYS),
+    *(f"gear {direction}, {side} side" for side in SIDES for direction in _DIRECTIONS),
     FALL_FORWARD,
     FALL_BACKWARD,
     FALL_SPEED,
@@ -75,8 +75,8 @@ class Law:
         if self.load == "bearing":
             names.append(BEARING)
         elif self.load == "gear":
-            ways = ["both"] if self.both_ways else ["driving", "driven"]
-            names += [f"gear {way}, {self.side} side" for way in ways]
+            directions = ["both"] if self.both_ways else ["driving", "driven"]
+            names += [f"gear {direction}, {self.side} side" for direction in directions]
         return tuple(SLOT[name] for name in names)
 
     @property

@@ -41,7 +41,7 @@ _HARMONICS = tuple(range(1, 13))
 #: Coulomb friction forward and backward that differ by more than this share of their sum may well
 #: be equal, and the effort's sensor off.
 _UNEVEN = 0.15
-_WAYS = [SLOT[FORWARD], SLOT[BACKWARD]]
+_DIRECTIONS = [SLOT[FORWARD], SLOT[BACKWARD]]
 #: Regularization where shapes are nearly the same.
 _RIDGE = 1e-9
 #: Columns of a shape are dropped if the model's columns leave less than this share of them.
@@ -160,7 +160,7 @@ def uneven(found: Estimate) -> dict[int, float]:
     """
     result = {}
     for j in found.known:
-        up, down = found.fit.slots[j, _WAYS].tolist()
+        up, down = found.fit.slots[j, _DIRECTIONS].tolist()
         if found.choice.laws[j].coulomb and abs(up - down) > _UNEVEN * (up + down):
             result[j] = 0.5 * (up - down)
     return result
@@ -174,7 +174,7 @@ def one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]
         place: (n,) of the coefficients above zero among (nj K,).
     """
     for j, half in uneven(found).items():
-        at = [j * len(SLOTS) + way for way in _WAYS]
+        at = [j * len(SLOTS) + direction for direction in _DIRECTIONS]
         yield half * ((place == at[0]) * 1.0 - (place == at[1]))
 
 
@@ -247,8 +247,8 @@ def _presses(found: Estimate, one: Prepared) -> FloatArray:
     wrench = state_wrenches(found.scene, States.of(found.scene, q, v, a, None, attached))
     loads = np.empty((len(q), model.nv, 3))
     for j in range(model.nv):
-        moves = np.asarray(model.joints[j + 1].createData().S).reshape(6)
-        axis = moves[3:] if moves[3:].any() else moves[:3]
+        axes = np.asarray(model.joints[j + 1].createData().S).reshape(6)
+        axis = axes[3:] if axes[3:].any() else axes[:3]
         force, moment = wrench[:, j, :3], wrench[:, j, 3:]
         along, about = force @ axis, moment @ axis
         loads[:, j, 0] = np.linalg.norm(force - along[:, None] * axis, axis=1)

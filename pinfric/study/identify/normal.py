@@ -61,7 +61,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Grams:
+class BlockProducts:
     """Summed products of one joint's columns (rigid, slots, effort) by block.
 
     Attributes:
@@ -73,7 +73,7 @@ class Grams:
     count: FloatArray
 
     @classmethod
-    def of(cls, rows: Rows, weight: FloatArray, blocks: int) -> Grams:
+    def of(cls, rows: Rows, weight: FloatArray, blocks: int) -> BlockProducts:
         """Sum the products of a joint's rows, each weighted."""
         columns = np.column_stack((rows.rigid, rows.slots, rows.effort))
         size = columns.shape[1]
@@ -120,7 +120,9 @@ class Normal:
     rows: float
 
     @classmethod
-    def of(cls, grams: Sequence[Grams], blocks: NDArray[np.bool_], weights: FloatArray) -> Normal:
+    def of(
+        cls, grams: Sequence[BlockProducts], blocks: NDArray[np.bool_], weights: FloatArray
+    ) -> Normal:
         """Sum the blocks' products, joint j with weight `weights[j]`."""
         K, nj = len(SLOTS), len(grams)
         p = grams[0].products.shape[1] - K - 1
@@ -143,7 +145,7 @@ class Normal:
         return found
 
 
-class Reduced:
+class FrictionNormalEquations:
     """Normal equations with theta eliminated: what a law's coefficients cost beside the best theta.
 
     Args:
@@ -176,21 +178,21 @@ class Reduced:
         return Fit(self.start - self.by_slots @ x, x.reshape(len(chosen), -1))
 
 
-class ManyReduced:
+class ManyNormalEquations:
     """Several normal equations of one form, solved together: those of all held-out parts.
 
     Args:
         every: one for each part.
     """
 
-    def __init__(self, every: Sequence[Reduced]) -> None:
+    def __init__(self, every: Sequence[FrictionNormalEquations]) -> None:
         self.left = np.array([one.left for one in every])
         self.right = np.array([one.right for one in every])
         self.by_slots = np.array([one.by_slots for one in every])
         self.start = np.array([one.start for one in every])
 
     def fit(self, chosen: Sequence[Sequence[int]]) -> tuple[FloatArray, FloatArray]:
-        """Return theta (parts, p) and coefficients (parts, nj, K), as `Reduced.fit` does."""
+        """Return theta (parts, p) and coefficients (parts, nj, K), as `FrictionNormalEquations.fit` does."""
         place = places(chosen)
         x = np.zeros_like(self.right)
         x[:, place] = non_negative(self.left[:, place[:, None], place], self.right[:, place])
@@ -198,8 +200,8 @@ class ManyReduced:
         return theta, x.reshape(len(x), len(chosen), -1)
 
 
-def moves(
-    grams: Sequence[Grams],
+def influence(
+    grams: Sequence[BlockProducts],
     weights: FloatArray,
     prior: Prior,
     fit: Fit,

@@ -143,7 +143,7 @@ def _of_logs(found: Estimate) -> list[str]:
     delay, lines = found.delay, []
     moving = [one.slides.any() for one in found.prepared]
     still = [
-        one.recording.name for one, moves in zip(found.prepared, moving, strict=True) if not moves
+        one.recording.name for one, slides in zip(found.prepared, moving, strict=True) if not slides
     ]
     if still:
         lines.append(f"nothing slides in {', '.join(still)}: used for bounds on friction at rest")

@@ -94,15 +94,15 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
     if name in (FORWARD, BACKWARD):
         # a negative ratio turns the motor backwards where the joint moves forwards
         turned = motor and scene.drives[joint].ratio < 0.0
-        way = "positive" if (name == FORWARD) != turned else "negative"
+        direction = "positive" if (name == FORWARD) != turned else "negative"
         return (
             section,
-            f"{'no_load_torque' if motor else 'coulomb'}.{way}",
+            f"{'no_load_torque' if motor else 'coulomb'}.{direction}",
             ("N m" if motor else effort),
         )
     if name in RESTING:
-        way = "positive" if name == FALL_FORWARD else "negative"
-        return section, f"coulomb.{way}.static", effort
+        direction = "positive" if name == FALL_FORWARD else "negative"
+        return section, f"coulomb.{direction}.static", effort
     if name in SPEEDS:
         speed = "rad/s" if motor or effort == "N m" else "m/s"
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
@@ -271,13 +271,13 @@ def _entries(
         name, target = SLOTS[slot], friction if section == "friction" else gear
         value = _rounded(scene_value(law, slot, float(fitted[slot]), ratio))
         if name in (FORWARD, BACKWARD) and dry:
-            head, _, way = key.partition(".")
+            head, _, direction = key.partition(".")
             rest = float(fitted[slot]) + excess
             rest += float(fitted[SLOT[FALL_FORWARD if name == FORWARD else FALL_BACKWARD]])
             if (joint, name) in static:
                 rest = max(rest if law.stribeck else float(fitted[slot]), static[joint, name].mean)
             rest = _rounded(scene_value(law, slot, rest, ratio))
-            target.setdefault(head, {})[way] = {"static": rest, "kinetic": value}
+            target.setdefault(head, {})[direction] = {"static": rest, "kinetic": value}
         elif name in SPEEDS and value:
             target[key] = {"coefficient": value, "exponent": law.exponent}
         elif name == BEARING and value:

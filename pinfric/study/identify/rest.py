@@ -118,13 +118,13 @@ def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
         peaks: dict[str, list[float]] = {FORWARD: [], BACKWARD: []}
         for one in found.prepared:
             if law.load != "bearing":
-                for way, peak in _peaks(found, one, j):
-                    peaks[way].append(peak)
-        for way, values in peaks.items():
+                for direction, peak in _peaks(found, one, j):
+                    peaks[direction].append(peak)
+        for direction, values in peaks.items():
             if len(values) >= _FEWEST:
                 error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
                 mean, reach = float(np.mean(values)), float(stdtrit(len(values) - 1, 0.975)) * error
-                result[j, way] = BreakAway(mean, max(mean - reach, 0.0), mean + reach, error)
+                result[j, direction] = BreakAway(mean, max(mean - reach, 0.0), mean + reach, error)
     return result
 
 
@@ -158,7 +158,8 @@ def _friction(
     """The friction sign (x - rigid) that holds, gears' losses taken out of the effort."""
     law, slots = found.choice.laws[joint], found.fit.slots[joint]
     driving, driven, both = (
-        float(slots[SLOT[f"gear {way}, {law.side} side"]]) for way in ("driving", "driven", "both")
+        float(slots[SLOT[f"gear {direction}, {law.side} side"]])
+        for direction in ("driving", "driven", "both")
     )
     driving, driven = driving + both, driven + both
     if law.side == "joint":

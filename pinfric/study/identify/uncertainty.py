@@ -32,7 +32,7 @@ from pinfric.study.identify.laws import (
     SPEEDS,
 )
 from pinfric.study.identify.misfit import Misfit, bias, gradients, one_sided
-from pinfric.study.identify.normal import above_zero, moves, residuals
+from pinfric.study.identify.normal import above_zero, influence, residuals
 
 FloatArray = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     """
     problem, fit = found.problem, found.fit
     place = _uncertain(found)
-    moved, count = moves(
+    moved, count = influence(
         problem.grams,
         problem.weights,
         problem.prior,
@@ -205,10 +205,12 @@ def _load_slopes(found: Estimate, joint: int, name: str) -> FloatArray | None:
         return np.hstack((np.concatenate(slopes), none))
     if not name.startswith("gear"):
         return None
-    way = np.sign(rows.velocity * rows.load)
-    way *= (way < 0.0) if "driven" in name else (way > 0.0) if "driving" in name else 1.0
+    direction = np.sign(rows.velocity * rows.load)
+    direction *= (
+        (direction < 0.0) if "driven" in name else (direction > 0.0) if "driving" in name else 1.0
+    )
     inner = [name.endswith("joint side") and slot in _INNER for slot in SLOTS]
-    return np.hstack((rows.rigid, rows.slots * inner)) * way[:, None]
+    return np.hstack((rows.rigid, rows.slots * inner)) * direction[:, None]
 
 
 def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:

@@ -64,7 +64,7 @@ from pinfric.model.described import in_json
 from pinfric.show.identification_page.page import identification_page
 from pinfric.study.identify import columns
 from pinfric.study.identify.advice import advice_text
-from pinfric.study.identify.choice import free_errors, held_out_parts, smallest_good
+from pinfric.study.identify.choice import free_errors, held_out_parts, simplest_adequate_law
 from pinfric.study.identify.columns import blocks, prepare, thinning
 from pinfric.study.identify.delay import LogDelay, common_delay
 from pinfric.study.identify.estimate import _at_an_end
@@ -452,8 +452,8 @@ def test_of_laws_that_are_as_good_the_viscous_one_is_taken():
     rows, powers = np.full(4, 100.0), {1.0: 101.0, 0.8: 100.0, 0.5: 150.0}
     noise = np.array([-1.0, 1.0, -2.0, 2.0])
     errors = {Law(exponent=p): total / 4 + (0.1 + p) * noise for p, total in powers.items()}
-    assert smallest_good(errors, rows) == Law()
-    assert smallest_good(errors | {Law(): np.full(4, 40.0)}, rows) == Law(exponent=0.8)
+    assert simplest_adequate_law(errors, rows) == Law()
+    assert simplest_adequate_law(errors | {Law(): np.full(4, 40.0)}, rows) == Law(exponent=0.8)
 
 
 def test_a_payload_is_of_the_log_at_its_path(tmp_path):

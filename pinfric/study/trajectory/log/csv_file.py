@@ -1,7 +1,7 @@
 """CSV files as robots and their tools write them.
 
 Commas, semicolons, tabs or spaces separate cells; a comma is decimal where it cannot separate; the
-file may be gzipped. pandas reads it in parts. A file with something unusual in it (comments or empty
+file may be gzipped. pandas reads it in parts. A file with something unusual in it (comments, empty
 lines between rows, torn rows, cells that are no numbers) is read line by line, and so is a small
 one, for which loading pandas would take longer.
 """

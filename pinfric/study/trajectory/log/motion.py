@@ -59,8 +59,8 @@ _CONTRADICTED = 0.5
 #: Share of a step: rows that follow sooner are not interpolated between.
 _NEAREST = 0.5
 #: Cutoff of a second low pass over that of the first: their difference shows what a low pass takes
-#: away. At a jump of acceleration a gentle one shows half as much.
-_LOWER, _GENTLE_LOWER = 1.0 / np.sqrt(2.0), 0.5
+#: away. At a jump of acceleration a Gaussian one shows half as much.
+_LOWER, _GAUSSIAN_LOWER = 1.0 / np.sqrt(2.0), 0.5
 #: Periods of the cutoff from an end of a log within which errors are up to 50 times those inside.
 _ONE_SIDED = 0.35
 
@@ -394,17 +394,17 @@ def _filtered(
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
         moves = sum(last - first + 1 for first, last in holds) < q.size
-        cutoff, gentle, lost = None, False, 0.0
+        cutoff, gaussian, lost = None, False, 0.0
         if moves and options.cutoff != "none" and (noisy[i] or options.cutoff is not None):
             seen = Spectra.of(q, step, floor[i])
             cutoff = signal_cutoff(seen)
             if isinstance(options.cutoff, float):
                 cutoff = options.cutoff
             elif cutoff is not None and acceleration_jumps(seen, cutoff):
-                cutoff, gentle = signal_cutoff(seen, gentle=True), True
-            lost = 0.0 if cutoff is None else motion_taken_away(seen, cutoff, gentle)
+                cutoff, gaussian = signal_cutoff(seen, gaussian=True), True
+            lost = 0.0 if cutoff is None else motion_taken_away(seen, cutoff, gaussian)
         cut.append(lost)
-        joint = _low_passed(sampled, i, holds, cutoff, gentle, noise[i], thinning)
+        joint = _low_passed(sampled, i, holds, cutoff, gaussian, noise[i], thinning)
         for name, column in parts.items():
             column[:, i] = getattr(joint, name)
         cutoffs.append(cutoff)
@@ -491,7 +491,7 @@ def _low_passed(
     joint: int,
     holds: Sequence[tuple[int, int]],
     cutoff: float | None,
-    gentle: bool,
+    gaussian: bool,
     noise: float,
     thinning: Thinning | None,
 ) -> _Smoothed:
@@ -507,15 +507,15 @@ def _low_passed(
         v, a = position_derivatives(t, q, holds)
         spread = [noise * gain / step ** (k + 1) for k, gain in enumerate(SPLINE_GAINS)]
     else:
-        lower = low_pass(q, step, (_GENTLE_LOWER if gentle else _LOWER) * cutoff, gentle)
+        lower = low_pass(q, step, (_GAUSSIAN_LOWER if gaussian else _LOWER) * cutoff, gaussian)
         shift = position_derivatives(t, lower, ())[1][::every].copy()
         del lower
-        smooth = low_pass(q, step, cutoff, gentle)
+        smooth = low_pass(q, step, cutoff, gaussian)
         v, a = position_derivatives(t, smooth, ())
         shift = (shift - a[::every]) * moving[::every]
         q[moving] = smooth[moving]
         v[~moving] = a[~moving] = 0.0
-        spread = [noise * noise_gain(step, cutoff, order, gentle) for order in (1, 2)]
+        spread = [noise * noise_gain(step, cutoff, order, gaussian) for order in (1, 2)]
     if thinning and every > 1:
         a = thinning.acceleration(a, step)
     return _Smoothed(q[::every], v[::every], a[::every], shift, moving[::every], spread)

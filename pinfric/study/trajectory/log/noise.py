@@ -244,7 +244,7 @@ def _density(x: FloatArray, rate: float, length: int) -> tuple[FloatArray, Float
     return frequency, np.asarray(total)
 
 
-def signal_cutoff(seen: Spectra, gentle: bool = False) -> float | None:
+def signal_cutoff(seen: Spectra, gaussian: bool = False) -> float | None:
     """Return the cutoff (Hz) that leaves the least error in the acceleration; None: no low pass.
 
     A low pass of gain G leaves an error of the acceleration whose mean square is expected to be
@@ -255,13 +255,13 @@ def signal_cutoff(seen: Spectra, gentle: bool = False) -> float | None:
 
     Args:
         seen: of the joint.
-        gentle: of the low pass.
+        gaussian: of the low pass.
 
     Source: Stein, Estimation of the Mean of a Multivariate Normal Distribution (1981): an unbiased
     estimate of the risk.
     """
     cutoffs = np.geomspace(seen.frequency[1], _HIGHEST / seen.step, _CUTOFFS)
-    gain = _gain(seen.frequency, cutoffs[:, None], gentle)
+    gain = _gain(seen.frequency, cutoffs[:, None], gaussian)
     error = (1.0 - gain) ** 2 @ seen.motion + _CAUTION * gain**2 @ seen.white
     best = int(np.argmin(error))
     return float(cutoffs[best]) if best < _CUTOFFS - 1 else None
@@ -295,31 +295,33 @@ def acceleration_jumps(seen: Spectra, cutoff: float) -> bool:
     return bool(nearly_all > _HEAVY_TAIL * most and nearly_all > _NO_TONE * more)
 
 
-def motion_taken_away(seen: Spectra, cutoff: float, gentle: bool) -> float:
+def motion_taken_away(seen: Spectra, cutoff: float, gaussian: bool) -> float:
     """Return the RMS acceleration that a low pass takes from the motion, rad/s^2 or m/s^2.
 
     Only frequencies count at which the density is far above that of the noise.
 
     Args:
         seen: of the joint.
-        cutoff, gentle: of the low pass.
+        cutoff, gaussian: of the low pass.
     """
     clear = seen.motion > (max(seen.clear, _UNCLEAR) - 1.0) * seen.white
-    lost = (1.0 - _gain(seen.frequency, cutoff, gentle)) ** 2 * np.maximum(seen.motion, 0.0)
+    lost = (1.0 - _gain(seen.frequency, cutoff, gaussian)) ** 2 * np.maximum(seen.motion, 0.0)
     return float(np.sqrt(np.sum(lost[clear]) * seen.frequency[1])) / seen.step**2
 
 
-def _gain(frequency: FloatArray, cutoff: float | FloatArray, gentle: bool) -> FloatArray:
+def _gain(frequency: FloatArray, cutoff: float | FloatArray, gaussian: bool) -> FloatArray:
     """Return the gain of `low_pass`."""
     ratio = frequency / cutoff
-    return np.asarray(2.0 ** -(ratio**2) if gentle else 1.0 / (1.0 + ratio ** (2 * _BUTTERWORTH)))
+    return np.asarray(2.0 ** -(ratio**2) if gaussian else 1.0 / (1.0 + ratio ** (2 * _BUTTERWORTH)))
 
 
-def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = False) -> FloatArray:
+def low_pass(
+    position: FloatArray, step: float, cutoff: float, gaussian: bool = False
+) -> FloatArray:
     """Return positions after a low pass without a shift in time.
 
     Its gain is 1 / (1 + (f / cutoff)^8), a Butterworth low pass of order four forward and backward.
-    That rings at a jump and makes a tenth more of it; a gentle one, 2^-(f / cutoff)^2 (Gaussian),
+    That rings at a jump and makes a tenth more of it; a Gaussian one, 2^-(f / cutoff)^2,
     does not, but takes more from a motion with much power just below the cutoff. Beyond both ends
     the motion goes on as the polynomial of degree four through its last period of the cutoff does:
     a reflection would set velocity or acceleration to zero there.
@@ -328,7 +330,7 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
         position: (T,) or (T, n) at regular times, rad or m, or anything else.
         step: s between samples.
         cutoff: Hz, where the gain is a half.
-        gentle: the Gaussian one.
+        gaussian: the Gaussian one.
     """
     from scipy.ndimage import gaussian_filter1d
     from scipy.signal import butter, sosfiltfilt
@@ -338,7 +340,7 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
     fitted = min(count, max(math.ceil(_FITTED / (cutoff * step)), 8))
     before = _continued(position[::-1], span, fitted)[::-1]
     longer = np.concatenate((before, position, _continued(position, span, fitted)))
-    if gentle:
+    if gaussian:
         width = np.sqrt(2.0 * np.log(2.0)) / (2.0 * np.pi * cutoff * step)
         smooth = gaussian_filter1d(longer, width, axis=0, mode="nearest", truncate=6.0)
     else:
@@ -356,7 +358,7 @@ def _continued(position: FloatArray, span: int, fitted: int) -> FloatArray:
     return np.asarray(beyond @ np.linalg.lstsq(basis, last, rcond=None)[0])
 
 
-def noise_gain(step: float, cutoff: float, order: int, gentle: bool = False) -> float:
+def noise_gain(step: float, cutoff: float, order: int, gaussian: bool = False) -> float:
     """Return the standard deviation of a derivative of low-passed white noise of sigma 1.
 
     sqrt(2 dt int (2 pi f)^(2 order) gain(f)^2 df) up to half the sampling rate, with the gain of
@@ -364,9 +366,9 @@ def noise_gain(step: float, cutoff: float, order: int, gentle: bool = False) -> 
 
     Args:
         step: s between samples.
-        cutoff, gentle: of the low pass.
+        cutoff, gaussian: of the low pass.
         order: of the derivative.
     """
     frequency = np.linspace(0.0, 0.5 / step, 4001)
-    gain = _gain(frequency, cutoff, gentle) * (2.0 * np.pi * frequency) ** order
+    gain = _gain(frequency, cutoff, gaussian) * (2.0 * np.pi * frequency) ** order
     return float(np.sqrt(2.0 * step * np.trapezoid(gain**2, frequency)))

@@ -69,7 +69,7 @@ class DerivativeNoise:
         velocity: (nj,) standard deviation, rad/s or m/s.
         acceleration: (nj,) the same, rad/s^2 or m/s^2.
         acceleration_shift: (T, nj) change of the acceleration with a lower cutoff (by 1/sqrt(2), of
-            a gentle low pass by 1/2). The low pass may have taken away so much near its cutoff.
+            a Gaussian low pass by 1/2). The low pass may have taken away so much near its cutoff.
         acceleration_cut: (nj,) RMS of the motion above the cutoff that the low pass took away.
     """
 
