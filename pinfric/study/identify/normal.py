@@ -192,7 +192,7 @@ class ManyNormalEquations:
         self.start = np.array([one.start for one in every])
 
     def fit(self, chosen: Sequence[Sequence[int]]) -> tuple[FloatArray, FloatArray]:
-        """Return theta (parts, p) and coefficients (parts, nj, K), as `FrictionNormalEquations.fit` does."""
+        """Return theta (parts, p) and coefficients (parts, nj, K) of all parts."""
         place = places(chosen)
         x = np.zeros_like(self.right)
         x[:, place] = non_negative(self.left[:, place[:, None], place], self.right[:, place])
