@@ -116,7 +116,7 @@ def outcome(case: str, seed: int) -> Outcome | None:
 
 def misfits(found: Identified) -> int:
     """Return of how many joints lack of fit is said."""
-    return sum(line.startswith("lack of fit") for line in found.said)
+    return sum(line.startswith("lack of fit") for line in found.notes)
 
 
 def study(cases: list[str], seeds: range) -> Iterator[str]:

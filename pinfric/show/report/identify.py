@@ -38,7 +38,7 @@ def identify_report(found: Identified, summary: IdentifySummary) -> Report:
     least = min(best.factors, key=best.factors.__getitem__)
     lines = [
         f"logged efforts' delay: {found.estimate.delay}",
-        *found.said,
+        *found.notes,
         f"30 s more would tell most so: {best.name.lower()} (standard error of {least}: "
         f"{best.factors[least]:.2f} of now)",
     ]

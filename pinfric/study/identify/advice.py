@@ -19,7 +19,7 @@ from pinfric.model.scene import Scene
 from pinfric.study.identify.columns import joint_rows, prepare
 from pinfric.study.identify.estimate import Estimate, reloaded, scale_is_known
 from pinfric.study.identify.laws import INERTIA, SLOT, SLOTS
-from pinfric.study.identify.normal import Grams, Normal, Reduced, above_zero
+from pinfric.study.identify.normal import BlockProducts, FrictionNormalEquations, Normal, above_zero
 from pinfric.study.identify.parameters import scene_key
 from pinfric.study.identify.recordings import Recording
 from pinfric.study.trajectory.joint_columns import configurations, joint_columns
@@ -85,8 +85,10 @@ def advice_text(advice: Advice, scene: Scene) -> str:
     lines = [
         f"# {advice.name}. Judged by the information it would bring, of 30 s:",
         "#",
-        *(f"#   standard error of {key}: {factor:.2f} of now"
-          for key, factor in sorted(advice.factors.items(), key=lambda pair: pair[1])[:8]),
+        *(
+            f"#   standard error of {key}: {factor:.2f} of now"
+            for key, factor in sorted(advice.factors.items(), key=lambda pair: pair[1])[:8]
+        ),
         "#",
         "# First every joint leaves rest alone, both ways, so slowly that its effort rises until",
         "# it breaks away: that alone shows static friction. Postures are from your logs; the ways",
@@ -96,9 +98,11 @@ def advice_text(advice: Advice, scene: Scene) -> str:
         f"joints: [{', '.join(scene.joint_names)}]",
         "points:",
         f"  - {{q: {_numbers(start)}, hold: 1.0}}",
-        *(f"  - {{q: {_numbers(p.q)}, duration: {p.duration:.4g}, hold: {p.hold:g}}}"
-          for p in points),
-    ]  # fmt: skip
+        *(
+            f"  - {{q: {_numbers(p.q)}, duration: {p.duration:.4g}, hold: {p.hold:g}}}"
+            for p in points
+        ),
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -129,8 +133,11 @@ def _recordings(found: Estimate) -> Iterator[tuple[str, tuple[WayPoint, ...], fl
 
 def _links(scene: Scene) -> list[str]:
     """The links that joints move; a model made in Python may have none."""
-    return [frame.name for frame in scene.model.frames
-            if frame.type == pin.FrameType.BODY and frame.parentJoint > 0]  # fmt: skip
+    return [
+        frame.name
+        for frame in scene.model.frames
+        if frame.type == pin.FrameType.BODY and frame.parentJoint > 0
+    ]
 
 
 def _way(q: FloatArray, speed: FloatArray) -> tuple[WayPoint, ...]:
@@ -157,12 +164,17 @@ def _weighed(
     """Standard errors with one more recording, over those of now."""
     grams = _grams(found, points, load)
     more = Normal.of(grams, np.ones(1, dtype=bool), found.problem.weights)
-    both = Normal(*(getattr(normal, name) + getattr(more, name)
-                    for name in Normal.__dataclass_fields__))  # fmt: skip
+    both = Normal(
+        *(getattr(normal, name) + getattr(more, name) for name in Normal.__dataclass_fields__)
+    )
     both = replace(both, rows=normal.rows)  # which weigh the prior: a recording is none of it
     place = above_zero(found.fit, found.problem.slots(found.choice.laws))
-    now, then = (_standard_errors(Reduced(one, found.problem.prior).left[np.ix_(place, place)])
-                 for one in (normal, both))  # fmt: skip
+    now, then = (
+        _standard_errors(
+            FrictionNormalEquations(one, found.problem.prior).left[np.ix_(place, place)]
+        )
+        for one in (normal, both)
+    )
     factors = {}
     for at, ratio in zip(place.tolist(), (then / now).tolist(), strict=True):
         j, slot = divmod(at, len(SLOTS))
@@ -172,25 +184,33 @@ def _weighed(
     return Advice(name, points, load, factors)
 
 
-def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[Grams]:
+def _grams(found: Estimate, points: tuple[WayPoint, ...], load: float) -> list[BlockProducts]:
     """Products of the columns of a recording that has not been made."""
     scene = found.scene
     columns = joint_columns(scene.model)
     file = WayPointFile(pinfric_trajectory=1, sample_rate=_RATE, points=points)
-    motion = sample_waypoints(file, [c.name for c in columns],
-                              np.array([c.velocity_limit for c in columns]), {}, "")  # fmt: skip
+    motion = sample_waypoints(file, columns, {}, "")
     q = configurations(columns, motion.position, scene.model.nq)
     loaded = scene.with_(payloads={})
     if load > 0.0:
-        loaded = scene.with_(payloads={"load": {"link": _links(scene)[-1], "mass": load,
-                                                "com": (0.0, 0.0, _OFF)}})  # fmt: skip
+        loaded = scene.with_(
+            payloads={"load": {"link": _links(scene)[-1], "mass": load, "com": (0.0, 0.0, _OFF)}}
+        )
     trajectory = Trajectory.from_arrays(loaded, motion.t, q, motion.velocity, motion.acceleration)
-    recording = Recording.of(loaded, "", trajectory, 1.0 / _RATE, np.zeros_like(motion.velocity),
-                             found.prepared[0].recording.noise)  # fmt: skip
+    recording = Recording.of(
+        loaded,
+        "",
+        trajectory,
+        1.0 / _RATE,
+        np.zeros_like(motion.velocity),
+        found.prepared[0].recording.noise,
+    )
     one = reloaded(replace(found, scene=loaded), prepare(loaded, recording))
     rows = [joint_rows([one], j, 0.0) for j in range(scene.model.nv)]
-    return [Grams.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1)
-            for r in rows]  # fmt: skip
+    return [
+        BlockProducts.of(replace(r, block=np.zeros_like(r.block)), np.ones(r.effort.size), 1)
+        for r in rows
+    ]
 
 
 def _standard_errors(left: FloatArray) -> FloatArray:

@@ -71,8 +71,9 @@ def check_efforts(scene: Scene, rows: Sequence[Rows], given: Collection[str]) ->
                 "drove it: sign of the effort or of the angle turned; say so by `sign` in a file "
                 "given by --columns"
             )
-        elif (correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1]
-              and name not in given):  # fmt: skip
+        elif (
+            correlation > _CORRELATION and not _SLOPES[0] < slope < _SLOPES[1] and name not in given
+        ):
             factors[j] = slope
     if factors and not _carries(rows, theta, factors):
         problems += [
@@ -125,8 +126,10 @@ def _turned(rows: Rows, theta: FloatArray) -> bool:
 
     made = np.column_stack((rows.rigid @ theta, rows.slots[:, _OWN]))
     made = made / np.maximum(np.linalg.norm(made, axis=0), 1e-12)
-    left, turned = (nnls(made, y)[1] / max(float(np.linalg.norm(y)), 1e-300)
-                    for y in (rows.effort, -rows.effort))  # fmt: skip
+    left, turned = (
+        nnls(made, y)[1] / max(float(np.linalg.norm(y)), 1e-300)
+        for y in (rows.effort, -rows.effort)
+    )
     return bool(turned**2 < 1.0 - _CORRELATION**2 < left**2)
 
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from pinfric.study.identify.columns import Rows
 from pinfric.study.identify.laws import INERTIA, PLAIN, SLOT, SLOTS, Law
 from pinfric.study.identify.normal import (
-    Grams,
-    ManyReduced,
+    BlockProducts,
+    FrictionNormalEquations,
+    ManyNormalEquations,
     Normal,
     Prior,
-    Reduced,
     block_errors,
     residuals,
 )
@@ -46,7 +46,7 @@ class Problem:
         rotor: whether rotors' inertias are fitted.
     """
 
-    grams: Sequence[Grams]
+    grams: Sequence[BlockProducts]
     weights: FloatArray
     prior: Prior
     laws: Sequence[Sequence[Law]]
@@ -59,8 +59,10 @@ class Problem:
         A joint without rows takes none, one that moves one way only no Coulomb friction the other.
         """
         rotor = (SLOT[INERTIA],) if self.rotor else ()
-        return [tuple(slot for slot in (*rotor, *law.slots) if own[slot])
-                for own, law in zip(self._seen, laws, strict=True)]  # fmt: skip
+        return [
+            tuple(slot for slot in (*rotor, *law.slots) if own[slot])
+            for own, law in zip(self._seen, laws, strict=True)
+        ]
 
     @cached_property
     def _seen(self) -> list[list[bool]]:
@@ -88,8 +90,10 @@ class Choice:
             return replace(law, side="motor") if motor else law
 
         laws = tuple(moved(law, bool(m)) for law, m in zip(self.laws, there, strict=True))
-        errors = tuple({moved(law, bool(m)): error for law, error in own.items()}
-                       for own, m in zip(self.errors, there, strict=True))  # fmt: skip
+        errors = tuple(
+            {moved(law, bool(m)): error for law, error in own.items()}
+            for own, m in zip(self.errors, there, strict=True)
+        )
         return replace(self, laws=laws, errors=errors)
 
 
@@ -136,8 +140,10 @@ def choose(problem: Problem) -> Choice:
             chosen[j] = judge.taken(j, tables[j])
         if chosen == before:
             break
-    errors = tuple({law: float(np.sqrt(e.sum() / max(judge.rows[j].sum(), 1.0)))
-                    for law, e in table.items()} for j, table in enumerate(tables))  # fmt: skip
+    errors = tuple(
+        {law: float(np.sqrt(e.sum() / max(judge.rows[j].sum(), 1.0))) for law, e in table.items()}
+        for j, table in enumerate(tables)
+    )
     return Choice(tuple(chosen), errors)
 
 
@@ -159,7 +165,9 @@ def nested_errors(problem: Problem, rows: Sequence[Rows]) -> tuple[FloatArray, F
         test = problem.folds == part
         rest = replace(problem, folds=np.where(test, -1, problem.folds))
         laws = choose(rest).laws
-        reduced = Reduced(Normal.of(problem.grams, ~test, problem.weights), problem.prior)
+        reduced = FrictionNormalEquations(
+            Normal.of(problem.grams, ~test, problem.weights), problem.prior
+        )
         for kind, taken in enumerate((laws, plain)):
             fit = reduced.fit(problem.slots(taken))
             for j, own in enumerate(rows):
@@ -180,9 +188,12 @@ def free_errors(problem: Problem, rows: Sequence[Rows]) -> FloatArray:
     free = replace(problem.prior, weight=_FREE * problem.prior.weight)
     for part in np.unique(problem.folds):
         test = problem.folds == part
-        fit = Reduced(Normal.of(problem.grams, ~test, problem.weights), free).fit(plain)
-        squares += [np.sum(residuals(own, fit, j)[test[own.block]] ** 2)
-                    for j, own in enumerate(rows)]  # fmt: skip
+        fit = FrictionNormalEquations(Normal.of(problem.grams, ~test, problem.weights), free).fit(
+            plain
+        )
+        squares += [
+            np.sum(residuals(own, fit, j)[test[own.block]] ** 2) for j, own in enumerate(rows)
+        ]
     return np.asarray(np.sqrt(squares / np.maximum([own.effort.size for own in rows], 1.0)))
 
 
@@ -193,14 +204,18 @@ class _Judge:
         self._problem = problem
         used = problem.folds >= 0
         tests = [problem.folds == part for part in np.unique(problem.folds[used])]
-        self._reduced = ManyReduced([
-            Reduced(Normal.of(problem.grams, used & ~test, problem.weights), problem.prior)
-            for test in tests
-        ])  # fmt: skip
-        self.rows = np.array([[gram.count[test].sum() for test in tests]
-                              for gram in problem.grams])  # fmt: skip
-        self._grams = [np.array([gram.products[test].sum(axis=0) for test in tests])
-                       for gram in problem.grams]  # fmt: skip
+        self._reduced = ManyNormalEquations(
+            [
+                FrictionNormalEquations(
+                    Normal.of(problem.grams, used & ~test, problem.weights), problem.prior
+                )
+                for test in tests
+            ]
+        )
+        self.rows = np.array([[gram.count[test].sum() for test in tests] for gram in problem.grams])
+        self._grams = [
+            np.array([gram.products[test].sum(axis=0) for test in tests]) for gram in problem.grams
+        ]
         self._fits: dict[tuple[Law, ...], tuple[FloatArray, FloatArray]] = {}
 
     def errors(self, laws: Sequence[Law], joints: Sequence[int]) -> list[FloatArray]:
@@ -215,10 +230,10 @@ class _Judge:
     def taken(self, joint: int, errors: Mapping[Law, FloatArray]) -> Law:
         """Return the joint's law by the candidates' sums of squared errors in every part."""
         own = self._problem.laws[joint]
-        return smallest_good({law: errors[law] for law in own}, self.rows[joint])
+        return simplest_adequate_law({law: errors[law] for law in own}, self.rows[joint])
 
 
-def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
+def simplest_adequate_law(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
     """Return the law of fewest coefficients that is not worse than the best one.
 
     Not worse: the mean of the parts' differences in squared error is within one standard error, or
@@ -239,5 +254,6 @@ def smallest_good(errors: Mapping[Law, FloatArray], rows: FloatArray) -> Law:
         return bool(difference.sum() <= max(spread, ((1.0 + MARGIN) ** 2 - 1.0) * least))
 
     fine = [law for law in errors if good(law)]
-    return min(fine, key=lambda law: (law.size, law.exponent not in (None, 1.0),
-                                      float(errors[law].sum())))  # fmt: skip
+    return min(
+        fine, key=lambda law: (law.size, law.exponent not in (None, 1.0), float(errors[law].sum()))
+    )

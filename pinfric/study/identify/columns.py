@@ -36,7 +36,7 @@ from pinfric.study.trajectory.log.noise import low_pass
 from pinfric.study.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
+    from scipy.interpolate import BSpline
 
 FloatArray = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ class Prepared:
     slides: NDArray[np.bool_]
     rigid: FloatArray
     slots: FloatArray
-    effort: PPoly
+    effort: BSpline
     payload: FloatArray
     load: FloatArray
 
@@ -134,7 +134,7 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
     """
     motion, step, nj = recording.trajectory, recording.step, scene.model.nv
     rigid_effort = along(scene, motion)[0]
-    payload = np.zeros_like(rigid_effort)
+    payload = np.broadcast_to(0.0, rigid_effort.shape)
     if scene.payloads:
         empty = replace(motion, attached=np.zeros_like(motion.attached))
         payload = rigid_effort - along(scene.with_(friction={}), empty)[0]
@@ -149,18 +149,24 @@ def prepare(scene: Scene, recording: Recording, thin: int = 1) -> Prepared:
     slots[:, :, SLOT[BACKWARD]] = _passed(-(v < 0.0).astype(np.float64), step)[kept]
     for name, p in SPEEDS.items():
         slots[:, :, SLOT[name]] = _passed(np.sign(v) * np.abs(v) ** p, step)[kept]
-    return Prepared(recording, kept, slides, _rigid_columns(scene, recording, kept), slots, effort,
-                    payload, rigid_effort)  # fmt: skip
+    return Prepared(
+        recording,
+        kept,
+        slides,
+        _rigid_columns(scene, recording, kept),
+        slots,
+        effort,
+        payload,
+        rigid_effort,
+    )
 
 
-def _spline(t: FloatArray, columns: FloatArray) -> PPoly:
+def _spline(t: FloatArray, columns: FloatArray) -> BSpline:
     """Return the cubic spline through columns (T, nj), made one after another to spare memory."""
-    from scipy.interpolate import CubicSpline, PPoly
+    from scipy.interpolate import BSpline, make_interp_spline
 
-    found = np.empty((4, t.size - 1, columns.shape[1]))
-    for j, column in enumerate(columns.T):
-        found[:, :, j] = CubicSpline(t, column).c
-    return PPoly(found, t)
+    splines = [make_interp_spline(t, column, k=3) for column in columns.T]
+    return BSpline(splines[0].t, np.column_stack([one.c for one in splines]), 3)
 
 
 def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
@@ -170,8 +176,10 @@ def along(scene: Scene, motion: Trajectory) -> tuple[FloatArray, FloatArray]:
         scene: the robot.
         motion: of its joints.
     """
-    parts = [(part.effort_frictionless, part.normal_load)
-             for part in inverse_dynamics(scene, motion, chunks=PART)]  # fmt: skip
+    parts = [
+        (part.effort_frictionless, part.normal_load)
+        for part in inverse_dynamics(scene, motion, chunks=PART)
+    ]
     effort, load = (np.concatenate(column) for column in zip(*parts, strict=True))
     return effort, load
 
@@ -200,8 +208,12 @@ def _regressor(scene: Scene, motion: Trajectory, start: int, stop: int) -> Float
     """Columns of the links' inertial parameters at samples from `start` up to `stop`."""
     model, P = scene.model, delivery(scene.drives, scene.model.nv)
     data, parts = model.createData(), (x[start:stop] for x in (motion.q, motion.v, motion.a))
-    every = np.array([pin.computeJointTorqueRegressor(model, data, q, v, a)
-                      for q, v, a in zip(*parts, strict=True)])  # fmt: skip
+    every = np.array(
+        [
+            pin.computeJointTorqueRegressor(model, data, q, v, a)
+            for q, v, a in zip(*parts, strict=True)
+        ]
+    )
     every = every.reshape(-1, model.nv, 10 * model.nv)  # of one joint they are vectors
     return P @ every if P.size else every
 
@@ -245,8 +257,12 @@ def with_loads(prepared: Prepared, scene: Scene, inner: FloatArray) -> Prepared:
     slots[:, :, SLOT[BEARING]] = _passed(sign * load, step)[prepared.kept]
     for side, x in zip(SIDES, (rigid, rigid + inner), strict=True):
         both = sign * np.abs(x)
-        for way, part in (("driving", x * sign > 0.0), ("driven", x * sign < 0.0), ("both", True)):
-            slot = SLOT[f"gear {way}, {side} side"]
+        for direction, part in (
+            ("driving", x * sign > 0.0),
+            ("driven", x * sign < 0.0),
+            ("both", True),
+        ):
+            slot = SLOT[f"gear {direction}, {side} side"]
             slots[:, :, slot] = _passed(both * part, step)[prepared.kept]
     return replace(prepared, slots=slots, load=rigid)
 
@@ -257,10 +273,13 @@ def bearings_only(scene: Scene) -> Scene:
     Args:
         scene: with bearings.
     """
-    return scene.with_(friction={
-        name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
-        for name, entry in scene.friction.items() if entry.bearing is not None
-    })  # fmt: skip
+    return scene.with_(
+        friction={
+            name: Friction(bearing=entry.bearing, mu=LoadFriction(static=_HARDLY, kinetic=_HARDLY))
+            for name, entry in scene.friction.items()
+            if entry.bearing is not None
+        }
+    )
 
 
 def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
@@ -278,18 +297,30 @@ def joint_rows(every: Sequence[Prepared], joint: int, delay: float) -> Rows:
         t = one.recording.trajectory.t
         rows = one.kept[one.slides[:, joint]]
         count, block = blocks(t)
-        parts.append(Rows(
-            one.rigid[one.slides[:, joint], joint], one.slots[one.slides[:, joint], joint],
-            one.effort(t[rows] + delay)[:, joint], first + block[rows],
-            np.full(rows.size, number), t[rows], one.recording.velocity[rows, joint],
-            one.load[rows, joint],
-        ))  # fmt: skip
+        parts.append(
+            Rows(
+                one.rigid[one.slides[:, joint], joint],
+                one.slots[one.slides[:, joint], joint],
+                one.effort(t[rows] + delay)[:, joint],
+                first + block[rows],
+                np.full(rows.size, number),
+                t[rows],
+                one.recording.velocity[rows, joint],
+                one.load[rows, joint],
+            )
+        )
         first += count
-    joined = Rows(*(np.concatenate([getattr(part, name) for part in parts])
-                  for name in Rows.__dataclass_fields__))  # fmt: skip
+    joined = Rows(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in Rows.__dataclass_fields__
+        )
+    )
     forward, backward = joined.slots[:, SLOT[FORWARD]], joined.slots[:, SLOT[BACKWARD]]
-    for seen, own, other in ((joined.velocity > 0.0, forward, backward),
-                             (joined.velocity < 0.0, backward, forward)):  # fmt: skip
+    for seen, own, other in (
+        (joined.velocity > 0.0, forward, backward),
+        (joined.velocity < 0.0, backward, forward),
+    ):
         if seen.sum() < FEWEST_ROWS:  # what the low pass leaks into it would fit anything
             other += own
             own[:] = 0.0

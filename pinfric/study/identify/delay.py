@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from pinfric.study.identify.columns import Prepared, Rows, joint_rows
 from pinfric.study.identify.normal import (
+    BlockProducts,
     Fit,
-    Grams,
+    FrictionNormalEquations,
     Normal,
     Prior,
-    Reduced,
     above_zero,
-    moves,
+    influence,
     weighted,
 )
 
@@ -88,12 +88,17 @@ def common_delay(logs: Sequence[LogDelay]) -> Delay:
     Args:
         logs: of each; a standard error is infinite where nothing slides.
     """
-    mean, error = pooled([(one.value, one.standard_error) for one in logs
-                          if np.isfinite(one.standard_error)])  # fmt: skip
+    mean, error = pooled(
+        [(one.value, one.standard_error) for one in logs if np.isfinite(one.standard_error)]
+    )
     seen = sorted({j for one in logs for j in one.joints})
     joints = {j: pooled([one.joints[j] for one in logs if j in one.joints]) for j in seen}
-    return Delay(mean if error < _VAGUE else 0.0, error,
-                 tuple((one.value, one.standard_error) for one in logs), joints)  # fmt: skip
+    return Delay(
+        mean if error < _VAGUE else 0.0,
+        error,
+        tuple((one.value, one.standard_error) for one in logs),
+        joints,
+    )
 
 
 def pooled(found: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -121,8 +126,11 @@ def other_delays(delay: Delay) -> dict[int, tuple[float, float]]:
     if not delay.joints:
         return {}
     mean, _ = pooled(list(delay.joints.values()))
-    return {j: (value, error) for j, (value, error) in delay.joints.items()
-            if abs(value - mean) > _DIFFERS * error}  # fmt: skip
+    return {
+        j: (value, error)
+        for j, (value, error) in delay.joints.items()
+        if abs(value - mean) > _DIFFERS * error
+    }
 
 
 def log_delay(
@@ -147,8 +155,9 @@ def log_delay(
         rows = _with_slopes(one, delay, slopes, apart=False)
         if not row_weights:
             row_weights = tuple(np.ones(own.effort.size) for own in rows)
-        fit, errors = _changes(rows, row_weights, weights, slots,
-                               _with_delays(prior, one, delay, 1), 1)  # fmt: skip
+        fit, errors = _changes(
+            rows, row_weights, weights, slots, _with_delays(prior, one, delay, 1), 1
+        )
         delay, error = delay + float(fit.theta[-1]), float(errors[0])
         delay = float(np.clip(delay, _LEAST, _MOST))
         row_weights, weights = weighted(rows, fit)
@@ -156,8 +165,9 @@ def log_delay(
     if not _LEAST < delay < _MOST:
         return LogDelay(delay, _USUAL)
     rows, nj = _with_slopes(one, delay, slopes, apart=True), len(slots)
-    fit, errors = _changes(rows, row_weights, weights, slots,
-                           _with_delays(prior, one, delay, nj), nj)  # fmt: skip
+    fit, errors = _changes(
+        rows, row_weights, weights, slots, _with_delays(prior, one, delay, nj), nj
+    )
     values = delay + fit.theta[-nj:]
     joints = {j: (float(values[j]), float(errors[j])) for j in range(nj) if rows[j].effort.size}
     return LogDelay(delay, error * disagreement(delay, joints.values()), joints)
@@ -193,12 +203,12 @@ def _changes(
     from scipy.special import stdtrit
 
     blocks = 1 + max(int(own.block.max(initial=0)) for own in rows)
-    grams = [Grams.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
+    grams = [BlockProducts.of(own, w, blocks) for own, w in zip(rows, row_weights, strict=True)]
     normal = Normal.of(grams, np.ones(blocks, dtype=bool), weights)
-    fit = Reduced(normal, prior).fit(slots)
+    fit = FrictionNormalEquations(normal, prior).fit(slots)
     place = above_zero(fit, slots)
     place = place[normal.slots.diagonal()[place] > 0.0]  # of joints that slide in this log
-    moved, samples = moves(grams, weights, prior, fit, place)
+    moved, samples = influence(grams, weights, prior, fit, place)
     wider = float(stdtrit(max(samples - 1, 1), 0.975)) / 1.96  # of few blocks: Student's
     end = fit.theta.size
     return fit, wider * np.linalg.norm(moved[:, end - count : end], axis=0)

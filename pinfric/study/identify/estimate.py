@@ -48,7 +48,13 @@ from pinfric.study.identify.laws import (
     Law,
     candidates,
 )
-from pinfric.study.identify.normal import Fit, Grams, Normal, Reduced, weighted
+from pinfric.study.identify.normal import (
+    BlockProducts,
+    Fit,
+    FrictionNormalEquations,
+    Normal,
+    weighted,
+)
 from pinfric.study.identify.recordings import STILL, Recording
 from pinfric.study.identify.stribeck import Fall, falling, find_fall, with_falls
 
@@ -134,8 +140,9 @@ class Estimate:
     @cached_property
     def known(self) -> tuple[int, ...]:
         """The joints of which the logs say something: they slid, and the model explains them."""
-        return tuple(j for j, own in enumerate(self.rows)
-                     if own.effort.size and j not in self.unexplained)  # fmt: skip
+        return tuple(
+            j for j, own in enumerate(self.rows) if own.effort.size and j not in self.unexplained
+        )
 
 
 def estimate(question: Question, progress: Callable[[int, int], object]) -> Estimate:
@@ -155,12 +162,13 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
         prepared.append(prepare(question.scene, recording, thin))
         progress(len(prepared), steps)
     _check_slides(question, prepared)
-    found = _first_pass(question, prepared)
+    passes = [_first_pass(question, prepared)]  # popped, so that none outlives the next one
     for number in (2, 1):
         progress(steps - number, steps)
-        found = _next_pass(found)
-    if any(law.stribeck for law in found.choice.laws):  # their speeds take longer
-        found = _next_pass(_next_pass(found))
+        passes.append(_next_pass(passes.pop()))
+    if any(law.stribeck for law in passes[0].choice.laws):  # their speeds take longer
+        passes = [_next_pass(_next_pass(passes.pop()))]
+    found = passes.pop()
     found = _trusted(replace(found, errors=nested_errors(found.problem, found.rows)))
     progress(steps, steps)
     if not found.known:
@@ -173,8 +181,10 @@ def estimate(question: Question, progress: Callable[[int, int], object]) -> Esti
 
 def _check_slides(question: Question, prepared: Sequence[Prepared]) -> None:
     """Refuse logs in which next to nothing slides: blocks are the samples of all that follows."""
-    held = [np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
-            for one in prepared]  # fmt: skip
+    held = [
+        np.unique(blocks(one.recording.trajectory.t)[1][one.kept[one.slides.any(axis=1)]])
+        for one in prepared
+    ]
     if (found := sum(own.size for own in held)) < _FEWEST_BLOCKS:
         names = ", ".join(one.name for one in question.recordings)
         raise IdentificationError(
@@ -193,27 +203,42 @@ def _trusted(found: Estimate) -> Estimate:
     laws = [(found.question.laws.get(name, PLAIN),) for name in found.scene.joint_names]
     simple = replace(found, choice=Choice(tuple(law for (law,) in laws), found.choice.errors))
     simple = _fitted(found.question, found.prepared, found.delay, laws, simple)
-    return replace(simple, errors=nested_errors(simple.problem, simple.rows), distrusted=True,
-                   choice=replace(simple.choice, errors=found.choice.errors))  # fmt: skip
+    return replace(
+        simple,
+        errors=nested_errors(simple.problem, simple.rows),
+        distrusted=True,
+        choice=replace(simple.choice, errors=found.choice.errors),
+    )
 
 
 def _first_pass(question: Question, prepared: list[Prepared]) -> Estimate:
     """Plain friction on every joint, loads by the URDF's inertias."""
     scene = question.scene
-    loaded = tuple(with_loads(one, scene, np.zeros_like(one.payload)) for one in prepared)
+    loaded = []
+    while prepared:  # a long log's columns fill much of the memory
+        one = prepared.pop(0)
+        loaded.append(with_loads(one, scene, np.zeros_like(one.payload)))
     plain = [(PLAIN,)] * scene.model.nv
-    first = _fitted(question, loaded, Delay(0.0, np.inf, ()), plain)
+    first = _fitted(question, tuple(loaded), Delay(0.0, np.inf, ()), plain)
     check_efforts(scene, first.rows, question.gains)
-    return _fitted(question, loaded, _delay(first), plain, first)
+    slots, first = first.problem.slots(first.choice.laws), _without_rows(first)
+    return _fitted(question, first.prepared, _delay(first, slots), plain, first)
 
 
 def _next_pass(before: Estimate) -> Estimate:
     """Loads by the inertias found, and with them the laws."""
     before = replace(before, falls=tuple(_fall(before, j) for j in range(len(before.rows))))
     prepared = tuple(reloaded(before, one) for one in before.prepared)
-    delay = _delay(replace(before, prepared=prepared))
     laws = [offered(before, j) for j in range(before.scene.model.nv)]
+    slots = before.problem.slots(before.choice.laws)
+    before = _without_rows(replace(before, prepared=prepared))
+    delay = _delay(before, slots)
     return replace(_fitted(before.question, prepared, delay, laws, before), falls=before.falls)
+
+
+def _without_rows(found: Estimate) -> Estimate:
+    """Let go of what the next pass makes anew: it fills much of the memory."""
+    return replace(found, rows=(), row_weights=(), problem=replace(found.problem, grams=()))
 
 
 def _fall(found: Estimate, joint: int) -> Fall | None:
@@ -222,8 +247,9 @@ def _fall(found: Estimate, joint: int) -> Fall | None:
     if mine is not None and not mine.stribeck:
         return None
     beside = {SLOT[INERTIA], *law.slots} - {SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]}
-    return find_fall(found.prepared, joint, found.rows[joint], found.row_weights[joint],
-                     sorted(beside))  # fmt: skip
+    return find_fall(
+        found.prepared, joint, found.rows[joint], found.row_weights[joint], sorted(beside)
+    )
 
 
 def _fitted(
@@ -249,20 +275,29 @@ def _fitted(
         if fit is not None:
             row_weights, weights = weighted(rows, fit)
             problem = replace(problem, weights=weights)
-        pairs = zip(rows, row_weights, strict=True)
-        problem = replace(problem, grams=tuple(Grams.of(r, w, folds.size) for r, w in pairs))
+        pairs, problem = zip(rows, row_weights, strict=True), replace(problem, grams=())
+        problem = replace(
+            problem, grams=tuple(BlockProducts.of(r, w, folds.size) for r, w in pairs)
+        )
         normal = Normal.of(problem.grams, np.ones(folds.size, dtype=bool), problem.weights)
-        fit = Reduced(normal, prior).fit(problem.slots(chosen))
+        fit = FrictionNormalEquations(normal, prior).fit(problem.slots(chosen))
     first = all(tuple(own) == (PLAIN,) for own in laws)
     choice = Choice(chosen, ({},) * nj) if first else choose(problem)
     choice = choice.on_motors(mixed(question.scene.drives, nj))
     slots = problem.slots(choice.laws)
-    fit = consistent_fit(normal, prior, Reduced(normal, prior).fit(slots), slots)
+    fit = consistent_fit(normal, prior, FrictionNormalEquations(normal, prior).fit(slots), slots)
     if not _scale_is_known(question, prepared) and (ends := _at_an_end(problem, choice, fit)):
-        choice = replace(choice, laws=tuple(replace(law, both_ways=True) if j in ends else law
-                                            for j, law in enumerate(choice.laws)))  # fmt: skip
+        choice = replace(
+            choice,
+            laws=tuple(
+                replace(law, both_ways=True) if j in ends else law
+                for j, law in enumerate(choice.laws)
+            ),
+        )
         slots = problem.slots(choice.laws)
-        fit = consistent_fit(normal, prior, Reduced(normal, prior).fit(slots), slots)
+        fit = consistent_fit(
+            normal, prior, FrictionNormalEquations(normal, prior).fit(slots), slots
+        )
     for values, law, own in zip(fit.slots, choice.laws, slots, strict=True):
         dry = [slot for slot in (SLOT[FORWARD], SLOT[BACKWARD]) if slot in own]
         if law.coulomb and len(dry) == 1:  # it moved one way only
@@ -273,13 +308,11 @@ def _fitted(
     return Estimate(question, rows, problem, row_weights, choice, fit, delay, scene, prepared)
 
 
-def _delay(found: Estimate) -> Delay:
+def _delay(found: Estimate, slots: Sequence[Sequence[int]]) -> Delay:
     """Return by how much the logged efforts lag, by the present laws and loads."""
-    slots = found.problem.slots(found.choice.laws)
     # free, even where links are kept: the weight that a URDF lacks shall not look like a delay
     prior = urdf_prior(found.question.scene.model, kept=False)
-    return common_delay([log_delay(one, slots, prior, found.delay.value)
-                         for one in found.prepared])  # fmt: skip
+    return common_delay([log_delay(one, slots, prior, found.delay.value) for one in found.prepared])
 
 
 def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
@@ -297,8 +330,11 @@ def offered(found: Estimate, joint: int) -> tuple[Law, ...]:
     falls = found.falls[joint] is not None if found.falls else False
     laws = candidates(bearing, found.question.motor and _shows_gear(found, joint), both, falls)
     if mixed(scene.drives, scene.model.nv)[joint]:  # its friction follows the motor's speed
-        laws = tuple(law for law in laws if not law.stribeck
-                     and (not law.load or law.side == "motor" != law.load))  # fmt: skip
+        laws = tuple(
+            law
+            for law in laws
+            if not law.stribeck and (not law.load or law.side == "motor" != law.load)
+        )
     return laws
 
 
@@ -328,7 +364,8 @@ def scale_is_known(found: Estimate) -> bool:
 
 def _scale_is_known(question: Question, prepared: Sequence[Prepared]) -> bool:
     return question.keep_inertias or any(
-        one.recording.trajectory.attached.any() for one in prepared)  # fmt: skip
+        one.recording.trajectory.attached.any() for one in prepared
+    )
 
 
 def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
@@ -337,11 +374,18 @@ def _at_an_end(problem: Problem, choice: Choice, fit: Fit) -> list[int]:
     With all masses free the two follow the masses' scale (`scale_is_known`). One that is zero is
     the end of that scale, not a finding: the joint's other coefficients would follow it.
     """
-    return [j for j, law in enumerate(choice.laws)
-            if law.load == "gear" and replace(law, both_ways=True) in problem.laws[j]
-            and not law.both_ways
-            and min(fit.slots[j, SLOT[f"gear {way}, {law.side} side"]]
-                    for way in ("driving", "driven")) <= 0.0]  # fmt: skip
+    return [
+        j
+        for j, law in enumerate(choice.laws)
+        if law.load == "gear"
+        and replace(law, both_ways=True) in problem.laws[j]
+        and not law.both_ways
+        and min(
+            fit.slots[j, SLOT[f"gear {direction}, {law.side} side"]]
+            for direction in ("driving", "driven")
+        )
+        <= 0.0
+    ]
 
 
 def reloaded(found: Estimate, one: Prepared) -> Prepared:
@@ -350,12 +394,12 @@ def reloaded(found: Estimate, one: Prepared) -> Prepared:
     inner = np.zeros_like(v)
     for j, values in enumerate(found.fit.slots):
         sign = np.sign(v[:, j])
-        inner[:, j] = (values[SLOT[FORWARD]] * (sign > 0.0)
-                       - values[SLOT[BACKWARD]] * (sign < 0.0))  # fmt: skip
+        inner[:, j] = values[SLOT[FORWARD]] * (sign > 0.0) - values[SLOT[BACKWARD]] * (sign < 0.0)
         for name, p in SPEEDS.items():
             inner[:, j] += values[SLOT[name]] * sign * np.abs(v[:, j]) ** p
         if found.falls and (fall := found.falls[j]) is not None:
             inner[:, j] += falling(v[:, j], fall.velocity) * (
                 values[SLOT[FALL_FORWARD]] * (sign > 0.0)
-                - values[SLOT[FALL_BACKWARD]] * (sign < 0.0))  # fmt: skip
+                - values[SLOT[FALL_BACKWARD]] * (sign < 0.0)
+            )
     return with_falls(with_loads(one, found.scene, inner), found.falls)

@@ -78,9 +78,9 @@ def posterior_text(found: Findings) -> str:
     """
     values = {p.key: p.value for p in found.parameters}
     for key in found.posterior:  # one way only was logged, and its friction taken for the other
-        head, _, way = key.rpartition(".")
+        head, _, direction = key.rpartition(".")
         if key not in values:
-            values[key] = values[f"{head}.{'negative' if way == 'positive' else 'positive'}"]
+            values[key] = values[f"{head}.{'negative' if direction == 'positive' else 'positive'}"]
     columns = {
         key: draws if key.rpartition(".")[2] in _ABSOLUTE else draws / values[key]
         for key, draws in found.posterior.items()
@@ -138,7 +138,7 @@ def _heading(found: Findings) -> Iterator[str]:
     yield f"#   pinfric inverse scene.yaml LOG --effort-at {at}      # measured beside computed"
     yield "#   pinfric sweep scene.yaml TRAJECTORY sweep.yaml    # with what is uncertain"
     yield "#"
-    yield from (f"#   {line}" for line in found.said)
+    yield from (f"#   {line}" for line in found.notes)
 
 
 def _dump(entry: Entry) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from pinfric.study.identify.findings import Findings, HeldOut
 from pinfric.study.identify.laws import BACKWARD, FALL_SPEED, FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.misfit import misfits
 from pinfric.study.identify.normal import residuals
+from pinfric.study.identify.notes import notes
 from pinfric.study.identify.parameters import (
     RESTING,
     identified_scene,
@@ -36,7 +37,6 @@ from pinfric.study.identify.parameters import (
 )
 from pinfric.study.identify.recordings import Recording, check_scene, read_recordings
 from pinfric.study.identify.rest import break_aways, rest_bounds
-from pinfric.study.identify.said import said
 from pinfric.study.identify.uncertainty import Uncertainty, uncertainty
 from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.judged import JudgedLog, compare_effort
@@ -66,13 +66,17 @@ class Identified(Findings, Shown):  # noqa: D101 (that of its fields)
         logs = counted(len(self.recordings), "log")
         unknown = [p.key for p in self.parameters if not p.determined]
         errors = [f"{100 * error.share:.1f} %" for error in self.errors.values()]
-        return screen("Identified", f"{file_name(self.scene.source)} from {logs}", {
-            "laws": listed(tuple(self.laws), [str(law) for law in self.laws.values()]),
-            "errors": listed(tuple(self.errors), errors),
-            "delay": str(self.estimate.delay),
-            "not determined": listed(unknown),
-            "more": ".parameters .posterior .scene .advice .summary() .plot() .save(folder)",
-        })  # fmt: skip
+        return screen(
+            "Identified",
+            f"{file_name(self.scene.source)} from {logs}",
+            {
+                "laws": listed(tuple(self.laws), [str(law) for law in self.laws.values()]),
+                "errors": listed(tuple(self.errors), errors),
+                "delay": str(self.estimate.delay),
+                "not determined": listed(unknown),
+                "more": ".parameters .posterior .scene .advice .summary() .plot() .save(folder)",
+            },
+        )
 
 
 def identify(
@@ -142,12 +146,19 @@ def _identified(found: Estimate, unseen: Sequence[Recording], seed: int) -> Iden
     spread = dict(zip(names, known.spread.tolist(), strict=True))
     every = parameters(found, known, static)
     return Identified(
-        scene=better, laws={names[j]: found.choice.laws[j] for j in found.known}, parameters=every,
-        posterior=_posterior(found, known, seed), errors=_errors(found),
-        unseen={one.name: _predicted(found, one) for one in unseen}, rest=rest, spread=spread,
-        delay=found.delay.value, said=said(found, rest, every, static, shapes),
-        misfits=shapes, estimate=found,
-    )  # fmt: skip
+        scene=better,
+        laws={names[j]: found.choice.laws[j] for j in found.known},
+        parameters=every,
+        posterior=_posterior(found, known, seed),
+        errors=_errors(found),
+        unseen={one.name: _predicted(found, one) for one in unseen},
+        rest=rest,
+        spread=spread,
+        delay=found.delay.value,
+        notes=notes(found, rest, every, static, shapes),
+        misfits=shapes,
+        estimate=found,
+    )
 
 
 def beside_measured(found: Identified, log: int = 0) -> tuple[InverseResult, JudgedLog]:
@@ -186,36 +197,48 @@ def running_mean(x: np.ndarray, y: np.ndarray, parts: int = 12) -> tuple[np.ndar
 
 
 def _check_options(scene: Scene, effort_at: str, inertia: str, laws: Mapping[str, Law]) -> None:
-    for option, value, allowed in (("effort-at", effort_at, ("motor", "joint")),
-                                   ("inertia", inertia, ("consistent", "keep"))):  # fmt: skip
+    for option, value, allowed in (
+        ("effort-at", effort_at, ("motor", "joint")),
+        ("inertia", inertia, ("consistent", "keep")),
+    ):
         if value not in allowed:
             raise IdentificationError(f"--{option} {value}: {choose_from(value, allowed)}")
     if effort_at == "joint" and (coupled := taking_part(scene.drives)):
-        raise IdentificationError(f"--effort-at joint: sensors at joints do not measure what the "
-                                  f"drive {scene.drives[coupled[0]].name!r} delivers, which is "
-                                  "coupled; leave the `couples` out")  # fmt: skip
+        raise IdentificationError(
+            f"--effort-at joint: sensors at joints do not measure what the "
+            f"drive {scene.drives[coupled[0]].name!r} delivers, which is "
+            "coupled; leave the `couples` out"
+        )
     for name, law in laws.items():
         if name not in scene.joint_names:
-            raise IdentificationError(f"laws: there is no joint {name!r}; "
-                                      f"{choose_from(name, scene.joint_names)}")  # fmt: skip
+            raise IdentificationError(
+                f"laws: there is no joint {name!r}; {choose_from(name, scene.joint_names)}"
+            )
         if effort_at == "joint" and (law.load == "gear" or on_motor(law)):
-            raise IdentificationError(f"laws: {name}: {law}: does not show in an effort that was "
-                                      "measured after the gear (--effort-at joint)")  # fmt: skip
+            raise IdentificationError(
+                f"laws: {name}: {law}: does not show in an effort that was "
+                "measured after the gear (--effort-at joint)"
+            )
 
 
 def _errors(found: Estimate) -> dict[str, HeldOut]:
     named = zip(found.scene.joint_names, found.rows, *found.errors, strict=True)
-    return {name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
-            for name, rows, chosen, plain in named if rows.effort.size}  # fmt: skip
+    return {
+        name: HeldOut(_rms(rows.effort), float(chosen), float(plain))
+        for name, rows, chosen, plain in named
+        if rows.effort.size
+    }
 
 
 def _predicted(found: Estimate, recording: Recording) -> dict[str, HeldOut]:
     """Errors on a log that was not fitted."""
     one = reloaded(found, prepare(found.question.scene, recording, thinning([recording])))
     rows = [joint_rows([one], j, found.delay.value) for j in range(len(found.rows))]
-    return {name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)
-            for j, (name, own) in enumerate(zip(found.scene.joint_names, rows, strict=True))
-            if own.effort.size}  # fmt: skip
+    return {
+        name: HeldOut(_rms(own.effort), _rms(residuals(own, found.fit, j)), np.nan)
+        for j, (name, own) in enumerate(zip(found.scene.joint_names, rows, strict=True))
+        if own.effort.size
+    }
 
 
 def _rms(x: FloatArray) -> float:

@@ -49,8 +49,9 @@ def urdf_prior(model: pin.Model, kept: bool) -> Prior:
     heaviest = float(bodies[:, 0].max())
     for body, row in zip(bodies, scale, strict=True):
         mass = max(float(body[0]), _LIGHTEST * heaviest)
-        length = max(float(np.sqrt(max(body[4] + body[6] + body[9], 0.0) / (2.0 * mass))),
-                     _SMALLEST_LINK)  # fmt: skip
+        length = max(
+            float(np.sqrt(max(body[4] + body[6] + body[9], 0.0) / (2.0 * mass))), _SMALLEST_LINK
+        )
         row[:] = mass * np.repeat([1.0, length, length**2], [1, 3, 6])
     return Prior(center, (_STRENGTH / scale.ravel()) ** 2, _URDF_ERROR * scale.ravel())
 
@@ -103,8 +104,10 @@ def consistent_fit(
     strength = normal.rows * prior.weight
     for _ in range(3):
         active = place[x[place] > 0.0]
-        solved = np.linalg.solve(normal.slots[np.ix_(active, active)], np.column_stack(
-            (normal.cross[:, active].T, normal.right_slots[active])))  # fmt: skip
+        solved = np.linalg.solve(
+            normal.slots[np.ix_(active, active)],
+            np.column_stack((normal.cross[:, active].T, normal.right_slots[active])),
+        )
         left = normal.rigid - normal.cross[:, active] @ solved[:, :-1] + np.diag(strength)
         right = normal.right_rigid + strength * prior.center
         right = right - normal.cross[:, active] @ solved[:, -1]
@@ -113,8 +116,9 @@ def consistent_fit(
         psi = _nearest_bodies(psi, best, root)
         theta = _theta(psi)
         before, x = x, np.zeros_like(x)
-        x[place] = non_negative(normal.slots[np.ix_(place, place)],
-                                (normal.right_slots - normal.cross.T @ theta)[place])  # fmt: skip
+        x[place] = non_negative(
+            normal.slots[np.ix_(place, place)], (normal.right_slots - normal.cross.T @ theta)[place]
+        )
         if np.array_equal(x > 0.0, before > 0.0):
             break
     return Fit(theta, x.reshape(start.slots.shape))
@@ -128,10 +132,12 @@ def _nearest_bodies(psi: FloatArray, best: FloatArray, root: FloatArray) -> Floa
     """
     damping, off = 1.0, root @ (_theta(psi) - best)
     for _ in range(_STEPS):
-        slope = np.hstack([
-            root[:, 10 * k : 10 * k + 10] @ pin.LogCholeskyParameters(body).calculateJacobian()
-            for k, body in enumerate(psi.reshape(-1, 10))
-        ])  # fmt: skip
+        slope = np.hstack(
+            [
+                root[:, 10 * k : 10 * k + 10] @ pin.LogCholeskyParameters(body).calculateJacobian()
+                for k, body in enumerate(psi.reshape(-1, 10))
+            ]
+        )
         curvature, down = gram(slope, np.ones(len(slope))), slope.T @ off
         while damping < _MOST_DAMPING:
             step = -np.linalg.solve(curvature + damping * np.eye(psi.size), down)
@@ -150,8 +156,9 @@ def _nearest_bodies(psi: FloatArray, best: FloatArray, root: FloatArray) -> Floa
 
 
 def _theta(psi: FloatArray) -> FloatArray:
-    return np.concatenate([pin.LogCholeskyParameters(body).toDynamicParameters()
-                           for body in psi.reshape(-1, 10)])  # fmt: skip
+    return np.concatenate(
+        [pin.LogCholeskyParameters(body).toDynamicParameters() for body in psi.reshape(-1, 10)]
+    )
 
 
 def _log_cholesky(parameters: FloatArray) -> FloatArray:

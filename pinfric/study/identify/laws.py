@@ -20,7 +20,7 @@ from functools import cached_property
 EXPONENTS = (1.0, 0.8, 0.67, 0.5, 0.33)
 #: Where a gear's losses are proportional to: load alone, or load with the joint's friction.
 SIDES = ("motor", "joint")
-_WAYS = ("driving", "driven", "both")
+_DIRECTIONS = ("driving", "driven", "both")
 
 INERTIA, FORWARD, BACKWARD, BEARING = "inertia", "forward", "backward", "bearing"
 #: By how much friction at rest exceeds friction in motion, and the speed at which it has fallen.
@@ -28,10 +28,16 @@ FALL_FORWARD, FALL_BACKWARD, FALL_SPEED = "fall forward", "fall backward", "fall
 SPEEDS = {f"speed^{p:g}": p for p in EXPONENTS}
 #: The columns of one joint beside the rigid ones: what each coefficient multiplies.
 SLOTS = (
-    INERTIA, FORWARD, BACKWARD, *SPEEDS, BEARING,
-    *(f"gear {way}, {side} side" for side in SIDES for way in _WAYS),
-    FALL_FORWARD, FALL_BACKWARD, FALL_SPEED,
-)  # fmt: skip
+    INERTIA,
+    FORWARD,
+    BACKWARD,
+    *SPEEDS,
+    BEARING,
+    *(f"gear {direction}, {side} side" for side in SIDES for direction in _DIRECTIONS),
+    FALL_FORWARD,
+    FALL_BACKWARD,
+    FALL_SPEED,
+)
 SLOT = {name: i for i, name in enumerate(SLOTS)}
 
 
@@ -69,8 +75,8 @@ class Law:
         if self.load == "bearing":
             names.append(BEARING)
         elif self.load == "gear":
-            ways = ["both"] if self.both_ways else ["driving", "driven"]
-            names += [f"gear {way}, {self.side} side" for way in ways]
+            directions = ["both"] if self.both_ways else ["driving", "driven"]
+            names += [f"gear {direction}, {self.side} side" for direction in directions]
         return tuple(SLOT[name] for name in names)
 
     @property
@@ -84,8 +90,10 @@ class Law:
         if self.speed:
             parts.append("viscous" if self.exponent == 1.0 else self.speed)
         if self.load == "gear":
-            parts.append(f"gear {'(one loss)' if self.both_ways else '(two losses)'}, friction on "
-                         f"the {self.side}'s side")  # fmt: skip
+            parts.append(
+                f"gear {'(one loss)' if self.both_ways else '(two losses)'}, friction on "
+                f"the {self.side}'s side"
+            )
         elif self.load:
             parts.append(self.load)
         return " + ".join(parts) or "none"
@@ -115,6 +123,10 @@ def candidates(
         if both_directions:
             loads.append(Law(load="gear", side=side, both_ways=False))
     smooth = [replace(law, exponent=p) for law in loads for p in (None, *EXPONENTS)]
-    falls = [replace(law, exponent=p, stribeck=True) for law in loads for p in (None, 1.0)
-             if stribeck and law.side == "joint"]  # fmt: skip
+    falls = [
+        replace(law, exponent=p, stribeck=True)
+        for law in loads
+        for p in (None, 1.0)
+        if stribeck and law.side == "joint"
+    ]
     return (*smooth, *falls)

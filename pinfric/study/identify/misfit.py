@@ -41,7 +41,7 @@ _HARMONICS = tuple(range(1, 13))
 #: Coulomb friction forward and backward that differ by more than this share of their sum may well
 #: be equal, and the effort's sensor off.
 _UNEVEN = 0.15
-_WAYS = [SLOT[FORWARD], SLOT[BACKWARD]]
+_DIRECTIONS = [SLOT[FORWARD], SLOT[BACKWARD]]
 #: Regularization where shapes are nearly the same.
 _RIDGE = 1e-9
 #: Columns of a shape are dropped if the model's columns leave less than this share of them.
@@ -94,8 +94,7 @@ def misfits(found: Estimate) -> tuple[Misfit, ...]:
         found: the estimate.
     """
     presses = [_presses(found, one) for one in found.prepared]
-    return tuple(one for j in found.known
-                 for one in _of_joint(found, j, _track(found, j, presses)))  # fmt: skip
+    return tuple(one for j in found.known for one in _of_joint(found, j, _track(found, j, presses)))
 
 
 def bias(found: Estimate, shapes: Sequence[Misfit], place: NDArray[np.int64]) -> FloatArray:
@@ -161,7 +160,7 @@ def uneven(found: Estimate) -> dict[int, float]:
     """
     result = {}
     for j in found.known:
-        up, down = found.fit.slots[j, _WAYS].tolist()
+        up, down = found.fit.slots[j, _DIRECTIONS].tolist()
         if found.choice.laws[j].coulomb and abs(up - down) > _UNEVEN * (up + down):
             result[j] = 0.5 * (up - down)
     return result
@@ -175,7 +174,7 @@ def one_sided(found: Estimate, place: NDArray[np.int64]) -> Iterator[FloatArray]
         place: (n,) of the coefficients above zero among (nj K,).
     """
     for j, half in uneven(found).items():
-        at = [j * len(SLOTS) + way for way in _WAYS]
+        at = [j * len(SLOTS) + direction for direction in _DIRECTIONS]
         yield half * ((place == at[0]) * 1.0 - (place == at[1]))
 
 
@@ -242,13 +241,14 @@ def _presses(found: Estimate, one: Prepared) -> FloatArray:
     The moment is the part that does not act about the axis.
     """
     motion, model = one.recording.trajectory, found.scene.model
-    q, v, a, attached = (np.ascontiguousarray(x[one.kept])
-                         for x in (motion.q, motion.v, motion.a, motion.attached))  # fmt: skip
+    q, v, a, attached = (
+        np.ascontiguousarray(x[one.kept]) for x in (motion.q, motion.v, motion.a, motion.attached)
+    )
     wrench = state_wrenches(found.scene, States.of(found.scene, q, v, a, None, attached))
     loads = np.empty((len(q), model.nv, 3))
     for j in range(model.nv):
-        moves = np.asarray(model.joints[j + 1].createData().S).reshape(6)
-        axis = moves[3:] if moves[3:].any() else moves[:3]
+        axes = np.asarray(model.joints[j + 1].createData().S).reshape(6)
+        axis = axes[3:] if axes[3:].any() else axes[:3]
         force, moment = wrench[:, j, :3], wrench[:, j, 3:]
         along, about = force @ axis, moment @ axis
         loads[:, j, 0] = np.linalg.norm(force - along[:, None] * axis, axis=1)
@@ -266,14 +266,23 @@ def _track(found: Estimate, joint: int, presses: Sequence[FloatArray]) -> _Track
         at = one.kept[one.slides[:, joint]]
         recording, own = one.recording, one.slides[:, joint]
         t = recording.trajectory.t
-        fitted = (one.rigid[:, joint] @ found.fit.theta
-                  + one.slots[:, joint] @ found.fit.slots[joint])  # fmt: skip
+        fitted = (
+            one.rigid[:, joint] @ found.fit.theta + one.slots[:, joint] @ found.fit.slots[joint]
+        )
         curve = CubicSpline(t[one.kept], fitted)
         q = recording.trajectory.joint_positions()[at, joint]
         middle, half = 0.5 * (t[0] + t[-1]), 0.5 * (t[-1] - t[0])
-        parts.append((q, recording.velocity[at, joint], recording.acceleration[at, joint],
-                      curve(t[one.kept], 1)[own], curve(t[one.kept], 2)[own],
-                      (t[at] - middle) / half, press[own, joint]))  # fmt: skip
+        parts.append(
+            (
+                q,
+                recording.velocity[at, joint],
+                recording.acceleration[at, joint],
+                curve(t[one.kept], 1)[own],
+                curve(t[one.kept], 2)[own],
+                (t[at] - middle) / half,
+                press[own, joint],
+            )
+        )
     return _Track(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -284,18 +293,26 @@ def _shapes(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, F
     yield from _by_angle(found, joint, track)
     hats = _hats(speed, (0.02, 0.1, 0.25, 0.5, 0.8))
     yield "the speed", hats * sign[:, None]
-    yield ("whether it speeds up or slows down (play, a soft drive, or efforts that were filtered)",
-           _hats(speed, (0.1, 0.5, 0.9)) * np.sign(track.a)[:, None])  # fmt: skip
-    yield ("the effort that it transmits",
-           np.column_stack((sign * np.abs(load), sign * load, load * np.abs(load),
-                            load**2 * sign)))  # fmt: skip
-    yield ("the load on its bearing (add the bearing to the scene to make it a candidate)",
-           track.press * sign[:, None])  # fmt: skip
-    yield ("time (warming up, or a sensor that drifts)",
-           np.column_stack((track.time, sign * track.time, v * track.time,
-                            sign * track.time**2)))  # fmt: skip
-    yield ("how fast the effort changes (efforts that were filtered or have another delay)",
-           np.column_stack((track.slope, track.bend)))  # fmt: skip
+    yield (
+        "whether it speeds up or slows down (play, a soft drive, or efforts that were filtered)",
+        _hats(speed, (0.1, 0.5, 0.9)) * np.sign(track.a)[:, None],
+    )
+    yield (
+        "the effort that it transmits",
+        np.column_stack((sign * np.abs(load), sign * load, load * np.abs(load), load**2 * sign)),
+    )
+    yield (
+        "the load on its bearing (add the bearing to the scene to make it a candidate)",
+        track.press * sign[:, None],
+    )
+    yield (
+        "time (warming up, or a sensor that drifts)",
+        np.column_stack((track.time, sign * track.time, v * track.time, sign * track.time**2)),
+    )
+    yield (
+        "how fast the effort changes (efforts that were filtered or have another delay)",
+        np.column_stack((track.slope, track.bend)),
+    )
 
 
 def _by_angle(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str, FloatArray]]:
@@ -315,8 +332,9 @@ def _by_angle(found: Estimate, joint: int, track: _Track) -> Iterator[tuple[str,
         # what the low pass on all columns leaves of a ripple of that frequency
         frequency = k * ratio * np.abs(track.v) / (2.0 * np.pi)
         gain = 1.0 / (1.0 + (frequency / PASS) ** 8)
-        waves = gain[:, None] * np.column_stack((np.sin(k * ratio * track.q),
-                                                 np.cos(k * ratio * track.q)))  # fmt: skip
+        waves = gain[:, None] * np.column_stack(
+            (np.sin(k * ratio * track.q), np.cos(k * ratio * track.q))
+        )
         often = "once" if k == 1 else "twice"
         yield f"the motor's angle ({often} per turn)", np.hstack((waves, waves * sign[:, None]))
 

@@ -61,7 +61,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Grams:
+class BlockProducts:
     """Summed products of one joint's columns (rigid, slots, effort) by block.
 
     Attributes:
@@ -73,7 +73,7 @@ class Grams:
     count: FloatArray
 
     @classmethod
-    def of(cls, rows: Rows, weight: FloatArray, blocks: int) -> Grams:
+    def of(cls, rows: Rows, weight: FloatArray, blocks: int) -> BlockProducts:
         """Sum the products of a joint's rows, each weighted."""
         columns = np.column_stack((rows.rigid, rows.slots, rows.effort))
         size = columns.shape[1]
@@ -120,13 +120,20 @@ class Normal:
     rows: float
 
     @classmethod
-    def of(cls, grams: Sequence[Grams], blocks: NDArray[np.bool_], weights: FloatArray) -> Normal:
+    def of(
+        cls, grams: Sequence[BlockProducts], blocks: NDArray[np.bool_], weights: FloatArray
+    ) -> Normal:
         """Sum the blocks' products, joint j with weight `weights[j]`."""
         K, nj = len(SLOTS), len(grams)
         p = grams[0].products.shape[1] - K - 1
-        found = cls(np.zeros((p, p)), np.zeros((p, nj * K)), np.zeros((nj * K, nj * K)),
-                    np.zeros(p), np.zeros(nj * K),
-                    sum(float(own.count[blocks].sum()) for own in grams))  # fmt: skip
+        found = cls(
+            np.zeros((p, p)),
+            np.zeros((p, nj * K)),
+            np.zeros((nj * K, nj * K)),
+            np.zeros(p),
+            np.zeros(nj * K),
+            sum(float(own.count[blocks].sum()) for own in grams),
+        )
         for j, (own, weight) in enumerate(zip(grams, weights, strict=True)):
             s = weight * own.products[blocks].sum(axis=0)
             place = slice(j * K, (j + 1) * K)
@@ -138,7 +145,7 @@ class Normal:
         return found
 
 
-class Reduced:
+class FrictionNormalEquations:
     """Normal equations with theta eliminated: what a law's coefficients cost beside the best theta.
 
     Args:
@@ -152,8 +159,9 @@ class Reduced:
         if not prior.kept:
             strength = normal.rows * prior.weight
             right = normal.right_rigid + strength * prior.center
-            solved = np.linalg.solve(normal.rigid + np.diag(strength),
-                                     np.column_stack((normal.cross, right)))  # fmt: skip
+            solved = np.linalg.solve(
+                normal.rigid + np.diag(strength), np.column_stack((normal.cross, right))
+            )
             self.by_slots = np.asarray(solved[:, :-1], dtype=np.float64)
             self.start = np.asarray(solved[:, -1], dtype=np.float64)
         self.left = normal.slots.copy()
@@ -170,21 +178,21 @@ class Reduced:
         return Fit(self.start - self.by_slots @ x, x.reshape(len(chosen), -1))
 
 
-class ManyReduced:
+class ManyNormalEquations:
     """Several normal equations of one form, solved together: those of all held-out parts.
 
     Args:
         every: one for each part.
     """
 
-    def __init__(self, every: Sequence[Reduced]) -> None:
+    def __init__(self, every: Sequence[FrictionNormalEquations]) -> None:
         self.left = np.array([one.left for one in every])
         self.right = np.array([one.right for one in every])
         self.by_slots = np.array([one.by_slots for one in every])
         self.start = np.array([one.start for one in every])
 
     def fit(self, chosen: Sequence[Sequence[int]]) -> tuple[FloatArray, FloatArray]:
-        """Return theta (parts, p) and coefficients (parts, nj, K), as `Reduced.fit` does."""
+        """Return theta (parts, p) and coefficients (parts, nj, K) of all parts."""
         place = places(chosen)
         x = np.zeros_like(self.right)
         x[:, place] = non_negative(self.left[:, place[:, None], place], self.right[:, place])
@@ -192,8 +200,8 @@ class ManyReduced:
         return theta, x.reshape(len(x), len(chosen), -1)
 
 
-def moves(
-    grams: Sequence[Grams],
+def influence(
+    grams: Sequence[BlockProducts],
     weights: FloatArray,
     prior: Prior,
     fit: Fit,
@@ -306,8 +314,10 @@ def orthonormal(columns: FloatArray) -> FloatArray:
 
 def places(chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:
     """Return where the chosen slots of all joints stand among (nj K,)."""
-    return np.array([j * len(SLOTS) + slot for j, slots in enumerate(chosen)
-                     for slot in sorted(slots)], dtype=np.int64)  # fmt: skip
+    return np.array(
+        [j * len(SLOTS) + slot for j, slots in enumerate(chosen) for slot in sorted(slots)],
+        dtype=np.int64,
+    )
 
 
 def above_zero(fit: Fit, chosen: Sequence[Sequence[int]]) -> NDArray[np.int64]:

@@ -94,12 +94,15 @@ def scene_key(scene: Scene, joint: int, law: Law, slot: int) -> tuple[str, str, 
     if name in (FORWARD, BACKWARD):
         # a negative ratio turns the motor backwards where the joint moves forwards
         turned = motor and scene.drives[joint].ratio < 0.0
-        way = "positive" if (name == FORWARD) != turned else "negative"
-        return section, f"{'no_load_torque' if motor else 'coulomb'}.{way}", (
-            "N m" if motor else effort)  # fmt: skip
+        direction = "positive" if (name == FORWARD) != turned else "negative"
+        return (
+            section,
+            f"{'no_load_torque' if motor else 'coulomb'}.{direction}",
+            ("N m" if motor else effort),
+        )
     if name in RESTING:
-        way = "positive" if name == FALL_FORWARD else "negative"
-        return section, f"coulomb.{way}.static", effort
+        direction = "positive" if name == FALL_FORWARD else "negative"
+        return section, f"coulomb.{direction}.static", effort
     if name in SPEEDS:
         speed = unit_at(SPEED, "N m" if motor else effort)
         power = "" if law.exponent == 1.0 else f"^{law.exponent:g}"
@@ -153,8 +156,9 @@ def parameters(
                 places.append(j * len(SLOTS) + below)
                 x += float(found.fit.slots[j, below])
             error, reach = known.of(places)
-            low, high = sorted(float(scene_value(law, slot, max(x + side * reach, 0.0), r))
-                               for side in (-1, 1))  # fmt: skip
+            low, high = sorted(
+                float(scene_value(law, slot, max(x + side * reach, 0.0), r)) for side in (-1, 1)
+            )
             value = float(scene_value(law, slot, x, r))
             section, name, unit = scene_key(found.scene, j, law, slot)
             why = ""
@@ -165,14 +169,38 @@ def parameters(
             elif error > _VAGUE * x:
                 why = "its standard error exceeds half of it"
             slope = abs(float(scene_value(law, slot, x + 1e-6, r)) - value) / 1e-6
-            result.append(Parameter(section, found.scene.joint_names[j], name, unit, value, low,
-                                    high, float(slope * error), not why, why))  # fmt: skip
+            result.append(
+                Parameter(
+                    section,
+                    found.scene.joint_names[j],
+                    name,
+                    unit,
+                    value,
+                    low,
+                    high,
+                    float(slope * error),
+                    not why,
+                    why,
+                )
+            )
             if (j, SLOTS[slot]) in static:
                 broke = static[j, SLOTS[slot]]
-                mean, low, high, error = (float(scene_value(law, slot, x, r))
-                                          for x in astuple(broke))  # fmt: skip
-                result.append(Parameter(section, found.scene.joint_names[j], f"{name}.static", unit,
-                                        mean, low, high, error, True))  # fmt: skip
+                mean, low, high, error = (
+                    float(scene_value(law, slot, x, r)) for x in astuple(broke)
+                )
+                result.append(
+                    Parameter(
+                        section,
+                        found.scene.joint_names[j],
+                        f"{name}.static",
+                        unit,
+                        mean,
+                        low,
+                        high,
+                        error,
+                        True,
+                    )
+                )
         if found.fit.slots[j, [SLOT[name] for name in RESTING]].any():
             result.append(_fall_speed(found, known, j))
     return tuple(result)
@@ -184,11 +212,21 @@ def _fall_speed(found: Estimate, known: Uncertainty, joint: int) -> Parameter:
     assert fall is not None  # its law has one
     error, reach = known.of([joint * len(SLOTS) + SLOT[FALL_SPEED]])
     why = "its standard error exceeds half of it" if error > _VAGUE else ""
-    low, high = (fall.velocity * float(np.exp(np.clip(side * reach, -700.0, 700.0)))
-                 for side in (-1, 1))  # fmt: skip
-    return Parameter("friction", found.scene.joint_names[joint], "stribeck.velocity",
-                     unit_at(SPEED, effort), fall.velocity, low, high,
-                     error * fall.velocity, not why, why)  # fmt: skip
+    low, high = (
+        fall.velocity * float(np.exp(np.clip(side * reach, -700.0, 700.0))) for side in (-1, 1)
+    )
+    return Parameter(
+        "friction",
+        found.scene.joint_names[joint],
+        "stribeck.velocity",
+        unit_at(SPEED, effort),
+        fall.velocity,
+        low,
+        high,
+        error * fall.velocity,
+        not why,
+        why,
+    )
 
 
 def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway]) -> Scene:
@@ -208,8 +246,9 @@ def identified_scene(found: Estimate, static: Mapping[tuple[int, str], BreakAway
         if j in found.known:
             friction[scene.joint_names[j]], own = _entries(found, j, static)
             gear = own or gear
-        actuators.append({"joint": scene.joint_names[j], "transmission": gear,
-                          "couples": couples(scene, drive)})  # fmt: skip
+        actuators.append(
+            {"joint": scene.joint_names[j], "transmission": gear, "couples": couples(scene, drive)}
+        )
     friction = {name: entry for name, entry in friction.items() if entry}
     stick = stick_velocity(scene, found.question.recordings)
     return scene.with_(friction=friction, actuators=actuators, stick_velocity=stick)
@@ -232,13 +271,13 @@ def _entries(
         name, target = SLOTS[slot], friction if section == "friction" else gear
         value = _rounded(scene_value(law, slot, float(fitted[slot]), ratio))
         if name in (FORWARD, BACKWARD) and dry:
-            head, _, way = key.partition(".")
+            head, _, direction = key.partition(".")
             rest = float(fitted[slot]) + excess
             rest += float(fitted[SLOT[FALL_FORWARD if name == FORWARD else FALL_BACKWARD]])
             if (joint, name) in static:
                 rest = max(rest if law.stribeck else float(fitted[slot]), static[joint, name].mean)
             rest = _rounded(scene_value(law, slot, rest, ratio))
-            target.setdefault(head, {})[way] = {"static": rest, "kinetic": value}
+            target.setdefault(head, {})[direction] = {"static": rest, "kinetic": value}
         elif name in SPEEDS and value:
             target[key] = {"coefficient": value, "exponent": law.exponent}
         elif name == BEARING and value:

@@ -78,11 +78,18 @@ class Recording:
 
     @classmethod
     def of(
-        cls, scene: Scene, name: str, trajectory: Trajectory, step: float, effort: FloatArray,
+        cls,
+        scene: Scene,
+        name: str,
+        trajectory: Trajectory,
+        step: float,
+        effort: FloatArray,
         noise: FloatArray,
-    ) -> Recording:  # fmt: skip
+    ) -> Recording:
         """Return a recording with the motion of the scene's drives; arguments are its fields."""
-        v, a = (drive_rates(scene.drives, x, x[:, :0]) for x in (trajectory.v, trajectory.a))
+        v, a = trajectory.v, trajectory.a
+        if not np.array_equal(rate_rows(scene.drives, scene.model.nv), np.eye(scene.model.nv)):
+            v, a = (drive_rates(scene.drives, x, x[:, :0]) for x in (v, a))
         return cls(name, trajectory, step, v, a, effort, noise)
 
 
@@ -113,8 +120,9 @@ def check_scene(scene: Scene) -> None:
     elif any(joint.nv != 1 for joint in tuple(scene.model.joints)[1:]):
         why = "a joint has several degrees of freedom"
     if why:
-        raise IdentificationError(f"{scene.source}: identification takes open chains with one "
-                                  f"drive per joint: {why}")  # fmt: skip
+        raise IdentificationError(
+            f"{scene.source}: identification takes open chains with one drive per joint: {why}"
+        )
 
 
 def read_recordings(
@@ -140,8 +148,9 @@ def read_recordings(
     names = scene.joint_names
     for name in gain:
         if name not in names:
-            raise IdentificationError(f"gain: there is no joint {name!r}; "
-                                      f"{choose_from(name, names)}")  # fmt: skip
+            raise IdentificationError(
+                f"gain: there is no joint {name!r}; {choose_from(name, names)}"
+            )
         if not np.isfinite(gain[name]) or gain[name] == 0.0:
             raise IdentificationError(f"gain {name}={gain[name]:g}: should be finite, not zero")
     if not logs:
@@ -150,17 +159,22 @@ def read_recordings(
     found = [replace(one, name=_label(found, logs, number)) for number, one in enumerate(found)]
     for one, other in combinations(found, 2):
         if np.array_equal(one.trajectory.q, other.trajectory.q) and np.array_equal(
-                one.effort, other.effort, equal_nan=True):  # fmt: skip
-            raise IdentificationError(f"{one.name} and {other.name} are one log given twice: give "
-                                      "it once, it tells nothing more")  # fmt: skip
-    carried = {str(log): one.name for log, one in zip(logs, found, strict=True)
-               if not isinstance(log, Log)}  # fmt: skip
+            one.effort, other.effort, equal_nan=True
+        ):
+            raise IdentificationError(
+                f"{one.name} and {other.name} are one log given twice: give "
+                "it once, it tells nothing more"
+            )
+    carried = {
+        str(log): one.name for log, one in zip(logs, found, strict=True) if not isinstance(log, Log)
+    }
     carries = {carried.get(label, label): payload for label, payload in payloads.items()}
     labels = [one.name for one in found]
     for label in carries:
         if label not in labels:
-            raise IdentificationError(f"payload: there is no log {label!r}; "
-                                      f"{choose_from(label, labels)}")  # fmt: skip
+            raise IdentificationError(
+                f"payload: there is no log {label!r}; {choose_from(label, labels)}"
+            )
     return tuple(_carrying(scene, one, carries.get(one.name)) for one in found)
 
 
@@ -181,16 +195,18 @@ def _read(
     if reading is None:
         raise IdentificationError(f"{name}: holds way-points; a log has samples and efforts")
     if reading.samples < _FEWEST:
-        raise IdentificationError(f"{name}: {reading.samples} samples can be used; at least "
-                                  f"{_FEWEST} are needed")  # fmt: skip
+        raise IdentificationError(
+            f"{name}: {reading.samples} samples can be used; at least {_FEWEST} are needed"
+        )
     missing = [joint for joint in scene.joint_names if joint not in reading.effort]
     if missing:
         raise IdentificationError(
             f"{name}: no measured effort of {', '.join(missing)}; name the columns by --columns "
             "FILE (currents with `effort_scale`, N m per A), or give currents a --gain (N m per A)"
         )
-    effort = np.column_stack([gain.get(joint, 1.0) * reading.effort[joint]
-                              for joint in scene.joint_names])  # fmt: skip
+    effort = np.column_stack(
+        [gain.get(joint, 1.0) * reading.effort[joint] for joint in scene.joint_names]
+    )
     step = float(np.median(np.diff(trajectory.t)))
     if reading.uncertain is not None:
         noise = reading.uncertain.velocity
@@ -198,6 +214,8 @@ def _read(
         noise = np.array([reading.noise[joint] for joint in scene.joint_names])
         noise = noise * SPLINE_GAINS[0] / step
     noise = np.abs(rate_rows(scene.drives, noise.size)) @ noise
+    # what is not used below would fill much of the memory
+    trajectory = replace(trajectory, reading=replace(reading, effort={}, uncertain=None))
     if (every := _THINNING.every(step)) > 1:
         trajectory, effort = _thinned(trajectory, effort, step)
     return Recording.of(scene, name, trajectory, every * step, effort, noise)
@@ -210,20 +228,21 @@ def _thinned(
     every = _THINNING.every(step)
     a = np.column_stack([_THINNING.acceleration(x, step)[::every] for x in trajectory.a.T])
     fewer = np.column_stack([_THINNING.effort(x, step)[::every] for x in effort.T])
-    thin: dict[str, Any] = {name: np.ascontiguousarray(getattr(trajectory, name)[::every])
-                            for name in ("t", "q", "v", "attached")}  # fmt: skip
-    reading = trajectory.reading
-    assert reading is not None
-    own = {joint: _THINNING.effort(x, step)[::every] for joint, x in reading.effort.items()}
-    return replace(trajectory, a=a, reading=replace(reading, effort=own), **thin), fewer
+    thin: dict[str, Any] = {
+        name: np.ascontiguousarray(getattr(trajectory, name)[::every])
+        for name in ("t", "q", "v", "attached")
+    }
+    return replace(trajectory, a=a, **thin), fewer
 
 
 def _carrying(scene: Scene, recording: Recording, payload: str | None) -> Recording:
     if payload is None:
         return recording
     if payload not in scene.payloads:
-        raise IdentificationError(f"payload: {scene.source} has no payload {payload!r}; "
-                                  f"{choose_from(payload, scene.payloads)}")  # fmt: skip
+        raise IdentificationError(
+            f"payload: {scene.source} has no payload {payload!r}; "
+            f"{choose_from(payload, scene.payloads)}"
+        )
     attached = np.zeros_like(recording.trajectory.attached)
     attached[:, list(scene.payloads).index(payload)] = True
     return replace(recording, trajectory=replace(recording.trajectory, attached=attached))

@@ -63,8 +63,10 @@ def rest_bounds(found: Estimate, scene: Scene) -> tuple[RestBound, ...]:
         motion, held = one.recording.trajectory, _held(one.recording, scene.stick_velocity)
         if not held.any():
             continue
-        parts = [measured_interval(part, found.question.at)
-                 for part in inverse_dynamics(scene, motion, chunks=PART)]  # fmt: skip
+        parts = [
+            measured_interval(part, found.question.at)
+            for part in inverse_dynamics(scene, motion, chunks=PART)
+        ]
         lower, upper = (np.concatenate(ends) for ends in zip(*parts, strict=True))
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         off = np.abs(one.effort(motion.t) + one.payload - middle)
@@ -116,13 +118,13 @@ def break_aways(found: Estimate) -> dict[tuple[int, str], BreakAway]:
         peaks: dict[str, list[float]] = {FORWARD: [], BACKWARD: []}
         for one in found.prepared:
             if law.load != "bearing":
-                for way, peak in _peaks(found, one, j):
-                    peaks[way].append(peak)
-        for way, values in peaks.items():
+                for direction, peak in _peaks(found, one, j):
+                    peaks[direction].append(peak)
+        for direction, values in peaks.items():
             if len(values) >= _FEWEST:
                 error = float(np.std(values, ddof=1) / np.sqrt(len(values)))
                 mean, reach = float(np.mean(values)), float(stdtrit(len(values) - 1, 0.975)) * error
-                result[j, way] = BreakAway(mean, max(mean - reach, 0.0), mean + reach, error)
+                result[j, direction] = BreakAway(mean, max(mean - reach, 0.0), mean + reach, error)
     return result
 
 
@@ -155,8 +157,10 @@ def _friction(
 ) -> FloatArray:
     """The friction sign (x - rigid) that holds, gears' losses taken out of the effort."""
     law, slots = found.choice.laws[joint], found.fit.slots[joint]
-    driving, driven, both = (float(slots[SLOT[f"gear {way}, {law.side} side"]])
-                             for way in ("driving", "driven", "both"))  # fmt: skip
+    driving, driven, both = (
+        float(slots[SLOT[f"gear {direction}, {law.side} side"]])
+        for direction in ("driving", "driven", "both")
+    )
     driving, driven = driving + both, driven + both
     if law.side == "joint":
         return sign * (effort / np.where(sign * effort > 0.0, 1.0 + driving, 1.0 - driven) - rigid)

@@ -79,10 +79,15 @@ def find_fall(
         return float(np.sum((own @ values) ** 2)) * bool(values.min() > 0.0), values
 
     def passed(log_velocity: float) -> FloatArray:
-        parts = [_ways(one.recording.velocity[:, joint], float(np.exp(log_velocity)))
-                 for one in prepared]  # fmt: skip
-        return np.concatenate([_low_passed(one, part)[one.slides[:, joint]]
-                               for one, part in zip(prepared, parts, strict=True)])  # fmt: skip
+        parts = [
+            _ways(one.recording.velocity[:, joint], float(np.exp(log_velocity))) for one in prepared
+        ]
+        return np.concatenate(
+            [
+                _low_passed(one, part)[one.slides[:, joint]]
+                for one, part in zip(prepared, parts, strict=True)
+            ]
+        )
 
     low, high = np.log(np.quantile(speed, (0.01, 0.98)) * (1.0, 0.5))
     tried = np.linspace(low, high, _TRIED)
@@ -92,8 +97,11 @@ def find_fall(
         return None
     middle = tried[int(np.argmax(gains))]
     ends = max(middle - _AROUND, low - _AROUND), min(middle + _AROUND, high)
-    found = float(minimize_scalar(lambda x: -fitted(passed(x))[0], bounds=ends, method="bounded",
-                                  options={"xatol": 5e-3}).x)  # fmt: skip
+    found = float(
+        minimize_scalar(
+            lambda x: -fitted(passed(x))[0], bounds=ends, method="bounded", options={"xatol": 5e-3}
+        ).x
+    )
     gain, values = fitted(passed(found))
     return Fall(float(np.exp(found)), *values.tolist()) if gain > 0.0 else None
 

@@ -102,7 +102,7 @@ class IdentifySummary:
     )
     inertias: str = quantity('of the links: "kept", the URDF\'s, or "corrected"')
     advice: tuple[Advice, ...] = quantity("recordings of 30 s, that which would tell most first")
-    said: tuple[str, ...] = quantity("what was read and repaired, what logs cannot show")
+    notes: tuple[str, ...] = quantity("what was read and repaired, what logs cannot show")
 
 
 def identify_summary(found: Findings) -> IdentifySummary:
@@ -140,7 +140,7 @@ def identify_summary(found: Findings) -> IdentifySummary:
         unseen=found.unseen,
         inertias="kept" if found.keeps_inertias else "corrected",
         advice=found.advice,
-        said=found.said,
+        notes=found.notes,
     )
 
 

@@ -32,7 +32,7 @@ from pinfric.study.identify.laws import (
     SPEEDS,
 )
 from pinfric.study.identify.misfit import Misfit, bias, gradients, one_sided
-from pinfric.study.identify.normal import above_zero, moves, residuals
+from pinfric.study.identify.normal import above_zero, influence, residuals
 
 FloatArray = NDArray[np.float64]
 
@@ -95,8 +95,10 @@ class Uncertainty:
         """
         rng = np.random.default_rng(seed)
         rows = np.tile(values.ravel(), (count, 1))
-        for covariance, freedom in ((self.within, self.freedom),
-                                    (self.between, max(self.logs - 1, 1))):  # fmt: skip
+        for covariance, freedom in (
+            (self.within, self.freedom),
+            (self.between, max(self.logs - 1, 1)),
+        ):
             size, vectors = np.linalg.eigh(covariance)
             root = vectors * np.sqrt(np.maximum(size, 0.0))
             wide = np.sqrt(freedom / rng.chisquare(freedom, count))
@@ -121,8 +123,15 @@ def uncertainty(found: Estimate, shapes: Sequence[Misfit] = ()) -> Uncertainty:
     """
     problem, fit = found.problem, found.fit
     place = _uncertain(found)
-    moved, count = moves(problem.grams, problem.weights, problem.prior, fit, place,
-                         _feedback(found, place), gradients(found, shapes, place))  # fmt: skip
+    moved, count = influence(
+        problem.grams,
+        problem.weights,
+        problem.prior,
+        fit,
+        place,
+        _feedback(found, place),
+        gradients(found, shapes, place),
+    )
     moved = moved[:, moved.shape[1] - place.size :]
     within = moved.T @ moved
     for off in (*([bias(found, shapes, place)] if shapes else ()), *one_sided(found, place)):
@@ -158,8 +167,11 @@ def for_a_further_log(found: Estimate, place: NDArray[np.int64]) -> tuple[FloatA
 def _uncertain(found: Estimate) -> NDArray[np.int64]:
     """Places among (nj K,) of coefficients above zero and of the speeds of falling friction."""
     place = above_zero(found.fit, found.problem.slots(found.choice.laws))
-    falls = [j * len(SLOTS) + SLOT[FALL_SPEED] for j in found.known
-             if found.fit.slots[j, [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]].any()]  # fmt: skip
+    falls = [
+        j * len(SLOTS) + SLOT[FALL_SPEED]
+        for j in found.known
+        if found.fit.slots[j, [SLOT[FALL_FORWARD], SLOT[FALL_BACKWARD]]].any()
+    ]
     return np.sort(np.append(place, np.array(falls, dtype=np.int64)))
 
 
@@ -193,11 +205,12 @@ def _load_slopes(found: Estimate, joint: int, name: str) -> FloatArray | None:
         return np.hstack((np.concatenate(slopes), none))
     if not name.startswith("gear"):
         return None
-    way = np.sign(rows.velocity * rows.load)
-    way *= (way < 0.0) if "driven" in name else (way > 0.0) if "driving" in name else 1.0
-    inner = [name.endswith("joint side") and slot in _INNER
-             for slot in SLOTS]  # fmt: skip
-    return np.hstack((rows.rigid, rows.slots * inner)) * way[:, None]
+    direction = np.sign(rows.velocity * rows.load)
+    direction *= (
+        (direction < 0.0) if "driven" in name else (direction > 0.0) if "driving" in name else 1.0
+    )
+    inner = [name.endswith("joint side") and slot in _INNER for slot in SLOTS]
+    return np.hstack((rows.rigid, rows.slots * inner)) * direction[:, None]
 
 
 def _bearing_slopes(found: Estimate, one: Prepared, joint: int) -> FloatArray:
@@ -245,8 +258,11 @@ def _log_factors(found: Estimate, joint: int) -> tuple[list[float], list[float]]
     values = np.where(np.arange(len(SLOTS)) == SLOT[INERTIA], 0.0, found.fit.slots[joint])
     friction, off = rows.slots @ values, residuals(rows, found.fit, joint)
     for log in range(len(found.prepared)):
-        own = [_factor(friction[part], off[part]) for b in np.unique(rows.block)
-               if (part := (rows.block == b) & (rows.log == log)).any()]  # fmt: skip
+        own = [
+            _factor(friction[part], off[part])
+            for b in np.unique(rows.block)
+            if (part := (rows.block == b) & (rows.log == log)).any()
+        ]
         if len(own) > 1:
             factors.append(_factor(friction[rows.log == log], off[rows.log == log]))
             noise.append(float(np.var(own, ddof=1)) / len(own))

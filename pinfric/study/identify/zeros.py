@@ -101,8 +101,10 @@ def _rows(
     """Yield each joint's columns of links and of friction, efforts, spans and weight."""
     thin = max(1, sum(one.kept.size for one in found.prepared) // _SAMPLES)
     picked = [np.arange(0, one.kept.size, thin) for one in found.prepared]
-    regressors = [_regressor(found, one, one.kept[pick], joint, turn)
-                  for one, pick in zip(found.prepared, picked, strict=True)]  # fmt: skip
+    regressors = [
+        _regressor(found, one, one.kept[pick], joint, turn)
+        for one, pick in zip(found.prepared, picked, strict=True)
+    ]
     for j in found.known:
         columns = [SLOT[INERTIA], *found.choice.laws[j].slots]
         parts, first = [], 0
@@ -110,8 +112,14 @@ def _rows(
             own = one.slides[pick, j]
             t = one.recording.trajectory.t[one.kept[pick][own]]
             span = first + ((t - one.recording.trajectory.t[0]) / _SPAN).astype(np.int64)
-            parts.append((every[own, j], one.slots[pick[own], j][:, columns],
-                          one.effort(t + found.delay.value)[:, j], span))  # fmt: skip
+            parts.append(
+                (
+                    every[own, j],
+                    one.slots[pick[own], j][:, columns],
+                    one.effort(t + found.delay.value)[:, j],
+                    span,
+                )
+            )
             first = int(span.max(initial=first)) + 1
         rigid, friction, effort, span = (np.concatenate(x) for x in zip(*parts, strict=True))
         if effort.size > len(columns):
@@ -124,9 +132,11 @@ def _regressor(
     """Columns of the links' parameters at some samples, (n, nj, 10 nj), with one angle turned."""
     model, motion = found.scene.model, one.recording.trajectory
     data, step = model.createData(), turn * (np.arange(model.nv) == joint)
-    every = np.array([
-        pin.computeJointTorqueRegressor(model, data, pin.integrate(model, q, step), v, a)
-        for q, v, a in zip(motion.q[at], motion.v[at], motion.a[at], strict=True)
-    ]).reshape(at.size, model.nv, 10 * model.nv)  # fmt: skip
+    every = np.array(
+        [
+            pin.computeJointTorqueRegressor(model, data, pin.integrate(model, q, step), v, a)
+            for q, v, a in zip(motion.q[at], motion.v[at], motion.a[at], strict=True)
+        ]
+    ).reshape(at.size, model.nv, 10 * model.nv)
     P = delivery(found.scene.drives, model.nv)
     return np.asarray(P @ every if P.size else every)

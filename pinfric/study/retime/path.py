@@ -214,9 +214,9 @@ def load_path(path: str | File, scene: Scene) -> Path:
     if File(file).suffix.lower() not in (".yaml", ".yml"):
         return Path.from_trajectory(load_trajectory(path, scene))
     given = read_waypoints(File(file))
-    names = [column.name for column in joint_columns(scene.model, str(file))]
+    columns = joint_columns(scene.model, str(file))
     defaults = {name: bool(payload.attached) for name, payload in scene.payloads.items()}
-    points = way_points(given, names, defaults, str(file))
+    points = way_points(given, columns, defaults, str(file))
     via, holds = [point.via for point in given.points], [point.hold for point in given.points]
     return Path.from_waypoints(points, via, holds, carried_on(given, defaults), str(file))
 

@@ -45,8 +45,9 @@ def find_holds(position: ArrayLike, resolution: float = 0.0) -> list[tuple[int, 
     """
     q = np.asarray(position, dtype=np.float64)
     travel = float(np.ptp(q))
-    tolerance = max(8.0 * np.finfo(np.float64).eps * float(np.abs(q).max()),
-                    min(resolution, 1.0e-6 * travel))  # fmt: skip
+    tolerance = max(
+        8.0 * np.finfo(np.float64).eps * float(np.abs(q).max()), min(resolution, 1.0e-6 * travel)
+    )
     # A file of short numbers (0, 0.5, 1) looks coarse without being so: trust 3 % of the travel.
     departure = HOLD_DEPARTURE * max(tolerance, min(resolution, 3.0e-2 * travel))
     return [
@@ -171,8 +172,9 @@ def _derivatives(
         last = min(first + _PART, y.size)
         before, after = max(first - _BESIDE, 0), min(last + _BESIDE, y.size)
         near, own = slice(before, after), slice(first, last)
-        spline = _interpolate(t[near], y[near], left if before == 0 else 0,
-                              right if after == y.size else 0)  # fmt: skip
+        spline = _interpolate(
+            t[near], y[near], left if before == 0 else 0, right if after == y.size else 0
+        )
         for column, order in zip(found, orders, strict=True):
             column[own] = spline(t[own], order)
     return found

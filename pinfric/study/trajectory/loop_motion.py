@@ -117,6 +117,8 @@ def _closed(
     if largest > NEARLY_CLOSED:
         worst = columns[int(np.argmax([moved[:, c.index_q].max() for c in columns]))]
         by = float(np.abs(closed - q)[:, worst.index_q].max())
-        warnings.append(f"loops closed by moving joints, {worst.name} most, by up to {by:.1e} "
-                        f"{worst.unit}; {' and '.join(independent)} as in the file")  # fmt: skip
+        warnings.append(
+            f"loops closed by moving joints, {worst.name} most, by up to {by:.1e} "
+            f"{worst.unit}; {' and '.join(independent)} as in the file"
+        )
     return closed

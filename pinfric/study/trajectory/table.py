@@ -23,6 +23,8 @@ FloatArray = NDArray[np.float64]
 _NOISE_SHARE = 0.05
 #: Share of a joint's peak speed by which its velocities may miss those of its positions (RMS).
 _MISMATCH_SHARE = 0.1
+#: The same where rows are few, and their velocities' means say less of the motion between them.
+_FEW_ROWS_MISMATCH = 0.5
 #: Fewer samples than this say too little about noise or about a mismatch.
 _FEWEST_SAMPLES = 20
 #: Share of its speed (RMS) by which a joint may change it from row to row where derivatives come
@@ -91,8 +93,10 @@ def complete_derivatives(
                 continue
             fitted_v, fitted_a = position_derivatives(table.t, q, holds)
         except ValueError as problem:  # SciPy: numbers too far apart for a spline
-            problems.append(f"joint {columns[i].name}: no spline goes through its samples "
-                            f"({problem}); give .v and .a")  # fmt: skip
+            problems.append(
+                f"joint {columns[i].name}: no spline goes through its samples "
+                f"({problem}); give .v and .a"
+            )
             continue
         v[:, i] = fitted_v
         if np.isnan(a[0, i]):
@@ -132,8 +136,10 @@ def _moved_across(
     if not moved:
         return []
     where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in moved)
-    return [f"joint {column.name}: moves across gaps in time ({where}), where its derivatives "
-            "would be invented; give .v and .a, or the missing samples"]  # fmt: skip
+    return [
+        f"joint {column.name}: moves across gaps in time ({where}), where its derivatives "
+        "would be invented; give .v and .a, or the missing samples"
+    ]
 
 
 def mismatch_warning(
@@ -142,9 +148,9 @@ def mismatch_warning(
     """Compare the mean velocity of each time step by positions and by velocities.
 
     Both are of second order in the step, which is as fine as a share of a tenth asks for, and cost
-    little where a motion has millions of samples.
+    little where a motion has millions of samples. Few rows with v = 0 are stops, not samples.
     """
-    if t.size < _FEWEST_SAMPLES:
+    if t.size < 2:
         return []
     steps, moves = np.diff(t), np.diff(q)
     if column.nq == 2:  # an angle may be written within +-pi
@@ -156,7 +162,8 @@ def mismatch_warning(
     noise = 3.0 * resolution / np.sqrt(6.0) / float(np.median(steps))
     peak = max(float(np.abs(by_position).max()) - noise, float(np.abs(v).max()))
     miss = float(np.sqrt(np.mean((by_position - by_velocity) ** 2)))
-    if miss <= _MISMATCH_SHARE * peak + noise:
+    share = _MISMATCH_SHARE if t.size >= _FEWEST_SAMPLES else _FEW_ROWS_MISMATCH
+    if miss <= share * peak + noise:
         return []
     return [
         f"joint {column.name}: the velocities given do not fit the positions: they differ by "

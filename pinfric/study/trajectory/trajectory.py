@@ -159,8 +159,17 @@ class Trajectory:
         refuse(source, problems)
         if has_many and v is not None and a is not None:
             names, nqs = _moving_joints(model)
-            return cls(times, qs, v, a, _attached_columns(payloads, given, times.size),
-                       tuple(payloads), names, source, nqs)  # fmt: skip
+            return cls(
+                times,
+                qs,
+                v,
+                a,
+                _attached_columns(payloads, given, times.size),
+                tuple(payloads),
+                names,
+                source,
+                nqs,
+            )
         columns = joint_columns(model, source)
         refuse(source, unit_circle_problems(columns, qs))
         table = TrajectoryTable(
@@ -179,14 +188,19 @@ class Trajectory:
         speeds = [f"{x:.3g}" for x in np.abs(self.v).max(axis=0)]
         one_each = len(speeds) == len(self.joint_names)
         carried = [f"{100 * x:.0f} % of samples" for x in self.attached.mean(axis=0)]
-        return screen("Trajectory", f"{title}, {rate:.4g} per s", {
-            "joints": listed(self.joint_names),
-            "speeds": f"{listed(self.joint_names, speeds)} (largest, rad/s or m/s)"
-                      if one_each else "",
-            "holds": counted(len(self.holds()), "hold"),
-            "carried": listed(self.payload_names, carried),
-            "warnings": "; ".join(self.warnings),
-        })  # fmt: skip
+        return screen(
+            "Trajectory",
+            f"{title}, {rate:.4g} per s",
+            {
+                "joints": listed(self.joint_names),
+                "speeds": f"{listed(self.joint_names, speeds)} (largest, rad/s or m/s)"
+                if one_each
+                else "",
+                "holds": counted(len(self.holds()), "hold"),
+                "carried": listed(self.payload_names, carried),
+                "warnings": "; ".join(self.warnings),
+            },
+        )
 
     @property
     def duration(self) -> float:
@@ -214,19 +228,28 @@ class Trajectory:
             TrajectoryError: scale is not positive.
         """
         if not (np.isfinite(scale) and scale > 0.0):
-            raise TrajectoryError(f"speed scale is {scale}; give a positive number (2: twice as "
-                                  "fast)")  # fmt: skip
+            raise TrajectoryError(
+                f"speed scale is {scale}; give a positive number (2: twice as fast)"
+            )
         t = self.t[0] + (self.t - self.t[0]) / scale
         return replace(
-            self, t=t, v=self.v * scale, a=self.a * scale**2, warnings=(), reading=None,
+            self,
+            t=t,
+            v=self.v * scale,
+            a=self.a * scale**2,
+            warnings=(),
+            reading=None,
             source=f"{self.source} at {scale:g} x speed",
-        )  # fmt: skip
+        )
 
     def holds(self) -> tuple[Hold, ...]:
         """Return the intervals in which every joint stands still (v = a = 0), 2 samples or more."""
         still = ((self.v == 0.0) & (self.a == 0.0)).all(axis=1)
-        return tuple(Hold(float(self.t[first]), float(self.t[last]), first, last)
-                     for first, last in runs(still) if last > first)  # fmt: skip
+        return tuple(
+            Hold(float(self.t[first]), float(self.t[last]), first, last)
+            for first, last in runs(still)
+            if last > first
+        )
 
     def to_csv(self, path: str | Path, digits: int = 9) -> Path:
         """Write the file that `load_trajectory` reads: t, positions, .v, .a, payload columns.
@@ -306,10 +329,11 @@ def load_trajectory(
     def choose(names: Sequence[str], wrong: list[str]) -> tuple[JointColumn, ...]:
         return named_columns(scene, columns, names, wrong)
 
-    named, table, reading = read_log(source, columns, list(scene.payloads), choose, options,
-                                     problems)  # fmt: skip
+    named, table, reading = read_log(
+        source, columns, list(scene.payloads), choose, options, problems
+    )
     found = _from_table(name, scene, columns, named, table, problems, reading.filtered)
-    return replace(found, reading=reading, warnings=(*reading.said, *found.warnings))
+    return replace(found, reading=reading, warnings=(*reading.notes, *found.warnings))
 
 
 def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn]) -> Trajectory:
@@ -318,9 +342,7 @@ def _from_waypoints(path: Path, scene: HasModel, columns: Sequence[JointColumn])
     given = [c.name for c in columns] if waypoints.joints is None else waypoints.joints
     named = named_columns(scene, columns, given, problems)
     refuse(str(path), problems)
-    table = sample_waypoints(waypoints, [column.name for column in named],
-                             np.array([column.velocity_limit for column in named]),
-                             _defaults(scene), str(path))  # fmt: skip
+    table = sample_waypoints(waypoints, named, _defaults(scene), str(path))
     return _from_table(str(path), scene, columns, named, table)
 
 
@@ -350,8 +372,9 @@ def _from_table(
         derived = filtered or bool(
             np.isnan(table.velocity).any() or np.isnan(table.acceleration).any()
         )
-        q, v, a = complete_motion(scene, source, columns, named, table.position, v, a, derived,
-                                  warnings)  # fmt: skip
+        q, v, a = complete_motion(
+            scene, source, columns, named, table.position, v, a, derived, warnings
+        )
         moved = single_positions(q, [column.nq for column in columns])
         wrong += limit_problems(columns, table.t, moved)
         refuse(source, wrong + follower_problems(followers, columns, table.t, moved))
@@ -395,8 +418,11 @@ def _attached_columns(
 def _attached_problems(
     given: Mapping[str, ArrayLike], payloads: Mapping[str, bool], count: int
 ) -> list[str]:
-    unknown = [f"attached: unknown payload {name!r}; {choose_from(name, payloads)}"
-               for name in given if name not in payloads]  # fmt: skip
+    unknown = [
+        f"attached: unknown payload {name!r}; {choose_from(name, payloads)}"
+        for name in given
+        if name not in payloads
+    ]
     return unknown + [
         f"attached: {name!r} has shape {np.shape(values)}; one bool or ({count},) is needed"
         for name, values in given.items()
@@ -424,8 +450,11 @@ def _consistency_problems(trajectory: Trajectory) -> list[str]:
         ("a", trajectory.a.shape, trajectory.v.shape),
         ("attached", trajectory.attached.shape, (count, len(trajectory.payload_names))),
     )
-    wrong = [f"{name} has shape {found} where {needed} is needed"
-             for name, found, needed in shapes if found != needed]  # fmt: skip
+    wrong = [
+        f"{name} has shape {found} where {needed} is needed"
+        for name, found, needed in shapes
+        if found != needed
+    ]
     return wrong or _value_problems(
         trajectory.t, (("q", trajectory.q), ("v", trajectory.v), ("a", trajectory.a))
     )
@@ -449,8 +478,12 @@ def _value_problems(t: FloatArray, arrays: Iterable[tuple[str, ArrayLike | None]
 
 def _size_problems(table: TrajectoryTable) -> list[str]:
     """Numbers that a file gives (none where derivatives are to come) beyond any motion's."""
-    given = ("t", table.t), ("position", table.position), ("velocity", table.velocity), (
-        "acceleration", table.acceleration)  # fmt: skip
+    given = (
+        ("t", table.t),
+        ("position", table.position),
+        ("velocity", table.velocity),
+        ("acceleration", table.acceleration),
+    )
     return [
         f"{name}: {array.flat[int(np.argmax(large))]:g} is beyond {LARGEST_OF_A_MOTION:g}"
         for name, array in given

@@ -28,7 +28,8 @@ from pydantic import BeforeValidator, Field
 from pinfric.errors import TrajectoryError, choose_from
 from pinfric.model.entry import Entry, NonNegative, Number, Positive, Version, key, parse
 from pinfric.model.yamlfile import read_yaml
-from pinfric.study.trajectory.joint_columns import refuse
+from pinfric.study.trajectory.joint_columns import JointColumn, limit_problems, refuse
+from pinfric.study.trajectory.log.reading import ANGLE_UNITS
 from pinfric.study.trajectory.table import TrajectoryTable
 
 FloatArray = NDArray[np.float64]
@@ -53,7 +54,9 @@ Names = Annotated[
 class WayPoint(Entry):
     """One stop: where, how long the way there takes, how long it stays, what it grips."""
 
-    q: Annotated[tuple[Number, ...], key("one number per joint", [0.0, -0.5, 1.2], "rad or m")]
+    q: Annotated[
+        tuple[Number, ...], key("one number per joint, in `unit`", [0.0, -0.5, 1.2], "rad or m")
+    ]
     duration: Annotated[
         Positive | None, key("of the way there; left out, as fast as `speed` allows", 1.5, "s")
     ] = None
@@ -85,6 +88,9 @@ class WayPointFile(Entry):
             ["shoulder", "elbow", "wrist"],
         ),
     ] = None
+    unit: Annotated[Literal["rad", "deg"], key("of the angles in `q`; lengths are in m", "deg")] = (
+        "rad"
+    )
     speed: Annotated[
         Number,
         Field(gt=0, le=1),
@@ -166,8 +172,7 @@ def read_waypoints(path: Path) -> WayPointFile:
 
 def sample_waypoints(
     waypoints: WayPointFile,
-    joint_names: Sequence[str],
-    velocity_limits: FloatArray,
+    columns: Sequence[JointColumn],
     payloads: Mapping[str, bool],
     source: str,
 ) -> TrajectoryTable:
@@ -178,8 +183,7 @@ def sample_waypoints(
 
     Args:
         waypoints: the file.
-        joint_names: (nj,) the model's joints in its order; columns of the answer.
-        velocity_limits: (nj,) rad/s or m/s, inf where there is none.
+        columns: (nj,) the model's joints in its order; columns of the answer.
         payloads: name -> attached at the start.
         source: the file, for messages.
 
@@ -191,27 +195,27 @@ def sample_waypoints(
         for index, point in enumerate(waypoints.points)
         if point.via
     ]
-    stops = _positions(waypoints, joint_names, payloads, problems, source)
-    moves = _plan_moves(waypoints, stops, joint_names, velocity_limits, problems)
+    stops = _positions(waypoints, columns, payloads, problems, source)
+    moves = _plan_moves(waypoints, stops, columns, problems)
     refuse(source, problems)
     t = _sample_times(moves[-1].departure, waypoints.sample_rate, source)
     arrivals = [np.searchsorted(t, move.arrival - _SAME_INSTANT) for move in moves]
     phase = np.searchsorted(arrivals, np.arange(t.size), side="right") - 1
     attached = dict(zip(payloads, carried_on(waypoints, payloads)[phase].T, strict=True))
     motion = _sample_moves(moves, t, waypoints)
-    return TrajectoryTable(t, *motion, attached, np.zeros(len(joint_names)))
+    return TrajectoryTable(t, *motion, attached, np.zeros(len(columns)))
 
 
 def way_points(
     waypoints: WayPointFile,
-    joint_names: Sequence[str],
+    columns: Sequence[JointColumn],
     payloads: Mapping[str, bool],
     source: str,
 ) -> FloatArray:
     """Return the positions (number of points, nj) in the model's order of joints, without times.
 
     Args:
-        waypoints, joint_names, payloads, source: see `sample_waypoints`.
+        waypoints, columns, payloads, source: see `sample_waypoints`.
 
     Raises:
         TrajectoryError: what is wrong with the points, all at once.
@@ -221,7 +225,7 @@ def way_points(
         for index, point in enumerate(waypoints.points)
         if point.via and (point.hold or point.attach or point.detach)
     ]
-    return _positions(waypoints, joint_names, payloads, problems, source)
+    return _positions(waypoints, columns, payloads, problems, source)
 
 
 def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> NDArray[np.bool_]:
@@ -240,15 +244,28 @@ def carried_on(waypoints: WayPointFile, payloads: Mapping[str, bool]) -> NDArray
 
 def _positions(
     waypoints: WayPointFile,
-    joint_names: Sequence[str],
+    columns: Sequence[JointColumn],
     payloads: Mapping[str, bool],
     problems: list[str],
     source: str,
 ) -> FloatArray:
-    order = _joint_order(waypoints, joint_names, problems)
-    _check_points(waypoints, len(joint_names), payloads, problems)
+    """Return where the points are, (points, nj) rad or m, checked against the joints' limits."""
+    order = _joint_order(waypoints, [column.name for column in columns], problems)
+    _check_points(waypoints, len(columns), payloads, problems)
     refuse(source, problems)
-    return np.array([point.q for point in waypoints.points])[:, order]
+    q = np.array([point.q for point in waypoints.points])[:, order]
+    turns, degree = np.array([column.unit == "rad" for column in columns]), ANGLE_UNITS["deg"]
+    in_degrees = q * np.where(turns, degree, 1.0)
+    if waypoints.unit == "deg":
+        return in_degrees
+    t, largest = np.arange(float(len(q))), float(np.abs(q[:, turns]).max(initial=0.0))
+    beyond = largest > 2.0 * np.pi and limit_problems(columns, t, q)
+    if beyond and not limit_problems(columns, t, in_degrees):
+        raise TrajectoryError(
+            f"{source}: angles up to {largest:g} are beyond the joints' limits "
+            "in rad, and within them in degrees: say which by `unit: deg`, or correct `q`"
+        )
+    return q
 
 
 def _ramp(waypoints: WayPointFile) -> float:
@@ -308,8 +325,7 @@ def _check_points(
 def _plan_moves(
     waypoints: WayPointFile,
     stops: FloatArray,
-    joint_names: Sequence[str],
-    velocity_limits: FloatArray,
+    columns: Sequence[JointColumn],
     problems: list[str],
 ) -> list[Move]:
     """Give every move its start and duration; the first is the stay at the first point."""
@@ -320,9 +336,9 @@ def _plan_moves(
         duration = point.duration
         if duration is None:
             unlimited = [
-                name
-                for name, d, limit in zip(joint_names, distance, velocity_limits, strict=True)
-                if d > 0 and not math.isfinite(limit)
+                column.name
+                for column, d in zip(columns, distance, strict=True)
+                if d > 0 and not math.isfinite(column.velocity_limit)
             ]
             if unlimited:
                 problems.append(
@@ -330,7 +346,8 @@ def _plan_moves(
                     f"{', '.join(unlimited)}"
                 )
                 continue
-            duration = _shortest_duration(waypoints, distance, velocity_limits)
+            limits = np.array([column.velocity_limit for column in columns])
+            duration = _shortest_duration(waypoints, distance, limits)
         elif distance.any() and duration * waypoints.sample_rate < _MIN_PERIODS - 1e-9:
             problems.append(
                 f"points[{index}].duration: {duration:g} s is no more than a jump at sample_rate "

@@ -64,7 +64,7 @@ from pinfric.model.described import in_json
 from pinfric.show.identification_page.page import identification_page
 from pinfric.study.identify import columns
 from pinfric.study.identify.advice import advice_text
-from pinfric.study.identify.choice import free_errors, held_out_parts, smallest_good
+from pinfric.study.identify.choice import free_errors, held_out_parts, simplest_adequate_law
 from pinfric.study.identify.columns import blocks, prepare, thinning
 from pinfric.study.identify.delay import LogDelay, common_delay
 from pinfric.study.identify.estimate import _at_an_end
@@ -78,6 +78,7 @@ from pinfric.study.identify.summary import identify_summary
 from pinfric.study.identify.zeros import turned_zeros
 from pinfric.study.timeline.frames import make_frames
 from pinfric.study.trajectory.log.reading import ReadingOptions
+from pinfric.study.trajectory.log.thinning import Thinning
 
 LOGS = Path(__file__).parents[4] / "shared" / "data"
 NAMES = truth().joint_names
@@ -167,11 +168,11 @@ def test_corrected_links_can_exist(found):
 
 
 def test_what_was_read_and_what_the_log_cannot_tell_is_said(found):
-    said = "\n".join(found.said)
+    said = "\n".join(found.notes)
     assert "left out 2 rows of 7500" in said
     assert "one log only" in said
     assert "never rests" in said
-    line = next(line for line in found.said if line.startswith("no load contrast"))
+    line = next(line for line in found.notes if line.startswith("no load contrast"))
     assert NAMES[5] in line
     assert NAMES[1] not in line
     assert "never fast" not in said
@@ -269,7 +270,7 @@ def test_kept_inertias_stay_and_an_effort_behind_the_gear_needs_no_rotor():
     found = pf.identify(truth(), short(), inertia="keep", effort_at="joint", laws=laws)
     assert found.scene.model == truth().model
     assert all(p.section == "friction" for p in found.parameters)
-    assert "inertias were kept" in "\n".join(found.said)
+    assert "inertias were kept" in "\n".join(found.notes)
 
 
 def test_both_losses_of_a_gear_show_where_masses_are_known():
@@ -299,7 +300,7 @@ def test_a_gear_is_offered_whose_own_loss_makes_the_coulomb_friction_large():
     found = pf.identify(guess(0), given, laws=laws)
     assert found.laws[NAMES[2]].load == "gear"
     assert found.errors[NAMES[2]].error < 0.5 * found.errors[NAMES[2]].plain
-    assert any(NAMES[2] in line for line in found.said if line.startswith("while masses are free"))
+    assert any(NAMES[2] in line for line in found.notes if line.startswith("while masses are free"))
     assert found.advice[0].load > 0.0  # nothing else tells the scale of masses and losses
 
 
@@ -325,7 +326,7 @@ def test_of_two_losses_one_that_is_zero_is_the_end_of_the_masses_scale(found):
 def test_a_joint_that_never_moves_keeps_what_the_scene_says():
     laws = dict.fromkeys(NAMES, Law())
     found = pf.identify(guess(1), short(still=(2,)), laws=laws)
-    assert f"keeps what the scene says: {NAMES[2]}" in "\n".join(found.said)
+    assert f"keeps what the scene says: {NAMES[2]}" in "\n".join(found.notes)
     assert found.scene.friction[NAMES[2]] == guess(1).friction[NAMES[2]]
     assert all(p.joint != NAMES[2] for p in found.parameters)
 
@@ -338,7 +339,7 @@ def test_two_logs_say_how_much_friction_differs_between_them():
     # a third of joint 6's viscous friction was taken off in one of them, and it is most of it
     assert 0.05 < found.spread[NAMES[5]] < 0.25
     assert found.delay == pytest.approx(DELAY, abs=0.0015)
-    assert "efforts' delay by each log alone, with standard error: log " in "\n".join(found.said)
+    assert "efforts' delay by each log alone, with standard error: log " in "\n".join(found.notes)
     viscous = parameter(found, "friction", 5, "viscous")
     assert viscous.standard_error > 0.8 * found.spread[NAMES[5]] * viscous.value
 
@@ -358,12 +359,12 @@ def test_a_log_that_never_is_fast_says_that_speeds_are_extrapolated():
     noise = short().effort - motor_effort(truth(), fast)
     slow = pf.Log(motion.t, short().q, motor_effort(truth(), motion) + noise)
     found = pf.identify(guess(0), slow, inertia="keep", laws=dict.fromkeys(NAMES, Law()))
-    line = next(line for line in found.said if line.startswith("never fast"))
+    line = next(line for line in found.notes if line.startswith("never fast"))
     assert NAMES[1] in line
     # what is slow tells no delay either
     assert found.delay == 0.0
     assert found.estimate.delay.standard_error > 0.005
-    assert "the delay of the efforts is not determined" in "\n".join(found.said)
+    assert "the delay of the efforts is not determined" in "\n".join(found.notes)
 
 
 def test_static_friction_shows_where_joints_break_away_slowly():
@@ -382,7 +383,7 @@ def test_static_friction_shows_where_joints_break_away_slowly():
     assert found.rest[NAMES[5]].share < 1.0
     assert all(found.rest[NAMES[j]].inside > 0.985 for j in (0, 3, 4, 5))
     assert not any(p.joint == NAMES[5] and p.name.endswith("static") for p in found.parameters)
-    assert "only bounded from below" in "\n".join(found.said)
+    assert "only bounded from below" in "\n".join(found.notes)
 
 
 def test_joints_stick_up_to_what_noise_makes_of_their_velocities():
@@ -394,7 +395,7 @@ def test_joints_stick_up_to_what_noise_makes_of_their_velocities():
     here = motion.v[np.rint(100.0 * seen.t).astype(int)]
     off = np.std((seen.v - here)[100:-100], axis=0).max()
     assert 2.0 * off < found.scene.stick_velocity < 6.0 * off
-    assert any(line.startswith("joints stick up to") for line in found.said)
+    assert any(line.startswith("joints stick up to") for line in found.notes)
 
 
 def test_a_jump_of_effort_at_departure_is_no_break_away():
@@ -412,7 +413,7 @@ def test_a_joint_that_moves_one_way_has_the_same_friction_the_other_way():
     log = pf.Log(t, motion.q, motor_effort(truth(), motion))
     found = pf.identify(guess(0), log, laws=dict.fromkeys(NAMES, Law()))
     assert f"hardly slides backward, Coulomb friction there is taken as the other way: {NAMES[5]}" \
-        in found.said  # fmt: skip
+        in found.notes  # fmt: skip
     assert not any((p.joint, p.name) == (NAMES[5], "coulomb.negative") for p in found.parameters)
     coulomb = found.scene.friction[NAMES[5]].coulomb
     assert coulomb.negative == coulomb.positive
@@ -428,7 +429,7 @@ def test_joints_that_the_model_does_not_explain_are_named_and_get_no_laws(tmp_pa
     turned = replace(short(), q=short().q * np.array([1, -1, 1, 1, 1, 1]))
     laws = dict.fromkeys(NAMES, Law())
     found = pf.identify(guess(0), turned, inertia="keep", laws=laws)
-    line = next(line for line in found.said if line.startswith("the model does not explain it"))
+    line = next(line for line in found.notes if line.startswith("the model does not explain it"))
     assert NAMES[1] in line
     assert NAMES[2] in line
     assert (
@@ -451,8 +452,8 @@ def test_of_laws_that_are_as_good_the_viscous_one_is_taken():
     rows, powers = np.full(4, 100.0), {1.0: 101.0, 0.8: 100.0, 0.5: 150.0}
     noise = np.array([-1.0, 1.0, -2.0, 2.0])
     errors = {Law(exponent=p): total / 4 + (0.1 + p) * noise for p, total in powers.items()}
-    assert smallest_good(errors, rows) == Law()
-    assert smallest_good(errors | {Law(): np.full(4, 40.0)}, rows) == Law(exponent=0.8)
+    assert simplest_adequate_law(errors, rows) == Law()
+    assert simplest_adequate_law(errors | {Law(): np.full(4, 40.0)}, rows) == Law(exponent=0.8)
 
 
 def test_a_payload_is_of_the_log_at_its_path(tmp_path):
@@ -482,8 +483,8 @@ def test_a_hold_beside_a_motion_bounds_friction_at_rest_and_changes_nothing_else
     laws = dict.fromkeys(NAMES, Law())
     hold = log(0, 20.0, 100.0, still=tuple(range(6)), name="hold")
     alone, both = (pf.identify(guess(0), logs, laws=laws) for logs in (short(), [short(), hold]))
-    assert "nothing slides in hold: used for bounds on friction at rest" in both.said
-    assert any(line.startswith("one log only") for line in both.said)
+    assert "nothing slides in hold: used for bounds on friction at rest" in both.notes
+    assert any(line.startswith("one log only") for line in both.notes)
     assert both.delay == pytest.approx(alone.delay, rel=1e-9)
     values = [p.value for p in both.parameters]
     assert values == pytest.approx([p.value for p in alone.parameters], rel=1e-6)
@@ -533,7 +534,7 @@ def test_masses_or_loads_tell_a_zero_that_is_off_by_a_quarter_turn():
     def turned(joint: int, angle: float) -> pf.Log:
         return replace(short(), q=short().q + angle * (np.arange(6) == joint))
 
-    line = next(line for line in pf.identify(guess(0), turned(3, np.pi / 2), laws=laws).said
+    line = next(line for line in pf.identify(guess(0), turned(3, np.pi / 2), laws=laws).notes
                 if line.startswith("masses that moved by more than 50 %"))  # fmt: skip
     assert NAMES[4] in line
     with pytest.raises(IdentificationError, match=f"{NAMES[1]}: its effort is"):
@@ -547,15 +548,15 @@ def test_a_wrong_zero_that_the_last_links_take_up_is_named(turn):
     found = pf.identify(guess(0), replace(short(), q=short().q + off),
                         laws=dict.fromkeys(NAMES, Law()))  # fmt: skip
     assert max(one.error / one.rms for one in found.errors.values()) < 0.05
-    line = next(line for line in found.said if "another zero" in line)
+    line = next(line for line in found.notes if "another zero" in line)
     assert f"square: {NAMES[4]} {-turn:+d} degrees;" in line
 
 
 def test_masses_are_said_beside_the_urdfs(found):
-    line = next(line for line in found.said if "kg in the URDF -> found" in line)
+    line = next(line for line in found.notes if "kg in the URDF -> found" in line)
     for name, one in zip(NAMES, tuple(found.scene.model.inertias)[1:], strict=True):
         assert re.search(rf"{name} [\d.]+ -> {one.mass:.3g}", line)
-    assert not any(line.startswith("masses that moved by more") for line in found.said)
+    assert not any(line.startswith("masses that moved by more") for line in found.notes)
     assert turned_zeros(found.estimate) == ()
 
 
@@ -673,7 +674,8 @@ def test_samples_beyond_what_is_fitted_are_left_out():
     exact = excitation(0, 10.0, 500.0).a[place]
     assert given[0].trajectory.a[50:-50] == pytest.approx(exact[50:-50], abs=0.05)
     # what noise leaves and what the log says are those of the samples kept
-    reading = given[0].reading
+    options = ReadingOptions(thinning=Thinning(125.0, 40.0))
+    reading = pf.load_trajectory(fast, truth(), options).reading
     assert reading.uncertain is not None
     assert len(reading.uncertain.moving) == len(reading.effort[NAMES[0]]) == place.size
 
@@ -701,9 +703,9 @@ def test_a_kr300_whose_signs_nobody_knows_says_how_far_it_is_off():
     found = pf.identify(scene, log, laws=dict.fromkeys(scene.joint_names, Law()))
     share = {name: error.error / error.rms for name, error in found.errors.items()}
     assert all(0.02 < one < 0.5 for one in share.values()), share
-    missed = next(line for line in found.said if line.startswith("off by more than a tenth"))
+    missed = next(line for line in found.notes if line.startswith("off by more than a tenth"))
     assert max(share, key=share.__getitem__) in missed
-    worse = next((line for line in found.said if line.startswith("held-out errors are")), "")
+    worse = next((line for line in found.notes if line.startswith("held-out errors are")), "")
     free = free_errors(found.estimate.problem, found.estimate.rows)
     for (name, error), least in zip(found.errors.items(), free, strict=True):
         assert (error.error > 1.03 * least) == (f"{name} by" in worse)

@@ -66,7 +66,7 @@ def test_friction_on_a_coupled_motors_side_is_found(tmp_path: Path) -> None:
     known["coupled"].save(tmp_path / "out")
     assert "couples: {j1: -0.8}" in (tmp_path / "out" / "scene.yaml").read_text()
     said = "a law on the joint's side was asked for"
-    assert any(line.startswith(said) and line.endswith(": j2") for line in known["coupled"].said)
-    assert not any(line.startswith(said) for line in known["apart"].said)
+    assert any(line.startswith(said) and line.endswith(": j2") for line in known["coupled"].notes)
+    assert not any(line.startswith(said) for line in known["apart"].notes)
     with pytest.raises(IdentificationError, match="coupled; leave the `couples` out"):
         pf.identify(true, [log], effort_at="joint")

@@ -19,7 +19,7 @@ from pinfric.study.identify.delay import Delay, disagreement, other_delays
 from pinfric.study.identify.identify import Identified
 from pinfric.study.identify.laws import FORWARD, SLOT, SLOTS, Law
 from pinfric.study.identify.misfit import Misfit, chance, gradients
-from pinfric.study.identify.normal import Fit, Grams, Prior, moves, non_negative
+from pinfric.study.identify.normal import BlockProducts, Fit, Prior, influence, non_negative
 from pinfric.study.identify.recordings import read_recordings
 from pinfric.study.identify.uncertainty import Uncertainty, for_a_further_log, uncertainty
 from pinfric.study.trajectory.log.reading import ReadingOptions
@@ -59,7 +59,7 @@ def hits(one: Identified, stribeck: bool = False) -> dict[str, bool]:
 
 
 def lacks(one: Identified) -> list[str]:
-    return [line for line in one.said if line.startswith("lack of fit")]
+    return [line for line in one.notes if line.startswith("lack of fit")]
 
 
 def test_the_true_model_lacks_nothing():
@@ -80,7 +80,7 @@ def test_the_true_model_lacks_nothing():
 )
 def test_a_wrong_model_is_named_and_widens_the_intervals(case, named):
     one = found(case)
-    assert sum(named in line for line in lacks(one)) >= 3, one.said
+    assert sum(named in line for line in lacks(one)) >= 3, one.notes
     assert np.mean(list(hits(one).values())) >= 0.7
     if one.misfits:  # blocks alone do not show it
         alone, wide = (uncertainty(one.estimate, shapes) for shapes in ((), one.misfits))
@@ -98,14 +98,14 @@ def test_a_shape_leaves_open_what_the_model_takes_of_it_for_its_own():
                 np.zeros(count, dtype=int), still, still, still)  # fmt: skip
     weight, place = np.ones(count), np.array([SLOT[FORWARD]])
     fit = Fit(np.zeros(10), (np.arange(len(SLOTS)) == place[0])[None, :] * effort.mean())
-    grams = [Grams.of(rows, weight, 20)]
+    grams = [BlockProducts.of(rows, weight, 20)]
     prior = Prior(np.zeros(10), np.full(10, np.inf), np.zeros(10))
     given = SimpleNamespace(rows=[rows], row_weights=[weight], fit=fit,
                             problem=SimpleNamespace(weights=np.ones(1)))  # fmt: skip
     shape = Misfit(0, "", s, 1.0, s * np.column_stack((np.ones(count), wave)))
-    alone, _ = moves(grams, np.ones(1), prior, fit, place)
+    alone, _ = influence(grams, np.ones(1), prior, fit, place)
     unknown = gradients(given, [shape], place)
-    wide, _ = moves(grams, np.ones(1), prior, fit, place, unknown=unknown)
+    wide, _ = influence(grams, np.ones(1), prior, fit, place, unknown=unknown)
     assert np.sum(wide**2) == pytest.approx(np.sum(alone**2) + s**2, rel=1e-9)
 
 
@@ -137,7 +137,7 @@ def test_an_unknown_payload_is_no_factor_on_efforts():
 @pytest.mark.slow
 def test_an_unknown_payload_leaves_friction_in_its_intervals():
     assert np.mean(list(hits(found("payload")).values())) >= 0.85
-    assert any("scene lacks a payload" in line for line in found("payload").said)
+    assert any("scene lacks a payload" in line for line in found("payload").notes)
 
 
 def test_a_bearing_that_the_scene_lacks_is_named():

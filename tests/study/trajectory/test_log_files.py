@@ -11,7 +11,7 @@ from builders import chain
 
 import pinfric as pf
 from pinfric.errors import TrajectoryError
-from pinfric.study.trajectory.log import files
+from pinfric.study.trajectory.log import csv_file
 from pinfric.study.trajectory.log.judged import judge_log
 from pinfric.study.trajectory.log.reading import ReadingOptions
 
@@ -705,26 +705,56 @@ def test_options_that_say_nothing_are_refused(options):
         ReadingOptions(**options)
 
 
-def test_a_long_file_is_parsed_line_by_line_to_the_same_numbers(tmp_path, monkeypatch):
+def test_a_long_file_is_parsed_in_parts_to_the_same_numbers(tmp_path, monkeypatch):
     rng, rows = np.random.default_rng(0), 4000
     stamps = 1_700_000_000_000_000_000 + 2_000_001 * np.arange(rows)
     numbers = rng.normal(size=(rows, 2)).round(6)
     lines = [f"{t},{a:.6f},{b:.6f}" for t, (a, b) in zip(stamps, numbers, strict=True)]
     path = tmp_path / "long.csv"
-    monkeypatch.setattr(files, "_LONG", 0)
-    monkeypatch.setattr(files, "_HEAD", 200)
-    path.write_text("\n".join(["# made by a test", "stamp,a,b", *lines, "", ""]))
-    cells = files._streamed(path, files._plain_head(path), ("stamp", "b"), [])
-    assert cells is not None
-    assert cells.values[:, 0].tolist() == (stamps - stamps[0]).tolist()  # no digit is lost
-    assert cells.origin == {"stamp": int(stamps[0])}
-    assert cells.values[:, 1].tolist() == numbers[:, 1].tolist()
-    assert (cells.lines[0], cells.lines[-1]) == (3, rows + 2)
-    assert cells.resolution[1] == pytest.approx(1e-6)
-    # what is torn is said as of any other file
-    lines[1000] = lines[1000][:30]
-    path.write_text("\n".join(["stamp,a,b", *lines]))
-    assert files._streamed(path, files._plain_head(path), ("stamp", "b"), []) is None
-    torn = files.open_csv(path).read(("stamp", "b"), [])
-    assert torn.dropped == 1
-    assert "line 1002" in torn.why
+    monkeypatch.setattr(csv_file, "_SMALL", 0)
+    monkeypatch.setattr(csv_file, "_PART", 300)
+    monkeypatch.setattr(csv_file, "_HEAD", 40)
+    path.write_text("\n".join(["# made by a test", "stamp,a,b", *lines]))
+    monkeypatch.setattr(csv_file, "_read_by_line", None)  # nothing is unusual in it
+    found = csv_file.open_csv(path).read(("stamp", "b"), [])
+    assert found.column("stamp").tolist() == (stamps - stamps[0]).tolist()  # no digit is lost
+    assert found.origin == {"stamp": int(stamps[0])}
+    assert found.column("b").tolist() == numbers[:, 1].tolist()
+    assert (found.lines[0], found.lines[-1]) == (3, rows + 2)
+    assert found.resolution["b"] == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+def test_both_ways_to_read_a_file_give_the_same(mark, tmp_path, monkeypatch):
+    """In parts by pandas, and line by line."""
+    path = tmp_path / "log.csv"
+    path.write_text(table(("t", *NAMES), 1e15 + T, 1e3 * Q, mark=mark, form="%.17g"))
+    by_line = csv_file.open_csv(path).read(("t", *NAMES), [])
+    monkeypatch.setattr(csv_file, "_SMALL", 0)
+    monkeypatch.setattr(csv_file, "_read_by_line", None)
+    in_parts = csv_file.open_csv(path).read(("t", *NAMES), [])
+    assert in_parts.values.tolist() == by_line.values.tolist()
+    assert (in_parts.resolution, in_parts.origin) == (by_line.resolution, by_line.origin)
+    assert list(in_parts.lines) == list(by_line.lines)
+
+
+@pytest.mark.parametrize(
+    ("row", "named"),
+    [
+        ("0.5,1", "the header has 3 columns; rows with another number of cells: line 1001 (2)"),
+        ("0.5,1,2,3", "the header has 3 columns; rows with another number of cells: line 1001 (4)"),
+        ("0.5,1,x", "not a number: line 1001, column b: 'x'"),
+        (",1,2", "not a number: line 1001, column t: ''"),
+        ("0.5,1,nan", "column b: nan at sample 999 (line 1001); every value must be finite"),
+        ("0.5,1,1e999", "column b: inf at sample 999 (line 1001); every value must be finite"),
+    ],
+)
+def test_what_is_wrong_in_a_long_file_is_said_as_of_any_other(row, named, tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_file, "_SMALL", 0)
+    monkeypatch.setattr(csv_file, "_PART", 300)
+    lines = [f"{k},0,{k}" for k in range(4000)]
+    lines[999] = row
+    path = tmp_path / "long.csv"
+    path.write_text("\n".join(["t,a,b", *lines]))
+    found = csv_file.open_csv(path).read(("t", "b"), [])
+    assert (found.dropped, found.why, len(found.values)) == (1, named, 3999)

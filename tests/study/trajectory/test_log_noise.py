@@ -10,6 +10,7 @@ from builders import chain
 import pinfric as pf
 from pinfric.study.trajectory.log.judged import judge_log
 from pinfric.study.trajectory.log.noise import (
+    Spectra,
     acceleration_jumps,
     low_pass,
     noise_floor,
@@ -236,7 +237,7 @@ def test_motion_above_a_gap_in_the_spectrum_stays_or_is_said(rate, tone, noise, 
 def test_noise_that_is_not_white_is_not_taken_for_motion(smooth, jerky, kind):
     for truth in (smooth, jerky):
         q = truth.log(1000, kind)[1][:, LOADED]
-        found = [signal_cutoff(x, 1e-3, noise_floor(x)) for x in q.T]
+        found = [signal_cutoff(Spectra.of(x, 1e-3, noise_floor(x))) for x in q.T]
         assert max(found) < 60.0
 
 
@@ -262,7 +263,7 @@ def test_bundled_files_pass_through_bit_for_bit(name, tmp_path):
 
     scene = pf.load_scene(ROBOTS / f"{name}.yaml")
     plan = pf.load_trajectory(ROBOTS / f"{name}.csv", scene)
-    assert not plan.reading.said
+    assert not plan.reading.notes
     cells = np.loadtxt(ROBOTS / f"{name}.csv", delimiter=",", skiprows=1)
     header = (ROBOTS / f"{name}.csv").read_text().splitlines()[0].split(",")
     q = cells[:, [header.index(joint) for joint in plan.joint_names]]
@@ -303,17 +304,17 @@ def test_fast_sines_sampled_coarsely_are_not_noise():
     assert noisy_joints(np.sin(2 * np.pi * 12 * t)[:, None], 0.01, np.zeros(1)) == [False]
 
 
-@pytest.mark.parametrize("gentle", [False, True])
-def test_noise_level_and_gain_are_those_of_white_noise(gentle):
+@pytest.mark.parametrize("gaussian", [False, True])
+def test_noise_level_and_gain_are_those_of_white_noise(gaussian):
     rng, step, cutoff = np.random.default_rng(2), 2e-3, 20.0
     noise = 3e-5 * rng.normal(size=200_000)
     assert noise_level(noise) == pytest.approx(3e-5, rel=0.02)
-    smooth = low_pass(noise, step, cutoff, gentle)[1000:-1000]
+    smooth = low_pass(noise, step, cutoff, gaussian)[1000:-1000]
     spectral = 2j * np.pi * np.fft.rfftfreq(smooth.size, step)  # derivatives by Fourier
     for order in (0, 1, 2):
         derivative = np.fft.irfft(np.fft.rfft(smooth) * spectral**order, smooth.size)
         assert derivative[1000:-1000].std() == pytest.approx(
-            3e-5 * noise_gain(step, cutoff, order, gentle), rel=0.05
+            3e-5 * noise_gain(step, cutoff, order, gaussian), rel=0.05
         )
 
 
@@ -327,28 +328,27 @@ def test_an_encoder_that_flickers_by_one_count_does_not_accelerate(tmp_path):
     assert np.abs(pf.load_trajectory(path, pf.Scene(model=model)).a).max() < 0.5  # 24 by a spline
 
 
-def test_a_gentle_low_pass_does_not_overshoot_a_jump_and_halves_a_sine_at_its_cutoff():
+def test_a_gaussian_low_pass_does_not_overshoot_a_jump_and_halves_a_sine_at_its_cutoff():
     t = np.arange(0, 4, 0.002)
     jump = np.where(t < 2.0, 0.0, 1.0)
-    assert low_pass(jump, 0.002, 10.0, gentle=True).max() < 1.0 + 1e-9
+    assert low_pass(jump, 0.002, 10.0, gaussian=True).max() < 1.0 + 1e-9
     assert low_pass(jump, 0.002, 10.0).max() > 1.05
-    sine = low_pass(np.sin(2 * np.pi * 10.0 * t), 0.002, 10.0, gentle=True)
+    sine = low_pass(np.sin(2 * np.pi * 10.0 * t), 0.002, 10.0, gaussian=True)
     assert np.abs(sine[500:-500]).max() == pytest.approx(0.5, rel=5e-3)
 
 
-def test_only_profiles_whose_acceleration_jumps_are_filtered_gently(smooth, jerky):
+def test_only_profiles_whose_acceleration_jumps_are_filtered_by_a_gaussian(smooth, jerky):
     for kind in ("1e-5", "2e-5", "16 bit", "samples jitter"):
         for truth in (smooth, jerky):
             q = truth.log(500, kind)[1][:, LOADED]
-            levels = [noise_floor(x) for x in q.T]
-            found = [acceleration_jumps(x, 0.002, signal_cutoff(x, 0.002, n), n)
-                     for x, n in zip(q.T, levels, strict=True)]  # fmt: skip
+            seen = [Spectra.of(x, 0.002, noise_floor(x)) for x in q.T]
+            found = [acceleration_jumps(one, signal_cutoff(one)) for one in seen]
             assert found == [truth is jerky] * 4
 
 
 @pytest.mark.parametrize("seed", [3, 6])
 def test_a_motion_with_power_up_to_its_cutoff_keeps_its_peaks(smooth, seed, tmp_path):
-    """Five sines up to 2 Hz, as identification uses them; a gentle low pass takes 3 %."""
+    """Five sines up to 2 Hz, as identification uses them; a Gaussian low pass takes 3 %."""
     rng, t = np.random.default_rng(seed), np.arange(0, 10, 0.002)
     q, v, a = (np.zeros((t.size, 6)) for _ in range(3))
     q += [0.0, -1.2, 1.0, -1.5, -1.5, 0.0]

@@ -123,9 +123,10 @@ def test_angles_of_a_wheel_may_wrap(tmp_path):
     assert len(with_velocity(tmp_path, t, wrapped, np.full(401, 2.0), of=wheel)) == 1
 
 
-def test_few_samples_say_nothing_about_velocities(tmp_path):
+def test_few_samples_say_little_about_velocities(tmp_path):
     t, q, v = swing(19)
-    assert with_velocity(tmp_path, t, q, -v) == []
+    assert with_velocity(tmp_path, t, q, 1.4 * v) == []
+    assert len(with_velocity(tmp_path, t, q, -v)) == 1
 
 
 def rows_of(t, *positions):
@@ -162,3 +163,9 @@ def test_moves_of_nine_rows_and_more_are_close_to_the_motion_they_sample(tmp_pat
 def test_few_rows_with_their_derivatives_are_fine(tmp_path):
     text = "t,a,a.v,a.a\n0,0,0,1\n1,0.5,1,1\n2,2,2,1\n"
     assert load(tmp_path, text).t.size == 3
+
+
+def test_stops_with_their_velocities_are_said_not_to_fit(tmp_path):
+    text = "t,a,a.v\n0,0,0\n1,0.5,0\n2,1.2,0\n3,0,0\n"
+    (warning,) = load(tmp_path, text).warnings
+    assert "joint a: the velocities given do not fit the positions" in warning

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from pinfric.errors import TrajectoryError
+from pinfric.study.trajectory.joint_columns import JointColumn
 from pinfric.study.trajectory.waypoints import (
     WayPointFile,
     quintic,
@@ -46,7 +47,8 @@ def test_profiles_are_integrals_of_their_derivatives(profile):
 def sampled(*points, sample_rate=1000.0):
     """Samples of a one-joint way-point file; 1 rad/s at most."""
     waypoints = WayPointFile(pinfric_trajectory=1, sample_rate=sample_rate, points=points)
-    return sample_waypoints(waypoints, ["a"], np.array([1.0]), {}, "file")
+    joint = JointColumn("a", 0, 0, 1, "rad", -np.inf, np.inf, 1.0)
+    return sample_waypoints(waypoints, [joint], {}, "file")
 
 
 @pytest.mark.parametrize(
@@ -87,3 +89,31 @@ def test_sample_rates_that_cannot_be_meant(tmp_path, rate):
 def test_a_way_beyond_all_bounds_is_refused_for_its_samples():
     with pytest.raises(TrajectoryError, match="samples; at most"):
         sampled({"q": [0]}, {"q": [1e12]})
+
+
+# --- angles in degrees ---------------------------------------------------------------------------
+
+
+def two_joints():
+    """A joint that turns, +-2 rad, and one that slides, +-300 m."""
+    turning = JointColumn("a", 0, 0, 1, "rad", -2.0, 2.0, 1.0)
+    return [turning, JointColumn("b", 1, 1, 1, "m", -300.0, 300.0, 1e3)]
+
+
+def test_degrees_are_of_angles_only():
+    points = [{"q": [0, 0]}, {"q": [90, 90], "duration": 1}]
+    motions = [
+        sample_waypoints(
+            WayPointFile(pinfric_trajectory=1, unit=unit, points=q), two_joints(), {}, "file"
+        )
+        for unit, q in (("deg", points), ("rad", [points[0], points[1] | {"q": [np.pi / 2, 90]}]))
+    ]
+    np.testing.assert_allclose(motions[0].position, motions[1].position, atol=1e-14)
+    np.testing.assert_allclose(motions[0].velocity, motions[1].velocity, atol=1e-13)
+
+
+def test_points_that_fit_the_limits_only_in_degrees_are_asked_about():
+    points = [{"q": [0, 0]}, {"q": [-90, 5], "duration": 1}]
+    waypoints = WayPointFile(pinfric_trajectory=1, points=points)
+    with pytest.raises(TrajectoryError, match=r"angles up to 90 .* say which by `unit: deg`"):
+        sample_waypoints(waypoints, two_joints(), {}, "file")

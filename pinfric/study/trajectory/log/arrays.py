@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pinfric.errors import TrajectoryError
 from pinfric.model.arrays import real_numbers
-from pinfric.study.trajectory.log.files import OpenedLog, arrays_log
+from pinfric.study.trajectory.log.frame import OpenedLog, arrays_log
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,9 @@ class Log:
             what = f"{self.name}: {quantity[1:] or 'q'}"
             values = real_numbers(what, given, TrajectoryError)
             if t.ndim != 1 or values.shape != shape:
-                raise TrajectoryError(f"{what} has shape {values.shape}; t and the scene's joints "
-                                      f"make {shape}")  # fmt: skip
+                raise TrajectoryError(
+                    f"{what} has shape {values.shape}; t and the scene's joints make {shape}"
+                )
             columns |= {f"{joint}{quantity}": values[:, i] for i, joint in enumerate(joints)}
         for payload, carried in self.payload.items():
             columns[f"payload.{payload}"] = np.asarray(carried, dtype=np.float64)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Sequence
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +14,40 @@ from numpy.typing import NDArray
 
 from pinfric.errors import TrajectoryError
 from pinfric.study.trajectory.joint_columns import listing
-from pinfric.study.trajectory.log.files import OpenedLog, arrays_log
+from pinfric.study.trajectory.log.frame import OpenedLog, arrays_log
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-#: Endings of the quantities' columns, as the reader names them.
-_FIELDS = (("", "position"), ("/velocity", "velocity"), ("/effort", "effort"))
+#: Endings of the quantities' columns, as the reader names them, and the messages' fields.
+_FIELDS = {"": "position", "/velocity": "velocity", "/effort": "effort"}
+#: Messages of a topic that say which joints it has.
+_FEW = 100
 
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag's file or folder, and there."""
     is_file = path.suffix.lower() in (".db3", ".mcap") and path.is_file()
     return is_file or (path / "metadata.yaml").is_file()
+
+
+@dataclass
+class _Messages:
+    """Messages that name the same joints, as packed numbers: a message object takes 2 kB.
+
+    Args:
+        order: which messages of the topic they are.
+        values: field -> numbers of all messages, one message after another.
+    """
+
+    order: array[int] = field(default_factory=lambda: array("q"))
+    values: dict[str, array[float]] = field(default_factory=dict)
+
+    def add(self, number: int, message: Any) -> None:
+        self.order.append(number)
+        for name in _FIELDS.values():
+            numbers = np.asarray(getattr(message, name), dtype=np.float64)
+            if numbers.size != len(message.name):
+                numbers = np.full(len(message.name), np.nan)
+            self.values.setdefault(name, array("d")).frombytes(numbers.tobytes())
 
 
 def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
@@ -38,27 +63,6 @@ def open_bag(path: Path, joint_names: Sequence[str]) -> OpenedLog:
     Raises:
         TrajectoryError: damaged, no joint states, several topics to choose from, no `rosbags`.
     """
-    topic, messages, others = _messages(path, joint_names)
-    names = list(dict.fromkeys(itertools.chain.from_iterable(m.name for _, m in messages)))
-    place = {name: i for i, name in enumerate(names)}
-    columns: dict[str, Any] = {"t": _stamps(messages)}
-    for ending, field in _FIELDS:
-        values = np.full((len(messages), len(names)), np.nan)
-        for row, (_, message) in enumerate(messages):
-            numbers = getattr(message, field)
-            if len(numbers) == len(message.name):
-                values[row, [place[name] for name in message.name]] = numbers
-        for i, name in enumerate(names):
-            if not np.isnan(values[:, i]).all():
-                columns[name + ending] = values[:, i]
-    said = (f"joint states of topic {topic}; other topics: {listing(others)}",) if others else ()
-    return arrays_log(columns, {"t": "ns"}, said, recorded=True)
-
-
-def _messages(
-    path: Path, joint_names: Sequence[str]
-) -> tuple[str, list[tuple[int, Any]], list[str]]:
-    """Return the topic of the joint states, its messages (received at ns), the other topics."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -68,32 +72,46 @@ def _messages(
         ) from None
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-            states = [c for c in reader.connections if c.msgtype == JOINT_STATE and c.msgcount]
-            found = {c.topic: [(at, reader.deserialize(raw, JOINT_STATE))
-                               for _, at, raw in reader.messages(connections=[c])]
-                     for c in states}  # fmt: skip
             topics = [f"{c.topic} ({c.msgtype})" for c in reader.connections]
+            topic = _chosen_topic(path, reader, topics, joint_names)
+            times, groups = _joint_states(reader, topic)
+    except TrajectoryError:
+        raise
     except Exception as problem:  # SQLite's, struct's, zstd's, ...: whatever a cut file ends in
         reason = " ".join(f"{problem}".split())[:200] or type(problem).__name__
         raise TrajectoryError(
             f"{path}: the bag is damaged or cut off ({reason}); record it anew, or save what is "
             "left by `ros2 bag reindex`, `sqlite3 FILE .recover` or `mcap recover`"
         ) from None
-    if not found:
+    columns: dict[str, NDArray[Any]] = {"t": times}
+    joints = list(dict.fromkeys(name for names in groups for name in names))
+    for ending, quantity in _FIELDS.items():
+        values = {joint: np.full(times.size, np.nan) for joint in joints}
+        for names, group in groups.items():
+            numbers = np.frombuffer(group.values[quantity]).reshape(-1, len(names))
+            for joint, column in zip(names, numbers.T, strict=True):
+                values[joint][np.frombuffer(group.order, dtype=np.int64)] = column
+        columns |= {
+            joint + ending: column for joint, column in values.items() if not np.isnan(column).all()
+        }
+    others = [other for other in topics if not other.startswith(f"{topic} (")]
+    notes = (f"joint states of topic {topic}; other topics: {listing(others)}",) if others else ()
+    return arrays_log(columns, {"t": "ns"}, notes, recorded=True)
+
+
+def _chosen_topic(path: Path, reader: Any, topics: list[str], joint_names: Sequence[str]) -> str:
+    """The one topic whose messages name the most of the joints that are looked for."""
+    states = [c for c in reader.connections if c.msgtype == JOINT_STATE and c.msgcount]
+    if not states:
         raise TrajectoryError(
             f"{path}: the bag has no {JOINT_STATE}; its topics: {listing(topics) or 'none'}"
         )
-    topic = _chosen(path, found, joint_names)
-    return topic, found[topic], [c for c in topics if not c.startswith(f"{topic} (")]
-
-
-def _chosen(path: Path, found: dict[str, list[tuple[int, Any]]], joint_names: Sequence[str]) -> str:
-    """The one topic whose messages name the most of the joints that are looked for."""
-    named = {
-        topic: len({name for _, m in messages[:100] for name in m.name} & set(joint_names))
-        for topic, messages in found.items()
-    }
-    best = [topic for topic, count in named.items() if count == max(named.values())]
+    named: dict[str, set[str]] = {c.topic: set() for c in states}
+    for connection in states if len(named) > 1 else ():
+        for _, _, raw in islice(reader.messages(connections=[connection]), _FEW):
+            named[connection.topic].update(reader.deserialize(raw, JOINT_STATE).name)
+    counts = {topic: len(names & set(joint_names)) for topic, names in named.items()}
+    best = [topic for topic, count in counts.items() if count == max(counts.values())]
     if len(best) > 1:
         raise TrajectoryError(
             f"{path}: topics {listing(best)} all have joint states of this robot; keep one of "
@@ -102,11 +120,19 @@ def _chosen(path: Path, found: dict[str, list[tuple[int, Any]]], joint_names: Se
     return best[0]
 
 
-def _stamps(messages: Iterable[tuple[int, Any]]) -> NDArray[np.int64]:
-    headers, received = [], []
-    for at, message in messages:
+def _joint_states(
+    reader: Any, topic: str
+) -> tuple[NDArray[np.int64], dict[tuple[str, ...], _Messages]]:
+    """Return a topic's times (ns) and its messages by the joints that they name."""
+    headers, received = array("q"), array("q")
+    groups: dict[tuple[str, ...], _Messages] = {}
+    states = [c for c in reader.connections if c.topic == topic and c.msgcount]
+    for number, (_, at, raw) in enumerate(reader.messages(connections=states)):
+        message = reader.deserialize(raw, JOINT_STATE)
         stamp = message.header.stamp
         headers.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
         received.append(at)
+        groups.setdefault(tuple(message.name), _Messages()).add(number, message)
     own = np.array(headers, dtype=np.int64)
-    return own if np.count_nonzero(np.diff(own)) > 0.9 * (own.size - 1) else np.array(received)
+    steps = np.count_nonzero(np.diff(own))
+    return (own if steps > 0.9 * (own.size - 1) else np.array(received, dtype=np.int64)), groups

@@ -139,7 +139,7 @@ class Columns:
     planned: bool = True
     payloads: list[str] = field(default_factory=list)
     ignored: list[str] = field(default_factory=list)
-    said: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def used(self) -> list[str]:
         """Every column that is read, time first."""
@@ -240,7 +240,7 @@ def _take_in_order(
         ordered = [group[number] for number in numbers]
         for name, column in zip(names, ordered, strict=True):
             claims.setdefault((name, next(iter(kinds), "position")), []).append(column)
-        found.said.append(
+        found.notes.append(
             f"columns {ordered[0]} to {ordered[-1]} are taken in the scene's order, "
             f"{names[0]} to {names[-1]}"
         )
@@ -273,11 +273,11 @@ def _meaning(column: str, names: Sequence[str], numbered: dict[str, str]) -> tup
         before, after = column[: at.start()], column[at.end() :]
         words = [word.lower() for part in (before, after) for word in _SPLIT.split(part) if word]
         words = [part for word in words for part in (word, word.rsplit("_", 1)[-1].strip("_-"))]
-        said = [_QUANTITY[word] for word in words if word in _QUANTITY]
+        kinds = [_QUANTITY[word] for word in words if word in _QUANTITY]
         unknown = [w for w in _SPLIT.split(after) if w and w.lower().strip("_-") not in _QUANTITY]
         if unknown:
             return None
-        return (name, said[-1]) if said else (name, "position") if not after else None
+        return (name, kinds[-1]) if kinds else (name, "position") if not after else None
     return None
 
 

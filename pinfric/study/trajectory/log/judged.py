@@ -81,7 +81,7 @@ class LogSummary:
         "drive -> how far its peak effort may be off", EFFORT
     )
     measured: Mapping[str, MeasuredEffort] = quantity("drive -> its effort in the log, compared")
-    said: tuple[str, ...] = quantity("all that was guessed, repaired or filtered")
+    notes: tuple[str, ...] = quantity("all that was guessed, repaired or filtered")
 
 
 def log_summary(log: JudgedLog) -> LogSummary:
@@ -96,7 +96,7 @@ def log_summary(log: JudgedLog) -> LogSummary:
         reading.cutoff,
         log.peak_uncertainty,
         log.measured,
-        reading.said,
+        reading.notes,
     )
 
 
@@ -119,8 +119,11 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> Jud
     if at not in EFFORT_PLACES:
         raise TrajectoryError(f"--effort-at {at}: {choose_from(at, EFFORT_PLACES)}")
     names = result.actuator_names
-    measured = {name: compare_effort(result, i, reading.effort[name], at)
-                for i, name in enumerate(names) if name in reading.effort}  # fmt: skip
+    measured = {
+        name: compare_effort(result, i, reading.effort[name], at)
+        for i, name in enumerate(names)
+        if name in reading.effort
+    }
     if reading.uncertain is None or result.scene.linkage is not None:
         return JudgedLog(reading, measured=measured, at=at)
     bound = _effort_bound(result, reading.uncertain)
@@ -128,8 +131,13 @@ def judge_log(result: InverseResult, reading: Reading, at: str = "joint") -> Jud
     peak = worst.max(axis=0)
     above, below = (worst + bound).max(axis=0) - peak, peak - (worst - bound).max(axis=0)
     largest = np.maximum(above, below)
-    return JudgedLog(reading, dict(zip(names, bound.T, strict=True)),
-                     dict(zip(names, largest.tolist(), strict=True)), measured, at)  # fmt: skip
+    return JudgedLog(
+        reading,
+        dict(zip(names, bound.T, strict=True)),
+        dict(zip(names, largest.tolist(), strict=True)),
+        measured,
+        at,
+    )
 
 
 def measured_interval(result: InverseResult, at: str) -> tuple[FloatArray, FloatArray]:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from pinfric.model.brief import counted
 from pinfric.study.trajectory.derivatives import SPLINE_GAINS, find_holds, position_derivatives
 from pinfric.study.trajectory.joint_columns import JointColumn
-from pinfric.study.trajectory.log.files import FEWEST
+from pinfric.study.trajectory.log.frame import FEWEST
 from pinfric.study.trajectory.log.noise import (
+    Spectra,
     acceleration_jumps,
     low_pass,
     motion_taken_away,
@@ -40,6 +41,7 @@ from pinfric.study.trajectory.log.rows import (
     repeated_rows,
 )
 from pinfric.study.trajectory.log.still import find_noisy_holds
+from pinfric.study.trajectory.log.thinning import Thinning
 from pinfric.study.trajectory.table import TrajectoryTable
 
 FloatArray = NDArray[np.float64]
@@ -57,8 +59,8 @@ _CONTRADICTED = 0.5
 #: Share of a step: rows that follow sooner are not interpolated between.
 _NEAREST = 0.5
 #: Cutoff of a second low pass over that of the first: their difference shows what a low pass takes
-#: away. At a jump of acceleration a gentle one shows half as much.
-_LOWER, _GENTLE_LOWER = 1.0 / np.sqrt(2.0), 0.5
+#: away. At a jump of acceleration a Gaussian one shows half as much.
+_LOWER, _GAUSSIAN_LOWER = 1.0 / np.sqrt(2.0), 0.5
 #: Periods of the cutoff from an end of a log within which errors are up to 50 times those inside.
 _ONE_SIDED = 0.35
 
@@ -80,13 +82,13 @@ class Settled:
     every: int = 1
 
 
-def unwrapped(columns: Sequence[JointColumn], position: FloatArray, said: list[str]) -> FloatArray:
+def unwrapped(columns: Sequence[JointColumn], position: FloatArray, notes: list[str]) -> FloatArray:
     """Return angles without jumps of a whole turn, a limited joint's within its limits.
 
     Args:
         columns: (nj,) the joints.
         position: (T, nj) rad or m.
-        said: joints with limits that were unwrapped are named here.
+        notes: joints with limits that were unwrapped are named here.
     """
     result = position
     for i, column in enumerate(columns):
@@ -105,7 +107,7 @@ def unwrapped(columns: Sequence[JointColumn], position: FloatArray, said: list[s
         result = result.copy() if result is position else result
         result[:, i] = straight
         wraps = counted(int((np.abs(jumps) > 0.5 * _TURN).sum()), "jump")
-        said.append(f"joint {column.name}: {wraps} of a whole turn taken out")
+        notes.append(f"joint {column.name}: {wraps} of a whole turn taken out")
     return result
 
 
@@ -145,17 +147,22 @@ def settle(
         recorded: the file holds measurements; they are put on regular times, with or without noise,
             because filters expect that.
     """
-    fresh, rows, said = _fresh_rows(plan)
+    fresh, rows, notes = _fresh_rows(plan)
     names = [column.name for column in columns]
-    reading = Reading(rows.size, plan.t.size - rows.size, noise=dict.fromkeys(names, 0.0),
-                      cutoff=dict.fromkeys(names), said=said)  # fmt: skip
+    reading = Reading(
+        rows.size,
+        plan.t.size - rows.size,
+        noise=dict.fromkeys(names, 0.0),
+        cutoff=dict.fromkeys(names),
+        notes=notes,
+    )
     plain = Settled(fresh, rows.astype(np.float64), reading)
     given = np.isfinite(plan.acceleration).all() and np.isfinite(plan.velocity).all()
     timing = regular_time(plain.table.t)
     if timing is None or given:
         if not given and _is_short_log(plain.table.t):
             words = f"{counted(rows.size, 'row')}: too few to tell noise from motion, not filtered"
-            plain = replace(plain, reading=replace(reading, said=(*said, words)))
+            plain = replace(plain, reading=replace(reading, notes=(*notes, words)))
         if (np.diff(plain.table.t) <= 0.0).any():
             problems.append("time must increase, and is not regular enough to be mended")
         return plain
@@ -164,8 +171,10 @@ def settle(
     if not any(noisy) and not isinstance(options.cutoff, float):
         even = sampled.even
         mended = timing.irregular and (recorded or np.array_equal(even.rows, plain.rows))
-        levels = {column.name: typical_noise(q, sampled.t)
-                  for column, q in zip(columns, sampled.position.T, strict=True)}  # fmt: skip
+        levels = {
+            column.name: typical_noise(q, sampled.t)
+            for column, q in zip(columns, sampled.position.T, strict=True)
+        }
         chosen = even if mended else plain
         return replace(chosen, reading=replace(chosen.reading, noise=levels))
     problems += gap_problems(plain.table.t)
@@ -188,9 +197,14 @@ def _fresh_rows(
         return plan, rows, ()
     if (held := held_rate(plan.position)) is not None:
         kept = rows[held]
-        return _rows_of(plan, kept), kept, (
-            f"positions change in every {held.step}th row only: the {rows.size - kept.size} rows "
-            "between are left out",)  # fmt: skip
+        return (
+            _rows_of(plan, kept),
+            kept,
+            (
+                f"positions change in every {held.step}th row only: the {rows.size - kept.size} "
+                "rows between are left out",
+            ),
+        )
     again = repeated_rows(plan.position)
     if again.size == 0:
         return plan, rows, ()
@@ -219,8 +233,14 @@ def _rows_of(table: TrajectoryTable, rows: NDArray[np.int64]) -> TrajectoryTable
     if rows.size == table.t.size:
         return table
     attached = {name: phase[rows] for name, phase in table.attached.items()}
-    return TrajectoryTable(table.t[rows], table.position[rows], table.velocity[rows],
-                           table.acceleration[rows], attached, table.resolution)  # fmt: skip
+    return TrajectoryTable(
+        table.t[rows],
+        table.position[rows],
+        table.velocity[rows],
+        table.acceleration[rows],
+        attached,
+        table.resolution,
+    )
 
 
 def _on_regular_time(plain: Settled, timing: Timing) -> _Sampled:
@@ -240,16 +260,20 @@ def _on_regular_time(plain: Settled, timing: Timing) -> _Sampled:
     whole = np.arange(timing.count, dtype=np.float64)
     number = timing.number.astype(np.float64)
     lost = np.setdiff1d(whole, number)
-    words = [f"stamps jitter by {_time(timing.jitter)} RMS: rows taken as regular, "
-             f"{1.0 / timing.step:.6g} Hz"]  # fmt: skip
+    words = [
+        f"stamps jitter by {_time(timing.jitter)} RMS: rows taken as regular, "
+        f"{1.0 / timing.step:.6g} Hz"
+    ]
     if lost.size:
-        words = [f"{counted(lost.size, 'lost row')} interpolated, the first at "
-                 f"{timing.time[int(lost[0])]:.6g} s"]  # fmt: skip
+        words = [
+            f"{counted(lost.size, 'lost row')} interpolated, the first at "
+            f"{timing.time[int(lost[0])]:.6g} s"
+        ]
     elif timing.jitter <= ROUNDED * timing.step:
         words = []
     position = _between(number, table.position, whole) if lost.size else table.position
     order = np.interp(whole, number, np.arange(number.size))
-    reading = replace(reading, resampled=lost.size, said=(*reading.said, *words))
+    reading = replace(reading, resampled=lost.size, notes=(*reading.notes, *words))
     even = _resampled(plain, timing, order, position, reading)
     return _Sampled(even, timing.step, table.position, regular if lost.size else None)
 
@@ -263,21 +287,31 @@ def _by_stamps(plain: Settled, timing: Timing, reading: Reading) -> _Sampled:
     """Interpolate on the stamps, and say how irregular they are."""
     table, stamps = plain.table, plain.table.t
     at, steps = np.clip(timing.time, stamps[0], stamps[-1]), np.diff(stamps)
-    words = [f"samples taken at jittering times ({_time(timing.jitter)} RMS): interpolated "
-             f"at {1.0 / timing.step:.6g} Hz"]  # fmt: skip
+    words = [
+        f"samples taken at jittering times ({_time(timing.jitter)} RMS): interpolated "
+        f"at {1.0 / timing.step:.6g} Hz"
+    ]
     if timing.number is None:
-        words = [f"stamps wander by {_time(timing.jitter)} RMS from regular time (steps of "
-                 f"{_time(steps.min())} to {_time(steps.max())}): interpolated on them at "
-                 f"{1.0 / timing.step:.6g} Hz"]  # fmt: skip
+        words = [
+            f"stamps wander by {_time(timing.jitter)} RMS from regular time (steps of "
+            f"{_time(steps.min())} to {_time(steps.max())}): interpolated on them at "
+            f"{1.0 / timing.step:.6g} Hz"
+        ]
     kept = far_apart(stamps, _NEAREST * timing.step)
     close = stamps.size - kept.size
     if close:
-        words.append(f"{counted(close, 'row')} left out whose stamps are within "
-                     f"{_time(_NEAREST * timing.step)} of the row before")  # fmt: skip
+        words.append(
+            f"{counted(close, 'row')} left out whose stamps are within "
+            f"{_time(_NEAREST * timing.step)} of the row before"
+        )
     position = _between(stamps[kept], table.position[kept], at)
     order = np.interp(at, stamps, np.arange(stamps.size))
-    reading = replace(reading, dropped=reading.dropped + close, resampled=timing.count,
-                      said=(*reading.said, *words))  # fmt: skip
+    reading = replace(
+        reading,
+        dropped=reading.dropped + close,
+        resampled=timing.count,
+        notes=(*reading.notes, *words),
+    )
     even = _resampled(plain, timing, order, position, reading)
     cells = np.diff(stamps[kept])
     spread = float(np.sqrt(np.mean(cells**2) / (np.mean(cells) * timing.step)))
@@ -301,8 +335,9 @@ def _contradictions(sampled: _Sampled) -> list[str]:
     """Refuse stamps that say when rows were written, not when they were measured."""
     if sampled.t is None:
         return []
-    by_stamps, by_rows = (sum(roughness(q, t) for q in sampled.position.T)
-                          for t in (sampled.t, None))  # fmt: skip
+    by_stamps, by_rows = (
+        sum(roughness(q, t) for q in sampled.position.T) for t in (sampled.t, None)
+    )
     if by_rows > _CONTRADICTED * by_stamps:
         return []
     return [
@@ -342,10 +377,12 @@ def _filtered(
     every = thinning.every(step) if thinning else 1
     kept = np.arange(0, t.size, every)
     noise, floor = (
-        [sampled.spread * level(q, sampled.t) if is_so else 0.0
-         for q, is_so in zip(sampled.position.T, noisy, strict=True)]
+        [
+            sampled.spread * level(q, sampled.t) if is_so else 0.0
+            for q, is_so in zip(sampled.position.T, noisy, strict=True)
+        ]
         for level in (noise_level, noise_floor)
-    )  # fmt: skip
+    )
     found = find_noisy_holds(measured, step, noise)
     kinds: dict[str, type] = dict.fromkeys(("position", "velocity", "acceleration"), float)
     # how far the low pass may be wrong is not known to more than single precision's digits
@@ -353,48 +390,46 @@ def _filtered(
     parts: dict[str, NDArray[Any]] = {
         name: np.empty((kept.size, len(columns)), kind) for name, kind in kinds.items()
     }
-    joints, cut = [], []
+    cutoffs, spreads, cut = [], [], []
     for i, q in enumerate(measured.T):
         holds = found[i] if noisy[i] else find_holds(q, float(even.table.resolution[i]))
         moves = sum(last - first + 1 for first, last in holds) < q.size
-        cutoff, gentle = None, False
-        if moves and isinstance(options.cutoff, float):
-            cutoff = options.cutoff
-        elif moves and noisy[i] and options.cutoff is None:
-            cutoff, gentle = _chosen_cutoff(q, step, floor[i])
-        cut.append(0.0 if cutoff is None else
-                   motion_taken_away(q, step, floor[i], cutoff, gentle))  # fmt: skip
-        joint = _low_passed(t, q, holds, step, cutoff, noise[i], gentle)
-        if thinning and every > 1:
-            slow = thinning.acceleration(joint.acceleration, step)
-            joint = replace(joint, acceleration=slow)
+        cutoff, gaussian, lost = None, False, 0.0
+        if moves and options.cutoff != "none" and (noisy[i] or options.cutoff is not None):
+            seen = Spectra.of(q, step, floor[i])
+            cutoff = signal_cutoff(seen)
+            if isinstance(options.cutoff, float):
+                cutoff = options.cutoff
+            elif cutoff is not None and acceleration_jumps(seen, cutoff):
+                cutoff, gaussian = signal_cutoff(seen, gaussian=True), True
+            lost = 0.0 if cutoff is None else motion_taken_away(seen, cutoff, gaussian)
+        cut.append(lost)
+        joint = _low_passed(sampled, i, holds, cutoff, gaussian, noise[i], thinning)
         for name, column in parts.items():
-            column[:, i] = getattr(joint, name)[::every]
-        joints.append((joint.cutoff, joint.spread))
+            column[:, i] = getattr(joint, name)
+        cutoffs.append(cutoff)
+        spreads.append(joint.spread)
     names = [column.name for column in columns]
-    spread = np.array([both for _, both in joints])
+    spread = np.array(spreads)
     reading = replace(
         even.reading,
         noise=dict(zip(names, noise, strict=True)),
-        cutoff={name: cutoff for name, (cutoff, _) in zip(names, joints, strict=True)},
+        cutoff=dict(zip(names, cutoffs, strict=True)),
         uncertain=DerivativeNoise(
             parts["moving"], spread[:, 0], spread[:, 1], parts["shift"], np.array(cut)
         ),
     )
     line = _noise_line(reading, " or ".join(dict.fromkeys(column.unit for column in columns)))
-    reading = replace(reading, said=(*reading.said, line), noise_line=line)
-    table = replace(_rows_of(even.table, kept), position=parts["position"],
-                    velocity=parts["velocity"], acceleration=parts["acceleration"])  # fmt: skip
-    ends = [0.0 if cutoff is None else _ONE_SIDED / cutoff for cutoff, _ in joints]
+    reading = replace(reading, notes=(*reading.notes, line), noise_line=line)
+    table = replace(
+        _rows_of(even.table, kept),
+        position=parts["position"],
+        velocity=parts["velocity"],
+        acceleration=parts["acceleration"],
+    )
+    ends = [0.0 if cutoff is None else _ONE_SIDED / cutoff for cutoff in cutoffs]
     settled = Settled(table, even.rows, reading, every)
     return _without_ends(settled, parts["moving"], np.array(ends), every * step)
-
-
-def _chosen_cutoff(q: FloatArray, step: float, noise: float) -> tuple[float | None, bool]:
-    """One joint's cutoff, Hz or None, and whether the low pass should be a gentle one."""
-    cutoff = signal_cutoff(q, step, noise)
-    gentle = cutoff is not None and acceleration_jumps(q, step, cutoff, noise)
-    return signal_cutoff(q, step, noise, gentle), gentle
 
 
 def _without_ends(
@@ -409,8 +444,9 @@ def _without_ends(
         step: s between samples.
     """
     count = len(moving)
-    first, last = (min(int(np.max(ends * moving[at], initial=0.0) / step + 0.5), count // 4)
-                   for at in (0, -1))  # fmt: skip
+    first, last = (
+        min(int(np.max(ends * moving[at], initial=0.0) / step + 0.5), count // 4) for at in (0, -1)
+    )
     if first == last == 0:
         return settled
     inside = slice(first, count - last)
@@ -421,18 +457,21 @@ def _without_ends(
         moving=reading.uncertain.moving[inside],
         acceleration_shift=reading.uncertain.acceleration_shift[inside],
     )
-    words = (f"left out {_time(first * step)} at the start and {_time(last * step)} at the end, "
-             "where joints move and a low pass has samples on one side only")  # fmt: skip
+    words = (
+        f"left out {_time(first * step)} at the start and {_time(last * step)} at the end, "
+        "where joints move and a low pass has samples on one side only"
+    )
     reading = replace(
         reading,
         samples=reading.samples - (first + last) * settled.every,
         dropped=reading.dropped + (first + last) * settled.every,
-        said=(*reading.said, words),
+        notes=(*reading.notes, words),
         uncertain=uncertain,
     )
     rows = settled.rows[first * settled.every : (count - last) * settled.every]
-    return replace(settled, table=_rows_of(table, np.arange(count)[inside]), rows=rows,
-                   reading=reading)  # fmt: skip
+    return replace(
+        settled, table=_rows_of(table, np.arange(count)[inside]), rows=rows, reading=reading
+    )
 
 
 @dataclass(frozen=True)
@@ -444,34 +483,42 @@ class _Smoothed:
     acceleration: FloatArray
     shift: FloatArray
     moving: NDArray[np.bool_]
-    cutoff: float | None
-    spread: tuple[float, float]
+    spread: list[float]
 
 
 def _low_passed(
-    t: FloatArray,
-    measured: FloatArray,
+    sampled: _Sampled,
+    joint: int,
     holds: Sequence[tuple[int, int]],
-    step: float,
     cutoff: float | None,
+    gaussian: bool,
     noise: float,
-    gentle: bool,
+    thinning: Thinning | None,
 ) -> _Smoothed:
-    q, moving = measured.copy(), np.ones(measured.size, dtype=bool)
+    """Return one joint's motion, thinned; its whole columns fill much of the memory."""
+    t, step = sampled.even.table.t, sampled.step
+    every = thinning.every(step) if thinning else 1
+    q = sampled.even.table.position[:, joint].copy()
+    moving, shift = np.ones(q.size, dtype=bool), np.zeros(1)
     for first, last in holds:
         q[first : last + 1] = q[first : last + 1].mean()
         moving[first : last + 1] = False
     if cutoff is None:
         v, a = position_derivatives(t, q, holds)
-        spread_v, spread_a = (noise * gain / step ** (k + 1) for k, gain in enumerate(SPLINE_GAINS))
-        return _Smoothed(q, v, a, np.zeros_like(q), moving, None, (spread_v, spread_a))
-    smooth = low_pass(q, step, cutoff, gentle)
-    v, a = position_derivatives(t, smooth, ())
-    lower = low_pass(q, step, (_GENTLE_LOWER if gentle else _LOWER) * cutoff, gentle)
-    shift = (position_derivatives(t, lower, ())[1] - a) * moving
-    spread_v, spread_a = (noise * noise_gain(step, cutoff, order, gentle) for order in (1, 2))
-    return _Smoothed(np.where(moving, smooth, q), v * moving, a * moving, shift, moving, cutoff,
-                     (spread_v, spread_a))  # fmt: skip
+        spread = [noise * gain / step ** (k + 1) for k, gain in enumerate(SPLINE_GAINS)]
+    else:
+        lower = low_pass(q, step, (_GAUSSIAN_LOWER if gaussian else _LOWER) * cutoff, gaussian)
+        shift = position_derivatives(t, lower, ())[1][::every].copy()
+        del lower
+        smooth = low_pass(q, step, cutoff, gaussian)
+        v, a = position_derivatives(t, smooth, ())
+        shift = (shift - a[::every]) * moving[::every]
+        q[moving] = smooth[moving]
+        v[~moving] = a[~moving] = 0.0
+        spread = [noise * noise_gain(step, cutoff, order, gaussian) for order in (1, 2)]
+    if thinning and every > 1:
+        a = thinning.acceleration(a, step)
+    return _Smoothed(q[::every], v[::every], a[::every], shift, moving[::every], spread)
 
 
 def _noise_line(reading: Reading, unit: str) -> str:
@@ -483,8 +530,9 @@ def _noise_line(reading: Reading, unit: str) -> str:
     done = f"filtered at {_span(cutoffs, '.3g')} Hz" if cutoffs else done
     parts = [done, *([f"noise {_span(noise, '.1e')} {unit}"] if noise else [])]
     if reading.uncertain is not None and not cutoffs and not still:
-        parts.append(f"which leaves {reading.uncertain.acceleration.max():.2g} {unit}/s^2 in "
-                     "accelerations")  # fmt: skip
+        parts.append(
+            f"which leaves {reading.uncertain.acceleration.max():.2g} {unit}/s^2 in accelerations"
+        )
     return ", ".join(parts)
 
 

@@ -35,6 +35,8 @@ _FEWEST = 10
 #: weight, which matters where noise changes with the speed.
 _SEGMENT = 1.0
 _SHORTEST_SEGMENT = 64
+#: Segments whose spectra are computed at a time.
+_SEGMENTS = 512
 #: How many cutoffs are compared; the highest, as Hz times the step: above it nothing is filtered.
 _CUTOFFS, _HIGHEST = 200, 0.4
 #: Factor on the noise's density: noise of jittering samples and coarse encoders is not white.
@@ -107,8 +109,10 @@ def noisy_joints(
         t: (T,) increasing times, s; None: regular.
     """
     noisy = [_is_noisy(q, t) for q in position.T]
-    spoils = [_flickers(q) > 0.0 or (is_so and _spoils(q, step, float(last), t))
-              for q, is_so, last in zip(position.T, noisy, resolution, strict=True)]  # fmt: skip
+    spoils = [
+        _flickers(q) > 0.0 or (is_so and _spoils(q, step, float(last), t))
+        for q, is_so, last in zip(position.T, noisy, resolution, strict=True)
+    ]
     return noisy if any(spoils) else [False] * len(noisy)
 
 
@@ -182,9 +186,65 @@ def typical_noise(position: FloatArray, t: FloatArray | None = None, order: int 
     return float(np.median(np.abs(differences))) / 0.6745
 
 
-def signal_cutoff(
-    position: FloatArray, step: float, noise: float, gentle: bool = False
-) -> float | None:
+@dataclass(frozen=True)
+class Spectra:
+    """One-sided densities of the second difference of one joint's positions.
+
+    Args:
+        step: s between samples.
+        frequency: (n,) Hz.
+        motion, white: (n,) of the motion and of white noise, (rad or m)^2/Hz.
+        clear: how many times the noise's the density must be, not to be noise by chance.
+    """
+
+    step: float
+    frequency: FloatArray
+    motion: FloatArray
+    white: FloatArray
+    clear: float
+
+    @classmethod
+    def of(cls, position: FloatArray, step: float, noise: float) -> Spectra:
+        """Return the spectra of positions.
+
+        Args:
+            position: (T,) rad or m at regular times.
+            step: s between samples.
+            noise: sigma of the white noise, over all samples, rad or m.
+        """
+        from scipy.stats import chi2
+
+        curvature = np.diff(position, 2)
+        length = min(curvature.size, max(math.ceil(_SEGMENT / step), _SHORTEST_SEGMENT))
+        frequency, density = _density(curvature, 1.0 / step, length)
+        difference = np.abs(2.0 * np.sin(np.pi * frequency * step)) ** 4
+        white = 2.0 * noise**2 * step * difference
+        motion = density - white
+        freedom = 2.0 * curvature.size / length  # overlapping halves: about two for each whole one
+        count = _encoder_count(position)
+        if noise < count:  # what moves by less than half a count cannot be told from rounding
+            power = np.divide(motion, difference, out=np.zeros_like(motion), where=difference > 0.0)
+            above = np.cumsum(power[::-1])[::-1] * frequency[1]
+            motion[np.maximum.accumulate(above[::-1])[::-1] < count**2 / 8.0] = 0.0
+        clear = float(chi2.isf(_FALSE_ALARM, freedom)) / freedom
+        return cls(step, frequency, motion, white, clear)
+
+
+def _density(x: FloatArray, rate: float, length: int) -> tuple[FloatArray, FloatArray]:
+    """Welch's estimate of a density at frequencies (Hz), of long series part by part."""
+    from scipy.signal import welch
+
+    beside, total = length // 2, 0.0
+    count = (x.size - beside) // (length - beside)  # segments, which overlap by a half
+    for first in range(0, count, _SEGMENTS):
+        own, start = min(_SEGMENTS, count - first), first * (length - beside)
+        part = x[start : start + own * (length - beside) + beside]
+        frequency, density = welch(part, rate, nperseg=length, detrend=False)
+        total = total + density * (own / count)
+    return frequency, np.asarray(total)
+
+
+def signal_cutoff(seen: Spectra, gaussian: bool = False) -> float | None:
     """Return the cutoff (Hz) that leaves the least error in the acceleration; None: no low pass.
 
     A low pass of gain G leaves an error of the acceleration whose mean square is expected to be
@@ -194,52 +254,17 @@ def signal_cutoff(
     any other. In the second term N is taken four times, as noise is not always white.
 
     Args:
-        position: (T,) rad or m at regular times.
-        step: s between samples.
-        noise: sigma of the white noise, over all samples, rad or m.
-        gentle: of the low pass.
+        seen: of the joint.
+        gaussian: of the low pass.
 
     Source: Stein, Estimation of the Mean of a Multivariate Normal Distribution (1981): an unbiased
     estimate of the risk.
     """
-    seen = _spectra(position, step, noise)
-    cutoffs = np.geomspace(seen.frequency[1], _HIGHEST / step, _CUTOFFS)
-    gain = _gain(seen.frequency, cutoffs[:, None], gentle)
+    cutoffs = np.geomspace(seen.frequency[1], _HIGHEST / seen.step, _CUTOFFS)
+    gain = _gain(seen.frequency, cutoffs[:, None], gaussian)
     error = (1.0 - gain) ** 2 @ seen.motion + _CAUTION * gain**2 @ seen.white
     best = int(np.argmin(error))
     return float(cutoffs[best]) if best < _CUTOFFS - 1 else None
-
-
-@dataclass(frozen=True)
-class _Spectra:
-    """Densities of the second difference at frequencies (Hz): motion, white noise.
-
-    `clear` is how many times the noise's the density must be, not to be noise by chance.
-    """
-
-    frequency: FloatArray
-    motion: FloatArray
-    white: FloatArray
-    clear: float
-
-
-def _spectra(position: FloatArray, step: float, noise: float) -> _Spectra:
-    from scipy.signal import welch
-    from scipy.stats import chi2
-
-    curvature = np.diff(position, 2)
-    length = min(curvature.size, max(math.ceil(_SEGMENT / step), _SHORTEST_SEGMENT))
-    frequency, density = welch(curvature, 1.0 / step, nperseg=length, detrend=False)
-    difference = np.abs(2.0 * np.sin(np.pi * frequency * step)) ** 4
-    white = 2.0 * noise**2 * step * difference
-    motion = density - white
-    freedom = 2.0 * curvature.size / length  # overlapping halves: about two for each whole segment
-    count = _encoder_count(position)
-    if noise < count:  # what moves by less than half a count cannot be told from rounding
-        power = np.divide(motion, difference, out=np.zeros_like(motion), where=difference > 0.0)
-        above = np.cumsum(power[::-1])[::-1] * frequency[1]
-        motion[np.maximum.accumulate(above[::-1])[::-1] < count**2 / 8.0] = 0.0
-    return _Spectra(frequency, motion, white, float(chi2.isf(_FALSE_ALARM, freedom)) / freedom)
 
 
 def _encoder_count(position: FloatArray) -> float:
@@ -253,7 +278,7 @@ def _encoder_count(position: FloatArray) -> float:
     return count if float(np.abs(whole - np.rint(whole)).max()) < 0.01 else 0.0
 
 
-def acceleration_jumps(position: FloatArray, step: float, cutoff: float, noise: float) -> bool:
+def acceleration_jumps(seen: Spectra, cutoff: float) -> bool:
     """Return whether the acceleration jumps, as it does in trapezoidal profiles.
 
     The density of jumps falls as f^-2, so a share beyond f as f^-1: 95 % of the power reach 4 times
@@ -261,46 +286,42 @@ def acceleration_jumps(position: FloatArray, step: float, cutoff: float, noise: 
     where one tone stands above the others, 95 % reach hardly farther than 90 %.
 
     Args:
-        position: (T,) rad or m at regular times.
-        step: s between samples.
+        seen: of the joint.
         cutoff: Hz, of the low pass.
-        noise: as in `signal_cutoff`.
     """
-    seen = _spectra(position, step, noise)
     power = np.cumsum(np.maximum(seen.motion, 0.0) * (seen.frequency < cutoff))
     shares = power[-1] * np.array((0.8, 0.9, 0.95))
     most, more, nearly_all = np.interp(shares, power, seen.frequency)
     return bool(nearly_all > _HEAVY_TAIL * most and nearly_all > _NO_TONE * more)
 
 
-def motion_taken_away(
-    position: FloatArray, step: float, noise: float, cutoff: float, gentle: bool
-) -> float:
+def motion_taken_away(seen: Spectra, cutoff: float, gaussian: bool) -> float:
     """Return the RMS acceleration that a low pass takes from the motion, rad/s^2 or m/s^2.
 
     Only frequencies count at which the density is far above that of the noise.
 
     Args:
-        position, step, noise: as in `signal_cutoff`.
-        cutoff, gentle: of the low pass.
+        seen: of the joint.
+        cutoff, gaussian: of the low pass.
     """
-    seen = _spectra(position, step, noise)
     clear = seen.motion > (max(seen.clear, _UNCLEAR) - 1.0) * seen.white
-    lost = (1.0 - _gain(seen.frequency, cutoff, gentle)) ** 2 * np.maximum(seen.motion, 0.0)
-    return float(np.sqrt(np.sum(lost[clear]) * seen.frequency[1])) / step**2
+    lost = (1.0 - _gain(seen.frequency, cutoff, gaussian)) ** 2 * np.maximum(seen.motion, 0.0)
+    return float(np.sqrt(np.sum(lost[clear]) * seen.frequency[1])) / seen.step**2
 
 
-def _gain(frequency: FloatArray, cutoff: float | FloatArray, gentle: bool) -> FloatArray:
+def _gain(frequency: FloatArray, cutoff: float | FloatArray, gaussian: bool) -> FloatArray:
     """Return the gain of `low_pass`."""
     ratio = frequency / cutoff
-    return np.asarray(2.0 ** -(ratio**2) if gentle else 1.0 / (1.0 + ratio ** (2 * _BUTTERWORTH)))
+    return np.asarray(2.0 ** -(ratio**2) if gaussian else 1.0 / (1.0 + ratio ** (2 * _BUTTERWORTH)))
 
 
-def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = False) -> FloatArray:
+def low_pass(
+    position: FloatArray, step: float, cutoff: float, gaussian: bool = False
+) -> FloatArray:
     """Return positions after a low pass without a shift in time.
 
     Its gain is 1 / (1 + (f / cutoff)^8), a Butterworth low pass of order four forward and backward.
-    That rings at a jump and makes a tenth more of it; a gentle one, 2^-(f / cutoff)^2 (Gaussian),
+    That rings at a jump and makes a tenth more of it; a Gaussian one, 2^-(f / cutoff)^2,
     does not, but takes more from a motion with much power just below the cutoff. Beyond both ends
     the motion goes on as the polynomial of degree four through its last period of the cutoff does:
     a reflection would set velocity or acceleration to zero there.
@@ -309,7 +330,7 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
         position: (T,) or (T, n) at regular times, rad or m, or anything else.
         step: s between samples.
         cutoff: Hz, where the gain is a half.
-        gentle: the Gaussian one.
+        gaussian: the Gaussian one.
     """
     from scipy.ndimage import gaussian_filter1d
     from scipy.signal import butter, sosfiltfilt
@@ -319,7 +340,7 @@ def low_pass(position: FloatArray, step: float, cutoff: float, gentle: bool = Fa
     fitted = min(count, max(math.ceil(_FITTED / (cutoff * step)), 8))
     before = _continued(position[::-1], span, fitted)[::-1]
     longer = np.concatenate((before, position, _continued(position, span, fitted)))
-    if gentle:
+    if gaussian:
         width = np.sqrt(2.0 * np.log(2.0)) / (2.0 * np.pi * cutoff * step)
         smooth = gaussian_filter1d(longer, width, axis=0, mode="nearest", truncate=6.0)
     else:
@@ -337,7 +358,7 @@ def _continued(position: FloatArray, span: int, fitted: int) -> FloatArray:
     return np.asarray(beyond @ np.linalg.lstsq(basis, last, rcond=None)[0])
 
 
-def noise_gain(step: float, cutoff: float, order: int, gentle: bool = False) -> float:
+def noise_gain(step: float, cutoff: float, order: int, gaussian: bool = False) -> float:
     """Return the standard deviation of a derivative of low-passed white noise of sigma 1.
 
     sqrt(2 dt int (2 pi f)^(2 order) gain(f)^2 df) up to half the sampling rate, with the gain of
@@ -345,9 +366,9 @@ def noise_gain(step: float, cutoff: float, order: int, gentle: bool = False) -> 
 
     Args:
         step: s between samples.
-        cutoff, gentle: of the low pass.
+        cutoff, gaussian: of the low pass.
         order: of the derivative.
     """
     frequency = np.linspace(0.0, 0.5 / step, 4001)
-    gain = _gain(frequency, cutoff, gentle) * (2.0 * np.pi * frequency) ** order
+    gain = _gain(frequency, cutoff, gaussian) * (2.0 * np.pi * frequency) ** order
     return float(np.sqrt(2.0 * step * np.trapezoid(gain**2, frequency)))

@@ -16,7 +16,9 @@ from pinfric.study.trajectory.joint_columns import JointColumn, listing, refuse
 from pinfric.study.trajectory.log.arrays import Log
 from pinfric.study.trajectory.log.bags import is_bag, open_bag
 from pinfric.study.trajectory.log.columns import PAYLOAD, Columns, Use, find_columns, read_mapping
-from pinfric.study.trajectory.log.files import Cells, OpenedLog, open_csv, open_matlab, open_parquet
+from pinfric.study.trajectory.log.csv_file import open_csv
+from pinfric.study.trajectory.log.files import open_matlab, open_parquet
+from pinfric.study.trajectory.log.frame import LogFrame, OpenedLog
 from pinfric.study.trajectory.log.motion import Settled, settle, unwrapped
 from pinfric.study.trajectory.log.reading import Reading, ReadingOptions
 from pinfric.study.trajectory.log.rows import check_times, gap_problems, ordered_rows
@@ -68,14 +70,16 @@ def read_log(
     others = listing(map(brief, found.ignored))
     if missing and found.position:
         near = f" (columns not used: {others})" if others else ""
-        problems.append(f"joints without a column: {', '.join(missing)}{near}; name theirs by "
-                        "--columns FILE, or lock them in the scene (robot: locked)")  # fmt: skip
+        problems.append(
+            f"joints without a column: {', '.join(missing)}{near}; name theirs by "
+            "--columns FILE, or lock them in the scene (robot: locked)"
+        )
     named = tuple(column for column in named if column.name in found.position)
     if not found.time or not named:
         refuse(name, problems)
-    said = [*log.said, *found.said, *([f"columns not used: {others}"] if others else [])]
+    notes = [*log.notes, *found.notes, *([f"columns not used: {others}"] if others else [])]
     unit = options.unit or (mapping.unit if mapping else None)
-    return _read(name, log, found, named, options, unit, problems, said)
+    return _read(name, log, found, named, options, unit, problems, notes)
 
 
 def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
@@ -92,12 +96,14 @@ def _open(path: Path, joints: Sequence[JointColumn]) -> OpenedLog:
     )
 
 
-def _say_dropped(cells: Cells, said: list[str]) -> None:
+def _say_dropped(cells: LogFrame, notes: list[str]) -> None:
     if cells.dropped:
-        said.append(f"left out {counted(cells.dropped, 'row')} of "
-                    f"{len(cells.values) + cells.dropped}: {cells.why}")  # fmt: skip
+        notes.append(
+            f"left out {counted(cells.dropped, 'row')} of "
+            f"{len(cells.values) + cells.dropped}: {cells.why}"
+        )
     if cells.absent:
-        said.append(f"{counted(cells.absent, 'row')} without positions passed over")
+        notes.append(f"{counted(cells.absent, 'row')} without positions passed over")
 
 
 def _read(
@@ -108,40 +114,41 @@ def _read(
     options: ReadingOptions,
     unit: str | None,
     problems: list[str],
-    said: list[str],
+    notes: list[str],
 ) -> Logged:
     """Turn cells into SI, put the rows in order, and settle on the motion behind them."""
     cells = log.read(found.used(), problems)
     if len(cells.values) == 0:
         refuse(name, problems)
-    _say_dropped(cells, said)
+    _say_dropped(cells, notes)
     uses = [found.position[column.name] for column in named]
     raw = _quantity(cells, {name: Use(use.column) for name, use in found.position.items()}, named)
     known = [use.unit for use in uses]
-    factors = angle_unit(named, raw, known, unit, problems, said)
+    factors = angle_unit(named, raw, known, unit, problems, notes)
     del raw
     position = _quantity(cells, found.position, named, factors)
-    resolution = np.array([cells.resolution[cells.names.index(use.column)] for use in uses])
+    resolution = np.array([cells.resolution.get(use.column, 0.0) for use in uses])
     found.time_unit = options.time_unit or found.time_unit or log.units.get(found.time)
-    t = _seconds(cells, found, _speeds(named, position), problems, said)
+    t = _seconds(cells, found, _speeds(named, position), problems, notes)
     check_times(t, cells.lines, problems)
-    kept = ordered_rows(t, cells.lines, problems, said)
+    kept = ordered_rows(t, cells.lines, problems, notes)
     taken = slice(None) if kept.size == t.size else kept
     own_plan = found.planned and bool(found.velocity)
     if not problems and not own_plan and set(factors) == {1.0}:
         problems += fast_angles(named, t[kept], position[taken], known, unit)
-    position = unwrapped(named, position[taken], said)
+    position = unwrapped(named, position[taken], notes)
     velocity, acceleration = (
         _quantity(cells, part, named, factors)[taken]
         for part in (found.velocity, found.acceleration)
     )
     attached = {name: _phase(cells, name, problems)[kept] for name in found.payloads}
-    plan = TrajectoryTable(t[kept], position, velocity, acceleration, attached,
-                           resolution * np.abs(factors))  # fmt: skip
+    plan = TrajectoryTable(
+        t[kept], position, velocity, acceleration, attached, resolution * np.abs(factors)
+    )
     if problems:
         return named, plan, Reading(kept.size)
     if log.recorded or not found.planned:
-        said += _compared(named, plan)
+        notes += _compared(named, plan)
         nothing = np.broadcast_to(np.nan, position.shape)
         plan = replace(plan, velocity=nothing, acceleration=nothing)
     effort = _quantity(cells, found.effort, named)[taken]
@@ -150,14 +157,21 @@ def _read(
     del cells, position, velocity, acceleration  # a long log takes much memory
     settled = settle(named, plan, options, problems, recorded)
     if settled.reading.filtered and np.isfinite(plan.velocity).any():
-        said.append("velocities in the file are not used: they come from the filtered positions")
+        notes.append("velocities in the file are not used: they come from the filtered positions")
     if log.recorded:
-        said += _smoothed_already(settled.reading)
+        notes += _smoothed_already(settled.reading)
         problems += [gap for gap in gap_problems(plan.t) if gap not in problems]
-    efforts = {column.name: _beside(settled, effort[:, i], options.thinning)
-               for i, column in enumerate(named) if column.name in found.effort}  # fmt: skip
-    reading = replace(settled.reading, dropped=settled.reading.dropped + dropped, effort=efforts,
-                      said=(*said, *settled.reading.said))  # fmt: skip
+    efforts = {
+        column.name: _beside(settled, effort[:, i], options.thinning)
+        for i, column in enumerate(named)
+        if column.name in found.effort
+    }
+    reading = replace(
+        settled.reading,
+        dropped=settled.reading.dropped + dropped,
+        effort=efforts,
+        notes=(*notes, *settled.reading.notes),
+    )
     return named, settled.table, reading
 
 
@@ -168,7 +182,7 @@ def _beside(settled: Settled, effort: FloatArray, thinning: Thinning | None) -> 
         return whole
     t = settled.table.t
     step = float(t[-1] - t[0]) / ((t.size - 1) * settled.every)
-    return thinning.effort(whole, step)[:: settled.every]
+    return thinning.effort(whole, step)[:: settled.every].copy()  # a view would keep all of it
 
 
 def _smoothed_already(reading: Reading) -> list[str]:
@@ -182,7 +196,7 @@ def _smoothed_already(reading: Reading) -> list[str]:
 
 
 def _quantity(
-    cells: Cells,
+    cells: LogFrame,
     uses: Mapping[str, Use],
     named: Sequence[JointColumn],
     factors: Sequence[float] | None = None,
@@ -212,25 +226,25 @@ def _speeds(named: Sequence[JointColumn], position: FloatArray) -> tuple[float, 
 
 
 def _seconds(
-    cells: Cells,
+    cells: LogFrame,
     found: Columns,
     speeds: tuple[float, float],
     problems: list[str],
-    said: list[str],
+    notes: list[str],
 ) -> FloatArray:
     """Return the rows' times in s, those of a clock from its first one on."""
     t = cells.column(found.time)
     start = float(cells.origin.get(found.time, 0)) + float(t[0])
     if found.nanoseconds is not None:
         return (t - t[0]) + 1e-9 * cells.column(found.nanoseconds)
-    factor = time_factor(found.time, t, start, found.time_unit, speeds, problems, said)
+    factor = time_factor(found.time, t, start, found.time_unit, speeds, problems, notes)
     if is_clock(start * factor):
-        said.append(f"column {found.time} shows a clock: times count from its first row on")
+        notes.append(f"column {found.time} shows a clock: times count from its first row on")
         t = t - t[0]
     return t if factor == 1.0 else t * factor
 
 
-def _phase(cells: Cells, name: str, problems: list[str]) -> NDArray[np.bool_]:
+def _phase(cells: LogFrame, name: str, problems: list[str]) -> NDArray[np.bool_]:
     values = cells.column(PAYLOAD + name)
     wrong = np.flatnonzero(np.isfinite(values) & (values != 0.0) & (values != 1.0))
     if wrong.size:
@@ -247,6 +261,7 @@ def _compared(named: Sequence[JointColumn], plan: TrajectoryTable) -> list[str]:
         line
         for i, column in enumerate(named)
         if np.isfinite(plan.velocity[:, i]).all()
-        for line in mismatch_warning(column, plan.t, plan.position[:, i], plan.velocity[:, i],
-                                     plan.resolution[i])
-    ]  # fmt: skip
+        for line in mismatch_warning(
+            column, plan.t, plan.position[:, i], plan.velocity[:, i], plan.resolution[i]
+        )
+    ]

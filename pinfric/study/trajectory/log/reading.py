@@ -43,8 +43,10 @@ class ReadingOptions:
     currents: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        for option, value, units in (("unit", self.unit, ANGLE_UNITS),
-                                     ("time-unit", self.time_unit, TIME_UNITS)):  # fmt: skip
+        for option, value, units in (
+            ("unit", self.unit, ANGLE_UNITS),
+            ("time-unit", self.time_unit, TIME_UNITS),
+        ):
             if value is not None and value not in units:
                 raise TrajectoryError(f"--{option} {value}: {choose_from(value, units)}")
         if self.cutoff is None or self.cutoff == "none":
@@ -67,7 +69,7 @@ class DerivativeNoise:
         velocity: (nj,) standard deviation, rad/s or m/s.
         acceleration: (nj,) the same, rad/s^2 or m/s^2.
         acceleration_shift: (T, nj) change of the acceleration with a lower cutoff (by 1/sqrt(2), of
-            a gentle low pass by 1/2). The low pass may have taken away so much near its cutoff.
+            a Gaussian low pass by 1/2). The low pass may have taken away so much near its cutoff.
         acceleration_cut: (nj,) RMS of the motion above the cutoff that the low pass took away.
     """
 
@@ -90,7 +92,7 @@ class Reading:
         jitter: RMS of the stamps about regular time, s.
         noise: joint -> standard deviation of its positions' noise, rad or m; 0: rounding.
         cutoff: joint -> Hz; None: not filtered.
-        said: a line for everything that was guessed, repaired or filtered.
+        notes: a line for everything that was guessed, repaired or filtered.
         noise_line: the one of them that says what noise there is and what was done about it.
         effort: joint -> (T,) the effort that the log itself has, N m or N; of the motion's
             samples, which thinning makes fewer.
@@ -103,7 +105,7 @@ class Reading:
     jitter: float = 0.0
     noise: Mapping[str, float] = field(default_factory=dict)
     cutoff: Mapping[str, float | None] = field(default_factory=dict)
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     noise_line: str = ""
     effort: Mapping[str, FloatArray] = field(default_factory=dict)
     uncertain: DerivativeNoise | None = None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pinfric.model.brief import counted
 from pinfric.study.trajectory.joint_columns import listing
-from pinfric.study.trajectory.log.files import BAD_SHARE, FEWEST
+from pinfric.study.trajectory.log.frame import BAD_SHARE, FEWEST
 
 FloatArray = NDArray[np.float64]
 
@@ -87,8 +87,9 @@ def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> Non
     far = np.flatnonzero(np.isfinite(t) & (np.abs(t) > _LONGEST_TIME))
     if far.size:
         where = listing(f"line {lines[i]} (t = {t[i]:.9g})" for i in far.tolist())
-        problems.append(f"times beyond {_LONGEST_TIME:g} s cannot be meant, t is in seconds: "
-                        f"{where}")  # fmt: skip
+        problems.append(
+            f"times beyond {_LONGEST_TIME:g} s cannot be meant, t is in seconds: {where}"
+        )
         return
     steps = np.diff(t)
     tiny = np.flatnonzero((steps > 0.0) & (steps < _SHORTEST_STEP))
@@ -98,7 +99,7 @@ def check_times(t: FloatArray, lines: Sequence[int], problems: list[str]) -> Non
 
 
 def ordered_rows(
-    t: FloatArray, lines: Sequence[int], problems: list[str], said: list[str]
+    t: FloatArray, lines: Sequence[int], problems: list[str], notes: list[str]
 ) -> NDArray[np.int64]:
     """Return the rows to keep: those whose stamp is later than all before.
 
@@ -108,7 +109,7 @@ def ordered_rows(
         t: (rows,) s.
         lines: (rows,) where they stand in the file.
         problems: more than 1 % of doubled or backward stamps are appended here.
-        said: else what was left out.
+        notes: else what was left out.
     """
     every = np.arange(t.size)
     if not np.isfinite(t).all():  # refused already
@@ -123,8 +124,10 @@ def ordered_rows(
         )
         problems.append(f"time must increase; it does not at {where}")
         return every
-    said.append(f"left out {counted(wrong.size, 'row')} with doubled or backward stamps, the first "
-                f"in line {lines[int(wrong[0])]}")  # fmt: skip
+    notes.append(
+        f"left out {counted(wrong.size, 'row')} with doubled or backward stamps, the first "
+        f"in line {lines[int(wrong[0])]}"
+    )
     return np.setdiff1d(every, wrong)
 
 
@@ -274,5 +277,7 @@ def gap_problems(t: FloatArray) -> list[str]:
     if far.size == 0:
         return []
     where = listing(f"{t[i]:.6g} to {t[i + 1]:.6g} s" for i in far)
-    return [f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; what the joints did there "
-            "is not in the file: cut the log there, or give the missing rows"]  # fmt: skip
+    return [
+        f"gaps longer than {GAP_FACTOR:g} sample periods: {where}; what the joints did there "
+        "is not in the file: cut the log there, or give the missing rows"
+    ]

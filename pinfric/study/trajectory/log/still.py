@@ -94,10 +94,11 @@ def find_noisy_holds(
     count, joints = position.shape
     width = int(np.clip(round(_WINDOW / step), _FEWEST, _MOST))
     rough = [
-        [] if noise[j] == 0.0 or count < _SHORTEST * width
+        []
+        if noise[j] == 0.0 or count < _SHORTEST * width
         else list(_levels(position[:, j], width, noise[j]))
         for j in range(joints)
-    ]  # fmt: skip
+    ]
     edges: dict[tuple[int, int, int], _Edge] = {}
     for j, levels in enumerate(rough):
         for i, (first, last) in enumerate(levels):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pinfric.study.trajectory.joint_columns import LIMIT_TOLERANCE, JointColumn, listing
-from pinfric.study.trajectory.log.files import FEWEST
+from pinfric.study.trajectory.log.frame import FEWEST
 from pinfric.study.trajectory.log.reading import ANGLE_UNITS, TIME_UNITS
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +36,7 @@ def time_factor(
     given: str | None,
     speeds: tuple[float, float],
     problems: list[str],
-    said: list[str],
+    notes: list[str],
 ) -> float:
     """Return s per unit of a time column.
 
@@ -50,7 +50,7 @@ def time_factor(
         given: the unit, where somebody said it.
         speeds: the largest way over velocity limit of the joints, and the largest way, between
             two rows (s; rad or m).
-        problems, said: lines are appended here.
+        problems, notes: lines are appended here.
     """
     if given is not None:
         return TIME_UNITS[given]
@@ -69,16 +69,19 @@ def time_factor(
     creeps = 0.0 < speeds[1] / step < _CREEP
     chosen = clocks or (possible if creeps and step > 1.0 else [])
     if len(chosen) == 1:
-        said.append(f"column {name} is in {chosen[0]}: steps of {step:.6g} are "
-                    f"{rates[chosen[0]]:.6g} Hz")  # fmt: skip
+        notes.append(
+            f"column {name} is in {chosen[0]}: steps of {step:.6g} are {rates[chosen[0]]:.6g} Hz"
+        )
         return TIME_UNITS[chosen[0]]
     counts = creeps and bool((t == np.rint(t)).all())
     if not possible or (step <= 1.0 and not counts):
         return 1.0
     choice = ", ".join(f"{unit} ({rates[unit]:.6g} Hz)" for unit in possible)
     options = ", ".join(f"--time-unit {unit}" for unit in possible)
-    problems.append(f"column {name}: steps of {step:.6g} may be {choice} or s ({1.0 / step:.3g} "
-                    f"Hz); say which: {options} or --time-unit s")  # fmt: skip
+    problems.append(
+        f"column {name}: steps of {step:.6g} may be {choice} or s ({1.0 / step:.3g} "
+        f"Hz); say which: {options} or --time-unit s"
+    )
     return 1.0
 
 
@@ -99,7 +102,7 @@ def angle_unit(
     known: Sequence[str | None],
     given: str | None,
     problems: list[str],
-    said: list[str],
+    notes: list[str],
 ) -> list[float]:
     """Return rad per unit of each joint's positions, 1 for joints that slide.
 
@@ -111,11 +114,13 @@ def angle_unit(
         position: (T, nj) what stands in the file; NaN is passed over.
         known: (nj,) units that names or a mapping say.
         given: the unit of all others, where somebody said it.
-        problems, said: lines are appended here.
+        problems, notes: lines are appended here.
     """
     turning = [c.unit == "rad" for c in columns]
-    factors = [ANGLE_UNITS[k or given or "rad"] if turns else 1.0
-               for k, turns in zip(known, turning, strict=True)]  # fmt: skip
+    factors = [
+        ANGLE_UNITS[k or given or "rad"] if turns else 1.0
+        for k, turns in zip(known, turning, strict=True)
+    ]
     open_ = [i for i, k in enumerate(known) if turning[i] and k is None and given is None]
     if not open_ or position.shape[0] == 0:
         return factors
@@ -127,7 +132,7 @@ def angle_unit(
     names = listing(f"{columns[i].name} {size[i]:.4g}" for i in beyond)
     unclear = [i for i in open_ if _SMALL < size[i] <= 2.0 * np.pi]
     if not unclear:
-        said.append(f"angles are in degrees (as radians beyond the limits: {names})")
+        notes.append(f"angles are in degrees (as radians beyond the limits: {names})")
         return [degree if i in open_ else factor for i, factor in enumerate(factors)]
     others = listing(f"{columns[i].name} {size[i]:.4g}" for i in unclear)
     problems.append(
@@ -175,5 +180,7 @@ def fast_angles(
     ]
     if not fast:
         return []
-    return [f"no joint is so fast ({listing(fast)}): the angles may be degrees; say which: "
-            "--unit deg or --unit rad"]  # fmt: skip
+    return [
+        f"no joint is so fast ({listing(fast)}): the angles may be degrees; say which: "
+        "--unit deg or --unit rad"
+    ]
