@@ -221,9 +221,9 @@ class Guide(Bearing):
     offset: Annotated[
         Number, key("of the pads' middle along the axis from the joint's origin", 0.05, "m")
     ] = 0.0
-    on: Annotated[
-        Literal["child", "parent"], key("link that the pads are fixed to", "parent")
-    ] = "child"
+    on: Annotated[Literal["child", "parent"], key("link that the pads are fixed to", "parent")] = (
+        "child"
+    )
 
     def misfit(self, joint: str) -> str:
         """See `Bearing.misfit`."""
