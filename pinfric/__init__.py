@@ -14,7 +14,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 __version__ = "0.1.0"
 
-#: Public name -> where it lives. Imported at first use: `pinfric --help` needs none of it.
+#: Public name -> its module, which is imported at first use so that `pinfric --help` starts fast.
 _PUBLIC = {
     "Scene": "pinfric.model.scene",
     "load_scene": "pinfric.model.scene_file",
@@ -118,7 +118,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which do not run __getatt
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
         found = getattr(import_module(_PUBLIC[name]), name)
-        globals()[name] = found  # the next access does not come here: 3 us a call otherwise
+        globals()[name] = found  # later accesses skip this function, which takes 3 us
         return found
     raise AttributeError(f"module 'pinfric' has no attribute {name!r}")
 

@@ -1,4 +1,4 @@
-"""Every error and warning pinfric raises on purpose; catch `PinfricError` to catch them all."""
+"""All errors and warnings of pinfric; catch `PinfricError` to catch every error."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-#: Longer lists are cut: a message should be read.
+#: Longer lists are cut: so that messages stay readable.
 _MOST_NAMES, _NEAREST, _MOST_PROBLEMS = 40, 3, 5
 #: Words of pydantic, and ours.
 _WORDS = {
@@ -16,23 +16,23 @@ _WORDS = {
     "greater than or equal to": "at least",
     "less than or equal to": "at most",
 }
-#: Letters of a whole message: more than any path, less than what scrolls away.
+#: Letters of a whole message: longer than any path, shorter than a screen.
 _MOST_LETTERS = 6000
 
 
 class PinfricError(Exception):
-    """The root of all errors of pinfric: one line for the person who made the input."""
+    """The base class of all errors of pinfric; the message is one line."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())
 
 
 class SceneError(PinfricError):
-    """A scene file (or the arguments of `Scene`) says something that cannot be."""
+    """A scene file (or the arguments of `Scene`) contains an impossible or unknown entry."""
 
 
 class RobotError(PinfricError):
-    """A URDF cannot be read, or describes a body that cannot exist."""
+    """A URDF cannot be read, or describes an impossible body."""
 
 
 class TrajectoryError(PinfricError):
@@ -40,28 +40,28 @@ class TrajectoryError(PinfricError):
 
 
 class StateError(PinfricError):
-    """Arrays of states or efforts have a wrong shape or hold values that cannot be."""
+    """Arrays of states or efforts have a wrong shape or impossible values."""
 
 
 class RollMomentError(PinfricError):
-    """A guide without a width carries a moment about its axis, which it has no lever to resist."""
+    """A guide without a width is loaded by a moment about its axis, which it cannot carry."""
 
     def __init__(self, site: str, sample: int, moment: float) -> None:
         self.site, self.sample, self.moment = site, sample, moment
         super().__init__(
             f"friction.{site}.bearing: sample {sample} loads this guide with a moment of "
-            f"{moment:.6g} N m about its axis, and a guide without width has no lever to resist "
+            f"{moment:.6g} N m about its axis, and a guide without width cannot carry "
             f"it; give `width` (m, between the two rails or keys)"
         )
 
 
 class ClosureError(PinfricError):
-    """A loop cannot close from where it was asked to.
+    """A loop cannot close near the given configuration.
 
     Attributes:
         loop: its name.
-        sample: which of the configurations.
-        residual: m, how far apart its frames stay (rotations times the mechanism's size).
+        sample: index of the configuration.
+        residual: m, remaining distance of its frames (rotations times the mechanism's size).
     """
 
     def __init__(self, loop: str, sample: int, residual: float, reason: str = "") -> None:
@@ -70,7 +70,7 @@ class ClosureError(PinfricError):
             f"loop {loop!r}, sample {sample}: {reason}"
             if reason
             else f"loop {loop!r} cannot close at sample {sample}: its frames stay {residual:.3g} m "
-            "apart (rotations times the mechanism's size); start nearer, or hold other joints"
+            "apart (rotations times the mechanism's size); start nearer, or fix other joints"
         )
 
 
@@ -93,25 +93,25 @@ class LoopMotionError(StateError):
 
 
 class UndrivenMotionError(StateError):
-    """A motion that takes an effort where the scene has no drive.
+    """A motion that needs an effort where the scene has no drive.
 
     Attributes:
-        joint: what no drive moves.
-        sample: the one that takes most.
-        effort: what it takes there beyond all that friction can give (N m or N).
+        joint: the undriven joint.
+        sample: the sample with the largest effort.
+        effort: needed there in addition to the largest friction (N m or N).
     """
 
     def __init__(self, joint: str, sample: int, effort: float, counts: str) -> None:
         self.joint, self.sample, self.effort = joint, sample, effort
         super().__init__(
-            f"actuators: {counts}; undriven: {joint}, where this motion takes {effort:.3g} "
-            f"(N m or N) at sample {sample}; name a drive for it, lock the joint, or give a motion "
-            "that it does by itself"
+            f"actuators: {counts}; undriven: {joint}, where this motion needs {effort:.3g} "
+            f"(N m or N) at sample {sample}; add a drive for it, lock the joint, or give a motion "
+            "that needs no effort there"
         )
 
 
 class ToggleError(StateError):
-    """A configuration in which the loops let more motions through than elsewhere.
+    """A configuration in which the loops allow more degrees of freedom than elsewhere.
 
     Attributes:
         loop: name of one of the loops.
@@ -121,20 +121,20 @@ class ToggleError(StateError):
         self.loop, self.freedoms, self.elsewhere = loop, freedoms, elsewhere
         super().__init__(
             f"loop {loop!r}: a toggle: the mechanism has {freedoms} degrees of freedom here and "
-            f"{elsewhere} elsewhere: how it moves on does not follow from its mechanics; start "
+            f"{elsewhere} elsewhere, so its further motion is not determined; start "
             "elsewhere or keep the motion away from it"
         )
 
 
 class AccelerationError(PinfricError):
-    """Stick and slip leave no acceleration, or several, at one state (base of those below).
+    """Stick and slip allow no acceleration, or several, at one state (base class of those below).
 
     Attributes:
         q, v, effort: the state and the efforts (nq,), (nv,), (na,), or the motors' torques.
-        given: which of the two: "effort", "motor_torque".
-        site: name of the site with friction where it shows.
-        time: in s where a simulation came upon it, else None.
-        motion: what the simulation had computed until then, else None.
+        given: which of the two: "effort" or "motor_torque".
+        site: name of the joint with friction at which it was found.
+        time: in s, if found in a simulation, else None.
+        motion: the motion that the simulation computed until then, else None.
     """
 
     _finding = ""
@@ -160,7 +160,7 @@ class AccelerationError(PinfricError):
         super().__init__(f"{self._finding}{when}: joint {site!r}: {reason}; {state}")
 
     def at(self, time: float) -> AccelerationError:
-        """Return the same finding with the time at which a simulation came upon it."""
+        """Return the same error with the time in a simulation at which it occurred."""
         state = self.q, self.v, self.effort
         return type(self)(*state, self.site, self.reason, time, self.given)
 
@@ -178,7 +178,7 @@ class AmbiguousAcceleration(AccelerationError):  # noqa: N818 - a finding about 
 
 
 class UndecidedAcceleration(AccelerationError):  # noqa: N818 - a finding about the search
-    """The search for stick and slip reached its bound before it found an acceleration."""
+    """The search for stick and slip reached its limit before it found an acceleration."""
 
     _finding = "no acceleration was found within the search's bound"
 
@@ -194,7 +194,7 @@ class IdentificationError(PinfricError):
 
 
 class SimulationError(PinfricError):
-    """A simulation cannot start or go on; `motion` is what was computed until then, if anything."""
+    """A simulation cannot start or continue; `motion` was computed until then, or is None."""
 
     def __init__(self, message: str, motion: Any = None) -> None:
         self.motion = motion
@@ -202,14 +202,14 @@ class SimulationError(PinfricError):
 
 
 class CatalogError(PinfricError):
-    """A catalogue of motors and gears cannot be read, or holds figures that cannot be."""
+    """A catalogue of motors and gears cannot be read, or contains impossible figures."""
 
 
 class SizingError(PinfricError):
     """Drives cannot be sized: nothing to choose from, or no candidate that fits.
 
     Attributes:
-        report: what was found until then, or None.
+        report: the results until then, or None.
     """
 
     def __init__(self, message: str, report: Any = None) -> None:
@@ -218,19 +218,19 @@ class SizingError(PinfricError):
 
 
 class RetimeError(PinfricError):
-    """Drives that cannot follow a path at any speed, or of which too little is known."""
+    """Drives that cannot follow a path at any speed, or whose data are incomplete."""
 
 
 class SweepError(PinfricError):
-    """A sweep's file says something that cannot be, or its samples cannot be computed or kept."""
+    """A sweep's file has an impossible entry, or its samples cannot be computed or saved."""
 
 
 class PinfricWarning(UserWarning):
-    """Something that can be computed but that the person who made the input should look at."""
+    """A result is computed, but the user should check the input."""
 
 
 def one_line(text: str) -> str:
-    """Return a text that a terminal shows as one line, whatever the names in it hold.
+    """Return a text that a terminal shows as one line, whatever names it contains.
 
     Line ends, control characters and halves of surrogate pairs are written as escapes; the middle
     of a very long text is left out.
@@ -244,18 +244,18 @@ def one_line(text: str) -> str:
 
 
 def cut(text: str, letters: int) -> str:
-    """Return the text, or its begin and its end where it has more letters."""
+    """Return the text, or its beginning and its end if it has more letters."""
     if len(text) <= letters:
         return text
     return f"{text[: letters * 2 // 3]} ... {text[len(text) - letters // 3 :]}"
 
 
 def problems_line(where: str, problems: Sequence[str]) -> str:
-    """Return one line for all that is wrong: how many, the first few, the rest counted.
+    """Return one line for all problems: their number, the first few, and how many more.
 
     Args:
         where: the file or section.
-        problems: one at least; the same one is said once.
+        problems: at least one; equal ones are listed once.
     """
     problems = list(dict.fromkeys(problems))
     count = f"{len(problems)} problems: " if len(problems) > 1 else ""
@@ -265,12 +265,12 @@ def problems_line(where: str, problems: Sequence[str]) -> str:
 
 
 def choose_from(name: object, allowed: Iterable[str], taken: Iterable[object] = ()) -> str:
-    """Say which names there are, for the end of an error message; of many the nearest three.
+    """Return the allowed names for the end of an error message; of many the nearest three.
 
     Args:
-        name: what was found.
-        allowed: the names that there are.
-        taken: those that cannot have been meant.
+        name: the name that was given.
+        allowed: the allowed names.
+        taken: names that are used already and are not suggested.
     """
     names = list(allowed)
     if not names:

@@ -170,7 +170,7 @@ def test_folder_in_the_place_of_a_result_leaves_the_old_results(files, capsys):
     capsys.readouterr()
     assert run("inverse", "arm.yaml", "way.yaml", "--out", "out") == 2
     error = capsys.readouterr().err
-    assert "out: cannot be written: efforts.png is a folder in there" in error
+    assert "out: cannot be written: it contains a folder efforts.png" in error
     assert error.count("\n") == 1
     assert (files / "out" / "efforts.csv").stat() == before
 

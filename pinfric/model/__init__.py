@@ -1,1 +1,1 @@
-"""What is there: scene, robot, twin, bearings, laws, drives."""
+"""The description of a scene: robot, wrench twin, bearings, friction laws, drives, loops."""

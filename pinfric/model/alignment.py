@@ -1,11 +1,11 @@
-"""Mechanisms as files round them: axes that a loop needs parallel or perpendicular are made so.
+"""Correction of rounded mechanisms: axes of loops become exactly parallel or perpendicular.
 
-A planar mechanism whose pins are 1e-9 rad off parallel cannot close, strictly: its loop has more
-equations than motions, and they contradict each other. Files round `rpy` at 1e-6 to 1e-9. So, link
-by link along a loop's path, two axes on one link that are parallel or perpendicular within a
-tolerance become exactly that (their angle is Denavit and Hartenberg's link twist, the same in every
-configuration), by turning what the later one carries; then frame b of each loop is shifted by the
-constant gap that stays, the sum of rounded offsets.
+A planar mechanism whose pins are 1e-9 rad off parallel cannot close exactly: its loop has redundant
+equations that contradict each other. Files round `rpy` to 1e-6 to 1e-9. So, link by link along a
+loop's path, two axes on one link that are parallel or perpendicular within a tolerance are made
+exactly so. (Their angle is Denavit and Hartenberg's link twist, the same in every configuration.)
+All that the later axis carries is turned. Then frame b of each loop is shifted by the constant gap
+that remains, the sum of the rounded offsets.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from pinfric.model.robot import link_frame
 from pinfric.model.schema import LinkFrame, Loop, LoopTolerance
 from pinfric.model.twin import Twin, twist
 
-#: Axes that differ by less than this (rad) but more than the tolerance look like badly rounded.
+#: Axes that differ by less than this (rad) but more than the tolerance are probably badly rounded.
 _SUSPICIOUS = 1e-2
-#: Turns below this (rad) change no digit that is printed: not worth a word.
+#: Turns below this (rad) change no printed digit and are not reported.
 _MENTIONED = 1e-9
-#: Axes nearer than this (rad) are as near as numbers can be.
+#: Axes nearer than this (rad) are equal to rounding.
 _ROUNDING = 1e-14
 
 
@@ -37,9 +37,9 @@ class Alignment:
     Attributes:
         model: a copy where joints were turned.
         loops: with frames turned.
-        turned: what was turned by more than what rounding to ten digits leaves -> by how much, rad.
-        doubts: loop -> which of its axes are nearly, but by more than the tolerance, parallel or
-            perpendicular; for the message where such a loop cannot close.
+        turned: name of each joint or loop that was turned by more than rounding -> angle, rad.
+        doubts: loop -> axes that are nearly parallel or perpendicular but outside the tolerance;
+            for the message if the loop cannot close.
     """
 
     model: pin.Model
@@ -51,7 +51,7 @@ class Alignment:
 def align_axes(
     model: pin.Model, loops: Sequence[Loop], tolerance: LoopTolerance, source: str
 ) -> Alignment:
-    """Make axes on the links of loops parallel and perpendicular that nearly are.
+    """Make nearly parallel or perpendicular axes on the links of loops exactly so.
 
     For an axis d beside earlier axes e on its link: d = +-e where |d x e| <= tolerance, else d
     without its part in the span of those with |d.e| <= tolerance, its length restored.
@@ -63,7 +63,7 @@ def align_axes(
         source: the scene, for messages.
 
     Raises:
-        SceneError: a loop on a link that is not there, or with an axis of length zero.
+        SceneError: a loop on an unknown link, or with an axis of length zero.
     """
     where = [f"{source}: {loop_place(loops, loop.name)}" for loop in loops]
     ends = [
@@ -167,7 +167,7 @@ def _nearest_aligned(
         if np.linalg.norm(np.cross(axis, e)) <= tolerance:
             return np.copysign(1.0, axis @ e) * e
     normals = np.array([e for e in others if abs(axis @ e) <= tolerance]).reshape(-1, 3)
-    # what is parallel within the tolerance is one direction, not a plane
+    # axes that are parallel within the tolerance span one direction, not a plane
     within = np.linalg.lstsq(normals, normals @ axis, rcond=_SUSPICIOUS)[0]
     aligned = axis - within
     return np.asarray(aligned / np.linalg.norm(aligned))
@@ -188,7 +188,7 @@ def _joint_axis(model: pin.Model, joint: pin.JointModel) -> np.ndarray | None:
 def shift_frames(
     twin: Twin, linkage: Linkage, start: np.ndarray, tolerance: LoopTolerance
 ) -> tuple[tuple[Loop, ...], float]:
-    """Shift frame b of each loop by the gap that no motion closes, the same in every configuration.
+    """Shift frame b of each loop by the constant gap that no motion closes.
 
     Args:
         twin, linkage: of the scene; the loops are `linkage.loops`.

@@ -1,4 +1,4 @@
-"""What callers hand over as numbers, checked: arrays of real numbers, flags, counts."""
+"""Checks of arguments: arrays of real numbers, flags, counts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from pinfric.errors import PinfricError, StateError
 
 _FLOAT = np.dtype(float)
-#: What NumPy's kinds of arrays hold that are no real numbers; others are objects.
+#: Content of NumPy's kinds of arrays that are not real numbers; all other kinds hold objects.
 _OTHERS = {
     "b": "true and false",
     "c": "complex numbers",

@@ -1,4 +1,4 @@
-"""Bearings: from the wrench a joint transmits to the load its friction acts on.
+"""Bearings: from the wrench that a joint transmits to the normal load of its friction.
 
 A bearing kind is one class: its keys in the scene file, its checks, and its terms. Friction effort
 = mu c with the load a sum of norms,
@@ -6,8 +6,8 @@ A bearing kind is one class: its keys in the scene file, its checks, and its ter
     c = sum_i |(B_i + s C_i) w| + constant
 
 of the wrench w of the parent on the child (force F, moment M) in axes whose z is the joint's axis,
-s the child's displacement along it. So c is convex in the wrench and zero only where nothing
-presses; it is in N m for a joint that turns, in N for one that slides.
+s the child's displacement along it. So c is convex in the wrench, and zero only without contact
+forces. Its unit is N m for a joint that turns, N for one that slides.
 """
 
 from __future__ import annotations
@@ -70,16 +70,16 @@ def two_ends(length: float, middle: float) -> list[np.ndarray]:
 
 
 class Bearing(Entry):
-    """Where a joint's load is carried: the base of all kinds, and what reads `bearing:` as one.
+    """Base class of all kinds of bearing; it reads the key `bearing:` as one of them.
 
     A subclass with the decorator `bearing_kind` is a new kind; nothing else is edited for it.
 
     Attributes:
-        kind: what the scene file calls it, a `Literal` of one word in each subclass.
+        kind: its name in the scene file, a `Literal` of one word in each subclass.
         fits: the joints it can carry: "turning joint", "prismatic joint", "spherical loop",
             "revolute loop", "planar_pin loop", "prismatic loop", "cylinder".
-        sizes: keys that are sizes (m), which are asked about above 1 m.
-        rolling: whether it rolls, and so has the coefficients of rolling bearings.
+        sizes: keys that are lengths (m); above 1 m a warning asks to check the unit.
+        rolling: whether it is a rolling bearing, with the coefficients of one.
     """
 
     fits: ClassVar[tuple[str, ...]]
@@ -98,7 +98,7 @@ class Bearing(Entry):
     @model_validator(mode="wrap")
     @classmethod
     def _of_its_kind(cls, value: Any, read: ModelWrapValidatorHandler[Bearing]) -> Bearing:
-        """Read as a bearing of any kind, a mapping is one of the kind that it names."""
+        """Read a mapping as the kind of bearing that its key `kind` names."""
         if cls is Bearing and not isinstance(value, Bearing):
             return _any_of(*KINDS.values()).validate_python(value)
         return read(value)
@@ -108,7 +108,7 @@ class Bearing(Entry):
         """Return the load's terms, in axes whose z is the joint's axis."""
 
     def misfit(self, joint: str) -> str:
-        """Return what is wrong with this bearing at a joint (see `fits`); empty if nothing.
+        """Return why this bearing does not fit a joint (see `fits`); empty if it fits.
 
         The text follows the entry's path: it begins with a key's name or with a colon.
         """
@@ -121,33 +121,30 @@ class Bearing(Entry):
         )
 
     def roll_lever(self) -> float | None:
-        """Return the length (m) that a moment about the axis is compared with; None: it is carried.
+        """Return a length (m) if the bearing cannot carry a moment about its axis, else None.
 
-        A bearing that cannot carry that moment is refused where there is one: more than rounding
-        beside the other moments and beside this length times the forces.
+        Such a moment is refused if it exceeds the rounding of the other moments and of the forces
+        times this length.
         """
         return None
 
     def without_bending(self) -> Bearing | None:
-        """Return the bearing without the part of its load that a bending moment makes.
-
-        None where nothing is left; the bearing itself where bending makes no part of it.
-        """
+        """Return the bearing without the load due to bending; None if no load remains."""
         return self
 
     def questions(self) -> Iterator[str]:
-        """Ask about sizes that are larger than a machine."""
+        """Yield a warning for each size that is unusually large."""
         for name in self.sizes:
             yield from unlikely(name, getattr(self, name), 1.0, "m")
 
 
-#: The classes of all kinds of bearing, by what the scene file calls them.
+#: The classes of all kinds of bearing, by their names in a scene file.
 KINDS: dict[str, type[Bearing]] = {}
 _Kind = TypeVar("_Kind", bound=Bearing)
 
 
 def bearing_kind(cls: type[_Kind]) -> type[_Kind]:
-    """Make a class of bearings one that scene files know by its `kind`: a decorator."""
+    """Decorate a class of bearings: scene files can then use its `kind`."""
     (name,) = get_args(cls.model_fields["kind"].annotation)
     KINDS[name] = cls
     return cls
@@ -171,15 +168,15 @@ class Pin(Bearing):
     sizes = ("radius", "thrust_radius", "length")
 
     kind: Annotated[Literal["pin"], key("a plain bearing", "pin")]
-    radius: Annotated[NonNegative, key("at which it rubs", 0.05, "m")]
+    radius: Annotated[NonNegative, key("of the sliding surface", 0.05, "m")]
     length: Annotated[
         Positive | None,
-        key("between the ends that carry bending; left out, bending is not seen", 0.1, "m"),
+        key("distance of the ends, which carry bending; without it no bending", 0.1, "m"),
     ] = None
     thrust_radius: Annotated[
         NonNegative, key("mean radius of the face that carries the axial force", 0.04, "m")
     ] = 0.0
-    preload: Annotated[NonNegative, key("that presses without any load", 50.0, "N")] = 0.0
+    preload: Annotated[NonNegative, key("contact force without any load", 50.0, "N")] = 0.0
     offset: Annotated[
         Number, key("of the bearing's middle along the axis from the joint's origin", -0.02, "m")
     ] = 0.0
@@ -194,7 +191,7 @@ class Pin(Bearing):
         """See `Bearing.misfit`."""
         if joint == "planar_pin loop" and self.length is not None:
             return (
-                ".length: a planar_pin carries no moment that a length would matter for; "
+                ".length: a planar_pin carries no bending moment, so its length has no effect; "
                 "leave it out"
             )
         return super().misfit(joint)
@@ -215,18 +212,18 @@ class Guide(Bearing):
     sizes = ("length", "width")
 
     kind: Annotated[Literal["guide"], key("sliding pads", "guide")]
-    length: Annotated[Positive, key("between the pads along the axis", 0.2, "m")]
+    length: Annotated[Positive, key("distance of the pads along the axis", 0.2, "m")]
     width: Annotated[
         Positive | None,
-        key("between the pads across it; left out, a moment about the axis is refused", 0.12, "m"),
+        key("distance of the pads across it; without it no moment about the axis", 0.12, "m"),
     ] = None
-    preload: Annotated[NonNegative, key("that presses without any load", 50.0, "N")] = 0.0
+    preload: Annotated[NonNegative, key("contact force without any load", 50.0, "N")] = 0.0
     offset: Annotated[
         Number, key("of the pads' middle along the axis from the joint's origin", 0.05, "m")
     ] = 0.0
-    on: Annotated[
-        Literal["child", "parent"], key("which side the pads are fixed to and move with", "parent")
-    ] = "child"
+    on: Annotated[Literal["child", "parent"], key("link that the pads are fixed to", "parent")] = (
+        "child"
+    )
 
     def misfit(self, joint: str) -> str:
         """See `Bearing.misfit`."""
@@ -251,11 +248,11 @@ class Guide(Bearing):
 
 @bearing_kind
 class Linear(Bearing):
-    """Rolling bearings as catalogues give them: a weight for each part of the load.
+    """Rolling bearings, with a catalogue's factor for each part of the load.
 
     c = radial |F_r| + axial |F_a| + moment |M_b| + preload
 
-    Of a slewing ring of raceway diameter D (m): radial 1.025 D, axial 0.5 D, moment 2.05. At a
+    A slewing ring of raceway diameter D (m) has radial 1.025 D, axial 0.5 D, moment 2.05. At a
     joint that slides the weights are pure numbers and preload is in N.
     """
 
@@ -322,7 +319,7 @@ class Ball(Bearing):
 
     kind: Annotated[Literal["ball"], key("a ball joint", "ball")]
     radius: Annotated[NonNegative, key("of the ball", 0.01, "m")]
-    preload: Annotated[NonNegative, key("that presses without any load", 20.0, "N")] = 0.0
+    preload: Annotated[NonNegative, key("contact force without any load", 20.0, "N")] = 0.0
 
     def terms(self) -> LoadTerms:
         """See the class."""
@@ -331,7 +328,7 @@ class Ball(Bearing):
 
 @bearing_kind
 class Seal(Bearing):
-    """Seals of a cylinder: c = |F| + preload, F the force that it passes on, friction included.
+    """Seals of a cylinder: c = |F| + preload, with F its force, which includes friction.
 
     friction: {ram: {bearing: {kind: seal}, mu: {static: 0.04, kinetic: 0.03},
                      coulomb: {static: 120.0, kinetic: 80.0}, viscous: 400.0}}
@@ -351,7 +348,7 @@ class Contacts(NamedTuple):
     """The loads of all sites' bearings, c = sum |(B + s C) w| + constant, as arrays for kernels.
 
     Attributes:
-        site: (nt,) whose term each is, ascending.
+        site: (nt,) the site of each term, ascending.
         rank: (nt,) number of rows of B and C that are used: the first ones.
         map, map_moved: (nt, 3, 6) B and C, for wrenches in the child's joint frame.
         moves: (ns,) bool, whether the load depends on the displacement s.
@@ -367,7 +364,7 @@ class Contacts(NamedTuple):
 
 
 def contacts(bearings: Sequence[Bearing | None], axes: Sequence[np.ndarray]) -> Contacts:
-    """Return the terms of all sites that are not zero, turned into the joints' frames.
+    """Return the nonzero terms of all sites, in the joints' frames.
 
     Args:
         bearings: of each site; None is a site without one.

@@ -1,4 +1,4 @@
-"""What an object says of itself: one screen, no arrays."""
+"""Short texts about an object, for `print`: one screen, no arrays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NAME = 60
 
 
 def screen(kind: str, title: str, facts: Mapping[str, str]) -> str:
-    """Return a title and a line or two per fact, in 100 columns; what is empty is left out."""
+    """Return a title and a line or two per fact, in 100 columns, without empty facts."""
     shown = {name: text for name, text in facts.items() if text}
     width = max(map(len, shown), default=0)
     lines = textwrap.wrap(f"{kind} {title}", _WIDTH, max_lines=_LINES, placeholder=" …")

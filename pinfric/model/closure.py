@@ -1,9 +1,9 @@
-"""Closing loops: configurations, velocities and accelerations that obey them.
+"""Closing loops: configurations, velocities and accelerations that satisfy the loops' equations.
 
     Phi(q) = 0,     J_c v = 0,     J_c a + Jdot_c v = 0          (paper eq. 2, 5, 6)
 
-with Phi the gaps along the multipliers. Newton's method closes; full pivoting of J_c, the paper's
-rank-revealing choice, says which joints are independent.
+with Phi the gaps along the multipliers. Newton's method closes the loops. Full pivoting of J_c, the
+paper's rank-revealing choice, determines which joints are independent.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from pinfric.model.kinematics import (
 from pinfric.model.loops import Linkage, loop_place
 from pinfric.model.twin import Twin, embed
 
-#: A gap below this many times the mechanism's size is closed: what Newton must reach, and what a
-#: given configuration may be off (files print few digits).
+#: A gap below this many times the mechanism's size counts as closed: the accuracy that Newton's
+#: method must reach, and the error that a given configuration may have (files print few digits).
 CLOSED, NEARLY_CLOSED = 1e-10, 1e-6
 #: Pivots below this many times the largest one are zero: the rows depend on each other.
 RANK = 1e-9
@@ -75,7 +75,7 @@ def embedded(twin: Twin, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[n
 
 
 def actions_of(twin: Twin, linkage: Linkage) -> Actions:
-    """Return what the kernels of loops read."""
+    """Return the tables that the kernels of loops read."""
     return Actions(
         *(getattr(linkage if name in vars(linkage) else twin, name) for name in Actions._fields)
     )
@@ -131,7 +131,7 @@ def close(
 ) -> np.ndarray:
     """Return the configuration near a guess that closes every loop: Newton on Phi(q) = 0.
 
-    What stands still in the linkage (`loops.stand_still`) stays as it is.
+    Joints that stand still in the linkage (`loops.stand_still`) keep their positions.
 
     Args:
         twin, linkage: the robot and its loops.
@@ -231,7 +231,7 @@ def velocity_indices(model: pin.Model, joints: Sequence[str], where: str) -> np.
     """Return where the velocities of the named joints are.
 
     Raises:
-        SceneError: a name that is not there.
+        SceneError: an unknown name.
     """
     indices: list[int] = []
     for name in joints:
@@ -251,7 +251,7 @@ def closed_configurations(
     doubts: Mapping[str, str],
     wanted: int = 3,
 ) -> list[np.ndarray]:
-    """Return some closed configurations: the one at the start, and others so that none is special.
+    """Return several closed configurations: the one at the start and others, as it may be special.
 
     Args:
         twin, linkage: the robot and its loops.
@@ -279,9 +279,9 @@ def closed_configurations(
     turning = linkage.turning
     way, angle = np.linalg.norm(least[~turning]), np.linalg.norm(least[turning]) / linkage.size
     raise SceneError(
-        f"{source}: {loop_place(linkage.loops, loop)}: cannot close: from 30 configurations the "
-        f"frames came no nearer than {way:.3g} m{f' and {angle:.3g} rad' if turning.any() else ''}"
-        "; check `xyz` and `rpy` of its sides, or loop_tolerance if they are rounded"
+        f"{source}: {loop_place(linkage.loops, loop)}: cannot close: in 30 searches its frames stay "
+        f"at least {way:.3g} m{f' and {angle:.3g} rad' if turning.any() else ''} apart; check `xyz` and "
+        "`rpy` of its sides, or loop_tolerance if they are rounded"
         + (f"; {doubts[loop]}" if loop in doubts else "")
     )
 

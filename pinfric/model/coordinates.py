@@ -1,4 +1,4 @@
-"""Coordinates as a person reads them: a name and one number for each joint with one axis."""
+"""Coordinates for tables and files: a name and one number for each joint with one axis."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def unwrapped_angle(cosine: np.ndarray, sine: np.ndarray) -> np.ndarray:
 def motion_columns(
     model: pin.Model, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return `<joint>.q`, then all `.v`, then all `.a`; what `load_trajectory` reads.
+    """Return columns `<joint>.q`, then all `.v`, then all `.a`, as `load_trajectory` reads them.
 
     A joint with several degrees of freedom has a column for each entry, `<joint>.q[0]` and so on;
     a mimic follower has none, its leader's column moves both.

@@ -1,9 +1,9 @@
-"""Drives that other joints turn, too: in wrists a motor's wheels run over the joint before its own.
+"""Coupled drives, which other joints turn as well, as in wrists whose gears run over a joint.
 
     s = q_own + sum_j c_j q_j,     motor speed = ratio ds/dt,     ds/dt = S v,     tau = S^T u
 
-S is a constant matrix; what a drive delivers, u, does work on its rate S v and so reaches every
-joint that turns it by the transpose (Siciliano et al., Robotics, 2009, 8.1; for wrists Gautier and
+S is a constant matrix. The effort u of a drive does work on its rate S v, so by the transpose it
+acts on every joint that turns it (Siciliano et al., Robotics, 2009, 8.1; for wrists Gautier and
 Khalil's identification of arms, where friction follows the motor's speed).
 """
 
@@ -55,7 +55,7 @@ def taking_part(drives: Sequence[Drive]) -> list[int]:
 
 
 def delivery(drives: Sequence[Drive], nv: int) -> np.ndarray:
-    """Return P (na, na): drives deliver u = P tau, tau (na,) what their own joints take.
+    """Return P (na, na): drives deliver u = P tau, with tau (na,) the efforts of their own joints.
 
     tau = C^T u with C the columns of S that belong to the drives' joints; (0, 0) where no drive
     is coupled.
@@ -69,7 +69,7 @@ def delivery(drives: Sequence[Drive], nv: int) -> np.ndarray:
 
 
 def reaches(drives: Sequence[Drive], nv: int) -> np.ndarray:
-    """Return (na, nv) bool: which joints' efforts, and frictions, reach which drive on a joint."""
+    """Return (na, nv) bool: which joints' efforts and frictions act on which drive on a joint."""
     own, P = rate_rows([replace(drive, couples=()) for drive in drives], nv), delivery(drives, nv)
     if P.size:
         own = np.where(np.abs(P) > _SINGULAR * np.abs(P).max(), P, 0.0) @ own
@@ -77,7 +77,7 @@ def reaches(drives: Sequence[Drive], nv: int) -> np.ndarray:
 
 
 def mixed(drives: Sequence[Drive], nv: int) -> np.ndarray:
-    """Return which drives (na,) feel other friction than that of their own joints, or not alone."""
+    """Return the drives (na,) on which friction of other joints than their own acts."""
     felt = reaches(drives, nv)
     return np.array(
         [bool(drive.couples) or felt[:, drive.velocity_index].sum() > 1 for drive in drives],
@@ -88,13 +88,13 @@ def mixed(drives: Sequence[Drive], nv: int) -> np.ndarray:
 def deliver_interval(
     P: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and greatest u = P tau (n, na), tau anywhere from `lower` to `upper`."""
+    """Return the least and greatest u = P tau (n, na) for all tau from `lower` to `upper`."""
     ahead, back = np.maximum(P, 0.0).T, np.minimum(P, 0.0).T
     return lower @ ahead + upper @ back, upper @ ahead + lower @ back
 
 
 def check_couples(drives: Sequence[Drive], names: Sequence[str], source: str) -> None:
-    """Refuse couples from which efforts do not follow.
+    """Refuse couples that do not determine the efforts.
 
     Args:
         drives: all of a scene.
@@ -119,5 +119,5 @@ def check_couples(drives: Sequence[Drive], names: Sequence[str], source: str) ->
     if here and size[-1] <= _SINGULAR * size[0]:
         raise SceneError(
             f"{source}: actuators: the couples of {', '.join(drives[d].name for d in here)} are "
-            "singular: these joints can move while all their motors stand; check the factors"
+            "singular: these joints can move while all their motors are at rest; check the factors"
         )

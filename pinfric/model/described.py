@@ -1,4 +1,4 @@
-"""What each figure of a result is, said once: in its class.
+"""Descriptions of the figures of a result: each is written once, in the result's class.
 
     @described
     class Summary:
@@ -6,8 +6,8 @@
         peak: float = quantity("max |u|", EFFORT, "peak")
 
 JSON and its schema, tables on the terminal and on pages, columns of a DataFrame, the docstring's
-attributes and the reference are made from these fields. A property takes part with `@derived`
-below `@property`; its docstring is its meaning.
+attributes and the reference are made from these fields. To include a property, write `@derived`
+below `@property`; its docstring is then its meaning.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
 class Quantity(NamedTuple):
-    """What one field is.
+    """The description of one field.
 
     Attributes:
         meaning: for docstring, schema and reference.
@@ -47,7 +47,7 @@ class Quantity(NamedTuple):
             key.
         cell: what its column shows where that is more than the number: "{least} to {most}" of the
             row's fields, each with a display unit: "{share:%}", "{sag:mm}".
-        name: it is a name, which tables may shorten.
+        name: whether it is a name, which tables may shorten.
     """
 
     meaning: str
@@ -67,7 +67,7 @@ def quantity(
     default: Any = dataclasses.MISSING,
     default_factory: Any = dataclasses.MISSING,
 ) -> Any:
-    """Return a dataclass field that says what it is: see `Quantity`."""
+    """Return a dataclass field with its description: see `Quantity`."""
     metadata = {"quantity": Quantity(meaning, unit, heading, cell, name)}
     if default_factory is not dataclasses.MISSING:
         return dataclasses.field(default_factory=default_factory, metadata=metadata)
@@ -112,7 +112,7 @@ def _said(found: Quantity) -> str:
 
 
 def quantities(kind: type) -> dict[str, Quantity]:
-    """Return what the figures of a class are, fields first, then derived ones."""
+    """Return the descriptions of a class's figures, fields first, then derived ones."""
     found = {
         entry.name: entry.metadata["quantity"]
         for entry in dataclasses.fields(kind)
@@ -131,7 +131,7 @@ def unit_at(unit: str, effort: str) -> str:
 
     Args:
         unit: of a figure.
-        effort: unit of the joint's effort, "N m" or "N"; empty: not known, both are said.
+        effort: unit of the joint's effort, "N m" or "N"; empty: unknown, both are returned.
     """
     turning, _, sliding = unit.partition(" or ")
     if not sliding or not effort:

@@ -1,17 +1,17 @@
-"""Drives: which degree of freedom each actuator moves, and what its transmission does to torque.
+"""Drives: the degree of freedom that each actuator moves, and the losses of its transmission.
 
-`effort` is what the drive delivers at the joint, `motor_torque` what its motor must give at its
-shaft. With t = effort, ratio r, no-load torque n (at the motor, so n|r| at the joint) and the
-load's loss g(w) L(|t|) (`transmission`; with constant efficiencies L = (1/eta - 1)|t| where the
-motor drives, (1 - eta_b)|t| where it is driven), the motor's torque times r is
+`effort` is what the drive delivers at the joint, `motor_torque` what its motor must deliver at its
+shaft. With t = effort, ratio r, no-load torque n (at the motor, so n|r| at the joint) and the loss
+due to the load g(w) L(|t|) (`transmission`; with constant efficiencies L = (1/eta - 1)|t| where the
+motor drives, (1 - eta_b)|t| where the load drives), the motor's torque times r is
 
     moving forward    upper(t) = t + g L(|t|) + n|r|
     moving backward   lower(t) = t - g L(|t|) - n|r|
     at standstill     anything from the least lower(t) to the greatest upper(t) over the efforts t
 
-plus r^2 J_rotor a and the motor's viscous friction, which do not pass through the loss; at
-standstill with the no-load torque that it takes to leave rest. eta_b <= 0 is a self-locking gear:
-the load alone never moves it, so the motor must push to lower it.
+plus r^2 J_rotor a and the motor's viscous friction, which the loss does not depend on. At
+standstill n is the static no-load torque. A gear with eta_b <= 0 is self-locking: the load alone
+never moves it, so the motor must also drive to lower the load.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Drive:
         name: the actuator's own name, else its joint's.
         velocity_index: the column of v it moves.
         transmission: None for an ideal drive of ratio 1 (motor torque = effort).
-        share: w of the sum of effort^2 / w that redundant drives make least; None: not said.
-        couples: (column of v, factor) of other joints that turn it, too (`couples`).
+        share: w in the sum of effort^2 / w, which redundant drives minimize; None: not given.
+        couples: (column of v, factor) of other joints that turn it as well (`couples`).
         column: of a drive off the joints, its column among the actions; -1 of one on a joint.
         encoder: where the controller measures, at the motor or at the joint.
     """
@@ -64,7 +64,7 @@ class Drive:
 
 
 class Gears(NamedTuple):
-    """Transmissions as arrays for kernels; an ideal drive has ratio 1 and loses nothing.
+    """Transmissions as arrays for kernels; an ideal drive has ratio 1 and no losses.
 
     Attributes:
         ratio, rotor_inertia: (na,) motor turns per joint turn; at the motor's shaft (kg m^2).
@@ -72,10 +72,10 @@ class Gears(NamedTuple):
         stick_velocity: (na,) at or below this speed the joint stands still (rad/s or m/s).
         no_load, no_load_static: (na, 2) no-load torque at the joint, in motion and at rest, of
             forward and backward motion of the joint (N m or N).
-        constant, rise, exponent: (na, 2) factor constant + rise w^exponent on the load's loss, of
-            a motor that drives and one that is driven; w its speed (rad/s).
-        first, last: (na, 2) which lines of the loss are theirs, `last` beyond the end.
-        load, loss, slope: (nl,) where each line begins, the loss there, how it grows (N m or N).
+        constant, rise, exponent: (na, 2) factor constant + rise w^exponent on the loss due to the
+            load, where the motor drives and where the load drives; w the motor's speed (rad/s).
+        first, last: (na, 2) the first line of each loss, and the one after the last.
+        load, loss, slope: (nl,) load at which each line begins, the loss there (N m or N), slope.
     """
 
     ratio: np.ndarray
@@ -137,7 +137,7 @@ def _no_load(gear: Transmission) -> np.ndarray:
 
 
 def lossy_gears(gears: Gears) -> np.ndarray:
-    """Return which gears (na,) lose what they carry, or have a no-load torque."""
+    """Return which gears (na,) have losses: due to the load, or a no-load torque."""
     lines = zip(gears.first[:, 0], gears.last[:, 1], strict=True)
     loss = np.array(
         [gears.slope[first:last].any() or gears.loss[first:last].any() for first, last in lines],
@@ -147,9 +147,9 @@ def lossy_gears(gears: Gears) -> np.ndarray:
 
 
 def least_slopes(gears: Gears, speed: np.ndarray) -> np.ndarray:
-    """Return the least slope of each gear's lines, 1 - g(w) L'(|t|) of a motor that is driven.
+    """Return the least slope of each gear's lines, 1 - g(w) L'(|t|) where the load drives.
 
-    Not above 0: the gear is self-locking.
+    The gear is self-locking if this slope is at most 0.
 
     Args:
         gears: `gear_table`.
@@ -172,7 +172,7 @@ def self_locking_gears(gears: Gears) -> np.ndarray:
 
 @inlined_kernel
 def gears_of_row(gears: Gears, row: int) -> Gears:
-    """Return one row of gears of which what varies has rows before."""
+    """Return one row of gears whose varying fields have a leading axis of rows."""
     return Gears(
         gears.ratio,
         gears.rotor_inertia[row],
@@ -196,24 +196,25 @@ def gears_of_row(gears: Gears, row: int) -> Gears:
 def gear_line(
     gears: Gears, d: int, direction: float, speed: float, static: bool, effort: float
 ) -> tuple[float, float, float, float]:
-    """Return the line that a gear follows around an effort, and where it does.
+    """Return the line that a gear follows around an effort, and the efforts at which it is valid.
 
-    What arrives at the gear, u = r (T_m - J_rotor r a) - drag, is F(t) = slope t + offset: upper(t)
-    in forward motion, lower(t) in backward motion (see the module's text), piecewise linear in t.
+    The torque at the gear's input, seen from the joint, u = r (T_m - J_rotor r a) - drag, is
+    F(t) = slope t + offset: upper(t) in forward motion, lower(t) in backward motion (see the
+    module's text), piecewise linear in t.
 
     Args:
         gears: `gear_table`.
         d: the drive.
         direction: of the joint's motion, 1 or -1.
         speed: of the joint (rad/s or m/s).
-        static: True for what it takes to leave rest.
-        effort: t (N m or N); where two lines meet, the one above is returned.
+        static: True for the torque that is needed to leave rest.
+        effort: t (N m or N); where two lines meet, the one of larger efforts is returned.
 
     Returns:
         (slope, offset, least, greatest): the line holds for efforts from least to greatest.
     """
     side, size = 0 if direction > 0.0 else 1, abs(effort)
-    up = effort >= 0.0  # at 0 the line above, too
+    up = effort >= 0.0  # at 0, too, the line of larger efforts
     way = 0 if up == (direction > 0.0) else 1
     factor = gears.constant[d, way]
     if gears.rise[d, way] > 0.0:
@@ -234,7 +235,7 @@ def gear_line(
 
 @kernel
 def gear_drag(gears: Gears, d: int, velocity: float) -> float:
-    """Return the torque that the motor's viscous friction takes, at the joint: |r| c |r v|^p.
+    """Return the motor's viscous friction at the joint: |r| c |r v|^p.
 
     Args:
         gears, d: see `gear_line`.
@@ -256,7 +257,7 @@ def gear_slips(
         given: u = r T_m (N m or N at the joint).
 
     Returns:
-        (least, greatest), (inf, -inf) where it slips at none: a self-locking gear, little driven.
+        (least, greatest); (inf, -inf) if it slips at no effort, as self-locking gears may.
     """
     least, greatest = np.inf, -np.inf
     start = -np.inf
@@ -308,8 +309,8 @@ def write_motor_torques(
 ) -> None:
     """Write the least and greatest motor torque (n, na) of each drive; see the module's text.
 
-    Neither upper(t) nor lower(t) is monotone in a self-locking gear: both are taken over the whole
-    interval of efforts.
+    For a self-locking gear neither upper(t) nor lower(t) is monotone, so their extremes are taken
+    over the whole interval of efforts.
 
     Args:
         gears: `gear_table`.
@@ -383,10 +384,10 @@ def gear_jam(
     rates: np.ndarray,
     fixed: np.ndarray,
 ) -> tuple[int, float, float] | None:
-    """Return the self-locking gear that jams, or None: whatever the torques, one acceleration.
+    """Return the self-locking gear that jams; None if motor torques determine the acceleration.
 
-    Motor torques determine the acceleration iff diag(eta_b) + I^1/2 W I^1/2 is positive definite,
-    W = S M^-1 S^T of what moves, I = r^2 J_rotor; of one joint: r^2 J > -eta_b M.
+    They do if and only if diag(eta_b) + I^1/2 W I^1/2 is positive definite, with W = S M^-1 S^T of
+    the moving drives and I = r^2 J_rotor; for one joint: r^2 J > -eta_b M.
 
     Args:
         gears: `gear_table`.
@@ -394,7 +395,7 @@ def gear_jam(
         speed: (na,) of the joints (rad/s or m/s).
         inertia: (nv, nv) M without rotors.
         rates: (na, nv) S, the rate of each drive per unit velocity.
-        fixed: (n, nv) motions that loops and what sticks forbid.
+        fixed: (n, nv) motions that loops and sticking joints prevent.
 
     Returns:
         (drive, the least eigenvalue, the rotor inertia (kg m^2) above which it does not jam).

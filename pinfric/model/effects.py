@@ -1,9 +1,9 @@
-"""Only the effects a scene calls for: which there are, which keys of the file switch them on.
+"""The effects of a scene, and the keys of the file that switch them on.
 
-A scene becomes an explicit list of effects, and the dynamics evaluate what is on: without friction
-one plain RNEA batch, with constant friction no wrenches, with bearings the twin, with loops or
-drives off the joints the iteration. `with_effects` takes effects out of a scene, for study; loops
-stay, for without them a mechanism is another one, and so do couples and coupling.
+The dynamics evaluate only the effects that are on: without friction one plain RNEA batch, with
+constant friction no wrenches, with bearings the twin, with loops or drives off the joints the
+iteration. `with_effects` removes effects from a scene, for study. Loops, couples and coupling
+cannot be removed, because the mechanism would be a different one.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Effect:
     """One effect of a scene.
 
     Attributes:
-        name: what `with_effects` calls it.
-        on: whether the scene calls for it.
-        why: the keys of the scene file that switch it on; where it is off, what would.
+        name: its name in `with_effects`.
+        on: whether the scene contains it.
+        why: the keys of the scene file that switch it on; if it is off, those that would.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class _Kind:
-    """An effect that can be looked for in a friction entry, and taken out of it."""
+    """An effect that a friction entry may contain, and that can be removed from it."""
 
     name: str
     key: str
@@ -87,18 +87,18 @@ def _kinds() -> tuple[_Kind, ...]:
 
 
 def switchable() -> tuple[str, ...]:
-    """Return all effects that can be switched, in the order they build on each other."""
+    """Return all effects that can be switched, in the order in which they build on each other."""
     return *(kind.name for kind in _kinds()), "transmission", "gear", "payload"
 
 
-#: Those that change motors' torques, and no effort at a joint.
+#: Effects that change motors' torques, but no effort at a joint.
 MOTOR_SIDE = ("transmission", "gear")
-#: Those that cannot: they follow from how the mechanism is built.
+#: Effects that cannot be switched: they follow from the structure of the mechanism.
 STRUCTURAL = ("loops", "couples", "coupling")
 
 
 def effects(scene: Scene) -> tuple[Effect, ...]:
-    """Return what a scene calls for, and by which keys: `switchable`, then `STRUCTURAL`."""
+    """Return the effects of a scene with the keys that cause them: `switchable`, `STRUCTURAL`."""
     found = []
     for kind in _kinds():
         where = [name for name, friction in scene.friction.items() if kind.present(friction)]
@@ -123,7 +123,7 @@ def effects(scene: Scene) -> tuple[Effect, ...]:
 
 
 def _coupling(scene: Scene) -> Effect:
-    """Loads that depend on friction: where loops or drives off the joints carry it on."""
+    """Loads that depend on friction: with loops or drives off the joints."""
     loaded = [name for name, friction in scene.friction.items() if _has_load(friction)]
     if scene.linkage is None:
         return Effect("coupling", False, "no loops, no actuators[].cylinder or force")
@@ -151,7 +151,7 @@ def with_effects(
 
     Args:
         scene: stays as it is.
-        only: the effects to keep; those of them that the scene has.
+        only: the effects to keep.
         without: the effects to leave out.
 
     Raises:
@@ -170,7 +170,7 @@ def with_effects(
             for name, entry in friction.items():
                 if kind.present(entry):
                     friction[name] = entry.model_copy(update=kind.removed(entry))
-    # an entry with nothing left in it is no site: it costs nothing
+    # an empty entry makes no site, so it costs no time
     friction = {name: entry for name, entry in friction.items() if _acts(entry)}
     actuators = scene.actuators
     for name, changed in (("gear", _unloaded), ("transmission", _lossless)):
@@ -209,6 +209,6 @@ def _lossless(actuator: Actuator) -> Actuator:
 
 
 def uncoupled(scene: Scene) -> Scene:
-    """Return the scene with drives that move their own joints only; what they deliver is else."""
+    """Return the scene without couples: each drive moves its own joint only (efforts differ)."""
     actuators = [a.model_copy(update={"couples": {}}) for a in scene.actuators or ()]
     return scene.with_(actuators=actuators)

@@ -1,10 +1,10 @@
-"""Entries of the files a user writes: what a key means, what a number is, what cannot be.
+"""Entries of the files that a user writes: meaning of keys, checks of numbers, error messages.
 
 A key is a field with its meaning, an example and a unit beside its type:
 
     mass: Annotated[Positive, key("of the body", 2.0, "kg")]
 
-JSON schemas and the reference show them, for pydantic keeps them with the field.
+Pydantic keeps them with the field; JSON schemas and the reference show them.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ from pinfric.model.yamlfile import brief
 
 
 def key(text: str, example: Any, unit: str = "") -> Any:
-    """Return what a key of a file means, as pydantic's field.
+    """Return the description of a key of a file, as a pydantic field.
 
     Args:
         text: its meaning, read after its name.
         example: a value, as a file gives it.
-        unit: empty where it has none, "1" of a ratio.
+        unit: empty if it has none, "1" for a ratio.
     """
     shown = f"{text} ({unit})" if unit else text
     return Field(description=shown, examples=[example], json_schema_extra={"unit": unit})
 
 
 def strict_number(value: Any) -> Any:
-    """Refuse what pydantic would silently turn into a number, and what no machine has."""
+    """Refuse values that pydantic would silently convert to a number, and impossibly large ones."""
     if isinstance(value, bool | str):
         raise ValueError(f"should be a number, found {brief(value)}")
     if isinstance(value, int | float) and LARGEST < abs(value) < math.inf:
@@ -64,7 +64,7 @@ def strict_number(value: Any) -> Any:
 
 
 def not_vanishing(value: float) -> float:
-    """Refuse what is not 0 but smaller than any machine's."""
+    """Refuse a value that is impossibly small but not 0."""
     if 0 < value < SMALLEST:
         raise ValueError(f"should be at least {SMALLEST:g}, found {value:g}")
     return value
@@ -73,19 +73,19 @@ def not_vanishing(value: float) -> float:
 Number = Annotated[FiniteFloat, BeforeValidator(strict_number)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Positive = Annotated[Number, Field(gt=0), AfterValidator(not_vanishing)]
-#: The version of a file's format; `true`, which Python takes for 1, is none.
+#: The version of a file's format; `true`, which equals 1 in Python, is refused.
 Version = Annotated[Literal[1], BeforeValidator(strict_number)]
-#: What every question of an entry says; its reader may ask for it.
+#: Words in every plausibility warning of an entry; callers may search for them.
 USUALLY = "usually at most"
 Vector3 = tuple[Number, Number, Number]
 
 
 class Forms:
-    """Several ways to write one value, told apart by its type, and mappings by their keys.
+    """Several ways to write one value, distinguished by type, and mappings by their keys.
 
     Args:
-        forms: first, of all that no other fits; entries for mappings, a tuple for lists, a
-            `Literal` for words.
+        forms: entries for mappings, a tuple for lists, a `Literal` for words; the first one is
+            used for values that fit no form.
     """
 
     def __init__(self, *forms: Any) -> None:
@@ -99,7 +99,7 @@ class Forms:
         return handler.generate_schema(Annotated[Union[members], Discriminator(self.chosen)])  # noqa: UP007
 
     def chosen(self, value: Any) -> str:
-        """Return the form of a value; of several entries that with most of a mapping's keys."""
+        """Return the form of a value; of several entries the one with most of its keys."""
         found, *_ = self.forms
         if isinstance(value, dict):
             fitting = {
@@ -113,7 +113,7 @@ class Forms:
 
 
 def _written_as(form: Any) -> str:
-    """How a form or a value is written: the name of its entry, or a list, a word or a number."""
+    """Name of a form or of the type of a value: an entry, a list, a word or a number."""
     kind = form if isinstance(form, type) else get_origin(form) or type(form)
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return kind.__name__
@@ -121,7 +121,7 @@ def _written_as(form: Any) -> str:
 
 
 class Entry(BaseModel):
-    """Base of all sections: unknown keys are errors, nothing changes after reading."""
+    """Base class of all sections: unknown keys are errors, instances are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
@@ -133,9 +133,10 @@ class Entry(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, given: Any) -> Any:
-        """Put what there is to choose from in place of the value of an unknown key.
+        """Replace the value of an unknown key by the list of known keys.
 
-        Pydantic refuses the key and gives that back. A key that is given was not meant.
+        Pydantic refuses the key and returns this list for the message. Keys that the mapping
+        already has are not suggested.
         """
         if not isinstance(given, dict):
             return given
@@ -146,7 +147,7 @@ class Entry(BaseModel):
         }
 
     def questions(self) -> Iterator[str]:
-        """Yield what to ask about values of this entry alone: `unlikely` of each; `parse` warns."""
+        """Yield warnings about implausible values of this entry (`unlikely`), for `parse`."""
         yield from ()
 
 
@@ -154,7 +155,7 @@ _Kind = TypeVar("_Kind", bound=BaseModel)
 
 
 def place(path: Iterable[int | str]) -> str:
-    """Return how messages name a place in a file, e.g. actuators[1].transmission.ratio."""
+    """Return the path of a key for messages, e.g. actuators[1].transmission.ratio."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return "".join(parts).removeprefix(".")
 
@@ -166,12 +167,12 @@ def parse(
     error: type[PinfricError] = SceneError,
     at: tuple[int | str, ...] = (),
 ) -> _Kind:
-    """Validate `content` as `entry`; all problems in one error that begins with `where`.
+    """Validate `content` as `entry`; raise one error with all problems, which begins with `where`.
 
-    What entries ask (`Entry.questions`) comes as warnings that begin with `where`, too.
+    Plausibility warnings of the entries (`Entry.questions`) also begin with `where`.
 
     Args:
-        entry: what it should be.
+        entry: the class to read it as.
         content: a mapping, or such an entry.
         where: the file.
         error: what is raised.
@@ -195,7 +196,7 @@ def parse(
 
 
 def _problem(problem: Any, content: Any, at: tuple[int | str, ...]) -> str:
-    """One pydantic problem in our words: place, what was found, what is allowed."""
+    """One pydantic problem as a text: key, what was found, what is allowed."""
     kind, found = problem["type"], brief(problem["input"])
     key = place((*at, *_path(problem["loc"], content, kind == "missing")))
     if kind == "extra_forbidden":
@@ -223,12 +224,12 @@ def _problem(problem: Any, content: Any, at: tuple[int | str, ...]) -> str:
 
 
 def _path(loc: tuple[int | str, ...], content: Any, missing: bool) -> list[int | str]:
-    """The keys on the way to a problem, without the members of unions, which no file names.
+    """The keys that lead to a problem, without the names of union members, which no file has.
 
     Args:
         loc: pydantic's, both among it.
         content: what was read.
-        missing: whether the last part is a key that is not there.
+        missing: whether the last part is a missing key.
     """
     path: list[int | str] = []
     for part in loc:
@@ -241,12 +242,12 @@ def _path(loc: tuple[int | str, ...], content: Any, missing: bool) -> list[int |
 def unlikely(
     key: str, value: float | None, most: float, unit: str, hint: str = ""
 ) -> Iterator[str]:
-    """Yield what to say where a magnitude is possible but so unusual that a wrong unit is likelier.
+    """Yield a warning if a magnitude is so unusual that its unit is probably wrong.
 
     Args:
-        key: below the entry that asks, e.g. mu.static.
-        value, most, unit: what is there, and what it usually is at most.
-        hint: what may have gone wrong; by default, that the unit may be wrong.
+        key: path below the entry, e.g. mu.static.
+        value, most, unit: the given value, and the usual maximum.
+        hint: the probable mistake; by default a wrong unit.
     """
     if value is not None and value > most:
         number, usual = (f"{x:g} {unit}".rstrip() for x in (value, most))
@@ -254,7 +255,7 @@ def unlikely(
 
 
 def _questions(made: Any, at: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], str]]:
-    """What the entries at and below a place ask about what they hold, each with its place."""
+    """Plausibility warnings of the entries at and below a place, each with its place."""
     if isinstance(made, Entry):
         yield from ((at, text) for text in made.questions())
     if isinstance(made, BaseModel | dict):

@@ -1,4 +1,4 @@
-"""Boxes that stand for bodies: of equal mass and inertia."""
+"""Boxes with the mass and inertia of a body, for drawing it without a mesh."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pinfric.model.robot import payload_inertia
 from pinfric.model.scene import Scene
 from pinfric.model.schema import Payload
 
-#: An edge of a box of equal inertia is at least this part of its longest (a rod stays visible).
+#: The least ratio of a box's edge to its longest edge, so that a rod stays visible.
 _THINNEST = 0.12
 
 
@@ -27,10 +27,10 @@ class Box:
 def equivalent_box(inertia: pin.Inertia) -> Box | None:
     """Return the uniform box of the same mass and inertia, or None for a body without mass.
 
-    Also None where the box would be larger than any machine, because there is hardly any mass.
+    Also None if the mass is so small that the box would be larger than any machine.
 
-    Edge^2 = 6 (J_2 + J_3 - J_1)/m about each principal axis; where the data belong to no body
-    (or to a point) the edge is `_THINNEST` of the longest.
+    Edge^2 = 6 (J_2 + J_3 - J_1)/m for each principal axis; if that is not positive, as for a point
+    or an impossible inertia, the edge is `_THINNEST` of the longest.
     """
     mass = inertia.mass
     moments, axes = np.linalg.eigh(inertia.inertia)

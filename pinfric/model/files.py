@@ -1,4 +1,4 @@
-"""Write results so that a reader finds the old file or the new one, never half of one."""
+"""Write results so that a reader finds the old file or the new one, never an incomplete one."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from pinfric.model.yamlfile import brief_path
 #: Writes a whole file to the path it is given.
 Writer = Callable[[Path], object]
 _UNFINISHED, _ALIVE = ".unfinished-", ".alive"
-#: What is named so is a file: who gives it as a folder expects one, too.
+#: Endings of file names; a folder of such a name is probably a mistake.
 _FILES = frozenset((".csv", ".html", ".json", ".png", ".urdf", ".xml", ".yaml", ".yml"))
 
 
 def write_file(path: str | Path, write: Writer) -> Path:
-    """Let `write` fill a temporary file beside `path`, then put it in place at once.
+    """Let `write` fill a temporary file beside `path`, then rename it to `path`.
 
     Raises:
         PinfricError: the file cannot be written.
@@ -37,10 +37,10 @@ def write_file(path: str | Path, write: Writer) -> Path:
 
 
 def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path]:
-    """Write several files, by name; they appear in `folder` once all of them are complete.
+    """Write several files, by name; they appear in `folder` when all of them are complete.
 
-    The folder is made where there is none; other files in it stay. Where one cannot be put in its
-    place, those put before it make way for what was there.
+    The folder is created if it is missing; other files in it stay. If one of the files cannot be
+    moved to its place, the old files are restored.
 
     Raises:
         PinfricError: the folder or a file in it cannot be written.
@@ -65,10 +65,10 @@ def write_folder(folder: str | Path, writers: Mapping[str, Writer]) -> list[Path
 
 @contextmanager
 def _unfinished(folder: Path) -> Iterator[Path]:
-    """A folder in `folder` to write in; those of killed runs are removed, those of others stay.
+    """A temporary folder in `folder`; those of killed runs are removed, those in use stay.
 
-    Each run holds the lock of a file in its own, which the kernel gives back however the run ends.
-    The lock on `folder` keeps others from taking ours for a dead one before it is locked.
+    Each run locks a file in its temporary folder; the kernel releases the lock however the run
+    ends. The lock on `folder` prevents other runs from removing ours before its file is locked.
     """
     with ExitStack() as stack:
         with _locked(folder, os.O_RDONLY, wait=True) as guarded:
@@ -87,7 +87,7 @@ def _unfinished(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def _locked(path: Path, flags: int = os.O_RDWR | os.O_CREAT, wait: bool = False) -> Iterator[bool]:
-    """Hold a lock; yields False where another holds it, or none can be had (some networks)."""
+    """Hold a lock; yields False if another holds it, or if locks do not work (some networks)."""
     try:
         descriptor = os.open(path, flags | os.O_CLOEXEC, 0o644)
     except OSError:
@@ -106,10 +106,10 @@ def _locked(path: Path, flags: int = os.O_RDWR | os.O_CREAT, wait: bool = False)
 
 @contextmanager
 def only_one(path: Path) -> Iterator[bool]:
-    """Hold a lock file while something is done that only one process may do at a time.
+    """Hold a lock file for work that only one process may do at a time.
 
-    The kernel gives the lock back however this process ends; the file is removed at the end.
-    Yields False where another process holds it. A file system without locks lets all go on.
+    The kernel releases the lock however this process ends; the file is removed at the end.
+    Yields False if another process holds it. On a file system without locks it yields True.
 
     Raises:
         OSError: the file cannot be made.
@@ -136,7 +136,7 @@ def only_one(path: Path) -> Iterator[bool]:
 
 
 def _put_in_place(unfinished: Path, folder: Path, names: Sequence[str]) -> None:
-    """Move the files into `folder`: all of them, or none where one cannot be moved."""
+    """Move the files into `folder`: all of them, or none if one cannot be moved."""
     earlier = unfinished / ".earlier"
     earlier.mkdir()
     placed: list[str] = []
@@ -163,20 +163,20 @@ def _keep(path: Path, copy: Path) -> None:
 
 
 def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
-    """Say before a long computation that its results could not be written.
+    """Raise before a long computation if its results could not be written.
 
     Args:
         folder: where they go.
         names: the files that will be written there.
 
     Raises:
-        PinfricError: `folder` is a file or named like one, or it (where it is not there: its
-            parent) is read-only, or a folder stands where a file should go.
+        PinfricError: `folder` is a file or named like one; it, or its parent if it is missing, is
+            read-only; or a folder has the name of one of the files.
     """
     folder = Path(folder)
     try:
         there = next(p for p in (folder.absolute(), *folder.absolute().parents) if p.exists())
-    except OSError as problem:  # a name no file system takes
+    except OSError as problem:  # a name that no file system accepts
         raise PinfricError(
             f"{brief_path(folder)}: cannot be written: {problem.strerror}; name a folder"
         ) from None
@@ -189,6 +189,6 @@ def check_writable(folder: str | Path, names: Iterable[str] = ()) -> None:
     taken = [name for name in names if (folder / name).is_dir()]
     if taken:
         raise PinfricError(
-            f"{folder}: cannot be written: {', '.join(taken)} is a folder in there, and a file of "
-            "that name is to be written; move it, or name another folder"
+            f"{folder}: cannot be written: it contains a folder {', '.join(taken)}, where a file "
+            "of that name must be written; move it, or name another folder"
         )

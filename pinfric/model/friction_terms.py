@@ -1,13 +1,14 @@
-"""Friction terms: what opposes a joint's motion, each a class with its keys, checks and rows.
+"""Friction terms, the parts of a joint's friction: each is a class with keys, checks and rows.
 
-At rest a term is a limit, in motion a sum of rows; both have a part that the normal load c
-multiplies, and one that it does not, forward and backward motion apart:
+At rest a term is a limit, in motion a sum of rows. Both have a part in proportion to the normal
+load c and a part that does not depend on it, separate for forward and backward motion:
 
     at rest     mu c + (forward or backward)
     in motion   sum_i (mu_i c + (forward or backward)_i) s^power_i exp(-(s / velocity_i)^exponent_i)
 
-with s = |speed|. Rows with a power vanish at rest and drag; the others are dry. A power below 1 is
-infinitely steep at rest: at and below s_0 = 1e-6 (rad/s or m/s) s s_0^(power - 1) stands for it.
+with s = |speed|. Rows with a power above 0 vanish at rest and are called drag; the others are dry.
+A power below 1 has an infinite slope at rest, so at and below s_0 = 1e-6 (rad/s or m/s) it is
+replaced by s s_0^(power - 1).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from pinfric.model.entry import Entry, Forms, NonNegative, Positive, key
 
 
 class Strength(NamedTuple):
-    """How strong friction is: against forward motion mu c + forward, against backward mu c + ...
+    """Strength of friction: mu c + forward against forward motion, mu c + backward otherwise.
 
     Attributes:
         mu: factor of the normal load (1).
@@ -40,7 +41,7 @@ class Shape(NamedTuple):
 
     Attributes:
         power: 0 or more; with a power the strengths are per (rad/s)^power or (m/s)^power.
-        velocity: rad/s or m/s; infinite where nothing decays.
+        velocity: rad/s or m/s; infinite without decay.
         exponent: 1.
     """
 
@@ -54,7 +55,7 @@ STEEP = 1.0e-6
 
 CONSTANT, LINEAR = Shape(), Shape(power=1.0)
 
-#: A row: how strong it is, and how it depends on the speed.
+#: A row: its strength, and its dependence on the speed.
 Row = tuple[Shape, Strength]
 
 
@@ -62,13 +63,13 @@ class Stribeck(Entry):
     """The fall from static to kinetic: exp(-(|v|/velocity)^exponent), joint velocity."""
 
     velocity: Annotated[
-        Positive, key("at which 1/e of the difference is left", 0.02, "rad/s or m/s")
+        Positive, key("at which 1/e of the difference remains", 0.02, "rad/s or m/s")
     ]
-    exponent: Annotated[Positive, key("2 of a bell curve, 1 of a plain decay", 2.0, "1")] = 2.0
+    exponent: Annotated[Positive, key("2: Gaussian curve, 1: exponential curve", 2.0, "1")] = 2.0
 
 
 class FrictionTerm(Entry):
-    """One term of a joint's friction: the base of all.
+    """One term of a joint's friction: the base class of all terms.
 
     A subclass with the decorator `friction_term(NAME)` is a key of `friction.<joint>`; nothing else
     is edited for it.
@@ -84,11 +85,11 @@ class FrictionTerm(Entry):
         """Return the term in motion.
 
         Args:
-            stribeck: the joint's, for terms that fall from static to kinetic; None: in a jump.
+            stribeck: the joint's curve from static to kinetic friction; None: a jump.
         """
 
     def at_rest(self) -> Strength:
-        """Return the limit at rest, at least what the rows without a power sum up to."""
+        """Return the limit at rest, which is at least the sum of the dry rows."""
         return Strength()
 
     @property
@@ -106,13 +107,13 @@ class FrictionTerm(Entry):
         return self
 
 
-#: The classes of terms that are no field of a scene's friction, by their keys.
+#: The added classes of terms, which are not fields of `schema.Friction`, by their keys.
 TERMS: dict[str, type[FrictionTerm]] = {}
 _Term = TypeVar("_Term", bound=FrictionTerm)
 
 
 def friction_term(name: str) -> Callable[[type[_Term]], type[_Term]]:
-    """Make a class of terms one that scene files know by a name: a decorator."""
+    """Decorate a class of terms: scene files can then use it as the key `name`."""
 
     def add(cls: type[_Term]) -> type[_Term]:
         TERMS[name] = cls
@@ -124,15 +125,15 @@ def friction_term(name: str) -> Callable[[type[_Term]], type[_Term]]:
 class Coefficients(Entry):
     """A static and a kinetic value of the same kind of friction."""
 
-    static: Annotated[NonNegative, key("up to which a joint at rest is held", 6.0, "N m or N")]
-    kinetic: Annotated[NonNegative, key("in motion, at most the static one", 5.0, "N m or N")]
+    static: Annotated[NonNegative, key("largest friction of a joint at rest", 6.0, "N m or N")]
+    kinetic: Annotated[NonNegative, key("friction in motion, at most `static`", 5.0, "N m or N")]
 
     @model_validator(mode="after")
     def _static_is_the_larger(self) -> Self:
         if self.static < self.kinetic:
             raise ValueError(
-                f"static {self.static:g} is less than kinetic {self.kinetic:g}: the two look "
-                "swapped (friction at rest is at least the friction in motion)"
+                f"static {self.static:g} is less than kinetic {self.kinetic:g}; probably swapped "
+                "(friction at rest is at least the friction in motion)"
             )
         return self
 
@@ -142,17 +143,15 @@ class Coefficients(Entry):
         return self.model_copy(update=both)
 
     def without_static(self) -> Self:
-        """Return the pair with the kinetic value at rest, too."""
+        """Return the pair with the kinetic value also at rest."""
         return self.model_copy(update={"static": self.kinetic})
 
 
 class LoadFriction(Coefficients, FrictionTerm):
-    """Friction of the bearing's load, mu c (paper eq. 20, 21)."""
+    """Friction in proportion to the bearing's load, mu c (paper eq. 20, 21)."""
 
-    static: Annotated[
-        NonNegative, key("coefficient up to which a joint at rest is held", 0.15, "1")
-    ]
-    kinetic: Annotated[NonNegative, key("coefficient in motion, at most the static one", 0.1, "1")]
+    static: Annotated[NonNegative, key("coefficient of static friction", 0.15, "1")]
+    kinetic: Annotated[NonNegative, key("coefficient in motion, at most `static`", 0.1, "1")]
 
     def at_rest(self) -> Strength:
         """See `FrictionTerm.at_rest`."""
@@ -164,7 +163,7 @@ class LoadFriction(Coefficients, FrictionTerm):
 
 
 class CoulombFriction(Coefficients, FrictionTerm):
-    """Friction that does not depend on the load, the same both ways (N m or N)."""
+    """Friction that does not depend on the load, equal in both directions (N m or N)."""
 
     def at_rest(self) -> Strength:
         """See `FrictionTerm.at_rest`."""
@@ -183,7 +182,8 @@ class DirectedCoulombFriction(FrictionTerm):
         key("against motion in the joint's positive direction", {"static": 6.0, "kinetic": 5.0}),
     ]
     negative: Annotated[
-        Coefficients, key("against motion in the other one", {"static": 4.5, "kinetic": 4.0})
+        Coefficients,
+        key("against motion in the negative direction", {"static": 4.5, "kinetic": 4.0}),
     ]
 
     def at_rest(self) -> Strength:
@@ -208,11 +208,11 @@ class DirectedCoulombFriction(FrictionTerm):
 
 
 def constant_friction(size: float) -> CoulombFriction | None:
-    """Return Coulomb friction (N m or N), the same at rest and in motion; None of 0."""
+    """Return Coulomb friction (N m or N), equal at rest and in motion; None for 0."""
     return CoulombFriction(static=size, kinetic=size) if size > 0 else None
 
 
-#: Friction that does not depend on the load, as a file gives it.
+#: Forms of `coulomb` in a file.
 Coulomb = Annotated[
     CoulombFriction | DirectedCoulombFriction, Forms(CoulombFriction, DirectedCoulombFriction)
 ]
@@ -226,7 +226,7 @@ class ViscousFriction(FrictionTerm):
     """
 
     coefficient: Annotated[
-        NonNegative, key("friction at that speed", 0.4, "N m or N at 1 rad/s or 1 m/s")
+        NonNegative, key("friction at 1 rad/s or 1 m/s", 0.4, "N m or N at 1 rad/s or 1 m/s")
     ]
     exponent: Annotated[
         Positive, Field(le=4.0), key("power of the speed, at most 4", 0.667, "1")
@@ -238,11 +238,11 @@ class ViscousFriction(FrictionTerm):
 
 
 def linear_drag(coefficient: float) -> ViscousFriction | None:
-    """Return friction proportional to the speed (N m s/rad or N s/m); None of 0."""
+    """Return friction proportional to the speed (N m s/rad or N s/m); None for 0."""
     return ViscousFriction(coefficient=coefficient) if coefficient > 0 else None
 
 
-#: `ViscousFriction`, also as a number; 0 is none.
+#: `ViscousFriction`, also as a number; None for 0.
 Viscous = (
     Annotated[
         ViscousFriction,
@@ -257,7 +257,7 @@ def falling(static: Strength, kinetic: Strength, stribeck: Stribeck | None) -> t
 
     Args:
         static, kinetic: strengths at rest and in fast motion.
-        stribeck: how; None: in a jump, the static strength is at rest only.
+        stribeck: the curve; None: a jump, so the static strength acts at rest only.
     """
     if stribeck is None:
         return ((CONSTANT, kinetic),)

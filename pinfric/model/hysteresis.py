@@ -1,8 +1,8 @@
-"""Hysteresis of gears against the friction of their joints: what a data sheet bounds.
+"""Comparison of a joint's friction with the hysteresis on the data sheet of its gear.
 
-A maker measures the hysteresis loss H at the output, the motor's side held: whatever rubs behind
-the spring shows there as f(b_forward) + f(b_backward). Friction that was identified from motor
-currents and is larger than H admits must sit before the spring, in the gear.
+A maker measures the hysteresis loss H at the output with the motor's side held. Friction b behind
+the spring causes H = f(b_forward) + f(b_backward). If the friction that was identified from motor
+currents is larger than H allows, the rest must act before the spring, in the gear.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pinfric.model.schema import Actuator, Friction
 from pinfric.model.springs import Spring, largest_friction, spring_of
 
 _ARCMIN = np.pi / 180.0 / 60.0
-#: By how much rounded figures may differ.
+#: Allowed relative difference of rounded figures.
 _ROUNDED = 1e-3
 
 
@@ -28,7 +28,7 @@ class Excess(NamedTuple):
         place: of the stated figure in the scene file.
         joint: its name.
         friction: at rest without load behind the spring, the mean of both directions (N m or N).
-        most: that the stated hysteresis admits.
+        most: friction that the stated hysteresis allows.
         implied, stated: whole width at zero torque, rad (m).
     """
 
@@ -41,27 +41,27 @@ class Excess(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Both figures, and what to do."""
+        """Both figures and the remedy."""
         implied, stated = self.implied / _ARCMIN, self.stated / _ARCMIN
         return (
             f"{self.stated:.3g} rad ({stated:.2g} arcmin) stated, {self.implied:.3g} rad "
             f"({implied:.2g} arcmin) implied by {self.friction:.4g} N m of friction.{self.joint}: "
-            f"at most {self.most:.3g} N m can rub behind the spring; the rest belongs into "
+            f"at most {self.most:.3g} N m of it can be behind the spring; the rest belongs in "
             "transmission.no_load_torque"
         )
 
 
 def load_free_friction(friction: Friction | None) -> Strength:
-    """Return the friction at rest that no load causes, in both directions (N m or N)."""
+    """Return the friction at rest without load, in both directions (N m or N)."""
     terms = [] if friction is None else [term.at_rest() for term in friction.terms]
     return Strength(0.0, sum(x.forward for x in terms), sum(x.backward for x in terms))
 
 
 def joint_hysteresis(spring: Spring, friction: Friction | None) -> float:
-    """Return f(b_forward) + f(b_backward), rad (m): the width at zero torque that friction makes.
+    """Return f(b_forward) + f(b_backward), rad (m): the hysteresis due to friction at zero torque.
 
     Args:
-        spring: of the gear. friction: of the joint behind it; None: it has none.
+        spring: of the gear. friction: of the joint behind it; None: no friction.
     """
     rubs = load_free_friction(friction)
     return float(spring.wind_up(rubs.forward) + spring.wind_up(rubs.backward))
@@ -72,7 +72,7 @@ def excessive_friction(
 ) -> Iterator[Excess]:
     """Yield the joints whose friction contradicts the hysteresis of their gear.
 
-    Coupled drives are left out: several joints rub behind each of their springs.
+    Coupled drives are left out, because the friction of several joints acts on their springs.
 
     Args:
         friction: by joint. actuators: of a scene.

@@ -1,6 +1,6 @@
-"""Kernels of loops: where links are and how they move, and what actions do to joints.
+"""Kernels of loops: poses and motion of links, and the effect of actions on joints.
 
-Everything here is in world axes; samples come first. `Linkage` names the tables.
+All quantities are in world axes, with one row per sample. `Linkage` describes the tables.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pinfric.kernels.compiled import kernel
 
 
 class Actions(NamedTuple):
-    """What the kernels of loops read: columns of `loops.Linkage`, then of `twin.Twin`."""
+    """Tables for the kernels of loops: columns of `loops.Linkage`, then of `twin.Twin`."""
 
     pair_kind: np.ndarray
     rotation: np.ndarray
@@ -55,7 +55,7 @@ def _cross(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
 
 @kernel
 def _normalize(a: np.ndarray) -> float:
-    """Write a / |a|, NaN where it has no direction; return |a|."""
+    """Write a / |a|, NaN if |a| = 0; return |a|."""
     length = np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
     for k in range(3):
         a[k] = a[k] / length if length > 0.0 else np.nan
@@ -118,7 +118,7 @@ def move_links(
     velocity: np.ndarray,
     acceleration: np.ndarray,
 ) -> None:
-    """Write how every link moves: of its joint's origin and of the link's rotation.
+    """Write velocity and acceleration of every link: of its joint's origin and its rotation.
 
     Accelerations are the classical ones: second derivatives of positions, without gravity.
 
@@ -167,7 +167,7 @@ def move_links(
 
 @kernel
 def _point(joint: int, local: np.ndarray, p: np.ndarray, R: np.ndarray, out: np.ndarray) -> None:
-    """Write where a point of a link is; joint -1 is the ground. p, R: (nj, 3), (nj, 3, 3)."""
+    """Write a point's position; joint -1 is the ground. p, R of the links: (nj, 3), (nj, 3, 3)."""
     if joint < 0:
         for c in range(3):
             out[c] = local[c]
@@ -194,7 +194,7 @@ def _orientation(joint: int, local: np.ndarray, R: np.ndarray, out: np.ndarray) 
 def act_on_joints(
     p: np.ndarray, R: np.ndarray, actions: Actions, X: np.ndarray, J: np.ndarray
 ) -> None:
-    """Write what each action does to the wrenches of all joints and to the generalized effort.
+    """Write the effect of each action on the wrenches of all joints and the generalized effort.
 
     Args:
         p, R: (n, nj, 3), (n, nj, 3, 3), `place_links`.
@@ -282,7 +282,7 @@ def _spread(
     X: np.ndarray,
     J: np.ndarray,
 ) -> None:
-    """Write what actions do to the wrenches of the joints that carry one side of them.
+    """Write the effect of actions on the wrenches of the joints that carry one side of them.
 
     Args:
         support: of the linkage.
@@ -329,14 +329,14 @@ def relate_pairs(
     tilt: np.ndarray,
     scale: np.ndarray,
 ) -> None:
-    """Write how far apart frames a and b are, along every action, and how that changes.
+    """Write the gap between frames a and b along every action, its rate and its second derivative.
 
-    Along a multiplier all three are zero where the loop is closed and stays so.
+    Along a multiplier all three are zero while the loop is closed.
 
     Args:
         p, R, velocity, acceleration: of the links (`place_links`, `move_links`).
         actions: or any record with its fields.
-        gap: (n, nx), overwritten: way (m) or angle (rad) of b from a; a cylinder's length.
+        gap: (n, nx), overwritten: displacement (m) or angle (rad) of b from a; a cylinder's length.
         rate, rate_derivative: (n, nx), overwritten: velocity that each action does work on.
         tilt: (n, np), overwritten: angle (rad) between the axes of frames a and b.
         scale: (n, np, 2), overwritten: size of the terms of the rates and their derivatives.
@@ -386,7 +386,7 @@ def _slip(
     slip: np.ndarray,
     scale: np.ndarray,
 ) -> None:
-    """Write how the frames of a pair move, and b relative to what of a is at the same place.
+    """Write the motion of the frames of a pair, and that of b relative to the body of a.
 
     With r from a to b and dots for derivatives in the world,
 
@@ -396,7 +396,7 @@ def _slip(
     Args:
         actions, pair: which pair of frames.
         links: p (nj, 3), R (nj, 3, 3), velocity (nj, 6), acceleration (nj, 6) of the links.
-        frames: (10, 3), overwritten: where a and b are, their axes, their rotations.
+        frames: (10, 3), overwritten: positions of a and b, their axes, their rotations.
         motion: (2, 4, 3), overwritten: of a and of b v, its derivative, omega, its derivative.
         slip: (4, 3), overwritten: s, its derivative in frame b, w, its derivative in frame b.
         scale: (2,), overwritten: size of the terms of a rate and of its derivative.
@@ -444,7 +444,7 @@ def _move_point(
     acceleration: np.ndarray,
     motion: np.ndarray,
 ) -> None:
-    """Write how a point of a link moves (4, 3): v, its derivative, omega, its derivative."""
+    """Write the motion of a point of a link (4, 3): v, its derivative, omega, its derivative."""
     for k in range(3):
         motion[0, k] = motion[1, k] = motion[2, k] = motion[3, k] = 0.0
     if joint < 0:
@@ -480,7 +480,7 @@ def _length(r: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
 
 @kernel
 def _turn_about_normal(ka: np.ndarray, kb: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
-    """Write how far two axes are from perpendicular, and how b turns about their normal n.
+    """Write the angle of two axes from perpendicular, and the rotation of b about their normal n.
 
         angle = -atan2(ka.kb, |ka x kb|),   rate = n.(omega_b - omega_a),   n = ka x kb / |ka x kb|
 
@@ -526,7 +526,7 @@ def _rotation_from_a_to_b(
     kb: np.ndarray,
     theta: np.ndarray,
 ) -> None:
-    """Write the rotation vector (world) that a loop must close: none, of its axis, or all."""
+    """Write the rotation vector (world) to be closed by a loop: none, that of its axis, or all."""
     for k in range(3):
         theta[k] = 0.0
     if rotation == 0 or rotation == 3:
@@ -548,4 +548,4 @@ def _rotation_from_a_to_b(
         for k in range(3):
             theta[k] *= factor
     elif cosine < 0.0:
-        theta[0] = np.pi  # turned over: any axis leads away from there
+        theta[0] = np.pi  # half a turn: any axis can be used

@@ -1,14 +1,14 @@
-"""Friction laws: from a site's velocity and normal load to the friction that opposes it.
+"""Friction laws: friction of a site as a function of its velocity and normal load.
 
 Sliding (paper eq. 20):     phi = -sign(v) (mu(|v|) c + coulomb(|v|) + drag(|v|))
 Sticking (paper eq. 21):    -(mu_s c + coulomb_s+) <= phi <= mu_s c + coulomb_s-
 Creeping:                   the same, plus anything from 0 to the drag
 
 with mu, coulomb and drag the sums of rows of the site's terms (`friction_terms`). Moving forward
-(v > 0) the positive Coulomb value acts, backwards the negative one. Creeping is at or below the
-stick velocity but not at 0: whether the joint moves is not known, so neither is its drag, and the
-sliding value just above the stick velocity lies in the interval just below it. A joint without dry
-friction has nothing to stick by: its drag acts at any speed.
+(v > 0) the positive Coulomb value acts, backward the negative one. A joint creeps if its speed is
+at or below the stick velocity but not 0: it is unknown whether it moves, so its drag is unknown,
+too, and the sliding value just above the stick velocity lies in the interval just below it. A joint
+without dry friction never sticks: its drag acts at any speed.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class FrictionLaw:
 
     Attributes:
         static: the limits at rest.
-        kinetic: what is constant in motion.
-        viscous: N m s/rad or N s/m; apart from the rows because time steps take it implicitly.
-        rows: the rest of friction in motion, one row per shape.
+        kinetic: the constant part in motion.
+        viscous: N m s/rad or N s/m; separate from the rows because time steps treat it implicitly.
+        rows: the other parts of friction in motion, one row per shape.
         stick_velocity: at or below this speed the site sticks (rad/s or m/s).
     """
 
@@ -44,7 +44,7 @@ class FrictionLaw:
 
     @property
     def dry(self) -> bool:
-        """Whether it can stick: anything is left of its friction at rest."""
+        """Whether it can stick, because it has friction at rest."""
         return any(strength > 0.0 for strength in self.static)
 
 
@@ -76,12 +76,12 @@ class Laws(NamedTuple):
     """The friction laws of all sites, as arrays for kernels.
 
     Attributes:
-        mu_static, mu_kinetic: (ns,) factor of the load at rest, and what is constant in motion.
-        coulomb_static, coulomb_kinetic: (ns, 2) the same that does not depend on the load, against
-            forward and backward motion (N m or N).
+        mu_static, mu_kinetic: (ns,) factor of the load at rest, and its constant part in motion.
+        coulomb_static, coulomb_kinetic: (ns, 2) the same for friction that does not depend on the
+            load, against forward and backward motion (N m or N).
         viscous: (ns,) N m s/rad or N s/m.
         stick_velocity: (ns,) rad/s or m/s.
-        row_start, row_end: (ns,) which rows are a site's.
+        row_start, row_end: (ns,) range of the rows of each site.
         mu, coulomb: (nr,), (nr, 2) strength of each row.
         power, velocity, exponent: (nr,) its shape, s^power exp(-(s / velocity)^exponent).
     """
@@ -107,7 +107,7 @@ class Laws(NamedTuple):
 
     @property
     def loaded(self) -> np.ndarray:
-        """(ns,) bool, whether the load matters to a site's friction."""
+        """(ns,) bool, whether a site's friction depends on the load."""
         spans = zip(self.row_start, self.row_end, strict=True)
         more = np.array([self.mu[start:end].any() for start, end in spans], dtype=bool)
         return np.asarray((self.mu_static > 0.0) | (self.mu_kinetic > 0.0) | more)
@@ -144,14 +144,14 @@ def law_table(laws: Sequence[FrictionLaw]) -> Laws:
 
 
 class Law(NamedTuple):
-    """A site's law of friction at one velocity: figures against which direction, all positive.
+    """A site's law of friction at one velocity; all figures are positive, against the motion.
 
     Attributes:
         static_mu, static_forward, static_backward: limits at rest: factor of the load, and N m or N
             against forward and backward motion.
-        mu, forward, backward: the same in motion, dry: what does not vanish at rest.
-        drag_mu, drag: what vanishes at rest, against this velocity, but for `viscous`.
-        drag_mu_slope, drag_slope: their derivatives by the speed, above `STEEP`.
+        mu, forward, backward: the same in motion, for dry friction, which does not vanish at rest.
+        drag_mu, drag: friction that vanishes at rest, against this velocity, without `viscous`.
+        drag_mu_slope, drag_slope: their derivatives by the speed, valid above `STEEP`.
         viscous: N m s/rad or N s/m.
     """
 
@@ -185,8 +185,8 @@ def law_at(laws: Laws, site: int, velocity: float, slopes: bool = False) -> Law:
     Args:
         laws: `law_table`.
         site: row of it.
-        velocity: rad/s or m/s; its sign says against which direction drag acts.
-        slopes: whether those of drag are asked for; else they are 0.
+        velocity: rad/s or m/s; drag acts against it.
+        slopes: whether to compute the slopes of drag; else they are 0.
     """
     speed, against = abs(velocity), 0 if velocity > 0.0 else 1
     mu = laws.mu_kinetic[site]
@@ -233,7 +233,7 @@ def is_dry(law: Law) -> bool:
 
 @inlined_kernel
 def laws_of_row(laws: Laws, row: int) -> Laws:
-    """Return one row of laws whose strengths have rows before: (n, ns) in place of (ns,)."""
+    """Return one row of laws whose strengths have a leading axis: (n, ns) in place of (ns,)."""
     return Laws(
         laws.mu_static[row],
         laws.mu_kinetic[row],
@@ -261,14 +261,14 @@ def friction_bounds(
     upper: np.ndarray,
     sticking: np.ndarray,
 ) -> None:
-    """Write the least and greatest friction of each site, and where it sticks.
+    """Write the least and greatest friction of each site, and whether it sticks.
 
     Args:
         velocity: (n, ns), child relative to parent (rad/s or m/s).
         load: (n, ns), normal load (N m or N).
         laws: `law_table`.
         at_rest: (n, ns), True where a velocity crosses zero between samples: the interval of
-            standstill then encloses the sliding value.
+            standstill is then extended to contain the sliding value.
         lower, upper: (n, ns), friction of the parent on the child along the joint's positive
             direction, overwritten; equal where the site slides.
         sticking: (n, ns), overwritten; |velocity| <= stick velocity.
@@ -283,7 +283,7 @@ def friction_bounds(
             limit_backward = law.static_mu * c + law.static_backward
             drag = law.viscous * v + np.copysign(law.drag_mu * c + law.drag, v)
             if sticks:
-                dry = is_dry(law)  # else it has nothing to stick by
+                dry = is_dry(law)  # else it cannot stick
                 lower[i, s] = -limit_forward - (max(drag, 0.0) if dry else drag)
                 upper[i, s] = limit_backward - (min(drag, 0.0) if dry else drag)
                 continue

@@ -1,4 +1,4 @@
-"""Loops and drives off the joints: pairs of frames between which forces act.
+"""Loops, and drives that are not on joints: pairs of frames between which forces act.
 
 A loop closes at frame a (on link A) and frame b (on link B); a cylinder pushes between two points,
 a force between a link and the world. All of them are *actions*: a unit wrench of side a on side b
@@ -7,9 +7,9 @@ wrench that joint j transmits, and the generalized effort, by
 
     w_j += X_j x,     tau += J^T x,     J^T = -E^T X
 
-(paper eq. 10-15 for forces between two bodies). Joints that carry both sides feel nothing: the two
-wrenches cancel there exactly. Columns stand in the order: drives off the joints, multipliers lambda
-of the loops, friction of the loops' joints.
+(paper eq. 10-15 for forces between two bodies). On joints that carry both sides an action has no
+effect: the two wrenches cancel exactly. The order of columns is: drives off the joints, multipliers
+lambda of the loops, friction of the loops' joints.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from pinfric.model.schema import (
     PointForce,
 )
 
-#: How a pair of frames acts. A `SLIDING` loop's frame b moves along frame a's axis; a `UNIVERSAL`
-#: one's moment is about the common normal of two axes, which turns with the configuration as the
-#: line of a cylinder does.
+#: Kinds of pairs. In a `SLIDING` loop frame b moves along frame a's axis. The moment of a
+#: `UNIVERSAL` loop is about the common normal of two axes, which depends on the configuration, as
+#: does the line of a cylinder.
 LOOP, CYLINDER, FORCE, UNIVERSAL, SLIDING = range(5)
 #: Directions closed: none, those across the axis, all, the common normal of two axes.
 _NONE, _ACROSS, _ALL, _NORMAL = range(4)
@@ -49,7 +49,7 @@ _KINDS = {
     "cylindrical": (_ACROSS, _ACROSS, SLIDING),
     "universal": (_ALL, _NORMAL, UNIVERSAL),
 }
-#: Kind of a loop that moves in one way only -> whether it slides (or else turns).
+#: Kind of a loop with one degree of freedom -> whether it slides (or else turns).
 _ONE_WAY = {"revolute": False, "planar_pin": False, "prismatic": True}
 
 
@@ -70,25 +70,25 @@ class Linkage:
     """All loops and drives off the joints as arrays for the kernels.
 
     Attributes:
-        loops, drives: what they came from.
+        loops, drives: the loops and the drives off the joints.
         pair_kind: (np,) `LOOP`, `CYLINDER`, `FORCE`, `UNIVERSAL`, `SLIDING`; the loops come first.
         rotation: (np,) which rotations are closed: 0 none, 1 tilting of the axis, 2 all, 3 about
             the common normal of two axes.
         frame_joint: (np, 2) row of the joint that carries frame a, b; -1 is the ground.
-        frame_p, frame_R: (np, 2, 3), (np, 2, 3, 3) the frame in that joint's frame; a universal's
-            frame a is turned so that its axis has there the coordinates that `axis_b` has in b.
+        frame_p, frame_R: (np, 2, 3), (np, 2, 3, 3) the frame in that joint's frame; frame a of a
+            universal loop is turned so that its axis has the coordinates of `axis_b` in frame b.
         pair_axis: (np, 3) unit axis in both frames.
         column_pair: (nx,) pair of each column.
         unit: (nx, 6) unit wrench of a on b in frame b, linear first; zero for a cylinder, whose
-            force follows the line between its ends; a universal's moment, about the common
-            normal, has `pair_axis` there. The columns of `action_maps` hold what they are.
+            force is along the line between its ends; `pair_axis` for the moment of a universal
+            loop, which is about the common normal. `action_maps` computes the actual wrenches.
         support: (nx, nj) int8: 1 where a joint carries side b only, -1 side a only, 0 both or none.
         off_joint: columns [0, off_joint) are drives,
         multipliers: columns [off_joint, off_joint + multipliers) are lambda, the rest friction.
         friction_column: (np,) first friction column of each pair, -1 without friction; a spherical
             joint has three, a cylinder its drive's column.
-        rest_gap: (nx,) the gap where a column is closed: 0, but for cylinders that stand still.
-        size: m, a length of the mechanism that gaps are compared with.
+        rest_gap: (nx,) the gap of a closed column: 0, except for cylinders that stand still.
+        size: m, a length of the mechanism, with which gaps are compared.
         standing: columns of loops' joints and of cylinders that stand still, see `stand_still`.
     """
 
@@ -117,7 +117,7 @@ class Linkage:
 
     @cached_property
     def closed(self) -> np.ndarray:
-        """The columns (nc,) along which nothing moves: multipliers, then what stands still."""
+        """The columns (nc,) without motion: multipliers, then joints and drives at a standstill."""
         return np.concatenate([np.arange(self.off_joint, self.solved), self.standing])
 
     @cached_property
@@ -160,8 +160,8 @@ def make_linkage(
         source: the scene, for messages.
 
     Raises:
-        SceneError: a name that is not there or stands twice, an axis or direction of length zero,
-            two sides on one body, friction that does not fit its loop.
+        SceneError: an unknown or duplicate name, an axis or direction of length zero, both sides on
+            one body, friction that does not fit its loop.
     """
     _check_names(model, loops, source)
     pairs = [_loop_pair(model, loop, f"{source}: {loop_place(loops, loop.name)}") for loop in loops]
@@ -194,7 +194,7 @@ def make_linkage(
 
 
 def no_linkage(model: pin.Model) -> Linkage:
-    """Return the tables of an open chain: no loop, and no drive off its joints."""
+    """Return the empty tables of an open chain without drives off its joints."""
     return make_linkage(model, (), (), {}, "")
 
 
@@ -229,16 +229,16 @@ def _friction_columns(
 def stand_still(
     linkage: Linkage, before: Linkage, columns: np.ndarray, place: Sequence[pin.SE3]
 ) -> Linkage:
-    """Return the linkage some of whose loops' joints stand still, as fixed ones do.
+    """Return the linkage with some joints of loops, or cylinders, fixed at their positions.
 
-    Frame a is moved to where frame b is: all gaps of the two are then zero for as long as the joint
-    stands. A cylinder keeps its length. What a force drives has no place to keep: it stays free.
+    Frame a is moved to frame b, so all gaps of the two are zero while the joint stands still. A
+    cylinder keeps its length. A point that a force drives has no position to keep and stays free.
 
     Args:
         linkage: in which nothing stands still.
-        before: the same, in which some joints do: those keep their frames.
+        before: the same linkage with joints that stand still already; they keep their frames.
         columns: of the joints and drives that stand still.
-        place: where the joints of the tree are in the world, the ground first.
+        place: poses of the joints of the tree in the world, the ground first.
     """
     kind, rotation = linkage.pair_kind.copy(), linkage.rotation.copy()
     p, R, gap = linkage.frame_p.copy(), linkage.frame_R.copy(), linkage.rest_gap.copy()
@@ -301,7 +301,7 @@ def _drives(
             row = loop_rows[actuator.joint]
             if actuator.couples:
                 raise SceneError(
-                    f"{where}: couples: loop {actuator.joint!r} closes here; only "
+                    f"{where}: couples: {actuator.joint!r} is the joint of a loop; only "
                     "drives on joints of the tree can be coupled"
                 )
             if loops[row].kind not in _ONE_WAY:
@@ -338,15 +338,15 @@ def check_loop_friction(loop: Loop, friction: Friction, where: str) -> None:
     """Check that friction fits the joint that closes a loop.
 
     Raises:
-        SceneError: a bearing of another kind of joint, friction where nothing moves.
+        SceneError: a bearing of another kind of joint, friction of a fixed loop.
     """
     if loop.kind == "fixed":
-        raise SceneError(f"{where}: a fixed loop does not move: it has no friction")
+        raise SceneError(f"{where}: a fixed loop cannot move, so it has no friction; remove it")
     if loop.kind in ("cylindrical", "universal"):
         raise SceneError(
-            f"{where}: a {loop.kind} loop moves in two ways at once, which one "
-            "friction cannot describe: make it a link without mass between two "
-            "joints, each with its own"
+            f"{where}: a {loop.kind} loop has two degrees of freedom and cannot have "
+            "friction; replace it by two joints with a massless link between "
+            "them, each joint with its own friction"
         )
     check_bearing(friction, f"{loop.kind} loop", where)
     for name, term in friction.named_terms.items() if loop.kind == "spherical" else ():
@@ -375,7 +375,7 @@ def slides(loop: Loop) -> bool:
 
 
 def _free_direction(kind: str, axis: np.ndarray) -> np.ndarray:
-    """Unit wrench (6,) along the one motion that a loop's joint leaves free."""
+    """Unit wrench (6,) along the one free motion of a loop's joint."""
     none = np.zeros(3)
     return np.concatenate([axis, none] if _ONE_WAY[kind] else [none, axis])
 
@@ -401,10 +401,10 @@ def _loop_pair(model: pin.Model, loop: Loop, where: str) -> dict[str, Any]:
 
 
 def loop_frame(model: pin.Model, loop: Loop, side: str, where: str) -> tuple[int, pin.SE3]:
-    """Return the row of the joint that carries side "a" or "b" of a loop, the frame's place there.
+    """Return the row of the joint that carries side "a" or "b" of a loop, and the frame's pose.
 
     Raises:
-        SceneError: no such link; begins with `where`, the loop's entry.
+        SceneError: unknown link; begins with `where`, the loop's entry.
     """
     entry = loop.a if side == "a" else loop.b
     local = pin.SE3(pin.rpy.rpyToMatrix(*entry.rpy), np.array(entry.xyz))
@@ -471,7 +471,7 @@ def _direction(given: Sequence[float], where: str) -> np.ndarray:
     direction = np.array(given, dtype=float)
     length = float(np.linalg.norm(direction))
     if length < 1e-9:
-        raise SceneError(f"{where}: {list(given)} has no direction")
+        raise SceneError(f"{where}: {list(given)} has no direction; its length must not be 0")
     return direction / length
 
 
@@ -492,7 +492,7 @@ def _closed_directions(kind: str, axis: np.ndarray) -> list[np.ndarray]:
 
 
 def _support(model: pin.Model, joints: np.ndarray) -> np.ndarray:
-    """(nx, nj) which side of each column every joint carries."""
+    """(nx, nj) the side of each column that every joint carries."""
     nj = model.njoints - 1
     table = np.zeros((len(joints), nj), dtype=np.int8)
     for column, (a, b) in enumerate(joints.tolist()):

@@ -1,7 +1,7 @@
-"""What a figure of a machine can be, in SI units.
+"""Bounds on the figures of a machine, in SI units.
 
-Within these bounds the powers and products that friction, dynamics and sizing form of the figures
-are numbers; beyond them they overflow, and a result would be infinite or none without a word.
+Within these bounds the powers and products in friction, dynamics and sizing stay finite. Beyond
+them they overflow, and results would silently be infinite or NaN.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ LARGEST = 1e12
 SMALLEST = 1e-12
 #: Of a motion (rad, m, s and rates): accelerations near a toggle grow with the speed's square.
 LARGEST_OF_A_MOTION = 1e18
-#: s, three centuries: a longer time is a unit error, and its steps drown in rounding.
+#: s, three centuries: a longer time is a unit error, and its time steps are lost in rounding.
 LONGEST_TIME = 1e10
 
 
 def impossible(array: np.ndarray, largest: float = LARGEST_OF_A_MOTION) -> np.ndarray:
-    """Return a mask of what is not finite or larger than any machine's."""
+    """Return a mask of values that are not finite or impossibly large."""
     return np.asarray(~(np.abs(array) <= largest))

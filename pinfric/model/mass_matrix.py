@@ -1,4 +1,4 @@
-"""Mass matrices of a whole batch, and Jacobians of a frame, from the poses of all links.
+"""Mass matrices and frame Jacobians of a whole batch, from the poses of all links.
 
 With S_j the unit twists of a joint and I_j^c the inertia of its link and all beyond it, both at the
 world's origin and in the world's axes,
@@ -25,7 +25,7 @@ class Bodies(NamedTuple):
 
     Attributes:
         mass, com, inertia: (nj,), (nj, 3), (nj, 3, 3) in the joint's frame, about the com.
-        joint, column: (ns,) of each unit twist: whose it is, and which velocity it goes with.
+        joint, column: (ns,) the joint of each unit twist, and its column of the velocity.
         twist: (ns, 6) in the joint's frame, linear first; a mimic joint's times its ratio.
         first: (nj + 1,) twists of joint j are first[j] to first[j + 1].
     """
@@ -43,8 +43,8 @@ def mass_matrices(twin: Twin, q: np.ndarray) -> np.ndarray:
     """Return M(q) (n, nv, nv) of configurations (n, nq), rotors (armatures) left out.
 
     Args:
-        twin: the robot with what it carries.
-        q: rad, m; samples that repeat the one before are not computed again.
+        twin: the robot with its payloads.
+        q: rad, m; samples equal to the one before are not computed again.
     """
     moved = np.append(True, (q[1:] != q[:-1]).any(axis=1))
     p, R = link_poses(twin, q[moved])
@@ -54,7 +54,7 @@ def mass_matrices(twin: Twin, q: np.ndarray) -> np.ndarray:
 
 
 def link_poses(twin: Twin, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return places (n, nj, 3) and axes (n, nj, 3, 3) of the joints' child frames in the world."""
+    """Return positions (n, nj, 3) and axes (n, nj, 3, 3) of the joints' child frames, world."""
     still = np.zeros((len(q), twin.nv))
     p, R = np.empty((len(q), twin.n_joints, 3)), np.empty((len(q), twin.n_joints, 3, 3))
     place_links(embedded(twin, q, still, still)[0], *tree_tables(twin), p, R)
@@ -100,7 +100,7 @@ def _bodies(twin: Twin) -> Bodies:
 def _write_twist(
     p: np.ndarray, R: np.ndarray, i: int, j: int, twist: np.ndarray, k: int, S: np.ndarray
 ) -> None:
-    """Write twist k of joint j as the world sees it: velocity at its origin, then rate."""
+    """Write twist k of joint j in world axes: velocity at the world's origin, then rotation."""
     for r in range(3):
         x, y, z = R[i, j, r, 0], R[i, j, r, 1], R[i, j, r, 2]
         S[k, r] = x * twist[k, 0] + y * twist[k, 1] + z * twist[k, 2]

@@ -1,8 +1,8 @@
-"""Which motions of a scene its drives move: freedoms, undriven velocities, redundant drives.
+"""Mobility of a scene: degrees of freedom, undriven velocities, redundant drives.
 
-Loops leave the velocities v with J_c v = 0; drives of rates S v move those of them that some row of
-S sees. A drive without which [J_c; S] has the same rank is redundant: how it shares the work with
-others does not follow from a motion.
+Loops allow the velocities v with J_c v = 0; the drives have the rates S v. A velocity with S v = 0
+is undriven. A drive without which [J_c; S] has the same rank is redundant: the motion does not
+determine how it shares the work with others.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from pinfric.model.twin import Twin
 
 @dataclass(frozen=True)
 class Mobility:
-    """What moves, and what moves it.
+    """Degrees of freedom and how they are driven.
 
     Attributes:
-        freedoms: degrees of freedom that the loops leave.
-        undriven: velocities that no drive moves, as many as freedoms are undriven.
-        redundant: places of the drives whose part in the work a motion leaves open.
+        freedoms: number of degrees of freedom that the loops allow.
+        undriven: velocities that no drive moves, one for each undriven degree of freedom.
+        redundant: indices of the drives whose share of the work the motion does not determine.
     """
 
     freedoms: int
@@ -40,12 +40,12 @@ class Mobility:
     redundant: tuple[int, ...]
 
     def counts(self, drives: int) -> str:
-        """Say how many drives there are for how many freedoms."""
+        """Return the numbers of drives and of degrees of freedom as a text."""
         return f"{drives} for {self.freedoms} degree{'' if self.freedoms == 1 else 's'} of freedom"
 
 
 def mobility_of_tree(nv: int, drives: Sequence[Drive]) -> Mobility:
-    """Find what drives on the joints of an open chain move."""
+    """Return the mobility of an open chain with drives on its joints."""
     on = [drive.velocity_index for drive in drives]
     undriven = tuple(v for v in range(nv) if v not in on)
     return Mobility(nv, undriven, tuple(d for d, v in enumerate(on) if on.count(v) > 1))
@@ -59,13 +59,13 @@ def mobility_of_linkage(
     source: str,
     doubts: Mapping[str, str],
 ) -> Mobility:
-    """Find what the drives of a scene with loops, cylinders or forces move.
+    """Return the mobility of a scene with loops, cylinders or forces.
 
     Args:
         twin, linkage: the robot, its loops and drives off the joints.
         drives: all of the scene.
-        start: (nq,) a configuration near which the loops close; others are looked at besides, so
-            that none is special.
+        start: (nq,) a configuration near which the loops close; others are used as well, because
+            it may be special.
         source: the scene, for messages.
         doubts: loop -> which of its axes are nearly parallel (`alignment.Alignment`).
 

@@ -1,4 +1,4 @@
-"""From a URDF to a checked `pin.Model`: what Pinocchio reads silently is looked at here first."""
+"""Read a URDF into a checked `pin.Model`; finds errors that Pinocchio reads silently."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from pinfric.model.urdf import (
 from pinfric.model.urdf_file import read_xml
 from pinfric.model.yamlfile import brief, brief_path
 
-#: An eigenvalue of the mass matrix below zero by this part of the largest is rounding.
+#: A negative eigenvalue of the mass matrix within this fraction of the largest is rounding.
 _ROUNDING = 1e-12
 #: Poses at which a robot with negative moments of inertia is tested, and as many near the worst.
 _POSES = 300
 
 
-#: What a bundled robot's name begins with.
+#: Prefix of a bundled robot's name.
 BUNDLED = "example-robot-data:"
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A URDF as read: the model, what Pinocchio leaves unread, and where its meshes are."""
+    """A URDF as read: the model, data that Pinocchio does not read, and folders of its meshes."""
 
     model: pin.Model
     urdf: Path
@@ -53,7 +53,7 @@ class Robot:
 
     @property
     def gears(self) -> dict[str, float]:
-        """Joint of the model -> its reduction, where that is a gear: not 1, not 0, finite."""
+        """Joint of the model -> its reduction, for gears: finite, neither 0 nor 1."""
         return {
             name: ratio
             for name, ratio in self.reductions.items()
@@ -84,10 +84,10 @@ def locate_urdf(locator: str, relative_to: Path) -> Path:
 
 
 def urdf_file(name: str | Path) -> Path:
-    """Return the file that a user names, or that a scene would name as a bundled robot.
+    """Return the URDF of a path, or of the name of a bundled robot as in a scene.
 
     Raises:
-        RobotError: there is none.
+        RobotError: there is no such file.
     """
     if str(name).startswith(BUNDLED):
         return locate_urdf(str(name), Path())
@@ -97,14 +97,14 @@ def urdf_file(name: str | Path) -> Path:
 
 
 def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
-    """Read and check a URDF, honour mimic joints, and fix the joints in `locked`.
+    """Read and check a URDF, with its mimic joints, and fix the joints in `locked`.
 
     Args:
         urdf: the file.
         locked: joint name -> position (rad or m) at which it is fixed and removed.
 
     Raises:
-        RobotError: not XML, not a URDF, a mass, inertia or axis that cannot be, an unknown joint.
+        RobotError: not XML, not a URDF, an impossible mass, inertia or axis, an unknown joint.
     """
     root = read_xml(urdf)
     check_urdf(root, urdf)
@@ -115,7 +115,7 @@ def read_robot(urdf: Path, locked: Mapping[str, float]) -> Robot:
 
 
 def mesh_folders(urdf: Path) -> tuple[Path, ...]:
-    """Return where `package://` names may begin: beside the URDF and above it, then the bundled."""
+    """Return folders for `package://` names: the URDF's, those above it, then the bundled one."""
     share = example_robot_data()
     return (*urdf.resolve().parents, share.parents[1], share.parent, share)
 
@@ -129,7 +129,7 @@ def _build(root: ElementTree.Element, urdf: Path, locked: Mapping[str, float]) -
             )
     mimics = followers(root)
     positions = with_followers(locked, mimics)
-    # Pinocchio cannot reduce a model around a mimic joint: without one left, leave mimicry out.
+    # Pinocchio cannot reduce a model with a mimic joint: if all are locked, build it without them.
     mimic = bool(mimics.keys() - positions.keys())
     if mimic and mimics.keys() & positions.keys():
         raise RobotError(
@@ -158,9 +158,9 @@ def _build(root: ElementTree.Element, urdf: Path, locked: Mapping[str, float]) -
 def check_kinetic_energy(model: pin.Model, source: str) -> None:
     """Refuse a robot with negative kinetic energy, v^T M v / 2 < 0, for some q, v.
 
-    Where every body's moments are positive, M is positive definite at every pose. Links with
-    negative moments are accepted if others make up for them at all poses that a search within the
-    joints' ranges tries.
+    If every body's moments are positive, M is positive definite at every pose. Links with negative
+    moments are accepted if M is positive definite at all poses that a search within the joints'
+    ranges tries.
     """
     if model.nv == 0:
         return
@@ -184,7 +184,7 @@ def check_kinetic_energy(model: pin.Model, source: str) -> None:
             if j.idx_v <= column < j.idx_v + j.nv
         )
         raise RobotError(
-            f"{source}: what joint {joint!r} moves has a negative kinetic energy at "
+            f"{source}: the links that joint {joint!r} moves have a negative kinetic energy at "
             f"q = {np.array2string(worst, precision=3, separator=', ', max_line_width=10_000)}; "
             "correct the <inertia> of its links"
         )
@@ -193,7 +193,7 @@ def check_kinetic_energy(model: pin.Model, source: str) -> None:
 def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.ndarray:
     """Return the pose (nq,) with the least value among random ones within the joints' ranges.
 
-    Around the best one, ever smaller changes are tried.
+    Smaller and smaller changes of the best one are tried.
     """
     rng, neutral = np.random.default_rng(0), pin.neutral(model)
     lower, upper = (
@@ -216,11 +216,11 @@ def _worst_pose(model: pin.Model, value: Callable[[np.ndarray], float]) -> np.nd
 
 
 def with_followers(locked: Mapping[str, float], mimics: Mapping[str, Mimic]) -> dict[str, float]:
-    """Return `locked`, plus each mimic joint whose leader is locked, where it follows to.
+    """Return `locked`, plus each mimic joint whose leader is locked, at its position.
 
     Args:
         locked: joint -> position (rad or m).
-        mimics: joint -> what it mimics (`followers`).
+        mimics: joint -> the joint it mimics (`followers`).
     """
     positions = dict(locked)
     for name, mimic in mimics.items():
@@ -255,7 +255,7 @@ def _leaders_first(root: ElementTree.Element) -> pin.Model:
     root = copy.deepcopy(root)
     joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
     mimics = [mimic for joint in joints.values() for mimic in joint.findall("mimic")]
-    leading: set[str] = set()  # leaders, and all joints on the way to them
+    leading: set[str] = set()  # leaders, and all joints between them and the root
     below = {link_of(joint, "child"): name for name, joint in joints.items()}
     for name in {str(mimic.get("joint")) for mimic in mimics}:
         above: str | None = name
@@ -276,7 +276,7 @@ def _leaders_first(root: ElementTree.Element) -> pin.Model:
 
 
 class _silent_stderr:  # noqa: N801 - used like a function
-    """Catch what C libraries print to stderr: urdfdom gives its reasons only there."""
+    """Capture stderr of C libraries: urdfdom reports its reasons only there."""
 
     def __enter__(self) -> Any:
         import tempfile
@@ -286,7 +286,7 @@ class _silent_stderr:  # noqa: N801 - used like a function
         os.dup2(self._file.fileno(), 2)
 
         def said() -> str:
-            """The first reason; the lines after it say where in urdfdom it was noticed."""
+            """The first reason; the lines after it are places in urdfdom."""
             self._file.seek(0)
             lines = self._file.read().decode(errors="replace").splitlines()
             reasons = [line.split("Error:")[1].strip() for line in lines if "Error:" in line]
@@ -319,7 +319,7 @@ def link_frame(model: pin.Model, link: str) -> int:
     return int(model.getFrameId(link, pin.FrameType.BODY))
 
 
-#: What of a model people change, in the order it is named; the rest is its structure.
+#: Parts of a model that users change, in the order of the message; the rest is its structure.
 _CHANGEABLE = (
     "gravity",
     "inertias",
@@ -334,7 +334,7 @@ _CHANGEABLE = (
 
 
 def changed_parts(model: pin.Model, other: pin.Model) -> list[str]:
-    """Return the names of what differs in two models: masses, places, limits and the like."""
+    """Return the names of the parts that differ in two models: masses, placements, limits, ..."""
 
     def differs(name: str) -> bool:
         ours, theirs = getattr(model, name), getattr(other, name)
@@ -342,7 +342,7 @@ def changed_parts(model: pin.Model, other: pin.Model) -> list[str]:
             return bool(ours != theirs)
         if isinstance(ours, np.ndarray):
             return not np.array_equal(ours, theirs, equal_nan=True)
-        # Pinocchio's lists compare by identity, what is in them by value
+        # Pinocchio's lists compare by identity, their elements by value
         return len(ours) != len(theirs) or any(a != b for a, b in zip(ours, theirs, strict=True))
 
     return [name for name in _CHANGEABLE if differs(name)]
@@ -358,14 +358,14 @@ def with_payloads(model: pin.Model, payloads: Mapping[str, Payload]) -> pin.Mode
 
 
 def mention_reductions(robot: Robot, where: str) -> None:
-    """Warn of gears the URDF names: a ratio alone says nothing of losses, so it is not used."""
+    """Warn about gears in the URDF: they have ratios but no losses, so they are not used."""
     gears = robot.gears
     if gears:
         ratios = ", ".join(f"{name} {ratio:g}" for name, ratio in list(gears.items())[:4])
         more = f" and {len(gears) - 4} more" if len(gears) > 4 else ""
         warnings.warn(
-            f"{where}: the URDF's <transmission> gives reductions ({ratios}{more}); motors are "
-            "taken at the joints until `actuators` names ratio, losses and inertia",
+            f"{where}: the URDF's <transmission> gives reductions ({ratios}{more}), which are not "
+            "used; to get motor torques, give ratio, losses and inertia in `actuators`",
             PinfricWarning,
             stacklevel=3,
         )

@@ -1,4 +1,4 @@
-"""A scene: a robot, the friction in its joints, its drives and what it carries."""
+"""A scene: a robot, the friction in its joints, its drives and its payloads."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class Site:
 
     Attributes:
         name: the joint's, loop's or cylinder's name.
-        joint: its row in the twin; those of loops, then of cylinders follow those of the tree.
+        joint: its row in the twin; rows of loops, then of cylinders, follow those of the tree.
         sliding: True for a prismatic joint or a cylinder (friction in N), else False (N m).
-        velocity_index, ratio: its velocity is ratio * v[velocity_index] (ratio 1 but for mimics);
-            -1 for a loop's joint and for a cylinder.
+        velocity_index, ratio: its velocity is ratio * v[velocity_index] (ratio 1 except for mimic
+            joints); -1 for a loop's joint and for a cylinder.
         axis: (3,) unit joint axis in the child's frame (a loop: in frame b; a cylinder: z).
-        law: how friction follows from the load and the velocity.
+        law: friction as a function of load and velocity.
         friction: the scene's entry.
         pair: row of the loop, or of the cylinder among the pairs of the linkage; -1 for a joint of
             the tree.
@@ -98,7 +98,7 @@ def expect_scene(scene: object, where: str) -> None:
 
     Args:
         scene: what was given.
-        where: the function it was given to.
+        where: the function that was called.
 
     Raises:
         SceneError: says how to make one.
@@ -112,33 +112,33 @@ def expect_scene(scene: object, where: str) -> None:
 
 @dataclass(frozen=True)
 class Scene:
-    """A robot with friction in its joints; everything the dynamics need, and nothing that changes.
+    """A robot with friction in its joints: the immutable input of all dynamics.
 
-    What follows from it is computed once. `with_` makes a changed scene of it; a change of
-    `scene.model` itself is refused at the next use (`check_unchanged`).
+    Derived quantities are computed once. `with_` returns a changed scene; a change of `scene.model`
+    itself is refused at the next use (`check_unchanged`).
 
     Args:
         model: Pinocchio's model, without the payloads; copied.
-        friction: joint name -> friction, as `Friction` or as the mapping a scene file holds.
+        friction: joint name -> friction, as `Friction` or as the mapping of a scene file.
         actuators: the drives; None is one ideal drive per joint. The columns of efforts are in the
             order of `actuator_names`, which may differ from that of this list.
-        payloads: name -> payload; those with `attached` are carried unless a trajectory says else.
+        payloads: name -> payload; those with `attached` are carried unless a trajectory differs.
         stick_velocity: default of all sites (rad/s or m/s).
-        robot: the URDF it came from, for meshes; None for a model made in Python.
-        simulation: what `pinfric simulate` runs.
+        robot: the URDF, for meshes; None for a model made in Python.
+        simulation: input of `pinfric simulate`.
         source: the file's name, for messages.
-        loops: joints that close loops, as `Loop` or as the mappings a scene file holds.
+        loops: joints that close loops, as `Loop` or as the mappings of a scene file.
         redundancy_length: l (m): where reactions are not unique, the sum over all joints of
-            |F|^2 + |M/l|^2 is least.
-        loop_tolerance: by how much axes along loops may miss being parallel or perpendicular, and
-            frames each other, where they are then made to fit (`alignment`).
-        tool: link whose frame is the tool's: where elastic gears let it stand is asked of it.
+            |F|^2 + |M/l|^2 is minimized.
+        loop_tolerance: largest errors of parallel or perpendicular axes along loops, and of the
+            loops' frames, that are corrected (`alignment`).
+        tool: link whose frame is the tool's, for its position error due to elastic gears.
 
     Attributes:
-        mobility: its freedoms, and which of them no drive moves, or more than one.
+        mobility: degrees of freedom, undriven velocities and redundant drives.
 
     Raises:
-        SceneError: an entry that cannot be, or that names a joint or link that is not there.
+        SceneError: an impossible entry, or one that names an unknown joint or link.
     """
 
     model: pin.Model
@@ -171,7 +171,7 @@ class Scene:
                 "reads"
             )
         set_ = object.__setattr__  # the one way to normalize a frozen dataclass's own fields
-        set_(self, "model", self.model.copy())  # what the caller does to his model later stays his
+        set_(self, "model", self.model.copy())  # later changes of the caller's model have no effect
         friction = entries(Friction, "friction", self.friction)
         set_(self, "friction", MappingProxyType(friction))
         payloads = entries(Payload, "robot.payloads", self.payloads)
@@ -189,7 +189,7 @@ class Scene:
         self._check_payloads()
         self._check_tool()
         doubts = self._align() if self.loops else {}
-        # what cannot be is said now, not at first use
+        # errors are raised now, not at first use
         _ = self._made_of, self.linkage, self.sites, self.drives, self.twin()
         set_(self, "mobility", self._mobility(doubts))
 
@@ -207,7 +207,7 @@ class Scene:
         return found
 
     def _align(self) -> dict[str, str]:
-        """Make a mechanism of what a file rounded; say so, and return what stays in doubt."""
+        """Correct rounded axes and frames of loops, warn of it, and return the doubtful axes."""
         aligned = align_axes(self.model, self.loops, self.loop_tolerance, self.source)
         object.__setattr__(self, "model", aligned.model)
         object.__setattr__(self, "loops", aligned.loops)
@@ -224,20 +224,20 @@ class Scene:
         if shift > 1e-9 * linkage.size:
             said.append(f"frames b shifted by up to {shift:.2g} m (loop_tolerance.length)")
         if said:
-            text = f"{self.source}: loops closed as the file means them: {'; '.join(said)}"
+            text = f"{self.source}: rounding corrected so that loops close: {'; '.join(said)}"
             warnings.warn(text, PinfricWarning, stacklevel=4)
         return aligned.doubts
 
     def with_(self, *, gravity: Any = None, **changes: Any) -> Scene:
-        """Return a changed scene, checked like the first; this one stays as it is.
+        """Return a changed scene, which is checked again; this one stays unchanged.
 
         Args:
             gravity: (3,) m/s^2, in the world's axes.
             changes: arguments of `Scene` (`friction`, `payloads`, `actuators`, `stick_velocity`,
-                `model` ...), each in place of the scene's own as a whole.
+                `model` ...), each of which replaces the scene's own completely.
 
         Raises:
-            SceneError: there is no such argument, or an entry that cannot be.
+            SceneError: an unknown argument, or an impossible entry.
         """
         self.check_unchanged()
         names = [entry.name for entry in fields(self) if entry.init]
@@ -257,7 +257,7 @@ class Scene:
         return replace(self, **changes)
 
     def solver(self, attached: Iterable[str] | None = None) -> Solver:
-        """Return a solver for one state at a time, for loops of one's own; see `Solver`.
+        """Return a solver for one state at a time, for controllers and optimizers; see `Solver`.
 
         Args:
             attached: names of the payloads carried; None takes those attached by default.
@@ -268,28 +268,28 @@ class Scene:
         return make_solver(self, attached)
 
     def check_unchanged(self) -> None:
-        """Refuse a `scene.model` that was changed: what follows from it was computed before.
+        """Refuse a changed `scene.model`: derived quantities were computed from the old one.
 
         Raises:
-            SceneError: says what was changed, and how to derive a changed scene.
+            SceneError: names the changed parts, and how to make a changed scene.
         """
         made_of = self._made_of
         if self.model == made_of:
             return
         what = changed_parts(self.model, made_of)
         if not what and self.model != self.model.copy():
-            return  # it holds NaN, a limit perhaps, and equals nothing
+            return  # it contains NaN, perhaps as a limit, and so never compares equal
         how = "model = scene.model.copy(), change that, scene.with_(model=model)"
         if what == ["gravity"]:
             how = f"scene.with_(gravity={self.model.gravity.linear.tolist()})"
         raise SceneError(
             f"{self.source}: scene.model was changed ({', '.join(what) or 'its structure'}) after "
-            f"the scene was made, and would mix with what is computed already; make another: {how}"
+            f"the scene was made, but computed quantities are of the old one; make another: {how}"
         )
 
     @cached_property
     def _made_of(self) -> pin.Model:
-        """The model as it was."""
+        """The model as it was given."""
         return self.model.copy()
 
     def __repr__(self) -> str:
@@ -329,7 +329,7 @@ class Scene:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of all joints in the model's order, the universe left out."""
+        """Names of all joints in the model's order, without the universe."""
         return tuple(self.model.names)[1:]
 
     @property
@@ -407,8 +407,8 @@ class Scene:
             independent: names of joints that stay where the guess has them; None lets all move.
 
         Raises:
-            SceneError: a joint that is not there. StateError: not real numbers.
-            ClosureError: it cannot close; says how far apart the frames stay.
+            SceneError: an unknown joint. StateError: not real numbers.
+            ClosureError: it cannot close; gives the remaining distance of the frames.
         """
         held = np.zeros(self.model.nv, dtype=bool)
         where = f"{self.source}: close: independent"
@@ -435,10 +435,10 @@ class Scene:
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """The drives; freedoms may have none, one or several (`mobility`).
+        """The drives; a degree of freedom may have none, one or several (`mobility`).
 
-        In the order of the model's velocities; as they are listed where loops or drives off the
-        joints leave no such order.
+        They are in the order of the model's velocities; with loops or drives off the joints they
+        are in the order of the list.
         """
         if self.actuators is None:
             joints = range(1, self.model.njoints)
@@ -450,7 +450,7 @@ class Scene:
             name = actuator.drive_name
             if name in listed:
                 raise SceneError(
-                    f"{self.source}: actuators: {name!r} stands twice; several drives "
+                    f"{self.source}: actuators: {name!r} is listed twice; several drives "
                     "on one joint need a `name` each"
                 )
             if name != actuator.joint and name in moving:
@@ -472,7 +472,7 @@ class Scene:
 
     @property
     def one_drive_each(self) -> bool:
-        """Whether every freedom has exactly one drive, which moves nothing else."""
+        """Whether every degree of freedom has exactly one drive, which moves nothing else."""
         mobility = self.mobility
         open_ = self.linkage is None and not mobility.undriven and not mobility.redundant
         return open_ and not taking_part(self.drives)
@@ -505,7 +505,7 @@ class Scene:
         return self._variants[names]
 
     def __copy__(self) -> Scene:
-        """Return the scene without what it has derived, in this process: mimic joints and all."""
+        """Return a copy without derived quantities; it works with mimic joints, unlike pickling."""
         made = object.__new__(type(self))
         made.__setstate__(self._given())
         return made
@@ -514,7 +514,7 @@ class Scene:
         if len(self.model.mimicking_joints):
             raise SceneError(
                 f"{self.source}: a robot with mimic joints cannot be sent to another process: "
-                "Pinocchio loses what they follow; take one process, or lock them"
+                "Pinocchio loses their leaders; use one process, or lock these joints"
             )
         return self._given()
 
@@ -530,7 +530,7 @@ class Scene:
             self.__dict__[name] = MappingProxyType(state[name])
 
     def _check_bodies(self) -> None:
-        """Links are merged by fixed joints: of the sums only the mass is asked."""
+        """Check the masses of links that fixed joints merge; only their sums must be possible."""
         for name, inertia in zip(self.joint_names, tuple(self.model.inertias)[1:], strict=True):
             if not 0 <= inertia.mass <= LARGEST:
                 raise SceneError(
@@ -559,7 +559,7 @@ class Scene:
             raise SceneError(f"{self.source}: tool: {problem}") from None
         if self.model.frames[frame].parentJoint == 0:
             raise SceneError(
-                f"{self.source}: tool: {self.tool!r} is fixed to the ground, and stands still; "
+                f"{self.source}: tool: {self.tool!r} is fixed to the ground and cannot move; "
                 "name a link that joints move"
             )
 
@@ -640,7 +640,7 @@ class Scene:
         )
 
     def _velocity(self, name: str, where: str) -> int:
-        """The column of v of what an actuator names."""
+        """The column of v that an actuator drives."""
         joints = range(1, self.model.njoints)
         driven = {d.name: d.velocity_index for joint in joints for d in self._ideal(joint)}
         if name in driven:

@@ -1,4 +1,4 @@
-"""From a scene file and its URDF to a `Scene`; the bundled scenes by name."""
+"""Read a scene file and its URDF into a `Scene`; find bundled scenes by name."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def load_scene(path: str | Path) -> Scene:
     """Read a scene file (`schema.SceneFile`), or a bundled scene by its name from any folder.
 
     Args:
-        path: a YAML file; where there is none, the bundled scene of that name.
+        path: a YAML file; if it does not exist, the bundled scene of that name.
 
     Raises:
         SceneError: the file or an entry is wrong; RobotError: its URDF is.
 
     Warns:
-        PinfricWarning: a joint's friction contradicts the hysteresis of its gear, and the like.
+        PinfricWarning: an implausible entry, e.g. friction that contradicts a gear's hysteresis.
 
     >>> import pinfric as pf
     >>> scene = pf.load_scene("pendulum")
@@ -62,7 +62,7 @@ def load_scene(path: str | Path) -> Scene:
 
 
 def _content(file: Path) -> dict[str, Any]:
-    """Read a scene's keys; say what another kind of file is."""
+    """Read a scene's keys; refuse another kind of file by its name."""
     if file.suffix.lower() in (".urdf", ".xacro", ".xml"):
         raise SceneError(f"{file}: is a robot, no scene; `pinfric new {file}` writes a scene of it")
     content = read_yaml(file, SceneError)
@@ -74,14 +74,14 @@ def _content(file: Path) -> dict[str, Any]:
 
 
 def bundled_folder() -> Path:
-    """Return the folder of the scenes that ship with pinfric."""
+    """Return the folder of the scenes that are part of pinfric."""
     installed = Path(__file__).parents[1] / "robots"
     return installed if installed.is_dir() else Path(__file__).parents[2] / "robots"
 
 
 def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception]) -> Path:
     """Return `path` if it is a file, else the bundled file of that name (suffix optional)."""
-    if not str(path):  # as a path it would be the folder one is in
+    if not str(path):  # as a path it would be the current folder
         raise error(f"the name of the {error.__name__.removesuffix('Error').lower()} is empty")
     path = Path(path)
     try:
@@ -90,7 +90,7 @@ def find_file(path: str | Path, suffixes: tuple[str, ...], error: type[Exception
     except (OSError, ValueError) as problem:  # a name too long, or with a NUL
         raise error(f"{str(path)[:80]!r}: cannot be a file: {problem.args[-1]}") from None
     folder = bundled_folder()
-    bundled = path.parent in (Path("."), Path("robots"))  # a path to elsewhere means just that
+    bundled = path.parent in (Path("."), Path("robots"))  # other paths never mean a bundled file
     for candidate in (path.name, *(path.name + suffix for suffix in suffixes)):
         if bundled and os.path.isfile(folder / candidate):
             return folder / candidate
@@ -115,12 +115,12 @@ def _with_urdf_dynamics(entries: SceneFile, robot: Robot, where: str) -> dict[st
         return friction
     if entries.robot.urdf_dynamics == "ignore":
         if "urdf_dynamics" in entries.robot.model_fields_set:
-            return friction  # said on purpose
+            return friction  # as the scene demands
         more = f" and {len(given) - 4} more" if len(given) > 4 else ""
         warnings.warn(
             f"{where}: the URDF's <dynamics> gives friction or damping for "
             f"{', '.join(list(given)[:4])}{more}; "
-            "ignored (many URDFs carry placeholders); robot.urdf_dynamics: use takes them, ignore "
+            "ignored (many URDFs have placeholders); robot.urdf_dynamics: use takes them, ignore "
             "silences this",
             PinfricWarning,
             stacklevel=3,

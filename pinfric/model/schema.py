@@ -1,7 +1,7 @@
 """The scene's file format: one frozen pydantic model per section.
 
-Nothing here knows a robot. Checks that need one (does the joint exist, does the bearing fit its
-kind) live in `scene.py`; what a single entry can get wrong by itself is refused here.
+This module checks what a single entry shows by itself. Checks that need the robot (does the joint
+exist, does the bearing fit it) are in `scene.py`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from pinfric.model.transmission import Transmission
 class Payload(Entry):
     """A body carried by a link."""
 
-    link: Annotated[str, key("of the robot that carries it", "tool0")]
+    link: Annotated[str, key("link of the robot that carries it", "tool0")]
     mass: Annotated[Positive, key("of the body", 2.0, "kg")]
     com: Annotated[Vector3, key("centre of mass in the link's frame", [0, 0, 0.05], "m")]
     inertia: Annotated[
@@ -63,7 +63,7 @@ class Payload(Entry):
 
 
 class RobotEntry(Entry):
-    """Which URDF, how gravity acts on it, what is locked and what it carries."""
+    """The URDF, gravity, locked joints and payloads."""
 
     urdf: Annotated[
         str,
@@ -79,7 +79,7 @@ class RobotEntry(Entry):
     )
     locked: Annotated[
         dict[str, Number],
-        key("joints that are fixed there and removed", {"finger_joint": 0.02}, "rad or m"),
+        key("joints that are fixed at a position and removed", {"finger_joint": 0.02}, "rad or m"),
     ] = Field(default_factory=dict)
     payloads: Annotated[
         dict[str, Payload],
@@ -101,7 +101,7 @@ def _added_term(named: tuple[str, Any] | str) -> FrictionTerm | None:
 class Friction(Entry):
     """The friction of one joint: a bearing with coefficients, a constant part, a viscous part.
 
-    Keys beyond these are terms that a class of `FrictionTerm` adds.
+    Further keys are terms that a class of `FrictionTerm` adds.
     """
 
     model_config = ConfigDict(extra="allow")  # `key_names` says which
@@ -109,21 +109,21 @@ class Friction(Entry):
 
     bearing: Annotated[
         SerializeAsAny[Bearing] | None,
-        key("what makes a normal load of the joint's wrench", {"kind": "pin", "radius": 0.05}),
+        key("geometry from which the normal load follows", {"kind": "pin", "radius": 0.05}),
     ] = None
     mu: Annotated[
-        LoadFriction | None, key("friction per load", {"static": 0.15, "kinetic": 0.1})
+        LoadFriction | None, key("friction / normal load", {"static": 0.15, "kinetic": 0.1})
     ] = None
     stribeck: Annotated[
         Stribeck | None,
         key(
-            "how `mu` and `coulomb` fall from static to kinetic; left out, in a jump",
+            "how `mu` and `coulomb` fall from static to kinetic; without it by a jump",
             {"velocity": 0.02},
         ),
     ] = None
     coulomb: Annotated[
         Coulomb | None,
-        key("friction whatever the load, also by direction", {"static": 6.0, "kinetic": 5.0}),
+        key("friction independent of the load", {"static": 6.0, "kinetic": 5.0}),
     ] = None
     viscous: Annotated[
         Viscous, key("friction that grows with the speed", 3.0, "N m or N at 1 rad/s or 1 m/s")
@@ -134,22 +134,22 @@ class Friction(Entry):
     includes_drive: Annotated[
         bool,
         key(
-            "`coulomb` and `viscous` were measured through the drive (by its motor's current) and "
-            "hold its losses, which go where another drive takes its place",
+            "whether `coulomb` and `viscous` were measured from motor currents and so include the "
+            "losses of the drive; for another drive these are removed",
             True,
         ),
     ] = False
 
     @classmethod
     def key_names(cls) -> list[str]:
-        """Return the keys a mapping may have, those that classes add, too."""
+        """Return the keys that a mapping may have, including those of added classes."""
         return [*super().key_names(), *TERMS]
 
     @classmethod
     def __get_pydantic_json_schema__(
         cls, core: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """With the keys that classes add, and no others."""
+        """Return the schema with the keys of added classes, and no others."""
         schema = handler(core)
         made = handler.resolve_ref_schema(schema)
         made["additionalProperties"] = False
@@ -159,18 +159,18 @@ class Friction(Entry):
 
     @property
     def terms(self) -> tuple[FrictionTerm, ...]:
-        """The terms it is a sum of."""
+        """The terms whose sum is the friction."""
         return tuple(self.named_terms.values())
 
     @property
     def named_terms(self) -> dict[str, FrictionTerm]:
-        """The same by their keys."""
+        """The terms by their keys."""
         return {name: term for name, term in self if isinstance(term, FrictionTerm)}
 
     @model_validator(mode="before")
     @classmethod
     def _with_keys(cls, value: Any) -> Any:
-        # what a class adds is read with its key, which says the class
+        # an added term is read together with its key, which determines its class
         if not isinstance(value, dict):
             return value
         return {k: x if k in cls.model_fields else (k, x) for k, x in value.items()}
@@ -185,7 +185,7 @@ class Friction(Entry):
         return self
 
     def questions(self) -> Iterator[str]:
-        """Ask about a coefficient that no materials have."""
+        """Yield a warning for a coefficient that no pair of materials has."""
         if self.mu is not None:
             yield from unlikely("mu.static", self.mu.static, 2.0, "")
 
@@ -201,17 +201,17 @@ class Cylinder(Entry):
     """A drive along the line between two points of two links; a positive effort lengthens it."""
 
     name: Annotated[str, key("of the drive", "boom")]
-    a: Annotated[LinkPoint, key("the point it stands on", {"link": "base", "xyz": [0.2, 0, 0.1]})]
-    b: Annotated[LinkPoint, key("the point it pushes", {"link": "boom", "xyz": [0.5, 0, 0.2]})]
+    a: Annotated[LinkPoint, key("point at its base", {"link": "base", "xyz": [0.2, 0, 0.1]})]
+    b: Annotated[LinkPoint, key("point that it pushes", {"link": "boom", "xyz": [0.5, 0, 0.2]})]
 
 
 class PointForce(Entry):
-    """A drive that pushes a point of a link and reacts on the world; all in the link's frame."""
+    """A drive that pushes a point of a link against the world; all in the link's frame."""
 
     name: Annotated[str, key("of the drive", "push")]
     link: Annotated[str, key("of the robot", "drawer")]
-    xyz: Annotated[Vector3, key("where it pushes", [0, 0.2, 0], "m")] = (0.0, 0.0, 0.0)
-    direction: Annotated[Vector3, key("of the force, of any length", [1, 0, 0], "1")]
+    xyz: Annotated[Vector3, key("point at which it pushes", [0, 0.2, 0], "m")] = (0.0, 0.0, 0.0)
+    direction: Annotated[Vector3, key("of the force; its length does not matter", [1, 0, 0], "1")]
 
 
 class LinkFrame(Entry):
@@ -229,24 +229,22 @@ class LinkFrame(Entry):
 class Loop(Entry):
     """A joint that closes a loop between frame a on one link and frame b on another.
 
-    The frames coincide but for what the joint lets free: a `prismatic` one slides along the axis, a
-    `cylindrical` one turns about it besides, a `universal` one keeps frame a's axis and frame b's
-    `axis_b` perpendicular.
+    The frames coincide except for the free motion of the joint: a `prismatic` one slides along the
+    axis, a `cylindrical` one also turns about it, a `universal` one keeps the axis in frame a and
+    `axis_b` in frame b perpendicular.
     """
 
-    name: Annotated[
-        str, key("of the loop, by which `friction` and `actuators` find it", "rocker_pin")
-    ]
+    name: Annotated[str, key("of the loop, for use in `friction` and `actuators`", "rocker_pin")]
     kind: Annotated[
         Literal[
             "spherical", "revolute", "fixed", "planar_pin", "prismatic", "cylindrical", "universal"
         ],
-        key("what the joint lets free", "spherical"),
+        key("type of the joint", "spherical"),
     ]
     axis: Annotated[
         Vector3, key("in frame a, and in frame b where they coincide", [0, 0, 1], "1")
     ] = (0.0, 0.0, 1.0)
-    axis_b: Annotated[Vector3 | None, key("of a `universal` one, in frame b", [0, 1, 0], "1")] = (
+    axis_b: Annotated[Vector3 | None, key("second axis of a universal, in b", [0, 1, 0], "1")] = (
         None
     )
     a: Annotated[LinkFrame, key("frame on one link", {"link": "coupler", "xyz": [0.35, 0, 0]})]
@@ -264,54 +262,54 @@ class Loop(Entry):
 
 
 class LoopTolerance(Entry):
-    """By how much rounded files may miss what a loop needs; 0 for not at all."""
+    """Largest errors of rounded files that are corrected so that loops close; 0: none."""
 
-    angle: Annotated[
-        NonNegative, key("by which axes may miss being parallel or perpendicular", 1e-05, "rad")
-    ] = 1.0e-5
-    length: Annotated[NonNegative, key("by which frames may miss each other", 1e-06, "m")] = 1.0e-6
+    angle: Annotated[NonNegative, key("error of parallel or perpendicular axes", 1e-05, "rad")] = (
+        1.0e-5
+    )
+    length: Annotated[NonNegative, key("distance of the loop's frames", 1e-06, "m")] = 1.0e-6
 
 
 class Redundancy(Entry):
-    """How reactions are shared that a redundant mechanism leaves open: least |F|^2 + |M/l|^2."""
+    """Choice of reactions that are not unique: the sum of |F|^2 + |M/l|^2 is least."""
 
-    length: Annotated[Positive, key("l, which weighs moments against forces", 0.1, "m")] = 0.1
+    length: Annotated[Positive, key("l, which weights moments against forces", 0.1, "m")] = 0.1
 
 
 class Actuator(Entry):
     """One drive: on a joint (of the robot or of a loop), a cylinder, or a force at a point.
 
-    A joint with several drives needs `name`s for them. Where drives outnumber the freedoms that
-    they move, `share`s w say who does how much: the sum of effort^2 / w is least, so that drives
-    on one joint share its effort as w1 : w2.
+    Several drives on one joint need a `name` each. If there are more drives than degrees of
+    freedom, `share`s w determine how they share the work: the sum of effort^2 / w is least, so
+    drives on one joint share its effort as w1 : w2.
 
-    `couples` names other joints that turn this drive, too, and how far per turn of theirs:
+    `couples` names other joints that also turn this drive, with the factor for each:
 
         {joint: wrist_3_joint, couples: {wrist_2_joint: 1.0}, transmission: {ratio: 32}}
 
-    turns its motor by 32 (q_wrist_3 + 1.0 q_wrist_2). A factor is positive where the motor must
-    turn forward while the other joint moves forward and its own stands; a controller's figure in
-    motor turns per turn of the other joint is factor x ratio (per m of a joint that slides). The
-    drive's effort t acts on its own joint, and factor x t on the other.
+    turns its motor by 32 (q_wrist_3 + 1.0 q_wrist_2). A factor is positive if the motor must turn
+    forward while the other joint moves forward and its own joint is at rest. A controller's figure
+    in motor turns per turn (or m) of the other joint is factor x ratio. The drive's effort t acts
+    on its own joint, and factor x t acts on the other.
     """
 
-    joint: Annotated[str | None, key("of the robot or of a loop that it drives", "joint_2")] = None
-    name: Annotated[str | None, key("of the drive; left out, its joint's", "joint_2_left")] = None
-    share: Annotated[
-        Positive | None, key("w, of the work that redundant drives share", 2.0, "1")
-    ] = None
+    joint: Annotated[str | None, key("joint of the robot or of a loop", "joint_2")] = None
+    name: Annotated[str | None, key("of the drive; default: its joint's", "joint_2_left")] = None
+    share: Annotated[Positive | None, key("w, share of the work of redundant drives", 2.0, "1")] = (
+        None
+    )
     couples: Annotated[
         dict[str, Number],
-        key("other joints that turn this drive, with their factors", {"joint_2": 1.0}),
+        key("other joints that turn this drive, with factors", {"joint_2": 1.0}),
     ] = Field(default_factory=dict)
     transmission: Annotated[
-        Transmission | None, key("gear and motor; left out, an ideal drive", {"ratio": 100})
+        Transmission | None, key("gear and motor; without it an ideal drive", {"ratio": 100})
     ] = None
     encoder: Annotated[
         Literal["motor", "joint"],
         key(
-            "what the controller measures, the motor's angle or the joint's: behind an elastic "
-            "gear only the first lets the load move the joint",
+            "angle that the controller measures; with `motor` the wind-up of an elastic gear "
+            "moves the joint, with `joint` the controller corrects it",
             "joint",
         ),
     ] = "motor"
@@ -333,35 +331,35 @@ class Actuator(Entry):
         if len(kinds) != 1:
             raise ValueError(f"an actuator is one of joint, cylinder, force; found {kinds}")
         if self.name is not None and self.joint is None:
-            raise ValueError(f"`name` stands inside `{kinds[0]}`")
+            raise ValueError(f"give `name` inside `{kinds[0]}`")
         if self.couples and self.joint is None:
-            raise ValueError(f"`couples` is of drives on joints, not of a {kinds[0]}")
+            raise ValueError(f"`couples` is for drives on joints, not for a {kinds[0]}")
         for name, factor in self.couples.items():
             if name == self.joint:
                 raise ValueError(f"`couples` names its own joint {name!r}; leave it out")
             if factor == 0.0:
-                raise ValueError(f"`couples.{name}` 0 couples nothing; leave it out")
+                raise ValueError(f"`couples.{name}` must not be 0; leave it out")
         return self
 
     @property
     def drive_name(self) -> str:
-        """The name of its efforts: its own, else its joint's."""
+        """The name of its column of efforts: its own name, else its joint's."""
         given = self.cylinder or self.force
         return given.name if given is not None else self.name or self.joint or ""
 
 
 class Stick(Entry):
-    """When a joint stands still."""
+    """When a joint counts as being at rest."""
 
     velocity: Annotated[
-        NonNegative, key("at or below it a joint sticks; logs need more", 0.001, "rad/s or m/s")
+        NonNegative, key("at or below which a joint sticks; larger for logs", 0.001, "rad/s or m/s")
     ] = 1.0e-6
 
 
 class Sine(Entry):
     """amplitude sin(angular_frequency t + phase)."""
 
-    amplitude: Annotated[Number, key("of the effort, N m of a motor's torque", 5.0, "N m or N")]
+    amplitude: Annotated[Number, key("of the effort or of the motor torque", 5.0, "N m or N")]
     angular_frequency: Annotated[Number, key("2 pi times the frequency", 1.0, "rad/s")]
     phase: Annotated[Number, key("at t = 0", 1.5707963, "rad")] = 0.0
 
@@ -382,7 +380,7 @@ GivenEffort = Annotated[float | SineEffort | TableEffort, Forms(Number, SineEffo
 
 
 class Start(Entry):
-    """Initial angles (or lengths) and rates by joint; the rest 0."""
+    """Initial angles (or lengths) and rates by joint; 0 for joints that are not listed."""
 
     q: Annotated[dict[str, Number], key("by joint", {"joint_1": 0.5}, "rad or m")] = Field(
         default_factory=dict
@@ -393,21 +391,21 @@ class Start(Entry):
 
 
 class Simulation(Entry):
-    """What `pinfric simulate SCENE` runs: efforts of drives, or torques of their motors."""
+    """Input of `pinfric simulate SCENE`: efforts of drives, or torques of their motors."""
 
-    start: Annotated[Start, key("where it starts", {"q": {"joint_1": 0.5}})] = Start()
+    start: Annotated[Start, key("initial state", {"q": {"joint_1": 0.5}})] = Start()
     effort: Annotated[
         dict[str, GivenEffort],
         key(
-            "by drive, the rest 0",
+            "by drive; 0 for drives that are not listed",
             {"joint_1": 2.0, "joint_23": {"table": "torques.csv"}},
             "N m or N",
         ),
     ] = Field(default_factory=dict)
     motor_torque: Annotated[
-        dict[str, GivenEffort], key("in its place, at the motors' shafts", {"joint_2": 0.1}, "N m")
+        dict[str, GivenEffort], key("in place of `effort`, at the shafts", {"joint_2": 0.1}, "N m")
     ] = Field(default_factory=dict)
-    t_end: Annotated[Positive, key("when it ends", 1.0, "s")]
+    t_end: Annotated[Positive, key("time at the end", 1.0, "s")]
 
     @model_validator(mode="after")
     def _one_of_them(self) -> Simulation:
@@ -423,7 +421,7 @@ class SceneFile(Entry):
     robot: Annotated[RobotEntry, key("which robot", {"urdf": "three_link.urdf"})]
     friction: Annotated[
         dict[str, Friction],
-        key("by joint, loop or cylinder; one not named has none", {"elbow": {"viscous": 3.0}}),
+        key("by joint, loop or cylinder; others have none", {"elbow": {"viscous": 3.0}}),
     ] = Field(default_factory=dict)
     loops: Annotated[
         list[Loop],
@@ -439,25 +437,25 @@ class SceneFile(Entry):
             ],
         ),
     ] = Field(default_factory=list)
-    loop_tolerance: Annotated[LoopTolerance, key("for files that round", {"angle": 1e-05})] = (
+    loop_tolerance: Annotated[LoopTolerance, key("for rounded files", {"angle": 1e-05})] = (
         LoopTolerance()
     )
     redundancy: Annotated[
-        Redundancy, key("for mechanisms with more closures than they need", {"length": 0.1})
+        Redundancy, key("for mechanisms with redundant constraints", {"length": 0.1})
     ] = Redundancy()
     actuators: Annotated[
         list[Actuator] | None,
-        key("the drives; left out, one ideal drive per joint", [{"joint": "joint_1"}]),
+        key("the drives; without it one ideal drive per joint", [{"joint": "joint_1"}]),
     ] = None
-    stick: Annotated[Stick, key("when a joint stands still", {"velocity": 1e-06})] = Stick()
+    stick: Annotated[Stick, key("when a joint is at rest", {"velocity": 1e-06})] = Stick()
     tool: Annotated[
         str | None,
         key(
-            "link whose frame is the tool's, for where elastic gears let it stand; how far off it "
-            "may be, a catalogue's `conditions` say",
+            "link whose frame is the tool's; its position error due to elastic gears is computed, "
+            "and limited by the `conditions` of a catalogue",
             "tool0",
         ),
     ] = None
-    simulation: Annotated[
-        Simulation | None, key("what `pinfric simulate` runs", {"t_end": 1.0})
-    ] = None
+    simulation: Annotated[Simulation | None, key("input of `pinfric simulate`", {"t_end": 1.0})] = (
+        None
+    )

@@ -1,12 +1,12 @@
-"""Stiffness of gears as makers print it: torque to angle, broken lines through the origin.
+"""Stiffness of gears as makers print it: angle over torque, a piecewise linear line through 0.
 
 A gear's output turns by delta = theta - q against its motor (theta: motor angle over ratio). With t
 the torque it transmits, from the motor to the joint,
 
     delta = f(t) = sign(t) (delta_i + (|t| - t_i)/K_i),    t_i <= |t| < t_(i+1)
 
-odd and rising; K_i is the tangent stiffness. Angles are rad and torques N m at the joint; of a
-joint that slides m and N.
+odd and rising; K_i is the tangent stiffness. Angles are in rad and torques in N m at the joint; for
+a joint that slides they are in m and N.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ class StiffnessLines(Entry):
         return self
 
     def scaled(self, factor: float) -> StiffnessLines:
-        """Return lines `factor` times as stiff, that meet at the same torques."""
+        """Return lines `factor` times as stiff, which meet at the same torques."""
         given = {k: factor * x for k in ("k1", "k2", "k3") if (x := getattr(self, k)) is not None}
         return self.model_copy(update=given)
 
 
 class LostMotionStiffness(Entry):
-    """Two lines of a cycloidal or planetary gear: soft up to a share of the rated torque.
+    """Two lines of a cycloidal or planetary gear, soft up to a share of the rated torque.
 
     The lost motion Phi is the whole angle between +share and -share of the rated torque T_N, on the
-    middle of the hysteresis curve, so the first line has K_1 = 2 share T_N/Phi. Backlash is the
-    same with a softer first line.
+    middle of the hysteresis curve, so the first line has K_1 = 2 share T_N/Phi. Backlash is
+    described in the same way, with a softer first line.
 
         stiffness: {k: 3.9e5, lost_motion: 2.9e-4, rated_torque: 412, share: 0.03}
     """
@@ -84,12 +84,12 @@ class LostMotionStiffness(Entry):
         return self
 
     def scaled(self, factor: float) -> LostMotionStiffness:
-        """Return lines `factor` times as stiff, that meet at the same torque."""
+        """Return lines `factor` times as stiff, which meet at the same torque."""
         update = {"k": factor * self.k, "lost_motion": self.lost_motion / factor}
         return self.model_copy(update=update)
 
 
-#: What a file gives as `stiffness`.
+#: Forms of `stiffness` in a file.
 Stiffness = Annotated[
     float | StiffnessLines | LostMotionStiffness,
     Forms(Positive, StiffnessLines, LostMotionStiffness),
@@ -97,7 +97,7 @@ Stiffness = Annotated[
 
 
 def _check_rising(named: Sequence[tuple[str, float | None]]) -> None:
-    """Refuse a stiffness that falls with the torque: no gear's does, the figures are swapped."""
+    """Refuse a stiffness that falls with the torque, as if figures were swapped."""
     known = [(name, k) for name, k in named if k is not None]
     for (softer, low), (stiffer, high) in pairwise(known):
         if high < low:
@@ -108,10 +108,10 @@ def _check_rising(named: Sequence[tuple[str, float | None]]) -> None:
 
 
 class Spring(NamedTuple):
-    """A broken line from torque to angle.
+    """A piecewise linear line from torque to angle.
 
     Attributes:
-        torques: (n,) where its lines begin, the first at 0 (N m or N).
+        torques: (n,) at which its lines begin, the first at 0 (N m or N).
         stiffness: (n,) of each (N m/rad or N/m).
         angles: (n,) at `torques` (rad or m).
     """
@@ -144,7 +144,7 @@ class Spring(NamedTuple):
 
 
 def spring_of(stiffness: float | StiffnessLines | LostMotionStiffness) -> Spring:
-    """Return the broken line of a stiffness entry."""
+    """Return the piecewise linear line of a stiffness entry."""
     match stiffness:
         case StiffnessLines():
             torques = [0.0, stiffness.t1, stiffness.t2]
@@ -160,14 +160,14 @@ def spring_of(stiffness: float | StiffnessLines | LostMotionStiffness) -> Spring
 
 
 def softest(stiffness: float | StiffnessLines | LostMotionStiffness) -> float:
-    """Return the tangent without load, N m/rad (N/m): the least that a gear has."""
+    """Return the tangent stiffness without load, N m/rad (N/m), the least of the gear."""
     return float(spring_of(stiffness).stiffness[0])
 
 
 def implied_hysteresis(spring: Spring, friction: float) -> float:
     """Return the width of the hysteresis curve at zero torque, H = 2 f(b), rad (m).
 
-    Behind the spring rubs b: the output follows only when the torque has changed by 2 b.
+    With friction b behind the spring the output follows only after the torque has changed by 2 b.
 
     Args:
         spring: the gear's.
@@ -177,7 +177,7 @@ def implied_hysteresis(spring: Spring, friction: float) -> float:
 
 
 def largest_friction(spring: Spring, hysteresis: float) -> float:
-    """Return b = f^-1(H/2): the most friction behind the spring that a stated hysteresis admits.
+    """Return b = f^-1(H/2), the largest friction behind the spring for a stated hysteresis.
 
     Args:
         spring: the gear's. hysteresis: H, the whole width at zero torque, rad (m).

@@ -1,13 +1,13 @@
-"""Transmissions: ratio, rotor, and what a gear loses, as makers give it.
+"""Transmissions: ratio, rotor and the losses of a gear, from makers' figures.
 
-With t what the joint gets (N m or N), r the ratio, sigma the joint's direction and w the motor's
-speed, what arrives at a moving gear is, seen from the joint,
+Let t be the effort that the joint receives (N m or N), r the ratio, sigma the joint's direction and
+w the motor's speed. The effort at the input of a moving gear is, seen from the joint,
 
     u = t + sigma (g(w) L(|t|) + |r| n),     g(w) = c + d |w|^p
 
-with L the loss that the load makes, a broken line through 0, apart for a motor that drives
-(sigma t > 0) and one that is driven (sigma t < 0), and n the no-load torque at the motor. The
-motor's viscous friction and rotor inertia come on top.
+with L the loss due to the load, a piecewise linear function through 0, different where the motor
+drives (sigma t > 0) and where the load drives (sigma t < 0), and n the no-load torque at the motor.
+The motor's viscous friction and rotor inertia are added.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from pinfric.model.friction_terms import (
 from pinfric.model.springs import Stiffness
 
 Share = Annotated[Positive, Field(le=1)]
-#: A number is the same both ways, at rest as in motion.
+#: A number is used for both directions, at rest and in motion.
 NoLoadTorque = Annotated[
     CoulombFriction | DirectedCoulombFriction,
     Forms(
@@ -48,24 +48,24 @@ NoLoadTorque = Annotated[
         DirectedCoulombFriction,
     ),
 ]
-#: By how much curves over load and over speed may miss each other where they meet.
+#: Allowed difference of the curves over load and over speed where they meet.
 _APART = 0.02
 
 
 class Temperature(Entry):
-    """What the temperature does to the part of a loss that grows with the speed: a factor on d.
+    """Effect of the temperature on the part of a loss that grows with the speed: a factor on d.
 
     temperature: {factor: 2.7, source: "CSD-20-100 curves: 0.71 at 0 C over 0.26 at 20 C"}
     """
 
-    factor: Annotated[Positive, key("on what grows with the speed", 2.7, "1")]
+    factor: Annotated[Positive, key("on the part that grows with the speed", 2.7, "1")]
     source: Annotated[
-        str, Field(min_length=1), key("where that comes from", "maker's curves at 0 and 20 C")
+        str, Field(min_length=1), key("source of the factor", "maker's curves at 0 and 20 C")
     ]
 
 
 class MakersEfficiency(Entry):
-    """A data sheet's efficiency: all losses in it, those without load (`no_load_torque`) too.
+    """A data sheet's efficiency, which includes all losses, also `no_load_torque`.
 
     Loads are torques (or forces) at the output, N m (N); speeds are the motor's, rad/s.
 
@@ -73,16 +73,16 @@ class MakersEfficiency(Entry):
         efficiency: {over_load: [[8, 0.52], [20, 0.70], [34, 0.78]], speed: 104.7}
         efficiency: {over_speed: [[52.4, 0.76], [104.7, 0.71], [209.4, 0.64]], load: 40.0}
 
-    `speed` counts `motor_viscous` as part of what is lost there. A curve over the speed is fitted
-    by a loss c + d w^exponent; with both curves, the one over load holds at `speed`.
+    At `speed` the loss includes `motor_viscous`. A curve over the speed is fitted by a loss
+    c + d w^exponent; with both curves, the one over load is for the speed `speed`.
     """
 
     rated: Annotated[Share | None, key("efficiency at `load` and `speed`", 0.77, "1")] = None
     load: Annotated[
-        Positive | None, key("at the output, where `rated` or `over_speed` holds", 52.0, "N m or N")
+        Positive | None, key("at the output, for `rated` or `over_speed`", 52.0, "N m or N")
     ] = None
     speed: Annotated[
-        NonNegative, key("of the motor, where `rated` or `over_load` holds", 209.4, "rad/s")
+        NonNegative, key("of the motor, for `rated` or `over_load`", 209.4, "rad/s")
     ] = 0.0
     over_load: Annotated[
         tuple[tuple[Positive, Share], ...],
@@ -95,7 +95,7 @@ class MakersEfficiency(Entry):
     exponent: Annotated[
         Positive,
         Field(le=4.0),
-        key("with which the loss grows with the speed, at most 4", 0.667, "1"),
+        key("power of the speed in the loss, at most 4", 0.667, "1"),
     ] = 2.0 / 3.0
     temperature: Annotated[
         Temperature | None,
@@ -110,34 +110,34 @@ class MakersEfficiency(Entry):
         curve = "over_speed" if self.over_speed else "over_load" if self.over_load else None
         if (self.rated is None) == (curve is None):
             raise ValueError(
-                f"`rated` and `{curve}` both say it: leave one out"
+                f"give either `rated` or `{curve}`"
                 if curve
                 else "needs `rated`, `over_load` or `over_speed`"
             )
         if self.load is None and (self.rated is not None or self.over_speed):
             raise ValueError(
                 f"`{'over_speed' if self.over_speed else 'rated'}` needs `load`, the "
-                "torque at the output (N m, N) at which it holds"
+                "torque at the output (N m, N) at which it was measured"
             )
         if self.over_load and self.over_speed and "speed" not in self.model_fields_set:
-            raise ValueError("`over_load` beside `over_speed` needs `speed`, at which it holds")
+            raise ValueError("with `over_speed`, `over_load` needs the `speed` of its curve")
         for name in {"exponent", "temperature"} & self.model_fields_set:
             if not self.over_speed:
                 raise ValueError(
-                    f"`{name}` says how losses grow with the speed: needs `over_speed`"
+                    f"`{name}` is for losses that grow with the speed and needs `over_speed`"
                 )
         for name, points in (("over_load", self.over_load), ("over_speed", self.over_speed)):
             if points and (len(points) < 2 or any(b[0] <= a[0] for a, b in pairwise(points))):
-                raise ValueError(f"`{name}` needs two points or more, ascending")
+                raise ValueError(f"`{name}` needs at least two points in ascending order")
         return self
 
 
 class BackDriving(Entry):
-    """The torques without load at which a gear starts: at its input, and driven at its output.
+    """Torques at which an unloaded gear starts to turn, driven at its input or at its output.
 
         back_efficiency: {starting_torque: 0.029, back_driving_torque: 3.06}
 
-    With nothing at the input, F_b at the output leaves eta_b F_b for the |r| n_s that holds it:
+    With no motor torque, F_b at the output drives the input with eta_b F_b against |r| n_s, so
     eta_b = |ratio| starting_torque/back_driving_torque.
     """
 
@@ -155,10 +155,11 @@ BackEfficiency = Annotated[
 class Transmission(Entry):
     """Ratio and losses between motor and joint; torques and inertia at the motor's shaft.
 
-    `efficiency` as a number is what the load alone costs (t/u), `no_load_torque` comes on top; as
-    a mapping it is the maker's (`MakersEfficiency`). `back_efficiency` below 0 is a self-locking
-    gear, `same_loss` takes the driving loss backwards, too. `no_load_torque` is a number, or
-    {static, kinetic}, or these by the motor's direction, {positive: ..., negative: ...}.
+    `efficiency` as a number is t/u due to the load alone; `no_load_torque` is added to the loss. As
+    a mapping it is the maker's (`MakersEfficiency`). A `back_efficiency` of 0 or less means a
+    self-locking gear; `same_loss` uses the loss of the driving motor also where the load drives.
+    `no_load_torque` is a number, or {static, kinetic}, or these by the motor's direction,
+    {positive: ..., negative: ...}.
 
         transmission: {ratio: 100, efficiency: {rated: 0.77, load: 52.0, speed: 209.4},
                        back_efficiency: {starting_torque: 0.037, back_driving_torque: 3.89},
@@ -167,37 +168,37 @@ class Transmission(Entry):
     """
 
     ratio: Annotated[
-        Number, key("motor turns per turn of the joint; rad/m of a joint that slides", 100.0, "1")
+        Number, key("motor turns per turn of the joint; rad/m if it slides", 100.0, "1")
     ]
     efficiency: Annotated[
         Efficiency,
         key(
-            "of the load alone, or the maker's", {"rated": 0.77, "load": 52.0, "speed": 209.4}, "1"
+            "t/u of the load alone, or maker's", {"rated": 0.77, "load": 52.0, "speed": 209.4}, "1"
         ),
     ] = 1.0
     back_efficiency: Annotated[
         BackEfficiency | None,
         key(
-            "where the load drives, at most 1 and below 0 of a self-locking gear; or the torques "
-            "that start it, or `same_loss`",
+            "efficiency where the load drives, at most 1, 0 or less if self-locking; or the "
+            "torques that start the gear, or `same_loss`",
             0.89,
             "1",
         ),
     ] = None
     no_load_torque: Annotated[
-        NoLoadTorque | None, key("that the gear takes without load", 0.037, "N m")
+        NoLoadTorque | None, key("torque that turns the unloaded gear", 0.037, "N m")
     ] = None
     motor_viscous: Annotated[
         Viscous, key("friction that grows with the motor's speed", 5e-05, "N m at 1 rad/s")
     ] = None
     rotor_inertia: Annotated[
-        NonNegative, key("of all that turns with the motor", 5e-05, "kg m^2")
+        NonNegative, key("of all parts that turn with the motor", 5e-05, "kg m^2")
     ] = 0.0
     stiffness: Annotated[
         Stiffness | None,
         key(
-            "of the gear's output against a held motor, at the joint: one number, a strain wave "
-            "gear's lines, or those of a gear with lost motion",
+            "of the gear at the joint, with the motor held: one number, the lines of a strain wave "
+            "gear, or those of a gear with lost motion",
             {"k1": 31000, "k2": 50000, "k3": 57000, "t1": 14, "t2": 48},
             "N m/rad or N/m",
         ),
@@ -205,8 +206,8 @@ class Transmission(Entry):
     hysteresis: Annotated[
         Positive | None,
         key(
-            "the gear's hysteresis loss, the whole width at zero torque: it bounds the friction "
-            "behind the spring",
+            "the gear's hysteresis loss, full width at zero torque; it limits the friction behind "
+            "the spring",
             0.00029,
             "rad or m",
         ),
@@ -215,10 +216,10 @@ class Transmission(Entry):
     @model_validator(mode="after")
     def _plausible(self) -> Transmission:
         if self.ratio == 0:
-            raise ValueError("ratio 0 connects nothing; give motor turns per joint turn")
+            raise ValueError("ratio must not be 0; give motor turns per joint turn")
         not_vanishing(abs(self.ratio))
         if self.hysteresis is not None and self.stiffness is None:
-            raise ValueError("`hysteresis` bounds the friction behind a spring: needs `stiffness`")
+            raise ValueError("`hysteresis` needs `stiffness`: it limits friction behind the spring")
         driving_loss(self)  # refuses efficiencies that cannot be
         if self.efficiency != 1 and self.back_efficiency is None:
             equal = (
@@ -234,7 +235,7 @@ class Transmission(Entry):
         return self
 
     def questions(self) -> Iterator[str]:
-        """Ask about a ratio or a rotor that no drive has, and a line that misses its figures."""
+        """Yield warnings for an unusual ratio or rotor inertia, and for a poor fit."""
         driving = driving_loss(self)
         if driving.error > _APART:
             yield (
@@ -251,13 +252,13 @@ class Transmission(Entry):
 
 
 class LoadLoss(NamedTuple):
-    """What the load makes a gear lose, g(w) L(|t|): L a broken line, g constant + rise w^exponent.
+    """Loss due to the load, g(w) L(|t|): L piecewise linear, g = constant + rise w^exponent.
 
     Attributes:
-        loads: where its lines begin, the first at 0 (N m or N at the output).
-        losses, slopes: L there (N m or N), and how it grows from there (1).
-        constant, rise, exponent: of the factor on it; w is the motor's speed (rad/s).
-        error: by how much the factor misses the maker's efficiencies over the speed, at most (1).
+        loads: at which its lines begin, the first at 0 (N m or N at the output).
+        losses, slopes: L there (N m or N), and its slope from there on (1).
+        constant, rise, exponent: of the factor g; w is the motor's speed (rad/s).
+        error: largest error of the fit to the maker's efficiencies over the speed (1).
     """
 
     loads: tuple[float, ...]
@@ -270,23 +271,23 @@ class LoadLoss(NamedTuple):
 
 
 def load_part(efficiency: float, load: float, no_load: float) -> float:
-    """Return what the load makes of a whole loss: load (1/efficiency - 1) - no_load.
+    """Return the part of a total loss that is due to the load: load (1/efficiency - 1) - no_load.
 
     Args:
-        efficiency: whole, at this load. load, no_load: at the output (N m or N).
+        efficiency: total, at this load. load, no_load: at the output (N m or N).
     """
     return load * (1.0 / efficiency - 1.0) - no_load
 
 
 def driving_loss(gear: Transmission) -> LoadLoss:
-    """Return what the load costs a motor that drives.
+    """Return the loss due to the load where the motor drives.
 
     A number eta: L = (1/eta - 1) |t|. A maker's efficiencies: L = |t| (1/eta - 1) - |r| n(w) at
     each point, straight between them, in proportion to the load beyond the last.
 
     Raises:
-        ValueError: no such gear: a negative loss, or one by which the motor's torque falls while
-            the load grows.
+        ValueError: an impossible gear: the loss is negative, or the motor's torque falls while the
+            load grows.
     """
     given = gear.efficiency
     if not isinstance(given, MakersEfficiency):
@@ -315,7 +316,7 @@ def driving_loss(gear: Transmission) -> LoadLoss:
 
 
 def driven_loss(gear: Transmission) -> LoadLoss:
-    """Return what the load loses by driving the motor: L = (1 - eta_b) |t|, or the driving loss."""
+    """Return the loss where the load drives: L = (1 - eta_b) |t|, or that of the driving motor."""
     back = gear.back_efficiency
     if back == "same_loss":
         return driving_loss(gear)
@@ -325,13 +326,13 @@ def driven_loss(gear: Transmission) -> LoadLoss:
 
 
 def driven_efficiency(gear: Transmission) -> float:
-    """Return 1 - g(0) L' at large loads: at 0 or below no load moves the motor, self-locking."""
+    """Return 1 - g(0) L' at large loads; the gear is self-locking if this is 0 or less."""
     loss = driven_loss(gear)
     return 1.0 - loss.constant * loss.slopes[-1]
 
 
 def _no_load(gear: Transmission, speed: float) -> float:
-    """What is lost without load at a motor's speed, at the output; the mean of both directions."""
+    """The loss without load at a motor's speed, at the output; the mean of both directions."""
     term, viscous = gear.no_load_torque, gear.motor_viscous
     lost = 0.0 if viscous is None else viscous.coefficient * speed**viscous.exponent
     if term is not None:
@@ -348,8 +349,8 @@ def _load_part(gear: Transmission, efficiency: float, load: float, speed: float)
         raise ValueError(
             f"`efficiency` {efficiency:g} at load {load:g} loses {part + no_load:.4g} N m (N), "
             f"`no_load_torque` and `motor_viscous` alone {no_load:.4g} at the output: the load's "
-            f"part would be {eta:.3g}, above 1; no such pair exists, take the "
-            "maker's curve (`over_load`), or give no_load_torque at the motor's shaft in N m"
+            f"part would be {eta:.3g}, above 1, which is impossible; give the "
+            "maker's curve (`over_load`), or no_load_torque at the motor's shaft in N m"
         )
     return max(part, 0.0)
 
@@ -357,7 +358,7 @@ def _load_part(gear: Transmission, efficiency: float, load: float, speed: float)
 def _over_speed(
     gear: Transmission, given: MakersEfficiency, there: float
 ) -> tuple[float, float, float, float]:
-    """Constant, rise and exponent of g, and by how much it misses the maker's efficiencies.
+    """Constant, rise and exponent of g, and its error against the maker's efficiencies.
 
     Least squares of g(w_i) there = load (1/eta_i - 1) - |r| n(w_i), with constant, rise >= 0.
 
@@ -369,7 +370,7 @@ def _over_speed(
     load, factor = given.load, 1.0 if given.temperature is None else given.temperature.factor
     speeds, eta = np.array(given.over_speed).T
     if there <= 0.0:
-        raise ValueError("`over_load` leaves no loss at `load` for `over_speed` to act on")
+        raise ValueError("`over_load` has no loss at `load`, so `over_speed` has no effect")
     parts = [_load_part(gear, e, load, w) for w, e in zip(speeds, eta, strict=True)]
     powers, right = speeds**given.exponent, np.array(parts) / there
     columns = np.stack([np.ones_like(powers), powers], axis=1)
@@ -386,7 +387,7 @@ def _over_speed(
 
 
 def _check_meeting(gear: Transmission, given: MakersEfficiency, there: float, g: float) -> None:
-    """Refuse curves over load and over speed that differ where both say something."""
+    """Refuse curves over load and over speed that differ where both are valid."""
     assert given.load is not None  # the entry requires it
     no_load = _no_load(gear, given.speed)
     by_load, by_speed = (given.load / (given.load + part + no_load) for part in (there, g * there))
@@ -399,11 +400,11 @@ def _check_meeting(gear: Transmission, given: MakersEfficiency, there: float, g:
 
 
 def _rising(loss: LoadLoss) -> LoadLoss:
-    """Refuse a loss by which the motor's torque falls while the load grows."""
+    """Refuse a loss with which the motor's torque falls while the load grows."""
     for start, slope in zip(loss.loads, loss.slopes, strict=True):
         if 1.0 + loss.constant * slope <= 1e-9 or (slope < 0.0 < loss.rise):
             why = (
-                "the loss falls while the load grows, at speed without end"
+                "the loss falls while the load grows, without limit at speed"
                 if loss.rise
                 else "the motor's torque falls while the load grows"
             )
@@ -412,7 +413,7 @@ def _rising(loss: LoadLoss) -> LoadLoss:
 
 
 def _check_back_driving(gear: Transmission) -> None:
-    """Refuse torques at no load that cannot be, and a starting torque that is another."""
+    """Refuse impossible no-load torques, and a starting torque that contradicts them."""
     back, term = gear.back_efficiency, gear.no_load_torque
     if not isinstance(back, BackDriving):
         return
@@ -425,10 +426,10 @@ def _check_back_driving(gear: Transmission) -> None:
             "the second at the output, both in N m"
         )
     if term is None or term == term.without_static():
-        return  # of what starts it nothing is said there
+        return  # the file gives no static no-load torque
     static = term.at_rest().forward
     if abs(static - back.starting_torque) > 0.01 * static:
         raise ValueError(
             f"`no_load_torque.static` {static:g} and `back_efficiency.starting_torque`"
-            f" {back.starting_torque:g} are the same torque: they differ"
+            f" {back.starting_torque:g} are the same torque but differ; correct one of them"
         )

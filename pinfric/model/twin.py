@@ -20,7 +20,7 @@ from pinfric.kernels.compiled import kernel
 from pinfric.model.kinematics import rotation
 
 #: Most joints that are opened: Pinocchio's `Data` holds arrays of nv^3 numbers, 55 MB for 20 opened
-#: joints, 1.5 GB for 60. Larger robots are asked joint by joint.
+#: joints, 1.5 GB for 60. For larger robots the wrenches are computed joint by joint.
 LARGEST = 20
 
 # How a joint's configuration becomes a placement.
@@ -37,7 +37,7 @@ _MANY_DEGREES = {
 
 
 class Embedding(NamedTuple):
-    """The columns of `Twin` that its kernels read, one row per joint."""
+    """The tables of `Twin` for its kernels, one row per joint."""
 
     kind: np.ndarray
     q_index: np.ndarray
@@ -54,12 +54,12 @@ class Twin:
 
     Attributes:
         model: the robot itself.
-        opened: the model whose joints are all free; None for a robot of more joints than `LARGEST`.
-        kind: (nj,) how configuration becomes placement.
+        opened: the model with all joints free; None for a robot with more joints than `LARGEST`.
+        kind: (nj,) how the configuration becomes a placement.
         q_index, v_index: (nj,) where the joint's (for a mimic joint: its leader's) numbers start.
-        ratio, shift: (nj,) angle = ratio * leader's angle + shift; 1 and 0 but for mimic joints.
+        ratio, shift: (nj,) angle = ratio * leader's angle + shift; 1 and 0 except for mimic joints.
         axis: (nj, 6) unit motion subspace of one-degree joints, linear first, zero for others.
-        components: (nj, 6) velocity components of many-degree joints, in order, filled with -1.
+        components: (nj, 6) velocity components of many-degree joints, in order, padded with -1.
         armature: (nv,) rotor inertia reflected to the joints, from the model.
         pools: Pinocchio's pools and data by use and threads; made when first used, not pickled.
     """
@@ -316,7 +316,7 @@ def _embed_many(
 def project(
     wrench: np.ndarray, joints: Embedding, armature: np.ndarray, a: np.ndarray, effort: np.ndarray
 ) -> None:
-    """Write tau_id = E^T w + armature a, the total effort that a motion takes.
+    """Write tau_id = E^T w + armature a, the total effort of a motion.
 
     Args:
         wrench: (n, nj, 6), parent on child, in the child's joint frame, linear first.
@@ -356,7 +356,7 @@ def transmit(
 ) -> None:
     """Subtract a wrench on one link from the wrenches of every joint that carries it.
 
-    What acts on a link relieves the joints between it and the ground: w_j -= X_j f.
+    A wrench f on a link changes the wrenches of the joints between it and the ground: w_j -= X_j f.
 
     Args:
         wrench_on_link: (n, 6), on the link of joint `start`, in that joint's frame.
@@ -384,7 +384,7 @@ def transmit(
 
 @kernel
 def _move_wrench(R: np.ndarray, p: np.ndarray, wrench: np.ndarray) -> None:
-    """Write a wrench (6,) of a frame in the frame where that stands: R f, R m + p x R f."""
+    """Write a wrench (6,) of a frame in the frame of its placement: R f, R m + p x R f."""
     x, y, z = wrench[0], wrench[1], wrench[2]
     for r in range(3):
         wrench[r] = R[r, 0] * x + R[r, 1] * y + R[r, 2] * z

@@ -49,12 +49,12 @@ class Shown:
         return figure
 
     def summary(self) -> pd.DataFrame:
-        """Return the figures of each drive, a row a drive, SI units: `pf.summary`."""
+        """Return the figures of each drive, one row per drive, in SI units: `pf.summary`."""
         table: pd.DataFrame = _FUNCTIONS["summary"](self)
         return table
 
     def _repr_html_(self) -> str:
-        """Return the result's table for a notebook: what has a heading, with units."""
+        """Return the result's table for a notebook: the figures with a heading, with units."""
         table = self.summary()
         title = html.escape(repr(self).partition("\n")[0])
         shown: str = table.attrs.get("html") or table.to_html(

@@ -1,7 +1,7 @@
-"""The URDF, checked: what Pinocchio would pass over or say badly is said here.
+"""Checks of a URDF: errors that Pinocchio accepts or reports badly are found here.
 
-What Pinocchio's model does not keep and every command needs (mimicry, <dynamics>, <transmission>)
-is read here, too; all else of a URDF is yourdfpy's (`read_document`).
+Parts that every command needs but Pinocchio's model does not keep (mimic joints, <dynamics>,
+<transmission>) are read here, too. yourdfpy reads everything else (`read_document`).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from pinfric.model.yamlfile import brief
 
 #: Triangle-inequality slack relative to the largest principal moment: URDFs print few digits.
 _INERTIA_SLACK = 1e-3
-#: Moments below this (kg m^2) are rounding of an exporter, not a statement.
+#: Moments below this (kg m^2) are the rounding of an exporter.
 _INERTIA_FLOOR = 1e-9
 _JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "floating")
 _MOMENTS = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
-#: What a shape must say of its geometry.
+#: Required attributes of each shape.
 _MEASURES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ()}
 
 
@@ -50,18 +50,18 @@ class Mimic(NamedTuple):
 
 
 def check_urdf(root: ElementTree.Element, urdf: Path) -> None:
-    """Check what a URDF says of links and joints; its meshes are not read.
+    """Check the links and joints of a URDF; its meshes are not read.
 
-    A robot without a name gets one in `root`. Mimicry of joints that are not there is taken out
-    of it, and bodies that no matter could form are kept, each with one `PinfricWarning`: other
-    programs compute with both.
+    A robot without a name gets one in `root`. Mimic tags of unknown joints are removed from it, and
+    physically impossible inertias are kept, each with one `PinfricWarning`, because other programs
+    accept both.
 
     Args:
         root: as `read_xml` returns it.
         urdf: named in messages.
 
     Raises:
-        RobotError: not a URDF, no tree, or a mass, inertia, axis or limit that cannot be.
+        RobotError: not a URDF, not a tree, or an impossible mass, inertia, axis or limit.
     """
     _check_elements(root, urdf)
     if not root.get("name"):
@@ -81,7 +81,7 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
         urdf: named in messages.
 
     Raises:
-        RobotError: what yourdfpy does not read, such as a colour that is none.
+        RobotError: an entry that yourdfpy cannot read, such as an invalid colour.
     """
     from yourdfpy import URDF  # 0.5 s: only where it is used
 
@@ -93,7 +93,7 @@ def read_document(root: ElementTree.Element, urdf: Path) -> Any:
 
 
 def followers(root: ElementTree.Element) -> dict[str, Mimic]:
-    """Return joint -> what it mimics."""
+    """Return joint -> the joint it mimics."""
     return {
         name: Mimic(
             mimic.attrib["joint"],
@@ -121,7 +121,7 @@ def _parts(root: ElementTree.Element, tag: str) -> list[tuple[str, ElementTree.E
 def reductions(root: ElementTree.Element) -> dict[str, float]:
     """Return joint -> mechanical reduction (motor turns per joint turn) of a URDF's transmissions.
 
-    Where one stands beside the joint and one beside the actuator, the actuator's counts, as in ROS.
+    If both the joint and the actuator have one, the actuator's is used, as in ROS.
     """
     found: dict[str, float] = {}
     for transmission in root.findall("transmission"):
@@ -138,7 +138,7 @@ def reductions(root: ElementTree.Element) -> dict[str, float]:
 
 
 def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
-    """Names, types, ends and numbers: what parsers otherwise report without saying where."""
+    """Check names, types, links and numbers, which parsers report without their place."""
     for tag in ("link", "joint"):
         names = [element.get("name") for element in root.findall(tag)]
         if None in names or "" in names:
@@ -146,7 +146,7 @@ def _check_elements(root: ElementTree.Element, urdf: Path) -> None:
             raise RobotError(f"{urdf}: {tag} number {position} has no name")
         twice = [name for name, count in Counter(names).items() if count > 1]
         if twice:
-            raise RobotError(f"{urdf}: {tag} {twice[0]!r} stands twice; names must differ")
+            raise RobotError(f"{urdf}: two {tag}s are named {twice[0]!r}; names must differ")
     for joint in root.findall("joint"):
         where = f"{urdf}: joint {joint.get('name')!r}"
         kind = joint.get("type")
@@ -180,10 +180,10 @@ def _check_geometry(shape: ElementTree.Element, where: str) -> None:
 
 
 def _check_inertial(link: ElementTree.Element, where: str) -> None:
-    """Parsers fill in zeros for what is missing: a link without mass would go unnoticed."""
+    """Check for missing parts: parsers replace them by zeros without a message."""
     inertials = link.findall("inertial")
     if len(inertials) > 1:
-        raise RobotError(f"{where} has {len(inertials)} <inertial>; which counts?")
+        raise RobotError(f"{where} has {len(inertials)} <inertial>; keep one of them")
     for inertial in inertials:
         _check_numbers(inertial, where)
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
@@ -258,11 +258,11 @@ def _check_tree(root: ElementTree.Element, urdf: Path) -> None:
         raise RobotError(f"{urdf}: needs one root link, found {roots or 'a ring of links'}")
     reached = _reachable(roots, root.findall("joint"))
     if lost := [name for name in links if name not in reached]:
-        raise RobotError(f"{urdf}: links {lost} hang in a ring that no joint ties to {roots[0]!r}")
+        raise RobotError(f"{urdf}: links {lost} form a ring without connection to {roots[0]!r}")
 
 
 def link_of(joint: ElementTree.Element, end: str) -> str:
-    """Return the name of a joint's `parent` or `child` link; that there is one was checked."""
+    """Return the name of a joint's `parent` or `child` link, which was checked to exist."""
     element = joint.find(end)
     return "" if element is None else element.get("link", "")
 
@@ -301,19 +301,19 @@ def _check_mimics(root: ElementTree.Element, urdf: Path) -> None:
         if (above := mimics.get(leader)) is not None:
             raise RobotError(
                 f"{where} mimics {leader!r}, which mimics {above.joint!r}: "
-                f"Pinocchio takes no chains; mimic {above.joint!r} directly"
+                f"Pinocchio supports no chains; mimic {above.joint!r} directly"
             )
         if types[leader] not in ("revolute", "prismatic"):
             raise RobotError(
-                f"{where} mimics {leader!r}, a {types[leader]} joint; Pinocchio takes "
-                "revolute and prismatic leaders: give it limits"
+                f"{where} mimics {leader!r}, a {types[leader]} joint; Pinocchio supports "
+                "revolute and prismatic leaders only: give it limits"
             )
         if mimic.multiplier == 0.0:
             raise RobotError(f"{where} mimics with the multiplier 0: make it a fixed joint")
 
 
 def lost_leaders(root: ElementTree.Element) -> dict[str, str]:
-    """Return joint -> the joint it mimics, where that one is not there."""
+    """Return joint -> the joint it mimics, for joints that mimic an unknown joint."""
     joints = {joint.get("name") for joint in root.findall("joint")}
     return {
         str(joint.get("name")): str(mimic.get("joint"))
@@ -324,7 +324,7 @@ def lost_leaders(root: ElementTree.Element) -> dict[str, str]:
 
 
 def _release_followers(root: ElementTree.Element, urdf: Path) -> None:
-    """Take out mimicry of joints that are not there: such a joint moves by itself."""
+    """Remove mimic tags of unknown joints: such a joint then moves independently."""
     lost = lost_leaders(root)
     if not lost:
         return
@@ -334,8 +334,8 @@ def _release_followers(root: ElementTree.Element, urdf: Path) -> None:
     name, leader = next(iter(lost.items()))
     others = f" (and {len(lost) - 1} more joints have no leader)" if len(lost) > 1 else ""
     warnings.warn(
-        f"{urdf}: joint {name!r} mimics {leader!r}, which is not there{others}; what has no "
-        "leader moves by itself, with a drive of its own",
+        f"{urdf}: joint {name!r} mimics {leader!r}, which is not there{others}; a joint without "
+        "leader moves independently, with its own drive",
         PinfricWarning,
         stacklevel=4,
     )
@@ -357,23 +357,23 @@ def bodies(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
 
 
 def implausible_links(root: ElementTree.Element) -> dict[str, str]:
-    """Return link -> why no body has its mass and inertia; links that never move left out."""
+    """Return link -> why its mass and inertia are impossible; without links that never move."""
     still = still_links(root)
     moving = {name: body for name, body in bodies(root).items() if name not in still}
     return {name: why for name, body in moving.items() if (why := implausible_body(*body))}
 
 
 def _check_inertias(root: ElementTree.Element, urdf: Path) -> None:
-    """Refuse negative masses; warn once of other bodies that cannot be."""
+    """Refuse negative masses; warn once of other impossible bodies."""
     problems, found = implausible_links(root), bodies(root)
     for name, problem in problems.items():
         if found[name][0] < 0:
             raise RobotError(f"{urdf}: link {name!r}: {problem}")
     if problems:
         first, *others = problems
-        also = f"; the like of {', '.join(others)}" if others else ""
+        also = f"; also {', '.join(others)}" if others else ""
         warnings.warn(
-            f"{urdf}: link {first!r}: {problems[first]}{also}; computed with as written "
+            f"{urdf}: link {first!r}: {problems[first]}{also}; used as written "
             "(`pinfric check` lists them, --strict refuses them)",
             PinfricWarning,
             stacklevel=4,
@@ -381,7 +381,7 @@ def _check_inertias(root: ElementTree.Element, urdf: Path) -> None:
 
 
 def still_links(root: ElementTree.Element) -> set[str]:
-    """Return the links that never move: the root and what is fixed to it."""
+    """Return the links that never move: the root and all links fixed to it."""
     joints = root.findall("joint")
     children = {link_of(joint, "child") for joint in joints}
     roots = [
@@ -391,10 +391,10 @@ def still_links(root: ElementTree.Element) -> set[str]:
 
 
 def implausible_body(mass: float, inertia: np.ndarray) -> str | None:
-    """Say why no rigid body has this mass and inertia about its centre of mass, or None.
+    """Return why no rigid body has this mass and inertia about its centre of mass, or None.
 
     J's principal moments are sums of integrals over the body, so each is at most the sum of the
-    other two (triangle inequality); rounding of what a file prints is allowed for.
+    other two (triangle inequality), within the rounding of a file.
 
     Args:
         mass: kg.
@@ -435,7 +435,7 @@ def missing_meshes(
 def warn_of_missing_meshes(
     root: ElementTree.Element, urdf: Path, package_dirs: Sequence[Path]
 ) -> None:
-    """Warn once, naming them, of mesh files that are not there; the dynamics do without them."""
+    """Warn once about missing mesh files; the dynamics do not need them."""
     if missing := missing_meshes(root, urdf, package_dirs):
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         warnings.warn(

@@ -307,11 +307,11 @@ def test_two_motors_at_the_joint_that_closes_a_loop():
 @pytest.mark.parametrize(
     ("actuators", "says"),
     [
-        ([{"joint": "cart"}, {"joint": "cart"}], "'cart' stands twice; .* need a `name` each"),
+        ([{"joint": "cart"}, {"joint": "cart"}], "'cart' is listed twice; .* need a `name` each"),
         ([{"joint": "cart", "name": "pole"}], "the name 'pole' is taken by a joint"),
         ([{"joint": "cart", "share": 0}], "share"),
         ([{"force": {"name": "f", "link": "cart", "direction": [1, 0, 0]}, "name": "g"}],
-         "`name` stands inside `force`"),
+         "give `name` inside `force`"),
     ],
 )  # fmt: skip
 def test_drives_that_cannot_be_are_refused(actuators, says):

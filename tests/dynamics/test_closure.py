@@ -214,7 +214,7 @@ def scene_with(actuators, **more):
         ([{"joint": "O"}, {"joint": "A"}], "2 for 1 degree of freedom: .*name 1 of O, A"),
         (None, "3 for 1 degree of freedom: .*name 1 of O, A, C"),
         ([{"joint": "X"}], "joint 'X' is not there"),
-        ([{"joint": "O"}, {"joint": "O"}], "'O' stands twice"),
+        ([{"joint": "O"}, {"joint": "O"}], "'O' is listed twice"),
     ],
 )
 def test_actuators_are_counted_against_the_freedoms_that_loops_leave(actuators, says):

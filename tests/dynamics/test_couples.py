@@ -213,7 +213,7 @@ def test_beside_a_loop_the_couples_reach_the_efforts() -> None:
 @pytest.mark.parametrize(("couples", "message"), [
     ([{}, {"j9": 1.0}], "actuators: j2.couples: joint 'j9' is not there; "),
     ([{}, {"j2": 1.0}], "`couples` names its own joint 'j2'"),
-    ([{}, {"j1": 0.0}], "`couples.j1` 0 couples nothing"),
+    ([{}, {"j1": 0.0}], "`couples.j1` must not be 0"),
     ([{}, {"j1": float("inf")}], "couples.j1"),
     ([{"j2": 2.0}, {"j1": 0.5}], "the couples of j1, j2 are singular"),
     ([None, {"j1": 0.5}], "'j2' couples joint 'j1', which has no drives"),

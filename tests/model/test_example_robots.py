@@ -66,7 +66,7 @@ def test_what_is_read_is_what_pinocchio_reads(robots):
 
 def test_implausible_bodies_are_one_warning_for_each_robot(robots):
     _, said = robots
-    about = {stem: [t for t in texts if "computed with as written" in t]
+    about = {stem: [t for t in texts if "used as written" in t]
              for stem, texts in said.items()}  # fmt: skip
     assert {stem for stem, texts in about.items() if texts} == IMPLAUSIBLE
     assert all(len(texts) <= 1 for texts in about.values())

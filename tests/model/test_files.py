@@ -23,7 +23,7 @@ def test_folder_where_a_file_should_go_is_refused_before_anything_is_written(tmp
     (tmp_path / "b").mkdir()
     (tmp_path / "a").write_text("old")
     called = []
-    with pytest.raises(PinfricError, match="b is a folder in there, and a file of that name"):
+    with pytest.raises(PinfricError, match="it contains a folder b, where a file of that name"):
         write_folder(tmp_path, {"a": called.append, "b": called.append})
     assert called == []
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b"]

@@ -43,7 +43,7 @@ def scene(tmp_path, text):
     [
         ([link("arm", mass="-1"), joint()], r"'arm'.*mass -1 kg is negative"),
         ([link("arm", inertia=INERTIA.replace('izz="0.1"', 'izz="-0.3"')), joint()],
-         r"what joint 'swing' moves has a negative kinetic energy"),
+         r"the links that joint 'swing' moves have a negative kinetic energy"),
         ([link("arm"), joint(axis="0 0 0")], r"'swing' has the axis \[0.0, 0.0, 0.0\]"),
         ([link("arm"), joint(child="amr")], r"'swing' names link 'amr'.*did you mean 'arm'"),
         ([link("arm"), joint(), joint(name="again")], "'again'.*tree"),
@@ -53,7 +53,7 @@ def scene(tmp_path, text):
         ([link("arm"), joint(more='<mimic joint="swing"/>')], "'swing' mimics itself"),
         ([link("arm"), joint(more='<dynamics friction="x"/>')], "'swing'.*friction='x'"),
         ([link("arm"), joint(), link("a"), link("b"), joint("r", "a", "b"), joint("s", "b", "a")],
-         r"\['a', 'b'\] hang in a ring"),
+         r"\['a', 'b'\] form a ring"),
         ([link("arm"), joint().replace(' xyz="0 0 1"', "")], "'swing' has an <axis> without xyz"),
         ([link("arm").replace("</link>", '<visual><geometry><box size="1 2"/></geometry></visual>'
                               "</link>"), joint()], "'arm': <box size='1 2'> should be 3 finite"),
@@ -108,7 +108,7 @@ def test_kinetic_energy_is_positive_at_every_pose_within_the_ranges(tmp_path, ow
         with pytest.warns(PinfricWarning, match="one is negative"):
             assert read_robot(file, {}).model.nv == 2
         return
-    says = "'j1' moves has a negative kinetic energy at q = "
+    says = "'j1' moves have a negative kinetic energy at q = "
     with pytest.warns(PinfricWarning), pytest.raises(RobotError, match=says):
         read_robot(file, {})
 
@@ -154,7 +154,7 @@ def test_the_triangle_inequality_from_both_sides(excess, said):
 def test_bodies_that_other_programs_take_are_one_warning_with_all_their_names(tmp_path, body, says):
     hand = body.replace('"arm"', '"hand"')
     parts = body, joint(), hand, joint(name="wrist", parent="arm", child="hand")
-    with pytest.warns(PinfricWarning, match=rf"'arm'.*{says}.*the like of hand; comp") as caught:
+    with pytest.warns(PinfricWarning, match=rf"'arm'.*{says}.*also hand; used") as caught:
         robot = read_robot(urdf(tmp_path, *parts), {})
     assert len(caught) == 1
     as_written = np.array([[0.1]]) * 2  # izz of both about the common axis, no lever
@@ -237,7 +237,7 @@ def test_the_notice_of_urdf_dynamics_names_four_joints_of_many(tmp_path):
          SceneError, "a guide does not fit a turning joint; take pin"),
         ("friction: {swing: {bearing: {kind: ball, radius: 0.1}, mu: {static: 0, kinetic: 0}}}",
          SceneError, "take pin or linear .a ball fits a spherical loop"),
-        ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "stands twice"),
+        ("actuators: [{joint: swing}, {joint: swing}]", SceneError, "listed twice"),
         ("actuators: [{joint: wing}]", SceneError, "did you mean 'swing'"),
         ("actuators: [{cylinder: {name: boom}}]", SceneError, r"`actuators\[0\].cylinder.a`"),
         ("actuators: [{force: {name: push}}]", SceneError, r"`actuators\[0\].force.link`"),

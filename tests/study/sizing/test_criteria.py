@@ -244,7 +244,7 @@ def test_a_makers_curve_over_speed_drives_the_candidates_motor(tmp_path):
         assert 0.87 / motor_torque_bounds(transmission, *one, 1e-6)[0][0] == pytest.approx(
             eta, abs=2e-3
         )
-    with pytest.raises(CatalogError, match=r"gears\.G`: `efficiency` 0.64 .*no such pair exists"):
+    with pytest.raises(CatalogError, match=r"gears\.G`: `efficiency` 0.64 .*which is impossible"):
         one_drive(tmp_path, gear={**figures, "no_load_running_torque": 0.5})
 
 
