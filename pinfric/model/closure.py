@@ -278,10 +278,11 @@ def closed_configurations(
     loop = linkage.name_of_row(int(np.argmax(np.abs(least))))
     turning = linkage.turning
     way, angle = np.linalg.norm(least[~turning]), np.linalg.norm(least[turning]) / linkage.size
+    place = loop_place(linkage.loops, loop)
     raise SceneError(
-        f"{source}: {loop_place(linkage.loops, loop)}: cannot close: in 30 searches its frames stay "
-        f"at least {way:.3g} m{f' and {angle:.3g} rad' if turning.any() else ''} apart; check `xyz` and "
-        "`rpy` of its sides, or loop_tolerance if they are rounded"
+        f"{source}: {place}: cannot close: in 30 searches its frames stay "
+        f"at least {way:.3g} m{f' and {angle:.3g} rad' if turning.any() else ''} apart; check "
+        "`xyz` and `rpy` of its sides, or loop_tolerance if they are rounded"
         + (f"; {doubts[loop]}" if loop in doubts else "")
     )
 
