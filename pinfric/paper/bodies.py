@@ -185,8 +185,14 @@ class Mechanism:
 def _drive(joint: RevoluteJoint | TranslationalJoint) -> Actuator:
     """A drive on a joint: a torque about its axis, or a force along it."""
     kind = "force" if joint.free == ALONG else "torque"
-    return Actuator(joint.name, joint.parent, joint.child, joint.point, through=joint.name,
-                    **{kind: unit(joint.axis)})  # fmt: skip
+    return Actuator(
+        joint.name,
+        joint.parent,
+        joint.child,
+        joint.point,
+        through=joint.name,
+        **{kind: unit(joint.axis)},
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,10 +259,12 @@ def _geometry(mechanism: Mechanism) -> Geometry:
         arm_child=on_child - center[child],
         free=np.array([j.free for j in joints]),
         constrained=np.array([6 * k + c for k, j in enumerate(joints) for c in j.constrained]),
-        direction=np.array([
-            np.concatenate([h * (j.free == ALONG), h * (j.free == TURN)])
-            for j, h in zip(joints, triad[:, 2], strict=True)
-        ]),
+        direction=np.array(
+            [
+                np.concatenate([h * (j.free == ALONG), h * (j.free == TURN)])
+                for j, h in zip(joints, triad[:, 2], strict=True)
+            ]
+        ),
         sites=np.array(sites, int),
         radius=np.array([getattr(one, "radius", 1.0) for one in friction], float),
         per_length=np.array([1.0 / one.length if one.length else 0.0 for one in friction], float),
@@ -270,7 +278,7 @@ def _geometry(mechanism: Mechanism) -> Geometry:
         drive_force=np.array([np.asarray(a.force, float) for a in actuators]),
         drive_torque=np.array([np.asarray(a.torque, float) for a in actuators]),
         through=np.array([[float(a.through == j.name) for a in actuators] for j in joints]),
-    )  # fmt: skip
+    )
 
 
 def unit(axis: ArrayLike) -> Array:

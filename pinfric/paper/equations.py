@@ -215,9 +215,13 @@ def _by_the_tree(jacobian: Relative, right: Array, free: Array) -> Array:
 
 
 def check_loops(
-    mechanism: Mechanism, q: Placement, jacobian: Relative, bias: Relative,
-    speed: Array, acceleration: Array,
-) -> None:  # fmt: skip
+    mechanism: Mechanism,
+    q: Placement,
+    jacobian: Relative,
+    bias: Relative,
+    speed: Array,
+    acceleration: Array,
+) -> None:
     """Check Phi = 0 (2), Phi_q q' = 0 and Phi_q q'' = gamma at the joints that close loops.
 
     The tree's joints keep theirs by construction. Raises `PinfricError` with joint and sample.
@@ -240,8 +244,10 @@ def check_loops(
         wrong = np.argwhere(np.abs(off) > CLOSED * size)
         if len(wrong):
             sample, loop = wrong[0, :2]
-            raise PinfricError(f"loop {mechanism.loops[loop].name}: the {name} of the tree's "
-                               f"joints opens it at sample {sample}")  # fmt: skip
+            raise PinfricError(
+                f"loop {mechanism.loops[loop].name}: the {name} of the tree's "
+                f"joints opens it at sample {sample}"
+            )
 
 
 # ---------------------------------------------------------------- (5) and (6)

@@ -138,6 +138,11 @@ def _finish(r: Reproduction, *axes: Axes) -> None:
     axes[0].annotate(
         f"sticks {start:.4f} to {end:.4f} s\n(printed: {r.example.printed[0]:g} to "
         f"{r.example.printed[1]:g} s)",
-        xy=(end, 1.0), xycoords=("data", "axes fraction"), xytext=(4, -4),
-        textcoords="offset points", va="top", fontsize=8.5, color="#7A5200",
-    )  # fmt: skip
+        xy=(end, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(4, -4),
+        textcoords="offset points",
+        va="top",
+        fontsize=8.5,
+        color="#7A5200",
+    )

@@ -275,7 +275,9 @@ def forward(
     geo = mechanism.geometry
     at_rest = np.abs(state.site_rate) <= geo.stick_velocity
     if at_rest.any() and mechanism.loops:
-        raise PinfricError("joints at rest in a loop share their friction in more ways than one: "
-                           "forward dynamics takes loops in motion only")  # fmt: skip
+        raise PinfricError(
+            "joints at rest in a loop share their friction in more ways than one: "
+            "forward dynamics takes loops in motion only"
+        )
     signs = np.where(at_rest, 0, np.sign(state.site_rate)).astype(int)
     return find_modes(state, signs, at_rest, at_rest, where)

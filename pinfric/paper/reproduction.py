@@ -302,8 +302,16 @@ def absolute_judge(scene: Scene) -> Judge | None:
         return None
     judged = example.judge()
     t_end = scene.simulation.t_end
-    motion = simulate(judged.mechanism, judged.position, judged.rate, judged.effort, t_end,
-                               rtol=1e-12, atol=1e-14, sample_step=t_end)  # fmt: skip
+    motion = simulate(
+        judged.mechanism,
+        judged.position,
+        judged.rate,
+        judged.effort,
+        t_end,
+        rtol=1e-12,
+        atol=1e-14,
+        sample_step=t_end,
+    )
     starts = np.array([phase.start for phase in motion.phases])
 
     def at(times: np.ndarray) -> np.ndarray:

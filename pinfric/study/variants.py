@@ -69,8 +69,9 @@ def with_constant_friction(scene: Scene, constants: Mapping[str, float]) -> Scen
     """
     friction = {
         name: Friction(coulomb=CoulombFriction(static=F, kinetic=F))
-        for name, F in constants.items() if F > 0.0
-    }  # fmt: skip
+        for name, F in constants.items()
+        if F > 0.0
+    }
     return dataclasses.replace(with_effects(scene, only=["payload"]), friction=friction)
 
 
@@ -78,9 +79,10 @@ def hardly_rubbing(scene: Scene) -> Scene:
     """Return the scene with coefficients so small that loads are those without friction."""
     friction = {
         name: entry.model_copy(update={"mu": LoadFriction(static=_HARDLY, kinetic=_HARDLY)})
-        if entry.mu is not None else entry
+        if entry.mu is not None
+        else entry
         for name, entry in scene.friction.items()
-    }  # fmt: skip
+    }
     return dataclasses.replace(scene, friction=friction)
 
 

@@ -130,9 +130,7 @@ def _name_rating(
     if rating is None:
         return
     assert trial is not None
-    met = trial.passes(result.figures)[
-        f"{'peak' if name.endswith('peak') else 'continuous'} torque"
-    ]
+    met = trial.passes(result)[f"{'peak' if name.endswith('peak') else 'continuous'} torque"]
     text = f"{percent(result.probability(met))} within {digits(rating)}"
     low, high = axes.get_xlim()
     right = not inside or rating > 0.5 * (low + high)

@@ -153,7 +153,7 @@ def _trial_notes(result: SweepResult) -> list[str]:
     """What was not checked, and what was put into the model."""
     lines = []
     for trial in result.trials:
-        if missing := trial.not_checked(result.figures):
+        if missing := trial.not_checked(result):
             lines.append(f"{trial.drive}: {', '.join(missing)} not checked: no figure")
     bare = [trial.drive for trial in result.trials if not trial.checks]
     if bare:

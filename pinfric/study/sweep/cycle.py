@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,15 +36,12 @@ from pinfric.study.trajectory.trajectory import Trajectory
 
 #: What a cycle takes of each drive.
 DEMANDS = ("peak", "rms", "motor_peak", "motor_rms", "speed")
-#: What `size` says of the catalogue's drive on trial there: the criteria that fail and those not
-#: checked (sums of 2^k, k the place in `Judge.criteria`), and the least margin. Where none is on
-#: trial: 0, 0 and 1, since NaN would say that there is no solution.
-VERDICT = ("failed", "not_checked", "margin")
-_NO_TRIAL = (0.0, 0.0, 1.0)
-#: The figures of each drive, in the order of the last axis of `Block.figures`.
-FIGURES = (*DEMANDS, *VERDICT)
-
-
+#: The figures of each drive, in the order of the last axis of `Block.figures`. `margin` is the
+#: least of the criteria of a catalogue's drive on trial, 1 if none is on trial.
+FIGURES = (*DEMANDS, "margin")
+#: What a sample says of a criterion.
+FAILS, MET, NOT_CHECKED = 0, 1, -1
+_CODES = {Status.FAILS: FAILS, Status.NOT_CHECKED: NOT_CHECKED}
 #: What elastic gears do in a cycle, the worst of its rests: Hz, m, m, m; NaN where not known.
 ELASTIC_FIGURES = ("lowest_frequency", "tool_sag", "tool_interval", "tool_reversal")
 
@@ -71,8 +68,8 @@ class Judge:
         holding: np.ndarray,
         inertia: float | None,
         beyond: float,
-    ) -> tuple[float, float, float]:
-        """Return the figures of `VERDICT` for one cycle.
+    ) -> tuple[float, list[int]]:
+        """Return the least margin over one cycle, and what becomes of each of `criteria`.
 
         Args:
             result: of the cycle. actuator: the drive's column.
@@ -90,12 +87,9 @@ class Judge:
         motor = motor_cycle(candidate, cycle, self.conditions)
         case = Case(demand, cycle, inertia, self.hand, self.conditions, beyond)
         found = check(candidate, motor, case)
-        bits = {name: 2.0**k for k, name in enumerate(self.criteria)}
-        failed, unchecked = (
-            sum(bits[c.name] for c in found if c.status == status)
-            for status in (Status.FAILS, Status.NOT_CHECKED)
-        )
-        return failed, unchecked, Assessment(candidate, found, motor.figures).margin
+        codes = {c.name: _CODES.get(c.status, MET) for c in found}
+        margin = Assessment(candidate, found, motor.figures).margin
+        return margin, [codes[name] for name in self.criteria]
 
 
 class JudgedTransmission(Transmission):
@@ -137,6 +131,11 @@ class Study:
         return {i: g.judge for i, g in gears.items() if isinstance(g, JudgedTransmission)}
 
     @property
+    def criteria(self) -> tuple[tuple[int, str], ...]:
+        """The columns of `Block.verdicts`: a drive on trial, and one of its criteria."""
+        return tuple((i, name) for i, judge in self.judges.items() for name in judge.criteria)
+
+    @property
     def elastic(self) -> bool:
         """Whether samples differ in stiffness or hysteresis: then `ELASTIC_FIGURES` are asked."""
         return any(target.key in ELASTIC for target in self.targets)
@@ -164,6 +163,7 @@ class Block:
     Attributes:
         rows: (k,) which samples.
         figures: (k, na, number of `FIGURES`); NaN where there is no solution.
+        verdicts: (k, number of `Study.criteria`) MET, FAILS or NOT_CHECKED.
         unsolved: (k,) at how many instants of the cycle there is none.
         problems: (k,) why a sample could not be computed; empty where it could.
         elastic: (k, number of `ELASTIC_FIGURES`), (k, 0) where nothing elastic varies.
@@ -171,9 +171,19 @@ class Block:
 
     rows: np.ndarray
     figures: np.ndarray
+    verdicts: np.ndarray
     unsolved: np.ndarray
     problems: tuple[str, ...]
     elastic: np.ndarray
+
+
+class Cycle(NamedTuple):
+    """One sample of a `Block`: (na, number of `FIGURES`), and the others' row."""
+
+    figures: np.ndarray
+    verdicts: np.ndarray
+    unsolved: int
+    elastic: tuple[float, ...]
 
 
 def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> Block:
@@ -186,37 +196,35 @@ def compute(study: Study, rows: np.ndarray, values: np.ndarray) -> Block:
     """
     k, na = len(rows), len(study.scene.drives)
     figures, unsolved = np.full((k, na, len(FIGURES)), np.nan), np.zeros(k, dtype=np.int64)
+    verdicts = np.full((k, len(study.criteria)), NOT_CHECKED, dtype=np.int8)
     elastic = np.full((k, len(ELASTIC_FIGURES) * study.elastic), np.nan)
     problems = [""] * k
     if study.superposition is not None:
-        _superposed_figures(study, study.superposition, values, figures)
+        _superposed_figures(study, study.superposition, values, figures, verdicts)
     for i in np.flatnonzero(np.isnan(figures).any(axis=(1, 2))):
         try:
-            figures[i], unsolved[i], elastic[i] = cycle_figures(study, values[i])
+            figures[i], verdicts[i], unsolved[i], elastic[i] = cycle_figures(study, values[i])
         except PinfricError as problem:  # of this sample: the others go on
             problems[i] = str(problem)
             unsolved[i] = len(study.trajectory.t)
-    return Block(rows, figures, unsolved, tuple(problems), elastic)
+    return Block(rows, figures, verdicts, unsolved, tuple(problems), elastic)
 
 
 def _superposed_figures(
-    study: Study, sums: Superposition, values: np.ndarray, figures: np.ndarray
+    study: Study, sums: Superposition, values: np.ndarray, figures: np.ndarray, verdicts: np.ndarray
 ) -> None:
     """Write the figures of the samples that are sums of stored cycles; NaN stays for others."""
-    figures[:, :, len(DEMANDS) :] = _NO_TRIAL
-    demands, verdicts = figures[:, :, : len(DEMANDS)], figures[:, :, len(DEMANDS) :]
+    demands, margins = figures[:, :, :-1], figures[:, :, -1]
+    margins[:] = 1.0
 
     def judge(i: int, cycle: Solved) -> None:
-        verdicts[i] = _verdicts(study, *cycle)
+        margins[i], verdicts[i] = _verdicts(study, *cycle)
 
     demands[:] = sums.figures(values, judge if study.judges else None)
 
 
-def cycle_figures(
-    study: Study, sample: Sequence[float] | np.ndarray
-) -> tuple[np.ndarray, int, tuple[float, ...]]:
-    """Return one cycle's figures (na, number of `FIGURES`), its instants without solution, and
-    `ELASTIC_FIGURES` where they are asked.
+def cycle_figures(study: Study, sample: Sequence[float] | np.ndarray) -> Cycle:
+    """Return what comes of one cycle.
 
     By inverse dynamics of the scene and the trajectory with the sample's values in them.
     """
@@ -225,10 +233,10 @@ def cycle_figures(
     result = inverse_dynamics(scene, trajectory, threads=1)
     # loops couple the joints: none has an inertia of its own
     known = study.judges and not scene.loops
-    verdicts = _verdicts(study, result, study.load_inertias(result) if known else None)
-    figures = np.column_stack((reduce(result), verdicts))
+    margins, verdicts = _verdicts(study, result, study.load_inertias(result) if known else None)
     elastic = elastic_figures(result) if study.elastic else ()
-    return figures, int(np.isnan(result.effort_lower).any(axis=1).sum()), elastic
+    unsolved = int(np.isnan(result.effort_lower).any(axis=1).sum())
+    return Cycle(np.column_stack((reduce(result), margins)), verdicts, unsolved, elastic)
 
 
 def elastic_figures(result: InverseResult) -> tuple[float, ...]:
@@ -244,26 +252,28 @@ def elastic_figures(result: InverseResult) -> tuple[float, ...]:
     )
 
 
-def _verdicts(study: Study, result: InverseResult, inertias: np.ndarray | None) -> np.ndarray:
-    """(na, number of `VERDICT`); NaN where a drive on trial has instants without solution."""
-    verdicts = np.tile(_NO_TRIAL, (len(result.scene.drives), 1))
-    if not study.judges:
-        return verdicts
+def _verdicts(
+    study: Study, result: InverseResult, inertias: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(na,) least margins, NaN where a drive on trial has instants without solution; verdicts."""
+    margins, verdicts = np.ones(len(result.scene.drives)), list[int]()
     # a path at another speed holds where it held
-    holding = holds(result.scene, study.trajectory, result.states.v)
+    holding = holds(result.scene, study.trajectory, result.states.v) if study.judges else None
     soft = {
         d: float(spring.stiffness[0])
         for d in result.scene.elastic
         if (spring := result.scene.drives[d].spring) is not None
     }
     for i, judge in study.judges.items():
+        assert holding is not None
+        margin, codes = np.nan, [NOT_CHECKED] * len(judge.criteria)
         if np.isfinite(result.effort_lower[:, i] + result.effort_upper[:, i]).all():
             inertia = None if inertias is None else float(inertias[i])
             beyond = 0.0 if inertias is None else yielding(result.scene, i, soft, inertias)
-            verdicts[i] = judge.verdict(result, i, holding, inertia, beyond)
-        else:
-            verdicts[i] = np.nan
-    return verdicts
+            margin, codes = judge.verdict(result, i, holding, inertia, beyond)
+        margins[i] = margin
+        verdicts += codes
+    return margins, np.array(verdicts, dtype=np.int8)
 
 
 def reduce(result: InverseResult) -> np.ndarray:
@@ -275,11 +285,15 @@ def reduce(result: InverseResult) -> np.ndarray:
     assert result.t is not None  # a trajectory has them
     worst, _ = ends_by_magnitude(result.effort_lower, result.effort_upper)
     motor, _ = ends_by_magnitude(result.motor_torque_lower, result.motor_torque_upper)
-    return np.column_stack((
-        np.abs(worst).max(axis=0), _rms(result.t, worst),
-        np.abs(motor).max(axis=0), _rms(result.t, motor),
-        np.abs(result.actuator_velocity).max(axis=0),
-    ))  # fmt: skip
+    return np.column_stack(
+        (
+            np.abs(worst).max(axis=0),
+            _rms(result.t, worst),
+            np.abs(motor).max(axis=0),
+            _rms(result.t, motor),
+            np.abs(result.actuator_velocity).max(axis=0),
+        )
+    )
 
 
 def _rms(t: np.ndarray, x: np.ndarray) -> np.ndarray:

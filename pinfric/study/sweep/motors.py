@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,13 @@ from pinfric.study.sizing.size import (
     without_drives,
 )
 from pinfric.study.summary import effort_unit
-from pinfric.study.sweep.cycle import FIGURES, Judge, JudgedTransmission
+from pinfric.study.sweep.cycle import Judge, JudgedTransmission
 from pinfric.study.sweep.file import MotorOnTrial, SweepFile
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pinfric.study.sweep.result import SweepResult
 
 #: Signal of the table (`criteria.SIGNALS`) -> the figure of a sweep that is its need.
 _NEEDS = {"motor torque": "motor_peak", "motor RMS torque": "motor_rms", "motor speed": "speed"}
@@ -88,59 +93,44 @@ class Trial:
     mass: float | None = None
     bounds: Mapping[str, Bound] = field(default_factory=dict)
 
-    def passes(self, figures: np.ndarray) -> dict[str, np.ndarray]:
+    def passes(self, result: SweepResult) -> dict[str, np.ndarray]:
         """Return for each row of `bounds` which samples are within it, (n,); NaN is not.
 
         need <= available, without the reserve.
-
-        Args:
-            figures: (n, na, number of `FIGURES`).
         """
-        return self._within(figures, reserve=False)
+        return self._within(result, reserve=False)
 
-    def met(self, figures: np.ndarray) -> dict[str, np.ndarray]:
+    def met(self, result: SweepResult) -> dict[str, np.ndarray]:
         """Return for each criterion that could be checked which samples meet it, (n,).
 
         Of a catalogue's drive all criteria of `size`; else its ratings, the peak with its reserve.
         A sample without a solution meets none.
-
-        Args:
-            figures: (n, na, number of `FIGURES`).
         """
         if not self.checks:
-            return self._within(figures, reserve=True)
-        failed, unchecked = self._bits(figures, "failed"), self._bits(figures, "not_checked")
-        solved = np.isfinite(self._of(figures, "failed"))
+            return self._within(result, reserve=True)
+        solved = np.isfinite(result.figure("margin")[:, self.actuator])
         return {
-            name: solved & ~failed[:, k]
-            for k, name in enumerate(self.checks)
-            if not solved.any() or not unchecked[solved, k].all()
+            name: solved & verdict.fillna(True).to_numpy(dtype=bool)
+            for name, verdict in self._verdicts(result).items()
+            if not solved.any() or not verdict[solved].isna().all()
         }
 
-    def not_checked(self, figures: np.ndarray) -> tuple[str, ...]:
-        """Return the criteria for which a figure is missing, in any sample.
-
-        Args:
-            figures: (n, na, number of `FIGURES`).
-        """
+    def not_checked(self, result: SweepResult) -> tuple[str, ...]:
+        """Return the criteria for which a figure is missing, in any sample that has a solution."""
         if self.checks:
-            unchecked = self._bits(figures, "not_checked")
-            return tuple(name for k, name in enumerate(self.checks) if unchecked[:, k].any())
+            solved = np.isfinite(result.figure("margin")[:, self.actuator])
+            verdicts = self._verdicts(result).items()
+            return tuple(name for name, verdict in verdicts if verdict[solved].isna().any())
         return tuple(name for name, bound in self.bounds.items() if bound.available is None)
 
-    def _of(self, figures: np.ndarray, name: str) -> np.ndarray:
-        return np.asarray(figures[:, self.actuator, FIGURES.index(name)])
+    def _verdicts(self, result: SweepResult) -> dict[str, pd.Series]:
+        return {name: result.verdicts[self.drive, name] for name in self.checks}
 
-    def _bits(self, figures: np.ndarray, name: str) -> np.ndarray:
-        """(n, number of checks) of a sum of 2^k; none where there is no solution."""
-        sums = np.nan_to_num(self._of(figures, name)).astype(np.int64)
-        return (sums[:, None] >> np.arange(len(self.checks))) & 1 == 1
-
-    def _within(self, figures: np.ndarray, reserve: bool) -> dict[str, np.ndarray]:
+    def _within(self, result: SweepResult, reserve: bool) -> dict[str, np.ndarray]:
         met = {}
         for name, bound in self.bounds.items():
             if bound.available is not None:
-                need = self._of(figures, _NEEDS[bound.signal])
+                need = result.figure(_NEEDS[bound.signal])[:, self.actuator]
                 need = need * (abs(self.ratio) if bound.signal == "motor speed" else 1.0)
                 met[name] = (bound.reserve if reserve else 1.0) * need <= bound.available
         return met

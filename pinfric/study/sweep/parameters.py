@@ -53,13 +53,21 @@ _TRANSMISSION_KEYS = (
     *reversed(SET),
 )
 #: What changes elastic gears, and so the tool's place and frequencies.
-ELASTIC = ("stiffness", "hysteresis")  # fmt: skip
+ELASTIC = ("stiffness", "hysteresis")
 _PAYLOAD_KEYS = ("mass", "com.x", "com.y", "com.z")
 _ANGLES = ("roll", "pitch")
-_FORMS = ("friction.<joint>.mu", "friction.<joint>.coulomb", "friction.<joint>.viscous",
-          "transmission.<drive>.no_load_torque", "transmission.<drive>.motor_viscous",
-          "payload.<name>.mass", "payload.<name>.com.x", "speed", "mounting.roll",
-          "mounting.pitch")  # fmt: skip
+_FORMS = (
+    "friction.<joint>.mu",
+    "friction.<joint>.coulomb",
+    "friction.<joint>.viscous",
+    "transmission.<drive>.no_load_torque",
+    "transmission.<drive>.motor_viscous",
+    "payload.<name>.mass",
+    "payload.<name>.com.x",
+    "speed",
+    "mounting.roll",
+    "mounting.pitch",
+)
 #: Base angles beyond this were meant in degrees.
 _LARGEST_ANGLE = 2 * math.pi
 
@@ -131,8 +139,9 @@ def _table_targets(scene: Scene, table: str | None, problems: list[str]) -> list
         try:
             section, key, names = _find(scene, name)
             if wrong.size or not column.size:
-                raise SweepError(f"row {wrong[0] + 1} has no finite number" if wrong.size
-                                 else "has no rows")  # fmt: skip
+                raise SweepError(
+                    f"row {wrong[0] + 1} has no finite number" if wrong.size else "has no rows"
+                )
             drawn = Column(values=tuple(column.tolist()))
             if impossible := _impossible(section, key, "its column", drawn):
                 raise SweepError(impossible)
@@ -150,10 +159,17 @@ def _find(scene: Scene, name: str) -> tuple[str, str, tuple[str, ...]]:
     section, _, rest = name.partition(".")
     if section == "mounting" and rest in _ANGLES:
         return section, rest, ()
-    keys = {"friction": (*(f"coulomb.{way}" for way in _DIRECTIONS), "mu", "coulomb", "viscous",
-                         *TERMS),
-            "transmission": _TRANSMISSION_KEYS,
-            "payload": _PAYLOAD_KEYS}.get(section, ())  # fmt: skip
+    keys = {
+        "friction": (
+            *(f"coulomb.{way}" for way in _DIRECTIONS),
+            "mu",
+            "coulomb",
+            "viscous",
+            *TERMS,
+        ),
+        "transmission": _TRANSMISSION_KEYS,
+        "payload": _PAYLOAD_KEYS,
+    }.get(section, ())
     for key in keys:
         if rest.endswith(f".{key}"):
             return section, key, _matches(scene, section, key, rest[: -len(key) - 1])
@@ -171,14 +187,17 @@ def _matches(scene: Scene, section: str, key: str, pattern: str) -> tuple[str, .
         there, what = list(scene.payloads), "payload"
     found = tuple(n for n in there if n == pattern or fnmatch.fnmatchcase(n, pattern))
     if not found:
-        raise SweepError(f"there is no {what} that is called {pattern!r}; "
-                         f"{choose_from(pattern, there)}")  # fmt: skip
+        raise SweepError(
+            f"there is no {what} that is called {pattern!r}; {choose_from(pattern, there)}"
+        )
     for name in found if key == "hysteresis" else ():
         _check_split(scene, name)
     for drive in scene.drives if section == "transmission" and key != "stiffness" else ():
         if drive.name in found and isinstance(_transmission(drive).efficiency, MakersEfficiency):
-            raise SweepError(f"the efficiency of {drive.name} has the loss without load in it: "
-                             "give it as a number, of the load alone")  # fmt: skip
+            raise SweepError(
+                f"the efficiency of {drive.name} has the loss without load in it: "
+                "give it as a number, of the load alone"
+            )
     if section == "payload" and len(found) > 1:
         raise SweepError(f"means {len(found)} payloads; name one: {', '.join(found)}")
     return found
@@ -391,8 +410,10 @@ def _split(actuator: Actuator, friction: dict[str, Friction], factor: float) -> 
     before = {k: getattr(there, k) - x / size for k, x in moved.items()}
     assert joint is not None  # it has an entry
     friction[joint] = entry.model_copy(update={"coulomb": coulomb.model_copy(update=behind)})
-    update = {"no_load_torque": there.model_copy(update=before),
-              "hysteresis": factor * gear.hysteresis}  # fmt: skip
+    update = {
+        "no_load_torque": there.model_copy(update=before),
+        "hysteresis": factor * gear.hysteresis,
+    }
     return actuator.model_copy(update={"transmission": gear.model_copy(update=update)})
 
 

@@ -62,8 +62,7 @@ class SweepResult(Shown):
 
     The figures of each drive (`figure`) are those of `pinfric inverse`: `peak`, `rms` of the worst
     end of the effort interval; `motor_peak`, `motor_rms` at the motor's shaft; `speed`, the largest
-    |v| of the drive. Of catalogue drives on trial there are `failed`, `not_checked` (sums of 2^k,
-    criterion k of `Trial.checks`) and `margin`, the least of all criteria.
+    |v| of the drive, and `margin`, the least of all criteria of a catalogue's drive on trial.
 
     Attributes:
         scene, trajectory, sweep: their names.
@@ -73,6 +72,8 @@ class SweepResult(Shown):
             joint and at the motor's shaft: N m or N.
         values: (n, np) what each sample's parameters were.
         figures: (n, na, number of figures); NaN where a sample has no solution.
+        verdicts: (n, number of criteria) of catalogue drives on trial, columns (drive, criterion):
+            whether a sample meets it; NA: not checked.
         unsolved: (n,) at how many instants of the cycle there was none.
         problems: (n,) why a sample could not be computed; empty where it could.
         trials: the motors on trial.
@@ -94,6 +95,7 @@ class SweepResult(Shown):
     motor_units: tuple[str, ...]
     values: np.ndarray
     figures: np.ndarray
+    verdicts: pd.DataFrame
     unsolved: np.ndarray
     problems: tuple[str, ...]
     trials: tuple[Trial, ...]
@@ -116,11 +118,18 @@ class SweepResult(Shown):
             facts["peaks"] = f"{listed(self.actuator_names, peaks)} (median)"
         suffices = [f"{100 * np.mean(self.sufficing(trial)):.1f} %" for trial in self.trials]
         facts["suffice"] = listed([trial.drive for trial in self.trials], suffices)
-        title = (f"{file_name(self.scene)} · {file_name(self.trajectory)}: "
-                 f"{self.samples} samples, {self.sampling}")  # fmt: skip
-        return screen("SweepResult", title, {
-            **facts, "more": ".summary() .plot() .to_dataframe() .quantiles(figure)",
-        })  # fmt: skip
+        title = (
+            f"{file_name(self.scene)} · {file_name(self.trajectory)}: "
+            f"{self.samples} samples, {self.sampling}"
+        )
+        return screen(
+            "SweepResult",
+            title,
+            {
+                **facts,
+                "more": ".summary() .plot() .to_dataframe() .quantiles(figure)",
+            },
+        )
 
     @property
     def samples(self) -> int:
@@ -193,7 +202,7 @@ class SweepResult(Shown):
         A sample without a solution is one in which none does.
         """
         trials = self.trials if trial is None else (trial,)
-        met = [mask for t in trials for mask in t.met(self.figures).values()]
+        met = [mask for t in trials for mask in t.met(self).values()]
         there = np.isfinite(self.figures[:, [t.actuator for t in trials]]).all(axis=(1, 2))
         return np.asarray(np.logical_and.reduce([*met, there]))
 
@@ -259,9 +268,10 @@ class SweepResult(Shown):
         # the mean is taken off: the estimators of the first order lose digits to it
         parts = parts - parts.mean()
         found = sobol_indices(
-            func={"f_A": parts[0], "f_B": parts[1], "f_AB": parts[2:]}, n=n,
+            func={"f_A": parts[0], "f_B": parts[1], "f_AB": parts[2:]},
+            n=n,
             **seeded(sobol_indices, "random_state", self.seed),
-        )  # fmt: skip
+        )
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a parameter without any influence: no spread
             spread = found.bootstrap(n_resamples=_RESAMPLES)
@@ -272,17 +282,19 @@ class SweepResult(Shown):
         ends = [
             np.where(np.isnan(end), middle, end).reshape(d)
             for end, middle in (
-                (first.low, found.first_order), (first.high, found.first_order),
-                (total.low, found.total_order), (total.high, found.total_order),
+                (first.low, found.first_order),
+                (first.high, found.first_order),
+                (total.low, found.total_order),
+                (total.high, found.total_order),
             )
-        ]  # fmt: skip
+        ]
         return SobolIndices(found.first_order.reshape(d), found.total_order.reshape(d), *ends)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return a row a sample: `sample`, the parameters, `<drive>.<figure>`, what failed.
 
-        For each drive on trial `<drive>.suffices` and `<drive>.failed`, the names of its criteria
-        that fail; of a catalogue's drive `<drive>.margin`, the least.
+        For each drive on trial `<drive>.suffices`, and whether it meets each criterion that could
+        be checked, `<drive>.<criterion>`; of a catalogue's drive `<drive>.margin`, the least.
         """
         import pandas as pd
 
@@ -291,15 +303,12 @@ class SweepResult(Shown):
         for i, drive in enumerate(self.actuator_names):
             columns |= {f"{drive}.{f}": self.figures[:, i, k] for k, f in enumerate(DEMANDS)}
         for trial in self.trials:
-            met = trial.met(self.figures)
             columns[f"{trial.drive}.suffices"] = self.sufficing(trial)
-            columns[f"{trial.drive}.failed"] = [
-                ", ".join(name for name, mask in met.items() if solved and not mask[row])
-                for row, solved in enumerate(self.solved)
-            ]
+            columns |= {f"{trial.drive}.{name}": mask for name, mask in trial.met(self).items()}
             if trial.checks:
                 columns[f"{trial.drive}.margin"] = self.figure("margin")[:, trial.actuator]
-        columns |= {name: self.elastic[:, k] for k, name in enumerate(ELASTIC_FIGURES)
-                    if self.elastic.size}  # fmt: skip
+        columns |= {
+            name: self.elastic[:, k] for k, name in enumerate(ELASTIC_FIGURES) if self.elastic.size
+        }
         columns |= {"unsolved": self.unsolved, "problem": list(self.problems)}
         return pd.DataFrame(columns)

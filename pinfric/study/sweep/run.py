@@ -16,17 +16,18 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pinfric import __version__
 from pinfric.errors import PinfricWarning, SweepError
 from pinfric.model.scene import Scene, expect_scene
 from pinfric.study.summary import effort_unit, motor_unit
-from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, Block, Study, compute
+from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, NOT_CHECKED, Block, Study, compute
 from pinfric.study.sweep.file import SweepFile, load_sweep
 from pinfric.study.sweep.motors import motors_on_trial
 from pinfric.study.sweep.parameters import draw, resolve
 from pinfric.study.sweep.result import SweepResult
-from pinfric.study.sweep.store import Store, identity
+from pinfric.study.sweep.store import Store, booleans, identity
 from pinfric.study.sweep.workers import (
     check_scheduler,
     compute_here,
@@ -100,15 +101,27 @@ def sweep(
     if all(run.problems):
         raise SweepError(f"{source}: no sample could be computed; the first: {run.problems[0]}")
     result = SweepResult(
-        scene=scene.source, trajectory=trajectory.source, sweep=source,
-        sampling=entries.sampling, seed=entries.seed,
-        parameter_names=tuple(t.name for t in targets), actuator_names=scene.actuator_names,
+        scene=scene.source,
+        trajectory=trajectory.source,
+        sweep=source,
+        sampling=entries.sampling,
+        seed=entries.seed,
+        parameter_names=tuple(t.name for t in targets),
+        actuator_names=scene.actuator_names,
         units=tuple(effort_unit(scene, i) for i in range(len(scene.drives))),
         motor_units=tuple(motor_unit(equipped, i) for i in range(len(scene.drives))),
-        values=values, figures=run.figures, unsolved=run.unsolved, problems=tuple(run.problems),
-        trials=trials, percentiles=entries.percentiles, processes=used, resumed=run.resumed,
-        notes=_notes(equipped, trajectory, targets, values, run), elastic=run.elastic,
-    )  # fmt: skip
+        values=values,
+        figures=run.figures,
+        verdicts=_frame(study, run.verdicts),
+        unsolved=run.unsolved,
+        problems=tuple(run.problems),
+        trials=trials,
+        percentiles=entries.percentiles,
+        processes=used,
+        resumed=run.resumed,
+        notes=_notes(equipped, trajectory, targets, values, run),
+        elastic=run.elastic,
+    )
     for note in result.notes:
         warnings.warn(note, PinfricWarning, stacklevel=2)
     return result
@@ -138,6 +151,7 @@ class _Run:
         self.study, self.values, self.store = study, values, store
         self.progress = progress or (lambda done, total: None)
         self.figures = np.full((n, na, len(FIGURES)), np.nan)
+        self.verdicts = np.full((n, len(study.criteria)), NOT_CHECKED, dtype=np.int8)
         self.unsolved, self.problems = np.zeros(n, dtype=np.int64), [""] * n
         self.elastic = np.full((n, len(ELASTIC_FIGURES) * study.elastic), np.nan)
         self.done = np.zeros(n, dtype=bool)
@@ -168,14 +182,20 @@ class _Run:
                 self._take(block)
                 self.progress(int(self.done.sum()), len(self.values))
         if self.store is not None and (missing.size or not self.store.complete):
-            everything = Block(np.arange(len(self.values)), self.figures, self.unsolved,
-                               tuple(self.problems), self.elastic)  # fmt: skip
+            everything = Block(
+                np.arange(len(self.values)),
+                self.figures,
+                self.verdicts,
+                self.unsolved,
+                tuple(self.problems),
+                self.elastic,
+            )
             self.store.finish(everything, self.values)
         return used
 
     def _take(self, block: Block) -> None:
         self.figures[block.rows], self.unsolved[block.rows] = block.figures, block.unsolved
-        self.elastic[block.rows] = block.elastic
+        self.verdicts[block.rows], self.elastic[block.rows] = block.verdicts, block.elastic
         self.done[block.rows] = True
         for row, problem in zip(block.rows, block.problems, strict=True):
             self.problems[row] = problem
@@ -192,9 +212,20 @@ class _Run:
 def _store(study: Study, values: np.ndarray, out: str | Path | None) -> Store | None:
     if out is None:
         return None
-    return Store(Path(out), identity(study, values, __version__),
-                 tuple(target.name for target in study.targets),
-                 study.scene.actuator_names)  # fmt: skip
+    return Store(
+        Path(out),
+        identity(study, values, __version__),
+        tuple(target.name for target in study.targets),
+        study.scene.actuator_names,
+        study.criteria,
+    )
+
+
+def _frame(study: Study, verdicts: np.ndarray) -> pd.DataFrame:
+    """(n, number of criteria) of True, False and NA, columns (drive, criterion)."""
+    names = [(study.scene.actuator_names[i], name) for i, name in study.criteria]
+    columns = {name: booleans(verdicts[:, k]) for k, name in enumerate(names)}
+    return pd.DataFrame(columns, index=range(len(verdicts)), dtype="boolean")
 
 
 def _worthwhile(seconds: float) -> int:
@@ -232,6 +263,8 @@ def _notes(
         ratio = float((fastest / np.where(limit > 0, limit, np.inf)).max())
         beyond = values[:, speeds].prod(axis=1) * ratio > 1 + 1e-9
         if beyond.any():
-            notes.append(f"in {beyond.sum()} of {len(beyond)} samples a joint is faster than the "
-                         "URDF's velocity limit")  # fmt: skip
+            notes.append(
+                f"in {beyond.sum()} of {len(beyond)} samples a joint is faster than the "
+                "URDF's velocity limit"
+            )
     return tuple(notes)

@@ -22,14 +22,14 @@ import numpy as np
 from pinfric.errors import SweepError
 from pinfric.model.files import only_one
 from pinfric.model.yamlfile import brief
-from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, Block, Study
+from pinfric.study.sweep.cycle import ELASTIC_FIGURES, FIGURES, NOT_CHECKED, Block, Study
 
 SAMPLES, BATCHES, LOCK = "samples.parquet", "batches", ".sweep.lock"
 _KEY, _DIGEST = b"pinfric_sweep", b"pinfric_digest"
 
 
 #: Of the columns in a part: raised when they change, so that older parts are not continued.
-_FORMAT = "3"
+_FORMAT = "4"
 
 
 def identity(study: Study, values: np.ndarray, version: str) -> dict[str, str]:
@@ -38,11 +38,17 @@ def identity(study: Study, values: np.ndarray, version: str) -> dict[str, str]:
     linkage = [scene.loops, scene.redundancy_length, scene.start_configuration.tobytes()]
     linkage += [scene.tool] if scene.tool is not None else []
     parts: dict[str, list[Any]] = {
-        "scene": [pickle.dumps(scene.model), scene.friction, scene.payloads, scene.actuators,
-                  scene.stick_velocity, *linkage],
+        "scene": [
+            pickle.dumps(scene.model),
+            scene.friction,
+            scene.payloads,
+            scene.actuators,
+            scene.stick_velocity,
+            *linkage,
+        ],
         "trajectory": [getattr(motion, k).tobytes() for k in ("t", "q", "v", "a", "attached")],
         "sweep": [[(t.name, t.section, t.key, t.names) for t in study.targets], values.tobytes()],
-    }  # fmt: skip
+    }
     hashes = {name: hashlib.sha256() for name in parts}
     for name, contents in parts.items():
         for content in contents:
@@ -62,12 +68,14 @@ class Store:
         folder: where they are.
         identity: which sweep they belong to.
         parameters, actuators: names of the columns.
+        criteria: the columns of verdicts, `Study.criteria`.
     """
 
     folder: Path
     identity: Mapping[str, str]
     parameters: tuple[str, ...]
     actuators: tuple[str, ...]
+    criteria: tuple[tuple[int, str], ...] = ()
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -80,16 +88,20 @@ class Store:
         try:
             import pyarrow  # noqa: F401
         except ImportError:
-            raise SweepError("samples are written as Parquet, which needs pyarrow: "
-                             'pip install "pinfric[cluster]"') from None  # fmt: skip
+            raise SweepError(
+                "samples are written as Parquet, which needs pyarrow: "
+                'pip install "pinfric[cluster]"'
+            ) from None
         with ExitStack() as stack:
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
                 alone = stack.enter_context(only_one(self.folder / LOCK))
                 if alone:
                     (self.folder / BATCHES).mkdir(exist_ok=True)
-                    for rest in (*self.folder.glob(".*.parquet.part"),
-                                 *(self.folder / BATCHES).glob(".*.parquet.part")):  # fmt: skip
+                    for rest in (
+                        *self.folder.glob(".*.parquet.part"),
+                        *(self.folder / BATCHES).glob(".*.parquet.part"),
+                    ):
                         rest.unlink()
             except OSError as problem:
                 raise self._unwritable(problem) from None
@@ -138,19 +150,30 @@ class Store:
     def _columns(self, block: Block, values: np.ndarray) -> dict[str, Any]:
         columns: dict[str, Any] = {"sample": block.rows}
         columns |= {name: values[:, j] for j, name in enumerate(self.parameters)}
-        columns |= {f"{drive}.{figure}": block.figures[:, i, k]
-                    for i, drive in enumerate(self.actuators)
-                    for k, figure in enumerate(FIGURES)}  # fmt: skip
+        columns |= {
+            f"{drive}.{figure}": block.figures[:, i, k]
+            for i, drive in enumerate(self.actuators)
+            for k, figure in enumerate(FIGURES)
+        }
+        columns |= {
+            self._verdict(k): booleans(block.verdicts[:, k]) for k in range(len(self.criteria))
+        }
         names = ELASTIC_FIGURES if block.elastic.shape[1] else ()
         columns |= {name: block.elastic[:, k] for k, name in enumerate(names)}
         return columns | {"unsolved": block.unsolved, "problem": list(block.problems)}
+
+    def _verdict(self, k: int) -> str:
+        actuator, criterion = self.criteria[k]
+        return f"{self.actuators[actuator]}.{criterion}"
 
     def _write(self, path: Path, block: Block, values: np.ndarray) -> None:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         columns = self._columns(block, values)
-        table = pa.table(columns).replace_schema_metadata(
+        types = {self._verdict(k): pa.bool_() for k in range(len(self.criteria))}
+        arrays = {name: pa.array(column, types.get(name)) for name, column in columns.items()}
+        table = pa.table(arrays).replace_schema_metadata(
             {_KEY: json.dumps(dict(self.identity)).encode(), _DIGEST: _digest(columns)}
         )
         part = path.with_name(f".{path.name}.part")
@@ -166,25 +189,48 @@ class Store:
             found, columns = _contents(file)
         except Exception as problem:  # Arrow and Thrift have a dozen for damaged files
             reason = brief(" ".join(str(problem).split()))
-            raise SweepError(f"{file}: cannot be read, or is damaged ({reason}); remove it to "
-                             "compute its samples again") from None  # fmt: skip
+            raise SweepError(
+                f"{file}: cannot be read, or is damaged ({reason}); remove it to "
+                "compute its samples again"
+            ) from None
         if found != dict(self.identity):
             other = [name for name, value in self.identity.items() if found.get(name) != value]
             raise SweepError(
                 f"{file}: holds samples of another sweep (different: {', '.join(other)}); name "
                 "another folder, or remove it"
             )
-        figures = np.stack([
-            np.column_stack([columns[f"{drive}.{figure}"] for figure in FIGURES])
-            for drive in self.actuators
-        ], axis=1)  # fmt: skip
+        figures = np.stack(
+            [
+                np.column_stack([columns[f"{drive}.{figure}"] for figure in FIGURES])
+                for drive in self.actuators
+            ],
+            axis=1,
+        )
+        verdicts = np.full((len(figures), len(self.criteria)), NOT_CHECKED, dtype=np.int8)
+        for k in range(len(self.criteria)):
+            verdicts[:, k] = _codes(columns[self._verdict(k)])
         known = [columns[name] for name in ELASTIC_FIGURES if name in columns]
         elastic = np.column_stack(known) if known else np.empty((len(figures), 0))
-        return Block(columns["sample"], figures, columns["unsolved"],
-                     tuple(map(str, columns["problem"])), elastic)  # fmt: skip
+        return Block(
+            columns["sample"],
+            figures,
+            verdicts,
+            columns["unsolved"],
+            tuple(map(str, columns["problem"])),
+            elastic,
+        )
 
     def _unwritable(self, problem: OSError) -> SweepError:
         return SweepError(f"{self.folder}: cannot be written: {problem.strerror or problem}")
+
+
+def booleans(codes: np.ndarray) -> np.ndarray:
+    """Return verdicts as True, False and None (not checked)."""
+    return np.array([False, True, None], dtype=object)[codes]
+
+
+def _codes(column: np.ndarray) -> np.ndarray:
+    return np.array([NOT_CHECKED if met is None else int(met) for met in column], dtype=np.int8)
 
 
 def _contents(file: Path) -> tuple[dict[str, str], dict[str, Any]]:
@@ -196,8 +242,9 @@ def _contents(file: Path) -> tuple[dict[str, str], dict[str, Any]]:
 
     table = pq.read_table(file, page_checksum_verification=True)
     about = table.schema.metadata or {}
-    columns = {name: table.column(name).to_numpy(zero_copy_only=False)
-               for name in table.column_names}  # fmt: skip
+    columns = {
+        name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names
+    }
     identity = dict(json.loads(about.get(_KEY, b"{}")))
     if identity.get("format") == _FORMAT and about.get(_DIGEST) != _digest(columns):
         raise ValueError("its figures are not those that were written")

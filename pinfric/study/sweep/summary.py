@@ -164,9 +164,7 @@ def _on_trial(result: SweepResult, trial: Trial) -> MotorOnTrial:
     return MotorOnTrial(
         criteria_of_size=bool(own.pop("checks")),
         suffices=result.probability(result.sufficing(trial)),
-        criteria={
-            name: result.probability(mask) for name, mask in trial.met(result.figures).items()
-        },
-        not_checked=trial.not_checked(result.figures),
+        criteria={name: result.probability(mask) for name, mask in trial.met(result).items()},
+        not_checked=trial.not_checked(result),
         **own,
     )

@@ -76,8 +76,10 @@ class Superposition:
         bodies = (_without(scene, _varied_payloads(targets)), *_places(scene, targets))
         causes = _causes(scene, targets)
         width = scene.model.nv + 6 * len(scene.sites)
-        if (not _is_linear(scene, targets)
-                or len(bodies) * len(causes) * len(trajectory.t) * width > _MOST):  # fmt: skip
+        if (
+            not _is_linear(scene, targets)
+            or len(bodies) * len(causes) * len(trajectory.t) * width > _MOST
+        ):
             return None
         states = _states(scene, trajectory)
         basis = _basis(scene, states, bodies, causes)
@@ -98,9 +100,12 @@ class Superposition:
         found = np.empty((n, len(self.scene.drives), 5))
         now = Cycle.of(self.path, whole=each is not None)  # a thread's own
         speed, bodies, causes = self._coefficients(values)
-        varied = Varied((bodies[:, :, None] * causes[:, None, :]).reshape(n, -1), speed,
-                        laws_of_samples(self.scene, self.targets, values),
-                        gears_of_samples(self.scene, self.targets, values))  # fmt: skip
+        varied = Varied(
+            (bodies[:, :, None] * causes[:, None, :]).reshape(n, -1),
+            speed,
+            laws_of_samples(self.scene, self.targets, values),
+            gears_of_samples(self.scene, self.targets, values),
+        )
         movable = self._can_move(speed)
         for start, stop in [(0, n)] if each is None else pairwise(range(n + 1)):
             with np.errstate(all="ignore"):
@@ -124,18 +129,26 @@ class Superposition:
         known = like.wrench is not None and len(self.scene.sites) == len(self.scene.joint_names)
         asked = ("transmission",) if known else ("transmission", "payload", "mounting")
         some = [j for j, target in enumerate(self.targets) if target.section in asked]
-        scene, _ = apply(self.scene, self.trajectory, [self.targets[j] for j in some],
-                         sample[some].tolist())  # fmt: skip
+        scene, _ = apply(
+            self.scene, self.trajectory, [self.targets[j] for j in some], sample[some].tolist()
+        )
         here = now.samples._asdict() | now._asdict()
         found = {entry.name: here[entry.name] for entry in fields(like) if entry.name in here}
         if not self.path.geared:
             ends = now.samples.effort_lower, now.samples.effort_upper
             found |= dict(zip(("motor_torque_lower", "motor_torque_upper"), ends, strict=True))
         found["wrench"] = None if like.wrench is None else now.wrench
-        moved = replace(like.states, v=now.velocity, a=now.acceleration,
-                        t=t[0] + (t - t[0]) / speed)  # fmt: skip
-        return replace(like, scene=scene, states=moved, actuator_velocity=now.velocity,
-                       actuator_acceleration=now.acceleration, **found)  # fmt: skip
+        moved = replace(
+            like.states, v=now.velocity, a=now.acceleration, t=t[0] + (t - t[0]) / speed
+        )
+        return replace(
+            like,
+            scene=scene,
+            states=moved,
+            actuator_velocity=now.velocity,
+            actuator_acceleration=now.acceleration,
+            **found,
+        )
 
     @cached_property
     def _like(self) -> InverseResult:
@@ -146,8 +159,9 @@ class Superposition:
     def _inertias(self) -> np.ndarray:
         """(bodies, T, na) the inertia of each body about each joint."""
         states = _states(self.scene, self.trajectory)
-        return np.stack([joint_inertias(body, _carrying(self.scene, body, states))
-                         for body in self.bodies])  # fmt: skip
+        return np.stack(
+            [joint_inertias(body, _carrying(self.scene, body, states)) for body in self.bodies]
+        )
 
     def _coefficients(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(n,) speed factors; k_b (n, bodies) and k_c (n, causes) of each sample."""
@@ -158,16 +172,28 @@ class Superposition:
         for name, keys in _varied_payloads(self.targets).items():
             payload = self.scene.payloads[name]
             mass = given.get(("payload", name, "mass"), np.full(n, payload.mass))
-            bodies.append((mass / payload.mass)[:, None] * _shares(np.array([
-                (given["payload", name, key] - payload.com["xyz".index(key[-1])]) / _STEP
-                for key in keys if key != "mass"
-            ]).reshape(-1, n)))  # fmt: skip
+            bodies.append(
+                (mass / payload.mass)[:, None]
+                * _shares(
+                    np.array(
+                        [
+                            (given["payload", name, key] - payload.com["xyz".index(key[-1])])
+                            / _STEP
+                            for key in keys
+                            if key != "mass"
+                        ]
+                    ).reshape(-1, n)
+                )
+            )
         sections = {target.section for target in self.targets}
         causes = [np.ones((n, 1))]
         if "mounting" in sections:
             angles = (given.get(("mounting", key), np.zeros(n)) for key in ("roll", "pitch"))
-            causes = [np.array([mounted_gravity(self.scene.model, *both)
-                                for both in zip(*angles, strict=True)])]  # fmt: skip
+            causes = [
+                np.array(
+                    [mounted_gravity(self.scene.model, *both) for both in zip(*angles, strict=True)]
+                )
+            ]
         if sections & {"mounting", "speed"}:
             causes.append((speed * speed)[:, None])
         return speed, np.concatenate(bodies, axis=1), np.concatenate(causes, axis=1)
@@ -188,21 +214,28 @@ def _is_linear(scene: Scene, targets: Sequence[Target]) -> bool:
     Not with loops, drives off the joints or several on one (friction reacts on wrenches), where a
     bearing refuses a moment, and for values that change a gear's loss or a term's shape.
     """
-    varied = {(section, name): key for section, key, name in
-              ((t.section, t.key, name) for t in targets for name in t.names)}  # fmt: skip
-    gears = [drive.transmission for drive in scene.drives
-             if ("transmission", drive.name) in varied]  # fmt: skip
-    terms = [term for site in scene.sites for term in site.friction.terms
-             if ("friction", site.name) in varied]  # fmt: skip
+    varied = {
+        (section, name): key
+        for section, key, name in ((t.section, t.key, name) for t in targets for name in t.names)
+    }
+    gears = [drive.transmission for drive in scene.drives if ("transmission", drive.name) in varied]
+    terms = [
+        term
+        for site in scene.sites
+        for term in site.friction.terms
+        if ("friction", site.name) in varied
+    ]
     return (
         scene.linkage is None
         and scene.one_drive_each
         and not any(target.key in (*SET, *ELASTIC) for target in targets)
         and not any(gear is None or isinstance(gear.efficiency, MakersEfficiency) for gear in gears)
         and all(map(proportional, terms))
-        and all(site.friction.bearing is None or site.friction.bearing.roll_lever() is None
-                for site in scene.sites)
-    )  # fmt: skip
+        and all(
+            site.friction.bearing is None or site.friction.bearing.roll_lever() is None
+            for site in scene.sites
+        )
+    )
 
 
 def _varied_payloads(targets: Sequence[Target]) -> dict[str, list[str]]:
@@ -264,15 +297,23 @@ def _causes(scene: Scene, targets: Sequence[Target]) -> list[tuple[np.ndarray, b
 
 
 def _basis(
-    scene: Scene, states: States, bodies: Sequence[Scene],
+    scene: Scene,
+    states: States,
+    bodies: Sequence[Scene],
     causes: Sequence[tuple[np.ndarray, bool]],
-) -> Basis:  # fmt: skip
+) -> Basis:
     """Run each body by each cause."""
     efforts, wrenches = [], []
     for body, (gravity, moves) in product(bodies, causes):
         attached = _carrying(scene, body, states).attached
-        found = inverse_dynamics(body.with_(gravity=gravity), states.q, states.v * moves,
-                                 states.a * moves, attached=attached, threads=1)  # fmt: skip
+        found = inverse_dynamics(
+            body.with_(gravity=gravity),
+            states.q,
+            states.v * moves,
+            states.a * moves,
+            attached=attached,
+            threads=1,
+        )
         efforts.append(found.effort_frictionless.reshape(-1))
         wrenches.append(np.empty(0) if found.wrench is None else found.wrench.reshape(-1))
     return Basis(np.stack(efforts), np.stack(wrenches))
@@ -284,11 +325,14 @@ def _path(scene: Scene, states: States) -> Path:
     sites, moving = scene.site_tables, scene.site_tables.contacts.moves.any()
     positions = scene.twin().displacements(sites.joint, states.q) if moving else np.empty((0, 0))
     return Path(
-        v=states.v, a=states.a, weight=_weights(states.t), displacement=positions,
+        v=states.v,
+        a=states.a,
+        weight=_weights(states.t),
+        displacement=positions,
         sites=sites._replace(joint=np.arange(len(scene.sites))),
         stick_velocity=scene_gears(scene).stick_velocity,
         geared=any(drive.transmission is not None for drive in scene.drives),
-    )  # fmt: skip
+    )
 
 
 def _states(scene: Scene, trajectory: Trajectory) -> States:

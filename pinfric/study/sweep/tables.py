@@ -28,8 +28,9 @@ def laws_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray)
         targets, values: (n, number of targets).
     """
     terms = [(site, key) for site in scene.sites for key in _keys(site.friction)]
-    table = law_table([friction_law(_only(site.friction, key), site.law.stick_velocity)
-                       for site, key in terms])  # fmt: skip
+    table = law_table(
+        [friction_law(_only(site.friction, key), site.law.stick_velocity) for site, key in terms]
+    )
     varied = [j for j, target in enumerate(targets) if target.section == "friction"]
     factor = np.ones((len(values) if varied else 1, len(terms), 3))
     for j in varied:
@@ -68,8 +69,10 @@ def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray
     """
     gears = scene_gears(scene)
     varied = [j for j, target in enumerate(targets) if target.section == "transmission"]
-    factor = {name: np.ones((len(values) if varied else 1, *getattr(gears, name).shape))
-              for name in ("no_load", "viscous", "rotor_inertia")}  # fmt: skip
+    factor = {
+        name: np.ones((len(values) if varied else 1, *getattr(gears, name).shape))
+        for name in ("no_load", "viscous", "rotor_inertia")
+    }
     for j in varied:
         key, _, way = targets[j].key.partition(".")
         name = {"no_load_torque": "no_load", "motor_viscous": "viscous"}.get(key, key)
@@ -90,8 +93,9 @@ def gears_of_samples(scene: Scene, targets: Sequence[Target], values: np.ndarray
 def proportional(term: FrictionTerm) -> bool:
     """Whether a factor on a term multiplies its strengths and nothing else: its class decides."""
     stribeck = Stribeck(velocity=1.0)
-    once, twice = (((CONSTANT, one.at_rest()), *one.rows(stribeck))
-                   for one in (term, term.scaled(2.0)))  # fmt: skip
+    once, twice = (
+        ((CONSTANT, one.at_rest()), *one.rows(stribeck)) for one in (term, term.scaled(2.0))
+    )
     return twice == tuple((shape, tuple(2.0 * x for x in strength)) for shape, strength in once)
 
 
@@ -102,6 +106,7 @@ def _keys(friction: Friction) -> list[str]:
 
 def _only(friction: Friction, key: str) -> Friction:
     """The entry with one of its terms."""
-    others = {name: None for name, term in friction
-              if isinstance(term, FrictionTerm) and name != key}  # fmt: skip
+    others = {
+        name: None for name, term in friction if isinstance(term, FrictionTerm) and name != key
+    }
     return friction.model_copy(update=others)

@@ -115,7 +115,7 @@ def test_drive_of_the_catalogue_shows_what_fails_and_what_was_not_checked(capsys
     lines = printed(result, capsys)
     assert all(len(line) <= 80 for line in lines)
     text = " ".join(" ".join(lines).split())
-    met = result.trials[0].met(result.figures)["gear repeated peak torque"]
+    met = result.trials[0].met(result)["gear repeated peak torque"]
     assert 0 < met.sum() < 20
     assert f"{100 * (1 - met.mean()):.1f} %" in text.split("motors on trial")[1]
     assert "joint2: speed-torque line, winding temperature" in text

@@ -137,8 +137,8 @@ def test_percentiles_and_odds_are_those_of_the_distribution():
     assert odds.value == pytest.approx(0.7, abs=0.035)
     assert odds.low < odds.value < odds.high
     assert odds.high - odds.low == pytest.approx(2 * 1.96 * np.sqrt(0.21 / 2000), rel=0.01)
-    assert trial.not_checked(found.figures) == ("peak torque",)
-    assert trial.passes(found.figures)["motor speed"].all()
+    assert trial.not_checked(found) == ("peak torque",)
+    assert trial.passes(found)["motor speed"].all()
 
 
 def test_reserve_and_speed_count():

@@ -54,10 +54,11 @@ def table_sweep(tmp_path, motors=None, drive=None, motor=None, gear=None, **para
 def agrees(found, row, assessment, name):
     """One sample's verdict is this assessment's."""
     trial = next(t for t in found.trials if t.drive == name)
-    met, missing = trial.met(found.figures), trial.not_checked(found.figures[[row]])
-    failed = {c for c, mask in met.items() if not mask[row]}
+    verdict = found.verdicts[name].loc[row]
+    missing = set(verdict.index[verdict.isna()])
+    failed = {c for c, mask in trial.met(found).items() if not mask[row]}
     assert failed == {c.name for c in assessment.failed}
-    assert set(missing) == {c.name for c in assessment.not_checked}
+    assert missing == {c.name for c in assessment.not_checked}
     margin = found.figure("margin")[row, trial.actuator]
     assert margin == pytest.approx(assessment.margin, rel=1e-12)
     assert found.sufficing(trial)[row] == (not assessment.failed)
@@ -96,7 +97,8 @@ def test_what_size_rejects_does_not_suffice(panda, one_of_all):
     assert worst.available == 54.0
     assert found.figure("margin")[0, 1] == pytest.approx(1 - 55.78 / 54, abs=1e-4)
     assert found.figure("peak")[0, 1] == pytest.approx(worst.required, rel=1e-12)
-    np.testing.assert_array_equal(found.figures[0, 0, -3:], [0.0, 0.0, 1.0])  # not on trial
+    assert found.figure("margin")[0, 0] == 1.0  # not on trial
+    assert set(found.verdicts.columns.get_level_values(0)) == {"panda_joint2"}
     assert "gear average torque" in in_json(sweep_summary(found))["motors"][0]["not_checked"]
 
 
@@ -163,7 +165,7 @@ def test_a_stall_within_an_hour_does_not_suffice_either(tmp_path):
     sweep = table_sweep(tmp_path, **drive, sampling="grid", speed={"choice": {"values": [1.0]}})
     found = pf.sweep(scene, hour, sweep | {"conditions": conditions}, processes=1)
     (trial,) = found.trials
-    failed = {name for name, mask in trial.met(found.figures).items() if not mask[0]}
+    failed = {name for name, mask in trial.met(found).items() if not mask[0]}
     assert failed == {"short-term torque", "overloaded standstill"}
 
 
@@ -201,7 +203,9 @@ def test_every_sample_is_judged_as_size_judges_it(tmp_path):
     assert len(failing) > 1
     frame = found.to_dataframe()
     np.testing.assert_array_equal(frame["table.suffices"], fits)
-    np.testing.assert_array_equal(frame["table.failed"] == "", fits)
+    met = frame[[f"table.{name}" for name in found.trials[0].met(found)]]
+    assert "table.gear repeated peak torque" in met
+    np.testing.assert_array_equal(met.all(axis=1), fits)
     as_text(in_json(sweep_summary(found)))
 
 
@@ -231,7 +235,7 @@ def test_losses_that_vary_are_those_judged(tmp_path):
     peaks = swept(2.0).figure("motor_peak")[:, 0]
     assert np.diff(peaks)[0] == pytest.approx(2 * 0.02, rel=1e-9)
     found = swept(1.2 * float(peaks[0]) + 1e-9)
-    np.testing.assert_array_equal(found.trials[0].met(found.figures)["peak torque"], [True, False])
+    np.testing.assert_array_equal(found.trials[0].met(found)["peak torque"], [True, False])
 
 
 def test_missing_figures_are_named_and_given_ones_take_precedence(tmp_path):
@@ -247,15 +251,15 @@ def test_missing_figures_are_named_and_given_ones_take_precedence(tmp_path):
         processes=1,
     )
     (trial,) = found.trials
-    assert "gear average torque" in trial.not_checked(found.figures)
-    met = trial.met(found.figures)
+    assert "gear average torque" in trial.not_checked(found)
+    met = trial.met(found)
     assert "gear average torque" not in met
     assert not met["continuous torque"][0]
     assert met["gear life L10"][0]
     assert "back-driving" not in met  # nobody asked for it
     asked = {**table_sweep(tmp_path, **one), "conditions": {"back_driving": "forbidden"}}
     found = pf.sweep(scene, motion, asked, processes=1)
-    assert not found.trials[0].met(found.figures)["back-driving"][0]
+    assert not found.trials[0].met(found)["back-driving"][0]
 
 
 def test_conditions_that_cannot_be_are_refused(tmp_path, panda):
